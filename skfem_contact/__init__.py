@@ -1,0 +1,1 @@
+"""Contact and friction between deformable bodies for scikit-fem."""

@@ -1,0 +1,78 @@
+"""The exceptions, each carrying what is needed to understand it.
+
+Every message says what was found with both numbers and the user's own names, what that usually
+means, and what to try, naming the argument.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from skfem_contact.result import ContactResult
+
+
+class ContactWarning(UserWarning):
+    """Something works but is probably not what was meant; the message says what to look at."""
+
+
+class ContactError(Exception):
+    """Base of all errors of this library."""
+
+
+class InputError(ContactError, ValueError):
+    """The problem as given can not be set up: shapes, NaN, surfaces, names, element types."""
+
+
+class ConstraintError(ContactError, ValueError):
+    """Constraint rows contradict each other or the prescribed DOFs.
+
+    Attributes
+    ----------
+    rows : tuple of int
+        The rows involved, numbered as they were given.
+    """
+
+    def __init__(self, message: str, rows: Any = ()) -> None:
+        super().__init__(message)
+        self.rows = tuple(int(row) for row in rows)
+
+
+class NoEquilibrium(ContactError):
+    """A rigid motion is left free that contact and friction can not hold.
+
+    Attributes
+    ----------
+    bodies : tuple of str
+        The bodies that move together.
+    motion : str
+        The motion in words: "translation along x", "rotation about (0.5, 0.2)".
+    result : ContactResult or None
+        The last state reached, where there is one.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        bodies: tuple[str, ...] = (),
+        motion: str = "",
+        result: ContactResult | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.bodies = bodies
+        self.motion = motion
+        self.result = result
+
+
+class NotConverged(ContactError):
+    """The nonlinear loop did not reach its tolerance; nothing is lost.
+
+    Attributes
+    ----------
+    result : ContactResult
+        The best iterate, with its certificate.
+    """
+
+    def __init__(self, message: str, result: ContactResult | None = None) -> None:
+        super().__init__(message)
+        self.result = result
