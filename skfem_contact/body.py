@@ -1,0 +1,544 @@
+"""`Body`: basis, stiffness, load and prescribed DOFs of one body; `stack` numbers several bodies.
+
+Together with `surface` and `io` this is the border with scikit-fem: behind it there are only NumPy
+arrays and SciPy sparse matrices.
+"""
+
+from __future__ import annotations
+
+import difflib
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import skfem
+from scipy.sparse import block_diag, csr_matrix, issparse
+from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
+
+from skfem_contact.errors import ContactWarning, InputError
+
+if TYPE_CHECKING:
+    from skfem_contact.surface import ContactSurface
+
+#: Lagrange elements whose DOFs are values at the nodes of the mesh: only these have contact nodes.
+SUPPORTED = (
+    skfem.ElementTriP1,
+    skfem.ElementTriP2,
+    skfem.ElementQuad1,
+    skfem.ElementQuad2,
+    skfem.ElementQuadS2,
+    skfem.ElementTetP1,
+    skfem.ElementTetP2,
+    skfem.ElementHex1,
+    skfem.ElementHex2,
+)
+
+#: An entry of K - K' above this fraction of the largest entry of K is not round-off of assembly.
+UNSYMMETRIC = 1e-6
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Body:
+    """One body: a scikit-fem basis with the linear system assembled on it.
+
+    Two bodies that live in one mesh are one `Body`; contact is then between two of its surfaces.
+
+    Parameters
+    ----------
+    basis : skfem.CellBasis
+        Basis of an `ElementVector` of P1, P2, Q1, Q2 or S2 elements; of the scalar element itself for
+        heat conduction and the like (tied contact only).
+    K : sparse matrix, shape (n, n), or BilinearForm
+        Stiffness [force/length]. A form is assembled on `basis` here, once.
+    f : ndarray, shape (n,), or LinearForm, optional
+        Load [force]; zero if not given. A form is integrated over the volume of `basis`; assemble loads
+        on a boundary with a `FacetBasis` and pass the vector.
+    D : ndarray, DofsView, dict of DofsView, or (list of) boundary names, optional
+        Prescribed DOFs, as in `skfem.condense`. A boundary name stands for all components.
+    x : ndarray, shape (n,), optional
+        Prescribed values [length]; only the entries `D` are used. Zero if not given.
+    measure : callable, optional
+        Weight of the area where `K` carries one, a function of the component-first position:
+        ``lambda x: 2 * np.pi * x[0]`` for axisymmetric bodies, a thickness for plane ones.
+    name : str, optional
+        Name for reports and results.
+
+    Attributes
+    ----------
+    K : csr_matrix, shape (n, n)
+    f : ndarray, shape (n,)
+    D : ndarray of int
+        Sorted, without repetitions.
+    x : ndarray, shape (n,)
+        Zero where not prescribed.
+
+    Raises
+    ------
+    InputError
+        Wrong element, shapes that belong to another basis, NaN or infinite numbers, unknown names.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> basis = fem.Basis(fem.MeshQuad().with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    >>> body = Body(basis, linear_elasticity(), D="bottom", name="block")
+    >>> body.n, body.dim, body.D.tolist()
+    (8, 2, [0, 1, 2, 3])
+    >>> bool(abs(body.K @ body.rigid_modes).max() < 1e-12)
+    True
+    """
+
+    basis: Any
+    K: csr_matrix
+    f: np.ndarray
+    D: np.ndarray
+    x: np.ndarray
+    measure: Callable[[np.ndarray], np.ndarray] | None
+    name: str | None
+
+    def __init__(
+        self,
+        basis: CellBasis,
+        K: Any,
+        f: Any = None,
+        D: Any = None,
+        x: Any = None,
+        *,
+        measure: Callable[[np.ndarray], np.ndarray] | None = None,
+        name: str | None = None,
+    ) -> None:
+        if name is not None and not isinstance(name, str):
+            raise InputError(f"name={name!r} is not a string")
+        whose = f"body {name!r}" if name else "a body"
+        _check_basis(basis, whose)
+        if measure is not None and not callable(measure):
+            raise InputError(
+                f"measure of {whose} is a {type(measure).__name__}, not a function of position; "
+                f"for a constant thickness pass measure=lambda x: {measure!r} + 0 * x[0]"
+            )
+        numbers = _prescribed(D, basis, whose)
+        values = {
+            "basis": basis,
+            "K": _stiffness(K, basis, whose),
+            "f": _load(f, basis, whose),
+            "D": numbers,
+            "x": _prescribed_values(x, numbers, D is None, basis, whose),
+            "measure": measure,
+            "name": name,
+        }
+        for key, value in values.items():
+            object.__setattr__(self, key, value)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Body {self.name or '(no name)'}: {self.n} DOFs, {len(self.D)} prescribed, "
+            f"{type(self.basis.mesh).__name__} of {self.basis.mesh.nelements} elements>"
+        )
+
+    @property
+    def n(self) -> int:
+        """Number of DOFs."""
+        return int(self.basis.N)
+
+    @property
+    def dim(self) -> int:
+        """Dimension of space."""
+        return int(self.basis.mesh.dim())
+
+    @property
+    def components(self) -> int:
+        """DOFs per node: `dim` for displacements, 1 for a scalar field."""
+        return self.dim if isinstance(self.basis.elem, skfem.ElementVector) else 1
+
+    @property
+    def dof_points(self) -> np.ndarray:
+        """Position of every DOF, shape (n, d)."""
+        return np.ascontiguousarray(self.basis.doflocs.T, dtype=float)
+
+    @cached_property
+    def dof_component(self) -> np.ndarray:
+        """Component (0 for x) that every DOF stands for, shape (n,)."""
+        component = np.zeros(self.n, dtype=np.int32)
+        dofs = self.basis.dofs
+        for rows in (dofs.nodal_dofs, dofs.edge_dofs, dofs.facet_dofs, dofs.interior_dofs):
+            component[rows] = (np.arange(rows.shape[0]) % self.components)[:, None]
+        return component
+
+    @cached_property
+    def axisymmetric(self) -> bool:
+        """Whether `measure` is proportional to ``x[0]`` (a thickness is not)."""
+        if self.measure is None or self.components == 1:
+            return False
+        radius = self.dof_points[:, 0]
+        weight = np.broadcast_to(self.measure(self.dof_points.T), radius.shape)
+        # compared at the largest radius, where the quotient has all its digits
+        far = np.argmax(np.abs(radius))
+        deviation = np.abs(weight * radius[far] - weight[far] * radius)
+        return bool(np.all(deviation <= 1e-9 * np.abs(weight[far] * radius[far])))
+
+    @cached_property
+    def rigid_modes(self) -> np.ndarray:
+        """Motions without strain, shape (n, 3) in 2-D and (n, 6) in 3-D.
+
+        Translations of unit length, then rotations about the centroid of the nodes, divided by the
+        largest lever arm so that no entry exceeds one whatever the unit of length. A scalar field
+        has the constant, shape (n, 1); an axisymmetric body the translation along its axis, (n, 1).
+        """
+        if self.components == 1:
+            return np.ones((self.n, 1))
+        component = self.dof_component
+        translations = (component[:, None] == np.arange(self.dim)).astype(float)
+        if self.axisymmetric:
+            return translations[:, 1:]
+        arm = self.dof_points - self.dof_points.mean(axis=0)
+        arm /= np.abs(arm).max()
+        # the rotation in the plane (i, j) moves j by the lever arm along i, and i by minus that along j
+        planes = [(0, 1)] if self.dim == 2 else [(1, 2), (2, 0), (0, 1)]
+        rotations = [
+            np.where(component == j, arm[:, i], 0.0) - np.where(component == i, arm[:, j], 0.0)
+            for i, j in planes
+        ]
+        return np.column_stack([translations, *rotations])
+
+    @property
+    def rigid_mode_names(self) -> tuple[str, ...]:
+        """The motions of `rigid_modes` in words."""
+        if self.components == 1:
+            return ("constant",)
+        if self.axisymmetric:
+            return ("translation along the axis",)
+        axes = "xyz"[: self.dim]
+        turns = ("rotation",) if self.dim == 2 else tuple(f"rotation about {a}" for a in axes)
+        return tuple(f"translation along {a}" for a in axes) + turns
+
+    def surface(
+        self, where: Any, nodes: bool = False, *, name: str | None = None
+    ) -> ContactSurface:
+        """Part of the boundary that may come into contact.
+
+        Parameters
+        ----------
+        where : str, callable, int, ndarray, or list, tuple or set of these
+            What `skfem.Mesh.normalize_facets` takes, intersected with the boundary of the mesh: a
+            boundary name, a function of the component-first position of the facet midpoints, facet
+            numbers.
+        nodes : bool, optional
+            A callable selects the facets all of whose mesh nodes satisfy it (circles: the midpoint of
+            a chord is not on the circle), instead of the midpoints.
+        name : str, optional
+            Name for reports; the boundary name or the name of the function if not given.
+
+        Returns
+        -------
+        ContactSurface
+
+        Raises
+        ------
+        InputError
+            Nothing selected, unknown names (the message lists those known), degenerate facets.
+        """
+        # `surface` comes after `body` in the order of the theory, so the import waits until here
+        from skfem_contact.surface import extract_surface
+
+        return extract_surface(self, where, nodes=nodes, name=name)
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Several bodies under one numbering: the DOFs of the first body, then those of the second, ...
+
+    Attributes
+    ----------
+    bodies : tuple of Body
+    names : tuple of str
+        A body without a name is "body 1", "body 2", ... after its position.
+    offsets : ndarray of int, shape (number of bodies + 1,)
+        Body `i` has the DOFs ``offsets[i]`` to ``offsets[i + 1]``.
+    """
+
+    bodies: tuple[Body, ...]
+    names: tuple[str, ...]
+    offsets: np.ndarray
+
+    @property
+    def n(self) -> int:
+        """Number of DOFs of all bodies."""
+        return int(self.offsets[-1])
+
+    @cached_property
+    def K(self) -> csr_matrix:
+        """Block diagonal stiffness, shape (n, n) [force/length]."""
+        return _csr32(block_diag([body.K for body in self.bodies], format="csr"))
+
+    @cached_property
+    def f(self) -> np.ndarray:
+        """Load, shape (n,) [force]."""
+        return np.concatenate([body.f for body in self.bodies])
+
+    @cached_property
+    def D(self) -> np.ndarray:
+        """Prescribed DOFs in the stacked numbering, sorted."""
+        return np.concatenate(
+            [body.D + start for body, start in zip(self.bodies, self.offsets, strict=False)]
+        )
+
+    @cached_property
+    def x(self) -> np.ndarray:
+        """Prescribed values, shape (n,); zero where not prescribed [length]."""
+        return np.concatenate([body.x for body in self.bodies])
+
+    def index(self, body: Body | str) -> int:
+        """Position of a body, given by itself or by its name."""
+        if isinstance(body, str):
+            if body in self.names:
+                return self.names.index(body)
+            raise InputError(f"there is no body {body!r}{suggest(body, self.names, 'bodies')}")
+        for position, mine in enumerate(self.bodies):
+            if mine is body:
+                return position
+        raise InputError(
+            f"{body!r} is not one of the stacked bodies ({', '.join(self.names)}); a surface belongs to "
+            "the very Body object it was taken from: pass that object in `bodies`"
+        )
+
+    def slice(self, body: Body | str) -> slice:
+        """DOFs of a body, given by itself or by its name."""
+        i = self.index(body)
+        return slice(int(self.offsets[i]), int(self.offsets[i + 1]))
+
+
+def stack(bodies: Body | Sequence[Body]) -> System:
+    """Number the DOFs of several bodies one after the other.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+        A missing name is numbered.
+
+    Returns
+    -------
+    System
+
+    Raises
+    ------
+    InputError
+        No body, a body or a name given twice, bodies of different dimension.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> basis = fem.Basis(fem.MeshTri(), fem.ElementVector(fem.ElementTriP1()))
+    >>> system = stack(
+    ...     [Body(basis, linear_elasticity(), name="punch"), Body(basis, linear_elasticity())]
+    ... )
+    >>> system.names, system.n, system.slice("body 2")
+    (('punch', 'body 2'), 16, slice(8, 16, None))
+    """
+    members = (bodies,) if isinstance(bodies, Body) else tuple(bodies)
+    if not members:
+        raise InputError("there are no bodies to stack")
+    for i, body in enumerate(members):
+        if not isinstance(body, Body):
+            raise InputError(f"bodies[{i}] is a {type(body).__name__}, not a Body")
+        if any(body is other for other in members[:i]):
+            raise InputError(f"{body!r} is given twice; two equal bodies need two Body objects")
+    names = tuple(body.name or f"body {i + 1}" for i, body in enumerate(members))
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(
+            f"several bodies are named {', '.join(map(repr, repeated))}; give each its own `name`"
+        )
+    if len({body.dim for body in members}) > 1:
+        found = ", ".join(f"{n!r} {b.dim}-D" for n, b in zip(names, members, strict=True))
+        raise InputError(f"bodies of different dimension can not touch: {found}")
+    sizes = np.array([body.n for body in members], dtype=np.int64)
+    return System(members, names, np.concatenate([[0], np.cumsum(sizes)]))
+
+
+def suggest(name: str, known: Iterable[str], what: str) -> str:
+    """Tail of a message about an unknown name: close matches, then everything known.
+
+    >>> suggest("botom", ["bottom", "top"], "boundaries")
+    "; did you mean 'bottom'? Known boundaries: 'bottom', 'top'"
+    """
+    known = sorted(known)
+    if not known:
+        return f"; there are no {what} with a name"
+    close = difflib.get_close_matches(name, known, n=3)
+    hint = f"; did you mean {' or '.join(map(repr, close))}?" if close else ";"
+    return f"{hint} Known {what}: {', '.join(map(repr, known))}"
+
+
+def unknown_boundary(name: str, mesh: Any) -> str:
+    """Message about a boundary name that the mesh does not have."""
+    tail = suggest(name, mesh.boundaries or {}, "boundaries")
+    if name in ("left", "right", "bottom", "top", "front", "back"):
+        tail += " (default names need mesh.with_defaults(); joining meshes by + drops names)"
+    return f"boundary {name!r} not found in the mesh{tail}"
+
+
+def _check_basis(basis: Any, whose: str) -> None:
+    if not isinstance(basis, CellBasis):
+        raise InputError(
+            f"the basis of {whose} is a {type(basis).__name__}, not a skfem.CellBasis; pass the basis on "
+            "which K was assembled: skfem.Basis(mesh, element)"
+        )
+    element, mesh = basis.elem, basis.mesh
+    inner = element.elem if isinstance(element, skfem.ElementVector) else element
+    if not isinstance(inner, SUPPORTED):
+        raise InputError(
+            f"{whose} uses {type(inner).__name__}: contact needs elements whose DOFs are values at nodes "
+            f"({', '.join(kind.__name__ for kind in SUPPORTED)}), alone or in an ElementVector"
+        )
+    if element.dim != mesh.dim():
+        raise InputError(
+            f"{whose} has {element.dim} components in {mesh.dim()}-D; use skfem.ElementVector(element)"
+        )
+    if basis.nelems != mesh.nelements:
+        raise InputError(
+            f"the basis of {whose} covers {basis.nelems} of {mesh.nelements} elements of its mesh, which "
+            "leaves DOFs without stiffness; restrict the mesh instead: mesh.restrict(elements)"
+        )
+    bad = np.flatnonzero(~np.isfinite(mesh.doflocs).all(axis=0))
+    if bad.size:
+        raise InputError(
+            f"{bad.size} nodes of the mesh of {whose} have NaN or infinite coordinates, the first is "
+            f"node {bad[0]} at {tuple(mesh.doflocs[:, bad[0]].tolist())}"
+        )
+
+
+def _stiffness(K: Any, basis: Any, whose: str) -> csr_matrix:
+    if isinstance(K, BilinearForm):
+        K = K.assemble(basis)
+    if not issparse(K) and not (isinstance(K, np.ndarray) and K.ndim == 2):
+        raise InputError(
+            f"K of {whose} is a {type(K).__name__}, not a sparse matrix or a skfem.BilinearForm"
+            + (" (decorate the function with @skfem.BilinearForm)" if callable(K) else "")
+        )
+    if K.shape != (basis.N, basis.N):
+        raise InputError(
+            f"K of {whose} has shape {K.shape}, its basis has {basis.N} DOFs; K belongs to another basis"
+        )
+    if K.dtype.kind not in "fiub":
+        raise InputError(f"K of {whose} has entries of type {K.dtype}, contact needs real numbers")
+    matrix = csr_matrix(K, dtype=np.float64)
+    if not matrix.has_canonical_format:
+        matrix = (
+            matrix.copy()
+        )  # summing duplicates works in place, and the matrix may be the user's
+        matrix.sum_duplicates()
+    matrix = _csr32(matrix)
+    rows = np.repeat(np.arange(basis.N), np.diff(matrix.indptr))
+    _check_finite(matrix.data, f"K of {whose}", rows, "row")
+    scale = np.abs(matrix.data).max(initial=0.0)
+    difference = matrix - matrix.T
+    largest = np.abs(difference.data).max(initial=0.0)
+    if largest > UNSYMMETRIC * scale:
+        warnings.warn(
+            f"K of {whose} is not symmetric: the largest entry of K - K' is {largest:.3g}, of K "
+            f"{scale:.3g}. Boundary conditions imposed by skfem.enforce do that: pass the plain K, and D",
+            ContactWarning,
+            stacklevel=4,
+        )
+    return matrix
+
+
+def _load(f: Any, basis: Any, whose: str) -> np.ndarray:
+    if f is None:
+        return np.zeros(basis.N)
+    if isinstance(f, LinearForm):
+        f = f.assemble(basis)
+    return _vector(f, basis, f"f of {whose}")
+
+
+def _vector(values: Any, basis: Any, what: str) -> np.ndarray:
+    if callable(values):
+        raise InputError(f"{what} is a function; assemble a skfem.LinearForm or pass a vector")
+    array = np.asarray(values.toarray().ravel() if issparse(values) else values)
+    if array.shape != (basis.N,):
+        raise InputError(
+            f"{what} has shape {array.shape}, its basis has {basis.N} DOFs; it belongs to another basis"
+        )
+    if array.dtype.kind not in "fiub":
+        raise InputError(f"{what} has entries of type {array.dtype}, contact needs real numbers")
+    array = array.astype(
+        np.float64
+    )  # a copy: what the user does to the vector later stays outside
+    _check_finite(array, what, np.arange(len(array)), "DOF")
+    return array
+
+
+def _check_finite(data: np.ndarray, what: str, numbers: np.ndarray, unit: str) -> None:
+    bad = np.flatnonzero(~np.isfinite(data))
+    if bad.size:
+        raise InputError(
+            f"{what} holds NaN or infinite numbers: {bad.size} of {data.size} entries, the first in "
+            f"{unit} {numbers[bad[0]]}"
+        )
+
+
+def _prescribed(D: Any, basis: Any, whose: str) -> np.ndarray:
+    """Sorted DOF numbers from everything that `skfem.condense` takes and from boundary names."""
+    if D is None:
+        return np.zeros(0, dtype=np.int64)
+    if isinstance(D, str):
+        if D not in (basis.mesh.boundaries or {}):
+            raise InputError(f"D of {whose}: {unknown_boundary(D, basis.mesh)}")
+        return _prescribed(basis.get_dofs(D), basis, whose)
+    if isinstance(D, DofsView):
+        if D.obj.N != basis.N:
+            raise InputError(
+                f"D of {whose} was taken from a basis with {D.obj.N} DOFs, its basis has {basis.N}"
+            )
+        D = D.flatten()
+    elif isinstance(D, dict):
+        D = list(D.values())
+    if isinstance(D, list | tuple | set | frozenset) and not all(np.isscalar(d) for d in D):
+        return _union([_prescribed(part, basis, whose) for part in D])
+    if isinstance(D, list | tuple | set | frozenset):
+        if any(isinstance(part, str) for part in D):
+            return _union([_prescribed(part, basis, whose) for part in D])
+        D = list(D)
+    numbers = np.atleast_1d(np.asarray(D))
+    if numbers.dtype == bool and numbers.shape == (basis.N,):
+        return np.flatnonzero(numbers)
+    if numbers.size and (numbers.dtype.kind not in "iu" or numbers.ndim != 1):
+        raise InputError(
+            f"D of {whose} is an array of {numbers.dtype}, shape {numbers.shape}, not of DOF numbers; "
+            "it may be an array, basis.get_dofs(...), a dict of those, or boundary names"
+        )
+    numbers = np.unique(numbers.astype(np.int64))
+    if numbers.size and (numbers[0] < 0 or numbers[-1] >= basis.N):
+        raise InputError(
+            f"D of {whose} has numbers from {numbers[0]} to {numbers[-1]}, its basis has DOFs 0 to "
+            f"{basis.N - 1}; D belongs to another basis"
+        )
+    return numbers
+
+
+def _union(parts: list[np.ndarray]) -> np.ndarray:
+    return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *parts]))
+
+
+def _prescribed_values(x: Any, D: np.ndarray, no_D: bool, basis: Any, whose: str) -> np.ndarray:
+    values = np.zeros(basis.N)
+    if x is None:
+        return values
+    if no_D:
+        raise InputError(f"x of {whose} prescribes values, but D does not say at which DOFs")
+    values[D] = _vector(x, basis, f"x of {whose}")[D]
+    return values
+
+
+def _csr32(matrix: Any) -> csr_matrix:
+    """`csr_matrix` with int32 indices, as scikit-fem has them, where they fit."""
+    matrix = csr_matrix(matrix)
+    if matrix.indices.dtype != np.int32 and matrix.nnz < np.iinfo(np.int32).max:
+        parts = (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32))
+        return csr_matrix(parts, shape=matrix.shape)
+    return matrix

@@ -1,0 +1,446 @@
+"""`ContactSurface`: nodes, DOFs, facets, normals and tributary areas of one boundary."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from skfem_contact.body import unknown_boundary
+from skfem_contact.errors import InputError
+
+if TYPE_CHECKING:
+    from skfem_contact.body import Body
+
+#: Two facets that meet at a larger angle than 45 degrees form a corner: no normal is averaged over it.
+CORNER = np.cos(np.pi / 4)
+
+#: Gauss points per facet for the areas: exact up to order 9, so also for a curved quadratic facet
+#: (whose length element is no polynomial) far below the error of its geometry.
+GAUSS = np.polynomial.legendre.leggauss(5)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSurface:
+    """One boundary of a body as contact sees it.
+
+    Facets are listed along the surface with the body on their left, and the nodes in the order in
+    which the facets meet them; so a plot over the nodes of one piece is a line.
+
+    Attributes
+    ----------
+    body : Body
+    name : str
+    points : ndarray, shape (m, d)
+        Positions of the surface nodes [length].
+    dofs : ndarray of int, shape (m, c)
+        DOF (of the body) of each component at each node; ``c = d``, or 1 for a scalar field.
+    facets : ndarray of int, shape (nf, k)
+        Numbers of points: (start, end) of linear facets, (start, end, middle) of quadratic ones.
+    facet_normals : ndarray, shape (nf, d)
+        Outward unit normals, at the middle of a curved facet.
+    normals : ndarray, shape (m, d)
+        Outward unit normals at the nodes: length-weighted average over the adjacent facets. At a
+        corner this is the direction between the two sides, good to tell which way the node looks;
+        the normals to constrain along are `facet_node_normals`.
+    facet_node_normals : ndarray, shape (nf, 2, d)
+        Outward unit normals at start and end of each facet: averaged with the neighbour, but the
+        facet's own where the surface ends or turns by more than 45 degrees.
+    area : ndarray, shape (m,)
+        Tributary areas: integrals of the shape functions times the `measure` of the body. They add up to
+        the area of the surface. (The end of a quadratic facet on the axis of symmetry has area zero.)
+    lengths : ndarray, shape (nf,)
+        Lengths of the facets [length].
+    mesh_facets : ndarray of int, shape (nf,)
+        Facet numbers in the mesh.
+
+    Examples
+    --------
+    The top of a unit square; the body is on the left, so the facet runs from right to left:
+
+    >>> import skfem as fem
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> from skfem_contact.body import Body
+    >>> basis = fem.Basis(fem.MeshQuad().with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    >>> top = Body(basis, linear_elasticity(), name="block").surface("top")
+    >>> top.label, top.points.tolist(), top.area.round(12).tolist()
+    ('block/top', [[1.0, 1.0], [0.0, 1.0]], [0.5, 0.5])
+    >>> top.facet_normals.tolist()
+    [[0.0, 1.0]]
+    """
+
+    body: Body
+    name: str
+    points: np.ndarray
+    dofs: np.ndarray
+    facets: np.ndarray
+    facet_normals: np.ndarray
+    normals: np.ndarray
+    facet_node_normals: np.ndarray
+    area: np.ndarray
+    lengths: np.ndarray
+    mesh_facets: np.ndarray
+
+    def __repr__(self) -> str:
+        kind = "quadratic" if self.quadratic else "linear"
+        return f"<ContactSurface {self.label}: {len(self.points)} points, {len(self.facets)} {kind} facets>"
+
+    @property
+    def label(self) -> str:
+        """ "body/name" for messages."""
+        return f"{self.body.name}/{self.name}" if self.body.name else self.name
+
+    @property
+    def dim(self) -> int:
+        """Dimension of space."""
+        return self.points.shape[1]
+
+    @property
+    def quadratic(self) -> bool:
+        """Whether facets have a middle node."""
+        return self.facets.shape[1] == 3
+
+    @cached_property
+    def neighbours(self) -> np.ndarray:
+        """Facets before and after each facet, shape (nf, 2); -1 where the surface ends."""
+        return facet_neighbours(self.facets)
+
+    @cached_property
+    def end_normals(self) -> np.ndarray:
+        """The facets' own outward unit normals at start and end, shape (nf, 2, d), not averaged."""
+        return _normals_at(self.points, self.facets, np.array([0.0, 1.0]))[0]
+
+    def moved(self, u: np.ndarray) -> ContactSurface:
+        """Return the surface after a displacement: same nodes, facets and areas, new positions and normals.
+
+        Parameters
+        ----------
+        u : ndarray, shape (n,)
+            Displacement of the body [length].
+        """
+        u = np.asarray(u, dtype=float)
+        if self.dofs.shape[1] != self.dim:
+            raise InputError(f"surface {self.label!r} belongs to a scalar field, it can not move")
+        if u.shape != (self.body.n,):
+            raise InputError(
+                f"displacement of shape {u.shape} for surface {self.label!r}, whose body has {self.body.n} DOFs"
+            )
+        points = self.points + u[self.dofs]
+        return replace(self, points=points, **_geometry(points, self.facets))
+
+
+def extract_surface(
+    body: Body, where: Any, nodes: bool = False, name: str | None = None
+) -> ContactSurface:
+    """Take a surface out of the mesh of a body; the function behind `Body.surface`."""
+    basis, mesh = body.basis, body.basis.mesh
+    if body.dim != 2:
+        raise InputError(f"surfaces of {body.dim}-D bodies are not implemented yet; only 2-D")
+    name = name or _name(where)
+    label = f"{body.name}/{name}" if body.name else name
+    numbers = _select(mesh, where, nodes, label)
+    numbers, facets_v = _oriented(mesh, numbers)
+    order = _along(facets_v)
+    numbers, facets_v = numbers[order], facets_v[order]
+
+    # a node is known by its vertex number, or behind those by the number of its facet
+    quadratic = basis.facet_dofs.size > 0
+    start, end = facets_v.T
+    columns = [start, mesh.nvertices + numbers, end] if quadratic else [start, end]
+    ids = np.column_stack(columns)
+    unique, first, inverse = np.unique(ids, return_index=True, return_inverse=True)
+    met = np.argsort(first)
+    rank = np.empty_like(met)
+    rank[met] = np.arange(len(met))
+    facets = rank[inverse.reshape(ids.shape)]
+    if quadratic:
+        facets = facets[:, [0, 2, 1]]
+    unique = unique[met]
+    vertex = unique < mesh.nvertices
+    dofs = np.empty((len(unique), body.components), dtype=np.int32)
+    dofs[vertex] = basis.nodal_dofs[:, unique[vertex]].T
+    if quadratic:
+        dofs[~vertex] = basis.facet_dofs[:, unique[~vertex] - mesh.nvertices].T
+
+    points = np.ascontiguousarray(basis.doflocs[:, dofs[:, 0]].T)
+    _check_facets(points, facets, numbers, mesh, label)
+    return ContactSurface(
+        body=body,
+        name=name,
+        points=points,
+        dofs=dofs,
+        facets=facets,
+        area=_areas(points, facets, body.measure, label),
+        mesh_facets=numbers,
+        **_geometry(points, facets),
+    )
+
+
+def facet_shapes(xi: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Shape functions of a facet and their derivatives at local coordinates.
+
+    Parameters
+    ----------
+    xi : ndarray, shape (...)
+        Local coordinate, 0 at the start and 1 at the end of the facet.
+    k : int
+        2 (start, end) or 3 (start, end, middle).
+
+    Returns
+    -------
+    N, dN : ndarray, shape (..., k)
+
+    Examples
+    --------
+    >>> facet_shapes(np.array([0.0, 0.5]), 3)[0].tolist()
+    [[1.0, -0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    xi = np.asarray(xi, dtype=float)
+    if k == 2:
+        return np.stack([1 - xi, xi], -1), np.stack([-np.ones_like(xi), np.ones_like(xi)], -1)
+    N = np.stack([(1 - xi) * (1 - 2 * xi), xi * (2 * xi - 1), 4 * xi * (1 - xi)], -1)
+    return N, np.stack([4 * xi - 3, 4 * xi - 1, 4 - 8 * xi], -1)
+
+
+def facet_neighbours(facets: np.ndarray) -> np.ndarray:
+    """Facets before and after each facet, shape (nf, 2); -1 where the surface ends.
+
+    Where more than two facets share a point (two corners touch), the k-th that ends there is followed by
+    the k-th that starts there.
+
+    >>> facet_neighbours(np.array([[0, 1], [1, 2], [5, 6]])).tolist()
+    [[-1, 1], [0, -1], [-1, -1]]
+    """
+    start, end = facets[:, 0], facets[:, 1]
+    count = len(facets) + 1
+    _, ends, starts = np.intersect1d(
+        end * count + _occurrence(end), start * count + _occurrence(start), return_indices=True
+    )
+    neighbours = np.full((len(facets), 2), -1)
+    neighbours[starts, 0] = ends
+    neighbours[ends, 1] = starts
+    return neighbours
+
+
+def _occurrence(values: np.ndarray) -> np.ndarray:
+    """How often each value has appeared before: [7, 3, 7] gives [0, 0, 1]."""
+    order = np.argsort(values, kind="stable")
+    ordered = values[order]
+    position = np.arange(len(values))
+    is_first = np.r_[True, ordered[1:] != ordered[:-1]]
+    occurrence = np.empty(len(values), dtype=np.int64)
+    occurrence[order] = position - np.maximum.accumulate(np.where(is_first, position, 0))
+    return occurrence
+
+
+def _along(facets: np.ndarray) -> np.ndarray:
+    """Order of facets along the surface, piece by piece (list ranking by pointer doubling)."""
+    count = len(facets)
+    before = facet_neighbours(facets)[:, 0].copy()
+    linked = np.flatnonzero(before >= 0)
+    graph = coo_matrix((np.ones(len(linked)), (linked, before[linked])), shape=(count, count))
+    _, piece = connected_components(graph, directed=False)
+    # a closed curve has no first facet: cut it before the one that the mesh numbers first
+    open_pieces = np.unique(piece[before < 0])
+    _, first = np.unique(piece, return_index=True)
+    before[np.setdiff1d(first, first[open_pieces])] = -1
+    distance = (before >= 0).astype(np.int64)
+    while np.any(before >= 0):
+        on = before >= 0
+        distance[on] += distance[before[on]]
+        before[on] = before[before[on]]
+    return np.lexsort((distance, piece))
+
+
+def _name(where: Any) -> str:
+    if isinstance(where, str):
+        return where
+    if isinstance(where, list | tuple | set) and where and all(isinstance(w, str) for w in where):
+        return "+".join(sorted(where) if isinstance(where, set) else where)
+    name = getattr(where, "__name__", "<lambda>")
+    return "surface" if name == "<lambda>" else name
+
+
+def _select(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
+    """Boundary facets that `where` means."""
+    chosen = np.unique(_normalize(mesh, where, nodes, label))
+    on_boundary = np.intersect1d(chosen, mesh.boundary_facets())
+    if on_boundary.size:
+        return on_boundary
+    if chosen.size:
+        raise InputError(
+            f"surface {label!r}: all of the {chosen.size} facets selected are inside the mesh; contact needs two "
+            "lips with nodes of their own (split the mesh along the interface)"
+        )
+    lower, upper = mesh.doflocs.min(axis=1), mesh.doflocs.max(axis=1)
+    raise InputError(
+        f"surface {label!r} has no facets: no facet {'with all nodes' if nodes else 'midpoint'} satisfies `where` in "
+        f"the mesh, which extends from {_place(lower)} to {_place(upper)}. "
+        + (
+            "Allow for round-off (np.isclose)"
+            if nodes
+            else "Allow for round-off (np.isclose), or for curved boundaries try nodes=True"
+        )
+    )
+
+
+def _normalize(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
+    if isinstance(where, list | tuple | set | frozenset):
+        parts = [_normalize(mesh, part, nodes, label) for part in where]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
+    if isinstance(where, str):
+        if where not in (mesh.boundaries or {}):
+            raise InputError(unknown_boundary(where, mesh))
+        return np.asarray(mesh.boundaries[where], dtype=np.int64)
+    if callable(where):
+        return _satisfying(mesh, where, nodes, label)
+    if where is None:
+        return mesh.boundary_facets()
+    numbers = np.atleast_1d(np.asarray(where))
+    if numbers.dtype == bool and numbers.shape == (mesh.nfacets,):
+        return np.flatnonzero(numbers)
+    if numbers.size == 0:
+        return np.zeros(0, dtype=np.int64)
+    if numbers.dtype.kind not in "iu" or numbers.ndim != 1:
+        raise InputError(
+            f"surface {label!r}: where is a {type(where).__name__} of {numbers.dtype}; it may be a boundary name, a "
+            "function of position, facet numbers, or a list of these"
+        )
+    if numbers.min() < 0 or numbers.max() >= mesh.nfacets:
+        raise InputError(
+            f"surface {label!r}: facet numbers {numbers.min()} to {numbers.max()}, the mesh has facets 0 to "
+            f"{mesh.nfacets - 1}; are these node numbers, or numbers of another mesh?"
+        )
+    return numbers.astype(np.int64)
+
+
+def _satisfying(mesh: Any, test: Any, nodes: bool, label: str) -> np.ndarray:
+    def ask(x: np.ndarray) -> np.ndarray:
+        answer = np.asarray(test(x))
+        if answer.shape != x.shape[1:] or answer.dtype != bool:
+            raise InputError(
+                f"surface {label!r}: the function returned {answer.dtype} of shape {answer.shape} for positions of "
+                f"shape {x.shape}; it must return one bool for each position, as in lambda x: x[1] > 0.9"
+            )
+        return answer
+
+    if not nodes:
+        return np.flatnonzero(ask(mesh.p[:, mesh.facets].mean(axis=1)))
+    chosen = ask(mesh.p)[mesh.facets].all(axis=0)
+    if mesh.dofs.facet_dofs.size:  # the middle nodes of a quadratic mesh
+        chosen &= ask(mesh.doflocs[:, mesh.dofs.facet_dofs[0]])
+    return np.flatnonzero(chosen)
+
+
+def _oriented(mesh: Any, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (start, end) of facets, turned so that their element is on the left."""
+    ends = mesh.facets[:, numbers].T.astype(np.int64)
+    element = mesh.f2t[0, numbers]
+    centre = mesh.p[:, mesh.t[:, element]].mean(axis=1).T
+    along, inward = (
+        (mesh.p[:, ends[:, 1]] - mesh.p[:, ends[:, 0]]).T,
+        centre - mesh.p[:, ends[:, 0]].T,
+    )
+    left = along[:, 0] * inward[:, 1] - along[:, 1] * inward[:, 0] > 0
+    return numbers, np.where(left[:, None], ends, ends[:, ::-1])
+
+
+def _check_facets(
+    points: np.ndarray, facets: np.ndarray, numbers: np.ndarray, mesh: Any, label: str
+) -> None:
+    chord = np.linalg.norm(points[facets[:, 1]] - points[facets[:, 0]], axis=1)
+    # coordinates carry 16 digits of the mesh's extent; anything near that has no direction
+    small = 1e-12 * np.abs(mesh.doflocs - mesh.doflocs.mean(axis=1, keepdims=True)).max()
+    bad = np.flatnonzero(chord <= small)
+    if bad.size:
+        raise InputError(
+            f"surface {label!r}: {bad.size} facets have no length, the first is mesh facet {numbers[bad[0]]} at "
+            f"{_place(points[facets[bad[0], 0]])}; remove the degenerate elements from the mesh"
+        )
+    middle = points[facets].mean(axis=1)
+    pairs = cKDTree(middle).query_pairs(max(small, 1e-9 * chord.min()), output_type="ndarray")
+    if len(pairs):
+        i, j = pairs[0]
+        raise InputError(
+            f"surface {label!r}: {len(pairs)} facets lie twice at the same place, for example mesh facets {numbers[i]} "
+            f"and {numbers[j]} at {_place(middle[i])}. Both lips of a slit can not be one surface: select each by "
+            "its own boundary name or facet numbers"
+        )
+
+
+def _normals_at(
+    points: np.ndarray, facets: np.ndarray, xi: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Outward unit normals (nf, q, d) and length elements dx/dxi (nf, q) at local coordinates (q,)."""
+    _, dN = facet_shapes(xi, facets.shape[1])
+    tangent = np.einsum("qk,fkd->fqd", dN, points[facets])
+    speed = np.linalg.norm(tangent, axis=2)
+    # the body is on the left, so outward is to the right of the direction of travel
+    normal = np.stack([tangent[..., 1], -tangent[..., 0]], axis=2) / speed[..., None]
+    return normal + 0.0, speed  # + 0.0 turns -0.0 into 0.0
+
+
+def _geometry(points: np.ndarray, facets: np.ndarray) -> dict[str, np.ndarray]:
+    """Lengths and normals: what changes when the surface moves."""
+    gauss, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
+    lengths = _normals_at(points, facets, gauss)[1] @ weight
+    own = _normals_at(points, facets, np.array([0.0, 0.5, 1.0]))[0]
+    ends = own[:, [0, 2]]
+
+    neighbours = facet_neighbours(facets)
+    averaged = ends.copy()
+    for side in (0, 1):
+        other = neighbours[:, side]
+        there = ends[other, 1 - side]
+        smooth = (other >= 0) & (np.einsum("fd,fd->f", ends[:, side], there) >= CORNER)
+        mean = lengths[:, None] * ends[:, side] + lengths[other, None] * there
+        averaged[smooth, side] = _unit(mean[smooth])
+
+    total = np.zeros_like(points)
+    np.add.at(total, facets[:, :2], lengths[:, None, None] * ends)
+    if facets.shape[1] == 3:
+        total[facets[:, 2]] = own[:, 1]
+    # two sides back to back (a crack tip) cancel: then the side met last decides
+    lost = np.linalg.norm(total, axis=1) <= 1e-9 * lengths.max()
+    fallback = np.zeros_like(points)
+    fallback[facets[:, :2]] = ends
+    total[lost] = fallback[lost]
+    return {
+        "facet_normals": own[:, 1],
+        "normals": _unit(total),
+        "facet_node_normals": averaged,
+        "lengths": lengths,
+    }
+
+
+def _areas(points: np.ndarray, facets: np.ndarray, measure: Any, label: str) -> np.ndarray:
+    """Integrals of the shape functions, times the measure, over the surface."""
+    gauss, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
+    N, _ = facet_shapes(gauss, facets.shape[1])
+    density = _normals_at(points, facets, gauss)[1] * weight
+    if measure is not None:
+        x = np.einsum("qk,fkd->dfq", N, points[facets])
+        factor = np.broadcast_to(np.asarray(measure(x), dtype=float), x.shape[1:])
+        if not np.all(np.isfinite(factor)) or factor.min() < 0 or factor.max() <= 0:
+            raise InputError(
+                f"measure is {factor.min():.3g} to {factor.max():.3g} on surface {label!r}; a weight of the area is "
+                "positive and finite (an axisymmetric mesh lies at x[0] >= 0)"
+            )
+        density = density * factor
+    area = np.zeros(len(points))
+    np.add.at(area, facets, density @ N)
+    return area
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def _place(point: np.ndarray) -> str:
+    """Coordinates for a message."""
+    return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"
