@@ -49,13 +49,13 @@ class Body:
     Parameters
     ----------
     basis : skfem.CellBasis
-        Basis of an `ElementVector` of P1, P2, Q1, Q2 or S2 elements; of the scalar element itself for
-        heat conduction and the like (tied contact only).
+        Basis of an `ElementVector` of P1, P2, Q1, Q2 or S2 elements; of the scalar element itself
+        for heat conduction and the like (tied contact only).
     K : sparse matrix, shape (n, n), or BilinearForm
         Stiffness [force/length]. A form is assembled on `basis` here, once.
     f : ndarray, shape (n,), or LinearForm, optional
-        Load [force]; zero if not given. A form is integrated over the volume of `basis`; assemble loads
-        on a boundary with a `FacetBasis` and pass the vector.
+        Load [force]; zero if not given. A form is integrated over the volume of `basis`; assemble
+        loads on a boundary with a `FacetBasis` and pass the vector.
     D : ndarray, DofsView, dict of DofsView, or (list of) boundary names, optional
         Prescribed DOFs, as in `skfem.condense`. A boundary name stands for all components.
     x : ndarray, shape (n,), optional
@@ -186,7 +186,8 @@ class Body:
 
         Translations of unit length, then rotations about the centroid of the nodes, divided by the
         largest lever arm so that no entry exceeds one whatever the unit of length. A scalar field
-        has the constant, shape (n, 1); an axisymmetric body the translation along its axis, (n, 1).
+        has the constant, shape (n, 1); an axisymmetric body the translation along its axis, (n,
+        1).
         """
         if self.components == 1:
             return np.ones((self.n, 1))
@@ -196,7 +197,8 @@ class Body:
             return translations[:, 1:]
         arm = self.dof_points - self.dof_points.mean(axis=0)
         arm /= np.abs(arm).max()
-        # the rotation in the plane (i, j) moves j by the lever arm along i, and i by minus that along j
+        # the rotation in the plane (i, j) moves j by the lever arm along i, and i by minus that
+        # along j
         planes = [(0, 1)] if self.dim == 2 else [(1, 2), (2, 0), (0, 1)]
         rotations = [
             np.where(component == j, arm[:, i], 0.0) - np.where(component == i, arm[:, j], 0.0)
@@ -227,8 +229,8 @@ class Body:
             boundary name, a function of the component-first position of the facet midpoints, facet
             numbers.
         nodes : bool, optional
-            A callable selects the facets all of whose mesh nodes satisfy it (circles: the midpoint of
-            a chord is not on the circle), instead of the midpoints.
+            A callable selects the facets all of whose mesh nodes satisfy it (circles: the midpoint
+            of a chord is not on the circle), instead of the midpoints.
         name : str, optional
             Name for reports; the boundary name or the name of the function if not given.
 
@@ -249,7 +251,7 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """Several bodies under one numbering: the DOFs of the first body, then those of the second, ...
+    """Several bodies under one numbering: the DOFs of the first, then those of the second, ...
 
     Attributes
     ----------
@@ -301,7 +303,8 @@ class System:
             if mine is body:
                 return position
         raise InputError(
-            f"{body!r} is not one of the stacked bodies ({', '.join(self.names)}); a surface belongs to "
+            f"{body!r} is not one of the stacked bodies ({', '.join(self.names)}); a surface "
+            "belongs to "
             "the very Body object it was taken from: pass that object in `bodies`"
         )
 
@@ -385,29 +388,34 @@ def unknown_boundary(name: str, mesh: Any) -> str:
 def _check_basis(basis: Any, whose: str) -> None:
     if not isinstance(basis, CellBasis):
         raise InputError(
-            f"the basis of {whose} is a {type(basis).__name__}, not a skfem.CellBasis; pass the basis on "
+            f"the basis of {whose} is a {type(basis).__name__}, not a skfem.CellBasis; pass the "
+            "basis on "
             "which K was assembled: skfem.Basis(mesh, element)"
         )
     element, mesh = basis.elem, basis.mesh
     inner = element.elem if isinstance(element, skfem.ElementVector) else element
     if not isinstance(inner, SUPPORTED):
         raise InputError(
-            f"{whose} uses {type(inner).__name__}: contact needs elements whose DOFs are values at nodes "
+            f"{whose} uses {type(inner).__name__}: contact needs elements whose DOFs are values "
+            "at nodes "
             f"({', '.join(kind.__name__ for kind in SUPPORTED)}), alone or in an ElementVector"
         )
     if element.dim != mesh.dim():
         raise InputError(
-            f"{whose} has {element.dim} components in {mesh.dim()}-D; use skfem.ElementVector(element)"
+            f"{whose} has {element.dim} components in {mesh.dim()}-D; use "
+            "skfem.ElementVector(element)"
         )
     if basis.nelems != mesh.nelements:
         raise InputError(
-            f"the basis of {whose} covers {basis.nelems} of {mesh.nelements} elements of its mesh, which "
+            f"the basis of {whose} covers {basis.nelems} of {mesh.nelements} elements of its "
+            "mesh, which "
             "leaves DOFs without stiffness; restrict the mesh instead: mesh.restrict(elements)"
         )
     bad = np.flatnonzero(~np.isfinite(mesh.doflocs).all(axis=0))
     if bad.size:
         raise InputError(
-            f"{bad.size} nodes of the mesh of {whose} have NaN or infinite coordinates, the first is "
+            f"{bad.size} nodes of the mesh of {whose} have NaN or infinite coordinates, the "
+            "first is "
             f"node {bad[0]} at {tuple(mesh.doflocs[:, bad[0]].tolist())}"
         )
 
@@ -415,14 +423,16 @@ def _check_basis(basis: Any, whose: str) -> None:
 def _stiffness(K: Any, basis: Any, whose: str) -> csr_matrix:
     if isinstance(K, BilinearForm):
         K = K.assemble(basis)
-    if not issparse(K) and not (isinstance(K, np.ndarray) and K.ndim == 2):
+    is_matrix = issparse(K) or (isinstance(K, np.ndarray) and K.ndim == 2)
+    if not is_matrix:
         raise InputError(
             f"K of {whose} is a {type(K).__name__}, not a sparse matrix or a skfem.BilinearForm"
             + (" (decorate the function with @skfem.BilinearForm)" if callable(K) else "")
         )
     if K.shape != (basis.N, basis.N):
         raise InputError(
-            f"K of {whose} has shape {K.shape}, its basis has {basis.N} DOFs; K belongs to another basis"
+            f"K of {whose} has shape {K.shape}, its basis has {basis.N} DOFs; K belongs to "
+            "another basis"
         )
     if K.dtype.kind not in "fiub":
         raise InputError(f"K of {whose} has entries of type {K.dtype}, contact needs real numbers")
@@ -441,7 +451,8 @@ def _stiffness(K: Any, basis: Any, whose: str) -> csr_matrix:
     if largest > UNSYMMETRIC * scale:
         warnings.warn(
             f"K of {whose} is not symmetric: the largest entry of K - K' is {largest:.3g}, of K "
-            f"{scale:.3g}. Boundary conditions imposed by skfem.enforce do that: pass the plain K, and D",
+            f"{scale:.3g}. Boundary conditions imposed by skfem.enforce do that: pass the plain "
+            "K, and D",
             ContactWarning,
             stacklevel=4,
         )
@@ -459,10 +470,11 @@ def _load(f: Any, basis: Any, whose: str) -> np.ndarray:
 def _vector(values: Any, basis: Any, what: str) -> np.ndarray:
     if callable(values):
         raise InputError(f"{what} is a function; assemble a skfem.LinearForm or pass a vector")
-    array = np.asarray(values.toarray().ravel() if issparse(values) else values)
+    array = np.asarray(values)
     if array.shape != (basis.N,):
         raise InputError(
-            f"{what} has shape {array.shape}, its basis has {basis.N} DOFs; it belongs to another basis"
+            f"{what} has shape {array.shape}, its basis has {basis.N} DOFs; it belongs to "
+            "another basis"
         )
     if array.dtype.kind not in "fiub":
         raise InputError(f"{what} has entries of type {array.dtype}, contact needs real numbers")
@@ -477,7 +489,8 @@ def _check_finite(data: np.ndarray, what: str, numbers: np.ndarray, unit: str) -
     bad = np.flatnonzero(~np.isfinite(data))
     if bad.size:
         raise InputError(
-            f"{what} holds NaN or infinite numbers: {bad.size} of {data.size} entries, the first in "
+            f"{what} holds NaN or infinite numbers: {bad.size} of {data.size} entries, the "
+            "first in "
             f"{unit} {numbers[bad[0]]}"
         )
 
@@ -509,13 +522,15 @@ def _prescribed(D: Any, basis: Any, whose: str) -> np.ndarray:
         return np.flatnonzero(numbers)
     if numbers.size and (numbers.dtype.kind not in "iu" or numbers.ndim != 1):
         raise InputError(
-            f"D of {whose} is an array of {numbers.dtype}, shape {numbers.shape}, not of DOF numbers; "
+            f"D of {whose} is an array of {numbers.dtype}, shape {numbers.shape}, not of DOF "
+            "numbers; "
             "it may be an array, basis.get_dofs(...), a dict of those, or boundary names"
         )
     numbers = np.unique(numbers.astype(np.int64))
     if numbers.size and (numbers[0] < 0 or numbers[-1] >= basis.N):
         raise InputError(
-            f"D of {whose} has numbers from {numbers[0]} to {numbers[-1]}, its basis has DOFs 0 to "
+            f"D of {whose} has numbers from {numbers[0]} to {numbers[-1]}, its basis has DOFs 0 "
+            "to "
             f"{basis.N - 1}; D belongs to another basis"
         )
     return numbers

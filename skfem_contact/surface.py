@@ -17,7 +17,8 @@ from skfem_contact.errors import InputError
 if TYPE_CHECKING:
     from skfem_contact.body import Body
 
-#: Two facets that meet at a larger angle than 45 degrees form a corner: no normal is averaged over it.
+#: Two facets that meet at a larger angle than 45 degrees form a corner: no normal is averaged over
+#: it.
 CORNER = np.cos(np.pi / 4)
 
 #: Gauss points per facet for the areas: exact up to order 9, so also for a curved quadratic facet
@@ -52,8 +53,9 @@ class ContactSurface:
         Outward unit normals at start and end of each facet: averaged with the neighbour, but the
         facet's own where the surface ends or turns by more than 45 degrees.
     area : ndarray, shape (m,)
-        Tributary areas: integrals of the shape functions times the `measure` of the body. They add up to
-        the area of the surface. (The end of a quadratic facet on the axis of symmetry has area zero.)
+        Tributary areas: integrals of the shape functions times the `measure` of the body. They add
+        up to the area of the surface. (The end of a quadratic facet on the axis of symmetry has
+        area zero.)
     lengths : ndarray, shape (nf,)
         Lengths of the facets [length].
     mesh_facets : ndarray of int, shape (nf,)
@@ -88,7 +90,8 @@ class ContactSurface:
 
     def __repr__(self) -> str:
         kind = "quadratic" if self.quadratic else "linear"
-        return f"<ContactSurface {self.label}: {len(self.points)} points, {len(self.facets)} {kind} facets>"
+        sizes = f"{len(self.points)} points, {len(self.facets)} {kind} facets"
+        return f"<ContactSurface {self.label}: {sizes}>"
 
     @property
     def label(self) -> str:
@@ -112,11 +115,11 @@ class ContactSurface:
 
     @cached_property
     def end_normals(self) -> np.ndarray:
-        """The facets' own outward unit normals at start and end, shape (nf, 2, d), not averaged."""
+        """The facets' own outward unit normals at start and end, (nf, 2, d), not averaged."""
         return _normals_at(self.points, self.facets, np.array([0.0, 1.0]))[0]
 
     def moved(self, u: np.ndarray) -> ContactSurface:
-        """Return the surface after a displacement: same nodes, facets and areas, new positions and normals.
+        """Return the surface displaced: same nodes, facets and areas, new positions and normals.
 
         Parameters
         ----------
@@ -128,7 +131,8 @@ class ContactSurface:
             raise InputError(f"surface {self.label!r} belongs to a scalar field, it can not move")
         if u.shape != (self.body.n,):
             raise InputError(
-                f"displacement of shape {u.shape} for surface {self.label!r}, whose body has {self.body.n} DOFs"
+                f"displacement of shape {u.shape} for surface {self.label!r}, whose body has "
+                f"{self.body.n} DOFs"
             )
         points = self.points + u[self.dofs]
         return replace(self, points=points, **_geometry(points, self.facets))
@@ -210,8 +214,8 @@ def facet_shapes(xi: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
 def facet_neighbours(facets: np.ndarray) -> np.ndarray:
     """Facets before and after each facet, shape (nf, 2); -1 where the surface ends.
 
-    Where more than two facets share a point (two corners touch), the k-th that ends there is followed by
-    the k-th that starts there.
+    Where more than two facets share a point (two corners touch), the k-th that ends there is
+    followed by the k-th that starts there.
 
     >>> facet_neighbours(np.array([[0, 1], [1, 2], [5, 6]])).tolist()
     [[-1, 1], [0, -1], [-1, -1]]
@@ -274,13 +278,15 @@ def _select(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
         return on_boundary
     if chosen.size:
         raise InputError(
-            f"surface {label!r}: all of the {chosen.size} facets selected are inside the mesh; contact needs two "
+            f"surface {label!r}: all of the {chosen.size} facets selected are inside the mesh; "
+            "contact needs two "
             "lips with nodes of their own (split the mesh along the interface)"
         )
     lower, upper = mesh.doflocs.min(axis=1), mesh.doflocs.max(axis=1)
     raise InputError(
-        f"surface {label!r} has no facets: no facet {'with all nodes' if nodes else 'midpoint'} satisfies `where` in "
-        f"the mesh, which extends from {_place(lower)} to {_place(upper)}. "
+        f"surface {label!r} has no facets: no facet {'with all nodes' if nodes else 'midpoint'} "
+        "satisfies `where` in "
+        f"the mesh, which extends from {place(lower)} to {place(upper)}. "
         + (
             "Allow for round-off (np.isclose)"
             if nodes
@@ -308,12 +314,14 @@ def _normalize(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
         return np.zeros(0, dtype=np.int64)
     if numbers.dtype.kind not in "iu" or numbers.ndim != 1:
         raise InputError(
-            f"surface {label!r}: where is a {type(where).__name__} of {numbers.dtype}; it may be a boundary name, a "
+            f"surface {label!r}: where is a {type(where).__name__} of {numbers.dtype}; it may "
+            "be a boundary name, a "
             "function of position, facet numbers, or a list of these"
         )
     if numbers.min() < 0 or numbers.max() >= mesh.nfacets:
         raise InputError(
-            f"surface {label!r}: facet numbers {numbers.min()} to {numbers.max()}, the mesh has facets 0 to "
+            f"surface {label!r}: facet numbers {numbers.min()} to {numbers.max()}, the mesh has "
+            "facets 0 to "
             f"{mesh.nfacets - 1}; are these node numbers, or numbers of another mesh?"
         )
     return numbers.astype(np.int64)
@@ -324,8 +332,10 @@ def _satisfying(mesh: Any, test: Any, nodes: bool, label: str) -> np.ndarray:
         answer = np.asarray(test(x))
         if answer.shape != x.shape[1:] or answer.dtype != bool:
             raise InputError(
-                f"surface {label!r}: the function returned {answer.dtype} of shape {answer.shape} for positions of "
-                f"shape {x.shape}; it must return one bool for each position, as in lambda x: x[1] > 0.9"
+                f"surface {label!r}: the function returned {answer.dtype} of shape "
+                f"{answer.shape} for positions of "
+                f"shape {x.shape}; it must return one bool for each position, as in lambda x: "
+                "x[1] > 0.9"
             )
         return answer
 
@@ -359,16 +369,19 @@ def _check_facets(
     bad = np.flatnonzero(chord <= small)
     if bad.size:
         raise InputError(
-            f"surface {label!r}: {bad.size} facets have no length, the first is mesh facet {numbers[bad[0]]} at "
-            f"{_place(points[facets[bad[0], 0]])}; remove the degenerate elements from the mesh"
+            f"surface {label!r}: {bad.size} facets have no length, the first is mesh facet "
+            f"{numbers[bad[0]]} at "
+            f"{place(points[facets[bad[0], 0]])}; remove the degenerate elements from the mesh"
         )
     middle = points[facets].mean(axis=1)
     pairs = cKDTree(middle).query_pairs(max(small, 1e-9 * chord.min()), output_type="ndarray")
     if len(pairs):
         i, j = pairs[0]
         raise InputError(
-            f"surface {label!r}: {len(pairs)} facets lie twice at the same place, for example mesh facets {numbers[i]} "
-            f"and {numbers[j]} at {_place(middle[i])}. Both lips of a slit can not be one surface: select each by "
+            f"surface {label!r}: {len(pairs)} facets lie twice at the same place, for example "
+            f"mesh facets {numbers[i]} "
+            f"and {numbers[j]} at {place(middle[i])}. Both lips of a slit can not be one "
+            "surface: select each by "
             "its own boundary name or facet numbers"
         )
 
@@ -376,7 +389,7 @@ def _check_facets(
 def _normals_at(
     points: np.ndarray, facets: np.ndarray, xi: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Outward unit normals (nf, q, d) and length elements dx/dxi (nf, q) at local coordinates (q,)."""
+    """Outward unit normals (nf, q, d) and length elements dx/dxi (nf, q) at coordinates (q,)."""
     _, dN = facet_shapes(xi, facets.shape[1])
     tangent = np.einsum("qk,fkd->fqd", dN, points[facets])
     speed = np.linalg.norm(tangent, axis=2)
@@ -385,7 +398,7 @@ def _normals_at(
     return normal + 0.0, speed  # + 0.0 turns -0.0 into 0.0
 
 
-def _geometry(points: np.ndarray, facets: np.ndarray) -> dict[str, np.ndarray]:
+def _geometry(points: np.ndarray, facets: np.ndarray) -> dict[str, Any]:
     """Lengths and normals: what changes when the surface moves."""
     gauss, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
     lengths = _normals_at(points, facets, gauss)[1] @ weight
@@ -428,7 +441,8 @@ def _areas(points: np.ndarray, facets: np.ndarray, measure: Any, label: str) -> 
         factor = np.broadcast_to(np.asarray(measure(x), dtype=float), x.shape[1:])
         if not np.all(np.isfinite(factor)) or factor.min() < 0 or factor.max() <= 0:
             raise InputError(
-                f"measure is {factor.min():.3g} to {factor.max():.3g} on surface {label!r}; a weight of the area is "
+                f"measure is {factor.min():.3g} to {factor.max():.3g} on surface {label!r}; a "
+                "weight of the area is "
                 "positive and finite (an axisymmetric mesh lies at x[0] >= 0)"
             )
         density = density * factor
@@ -441,6 +455,6 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-def _place(point: np.ndarray) -> str:
+def place(point: np.ndarray) -> str:
     """Coordinates for a message."""
     return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"
