@@ -375,8 +375,8 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
     Returns
     -------
     list of str
-        Points beyond the end of the primary surface, points without any partner, surfaces that face
-        the same way, a primary surface finer than the secondary one.
+        Points beyond the end of the primary surface, points without any partner, surfaces that
+        face the same way, a primary surface finer than the secondary one.
     """
     lines = []
     beyond = ~pairing.paired & np.isfinite(pairing.miss)
@@ -392,7 +392,8 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
     elif lost.any():
         worst = int(np.flatnonzero(lost)[0])
         lines.append(
-            f"{np.count_nonzero(lost)} of {m} points of surface {secondary.label!r} find nothing of "
+            f"{np.count_nonzero(lost)} of {m} points of surface {secondary.label!r} find "
+            "nothing of "
             f"{primary.label!r} that faces them within reach; the first is point {worst} at "
             f'{place(secondary.points[worst])}. They can never touch (outside="open"). Fine where '
             "the surface curves away; else enlarge `reach`, or the primary surface."
@@ -403,8 +404,10 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
         if fine < 0.75 * coarse:
             lines.append(
                 f"The primary surface {primary.label!r} is finer than the secondary one, "
-                f"{secondary.label!r}: facets of {fine:.3g} against {coarse:.3g}. Nodes of the primary "
-                "surface between those of the secondary one are not held; swap secondary and primary, "
+                f"{secondary.label!r}: facets of {fine:.3g} against {coarse:.3g}. Nodes of the "
+                "primary "
+                "surface between those of the secondary one are not held; swap secondary and "
+                "primary, "
                 'or use method="mortar".'
             )
     return lines
@@ -419,7 +422,8 @@ def _say_beyond(
     if isinstance(primary, ContactSurface):
         facets = f" ({miss / primary.lengths[pairing.facet[worst]]:.2g} facet lengths)"
     return (
-        f"{np.count_nonzero(beyond)} of {len(beyond)} points of surface {secondary.label!r} project "
+        f"{np.count_nonzero(beyond)} of {len(beyond)} points of surface {secondary.label!r} "
+        "project "
         f"outside surface {primary.label!r}; the farthest, point {worst} at "
         f"{place(secondary.points[worst])}, misses by {miss:.3g}{facets}. They can never touch "
         '(outside="open"). If they should: the primary surface may be too short, or the two are '
@@ -430,16 +434,19 @@ def _say_beyond(
 def _say_why(secondary: ContactSurface, primary: Any) -> str:
     if not isinstance(primary, ContactSurface):
         return "; see its position, the side it is on, and `hollow`."
-    nearest, facet = cKDTree(primary.points[primary.facets].mean(axis=1)).query(secondary.points)
+    middle = primary.points[primary.facets].mean(axis=1)
+    nearest, facet = map(np.asarray, cKDTree(middle).query(secondary.points))
     facing = np.einsum("md,md->m", secondary.normals, primary.facet_normals[facet])
     if np.median(facing) >= -FACING:
         return (
             f": the two face the same way (normals {place(secondary.normals[0])} and "
-            f"{place(primary.facet_normals[facet[0]])} where they are close). Usually one of them is "
+            f"{place(primary.facet_normals[facet[0]])} where they are close). Usually one of "
+            "them is "
             "on the wrong side of its body: check the two `where`."
         )
     return (
-        f": the closest point is {nearest.min():.3g} away. Check the units and positions of the two "
+        f": the closest point is {nearest.min():.3g} away. Check the units and positions of the "
+        "two "
         "meshes, and `reach`."
     )
 
