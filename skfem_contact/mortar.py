@@ -1,0 +1,332 @@
+r"""Dual mortar rows ``D u_s - M u_m``: contact in the weighted mean instead of point by point.
+
+With multipliers ``phi_i`` the gap at node i of the secondary is
+
+    g_i = 1/a_i  int phi_i  n_i . (x_s - x_m),      a_i = int phi_i,
+
+and with the positions interpolated by the shape functions ``N`` of both surfaces
+
+    g_i = n_i . (D x_s - M x_m)_i / a_i,    D_ij = int phi_i N_j,    M_ij = int phi_i N_j^primary.
+
+The *dual* basis is biorthogonal to the shape functions of the secondary, ``D_ij = a_i delta_ij``:
+after division by ``a_i`` the row is one node of the secondary minus a mean over the primary, as
+in node-to-segment contact, and elimination of the normal DOFs is as local. As the integrals are
+exact, a uniform pressure passes between meshes that do not match (patch test).
+
+**The basis** is made facet by facet, ``phi_i = sum_k A_ik N_k`` with ``A = diag(int N) Mass^-1``.
+All integrals, those of ``Mass`` too, are over the part of the facet that the primary covers, so
+that D is diagonal and ``sum_i phi_i = 1`` also at the edge of the contact (Cichosz and Bischoff
+2011). Quadratic facets carry the quadratic dual basis (three multipliers): in 2-D its weights
+``1/6, 1/6, 4/6`` are positive, it does not oscillate as the trace of the secondary is its own
+multiplier space, and it even contains the linear functions (Simpson's rule integrates cubics),
+which the dual basis of linear facets does not.
+
+**Merging.** A node whose share ``int N_i`` of a facet is less than a quarter of what it has on a
+whole facet of equal area hands its multiplier on this facet to the node with the largest share:
+``phi_heir + phi_i`` instead of ``phi_heir`` and ``phi_i``. So do all others of a facet covered by
+less than a third. This happens
+
+* where the primary covers little of the facet: the node's row would extrapolate from the covered
+  part to the node, with weights that grow without bound;
+* on quadratic facets covered in part, where ``int N_i`` can be negative and the sign of a
+  pressure would lose its meaning;
+* at the node of a quadratic facet on the axis of symmetry, where ``int N_i 2 pi r dr`` is zero.
+
+The basis keeps the constants, hence the patch test. The heir's row then holds both nodes; a node
+left with no multiplier on any facet is not paired (`with_merged` lends it the heir's values).
+
+References
+----------
+B. I. Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012: dual multipliers. A. Popp, M. W. Gee,
+W. A. Wall, Int. J. Numer. Meth. Engng 79 (2009) 1354-1391: contact. T. Cichosz, M. Bischoff,
+Comput. Methods Appl. Mech. Engrg 200 (2011) 1317-1332: boundaries.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.spatial import cKDTree
+
+from skfem_contact.errors import InputError
+from skfem_contact.pairing import Pairing, tangents
+from skfem_contact.segmentation import (
+    Quadrature,
+    facet_areas,
+    facet_normal_field,
+    interface_quadrature,
+)
+from skfem_contact.surface import ContactSurface
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+# A multiplier of its own needs this share of the node's integral over the whole facet, and a facet
+# covered by at least this much. The sum of |weights| in a row is then below 6 (linear) and 16
+# (quadratic) however the facet is cut; uncut it is 5/3 and 5/2.
+_SHARE_KEPT = 1 / 4
+_COVER_KEPT = 1 / 3
+# Integrals of the shape functions over a whole facet of unit length: end, end (, middle)
+_SHARE = {2: np.array([0.5, 0.5]), 3: np.array([1.0, 1.0, 4.0]) / 6.0}
+# Weights of a row (their sum is 1) below this are round-off of biorthogonality.
+_ROUND_OFF = 1e-14
+
+
+def dual_mortar(
+    secondary: ContactSurface, primary: ContactSurface, *, reach: float | None = None
+) -> Pairing:
+    """Pair two surfaces in the weighted mean, with dual multipliers on the secondary.
+
+    Parameters
+    ----------
+    secondary : ContactSurface
+        Carries the multipliers: best the finer, or the softer, of the two.
+    primary : ContactSurface
+    reach : float, optional
+        Parts of the surfaces farther apart than this along the normal do not meet [length].
+        Without it, gaps are unlimited and overlaps go up to half the diagonal of the box around
+        the smaller of the two surfaces.
+
+    Returns
+    -------
+    Pairing
+        A point per node of the secondary. ``area`` is ``int phi_i`` including the ``measure`` of
+        the secondary's body, so ``normal_force / area`` is the coefficient of the multiplier, the
+        nodal pressure (the dual functions themselves jump between facets). ``gap`` is weighted.
+        ``facet`` is the primary facet with the largest part in a row, or the nearest one where a
+        point overhangs.
+
+    Raises
+    ------
+    InputError
+        If the surfaces are not curves in the plane, or `reach` is not positive.
+
+    Notes
+    -----
+    ``normal`` is minus the nodal normal of the *secondary*: it is defined at the nodes, where the
+    rows are, needs no projection, and is the field along which the surfaces are projected, so
+    that the gap vector is parallel to it. It thus is the primary's normal where the two touch.
+    Forces balance to round-off, as the weights of either side sum to 1; moments do but for
+    ``normal_force x (tangential part of the weighted gap vector)``, zero on flat interfaces.
+
+    Where facets of a sharp corner (over 45 degrees) meet, the normal is the mean of those facets
+    that the primary covers, weighted with the areas: of one facet in general. For contact on both
+    sides of a corner make two contacts, each with one side.
+
+    Examples
+    --------
+    One facet under two, nothing matches, yet the rows hold the mean:
+
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> e = fem.ElementVector(fem.ElementQuad1())
+    >>> low = fem.MeshQuad().refined(1).with_defaults()
+    >>> top = fem.MeshQuad().translated((0, 1)).with_defaults()
+    >>> a = sc.Body(fem.Basis(low, e), linear_elasticity(0, 0.5))
+    >>> b = sc.Body(fem.Basis(top, e), linear_elasticity(0, 0.5))
+    >>> pairing = dual_mortar(b.surface("bottom"), a.surface("top"))
+    >>> print(pairing.area, pairing.gap)
+    [0.5 0.5] [0. 0.]
+    >>> x = a.surface("top").points[:, 0]
+    >>> print((pairing.primary_weights @ x).round(12))  # a linear field at both nodes
+    [0. 1.]
+    """
+    if secondary.points.shape[1] != 2:
+        raise InputError(
+            f"Mortar contact between '{secondary.label}' and '{primary.label}' in "
+            f'{secondary.points.shape[1]}-D: it is available in 2-D. Use method="node".'
+        )
+    if reach is not None and not reach > 0:
+        raise InputError(f"reach={reach!r} must be a positive length")
+    quadrature = interface_quadrature(secondary, primary, reach)
+    A, share, heir = _facet_bases(secondary, quadrature)
+    D, covered_area, normal = _secondary_matrix(secondary, share, heir)
+    M, facet = _primary_matrix(secondary, primary, quadrature, A)
+    paired = covered_area > 0
+    W_s = _divide(D, covered_area)
+    W_m = _divide(M, np.asarray(M.sum(axis=1), dtype=float).ravel())
+    W_m.data[np.abs(W_m.data) < _ROUND_OFF] = 0.0
+    W_m.eliminate_zeros()
+    miss, nearest = _overhang(secondary, primary, paired, reach)
+    gap = np.sum(normal * (W_s @ secondary.points - W_m @ primary.points), axis=1)
+    return Pairing(
+        points=secondary.points,
+        normal=normal,
+        tangent=tangents(normal),
+        gap=np.where(paired, gap, np.inf),
+        area=np.where(paired, covered_area, _nominal_area(secondary)),
+        secondary_weights=W_s,
+        primary_weights=W_m,
+        paired=paired,
+        miss=miss,
+        facet=np.where(paired, facet, nearest),
+    )
+
+
+def with_merged(pairing: Pairing, values: Array) -> Array:
+    """Nodal values with those of merged nodes taken from the node that carries their multiplier.
+
+    Parameters
+    ----------
+    pairing : Pairing
+        From `dual_mortar`.
+    values : ndarray, shape (m, ...)
+        A field over the points, such as the pressure.
+
+    Returns
+    -------
+    ndarray, shape (m, ...)
+        A copy; nodes the primary does not cover keep their values.
+    """
+    weights = csr_matrix(pairing.secondary_weights).tocoo()
+    lent = ~pairing.paired[weights.col]
+    out = np.array(values)
+    out[weights.col[lent]] = np.asarray(values)[weights.row[lent]]
+    return out
+
+
+def dual_basis(mass: Array, area: Array) -> tuple[Array, Array, Index]:
+    """Coefficients of the dual basis of facets, with what is left of small parts merged.
+
+    Parameters
+    ----------
+    mass : ndarray, shape (nf, k, k)
+        ``int N_i N_j`` over the covered part of each facet [area].
+    area : ndarray, shape (nf,)
+        Area of each whole facet [area].
+
+    Returns
+    -------
+    A : ndarray, shape (nf, k, k)
+        ``phi_i = sum_k A_ik N_k``, dimensionless.
+    share : ndarray, shape (nf, k)
+        ``int N_i`` over the covered part [area].
+    heir : ndarray of int, shape (nf, k)
+        Local number of the node whose multiplier includes that of node i; i itself in general.
+        ``int phi_i N_j = share_j`` if i is the heir of j, and zero else.
+
+    Examples
+    --------
+    A linear facet of length 6, fully covered:
+
+    >>> A, share, heir = dual_basis(np.array([[[2.0, 1.0], [1.0, 2.0]]]), np.array([6.0]))
+    >>> print(A[0], share[0], heir[0])
+    [[ 2. -1.]
+     [-1.  2.]] [3. 3.] [0 1]
+    """
+    nf, k = mass.shape[:2]
+    share = mass.sum(axis=2)  # int N_i, as the N_j sum to 1
+    every, own = np.arange(nf), np.arange(k)
+    largest = share.argmax(axis=1)
+    merged = share < _SHARE_KEPT * _SHARE[k] * area[:, None]
+    merged |= (share.sum(axis=1) < _COVER_KEPT * area)[:, None]
+    merged[every, largest] = False
+    heir = np.where(merged, largest[:, None], own)
+    S = np.zeros_like(mass)
+    S[every[:, None], heir, own] = 1.0
+    # one multiplier left: it is the constant 1, known without the inverse of what may be a sliver
+    single = merged.sum(axis=1) == k - 1
+    inverse = np.linalg.inv(np.where(single[:, None, None], np.eye(k), mass))
+    A = S @ (share[:, :, None] * inverse)
+    A[single] = S[single]  # row of the largest: all ones
+    return A, share, heir
+
+
+def _facet_bases(surface: ContactSurface, quadrature: Quadrature) -> tuple[Array, Array, Index]:
+    """`dual_basis` of every facet; zero where not covered."""
+    nf, k = surface.facets.shape
+    N = quadrature.secondary_shape
+    q = len(N)
+    collect = csr_matrix(
+        (quadrature.weight, (quadrature.secondary_facet, np.arange(q))), shape=(nf, q)
+    )
+    products = (N[:, :, None] * N[:, None, :]).reshape(q, k * k)
+    mass = np.asarray(collect @ products).reshape(nf, k, k)
+    A, share, heir = np.zeros_like(mass), np.zeros((nf, k)), np.tile(np.arange(k), (nf, 1))
+    covered = np.unique(quadrature.secondary_facet)
+    A[covered], share[covered], heir[covered] = dual_basis(
+        mass[covered], facet_areas(surface)[covered]
+    )
+    return A, share, heir
+
+
+def _secondary_matrix(
+    surface: ContactSurface, share: Array, heir: Index
+) -> tuple[csr_matrix, Array, Array]:
+    """Assemble ``D``, the areas ``int phi_i``, and the normals of the primary at the nodes.
+
+    Merged nodes keep their entry in the heir's row even where it is zero, on the axis.
+    """
+    m = len(surface.points)
+    row = np.take_along_axis(surface.facets, heir, axis=1)
+    covered = np.any(share != 0, axis=1)
+    data, at = share[covered].ravel(), (row[covered].ravel(), surface.facets[covered].ravel())
+    D = csr_matrix((data, at), shape=(m, m))
+    D.sum_duplicates()
+    area = np.asarray(D.sum(axis=1), dtype=float).ravel()
+    normals = np.take_along_axis(facet_normal_field(surface), heir[:, :, None], axis=1)
+    total = np.zeros_like(surface.points)
+    np.add.at(total, row, share[:, :, None] * normals)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    # opposite sides cancel at no corner but a crack tip; there the node's own will do
+    known = length > 1e-9 * area[:, None]
+    unit = np.divide(total, length, out=surface.normals.copy(), where=known)
+    return D, area, -unit
+
+
+def _primary_matrix(
+    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature, A: Array
+) -> tuple[csr_matrix, Index]:
+    """Assemble ``M``; and for each node the primary facet where its shape function weighs most."""
+    e, f = quadrature.secondary_facet, quadrature.primary_facet
+    m = len(secondary.points)
+    N = quadrature.secondary_shape
+    phi = quadrature.weight[:, None] * np.einsum("qik,qk->qi", A[e], N)
+    data = phi[:, :, None] * quadrature.primary_shape[:, None, :]
+    row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
+    col = np.broadcast_to(primary.facets[f][:, None, :], data.shape)
+    M = csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=(m, len(primary.points)))
+    part = (quadrature.weight[:, None] * N**2).ravel()
+    node, opposite = secondary.facets[e].ravel(), np.repeat(f, N.shape[1])
+    parts = coo_matrix((part, (node, opposite)), shape=(m, len(primary.facets))).tocsr().tocoo()
+    facet = np.full(m, -1)
+    order = np.argsort(parts.data, kind="stable")  # the last written is the largest
+    facet[parts.row[order]] = parts.col[order]
+    return M, facet
+
+
+def _divide(matrix: csr_matrix, by: Array) -> csr_matrix:
+    """Rows divided by positive numbers, empty where there is none."""
+    factor = np.divide(1.0, by, out=np.zeros_like(by), where=by > 0)
+    return csr_matrix(diags(factor) @ matrix)
+
+
+def _nominal_area(surface: ContactSurface) -> Array:
+    """Areas of points that carry nothing: the whole tributary area, positive also on the axis."""
+    k = surface.facets.shape[1]
+    share = np.zeros(len(surface.points))
+    np.add.at(share, surface.facets, facet_areas(surface)[:, None] * _SHARE[k])
+    return np.where(surface.area > _ROUND_OFF * share, surface.area, share)
+
+
+def _overhang(
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    paired: NDArray[np.bool_],
+    reach: float | None,
+) -> tuple[Array, Index]:
+    """How far points are beside the primary, across their normal [length], and of which facet."""
+    limit = np.inf if reach is None else float(reach)
+    _, nearest = cKDTree(primary.points).query(secondary.points)
+    away = primary.points[nearest] - secondary.points
+    normal = secondary.normals
+    along = np.sum(away * normal, axis=1)
+    across = np.linalg.norm(away - along[:, None] * normal, axis=1)
+    facing = np.sum(normal * primary.normals[nearest], axis=1) < 0
+    beside = facing & (np.abs(along) <= limit)
+    facet_of = np.empty(len(primary.points), dtype=np.intp)
+    facet_of[primary.facets] = np.arange(len(primary.facets))[:, None]
+    miss = np.select([paired, beside], [0.0, across], np.inf)
+    return miss, np.where(beside, facet_of[nearest], -1)
