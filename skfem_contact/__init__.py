@@ -1,1 +1,70 @@
-"""Contact and friction between deformable bodies for scikit-fem."""
+"""Contact and friction between deformable bodies for scikit-fem.
+
+A scikit-fem script has bases, a stiffness and a load; five lines more and its bodies touch::
+
+    block = sc.Body(block_basis, stiffness, D="bottom", name="block")
+    punch = sc.Body(punch_basis, stiffness, f=load, name="punch")
+    contact = sc.Contact(punch.surface("bottom"), block.surface("top"), friction=sc.Coulomb(0.3))
+    result = sc.ContactSolver([block, punch], [contact]).solve()
+    print(result)
+
+The modules stand in the order of the theory: `body`, `surface`, `pairing`, `mortar`, `obstacle`,
+`contact`, `kinematics`, `constraint`, `friction`, `rigid`, `linear`, `spaces`, `condensation`,
+`loops`, `result`, `solver`, `io`, `plot`; closed forms are in `reference`.
+"""
+
+from skfem_contact.body import Body, System, stack
+from skfem_contact.certificate import Certificate
+from skfem_contact.constraint import AffineConstraint, condense, eliminate
+from skfem_contact.contact import Contact
+from skfem_contact.driver import Options
+from skfem_contact.errors import (
+    ConstraintError,
+    ContactError,
+    ContactWarning,
+    InputError,
+    NoEquilibrium,
+    NotConverged,
+)
+from skfem_contact.friction import Coulomb, FrictionLaw, Tresca
+from skfem_contact.kinematics import ConstraintRows, Kinematics, contact_rows
+from skfem_contact.linear import AMG, Direct
+from skfem_contact.obstacle import LevelSet, RigidCylinder, RigidPlane, RigidSphere
+from skfem_contact.result import ContactResult
+from skfem_contact.solver import ContactSolver
+from skfem_contact.surface import ContactSurface
+
+__all__ = [
+    "AMG",
+    "AffineConstraint",
+    "Body",
+    "Certificate",
+    "ConstraintError",
+    "ConstraintRows",
+    "Contact",
+    "ContactError",
+    "ContactResult",
+    "ContactSolver",
+    "ContactSurface",
+    "ContactWarning",
+    "Coulomb",
+    "Direct",
+    "FrictionLaw",
+    "InputError",
+    "Kinematics",
+    "LevelSet",
+    "NoEquilibrium",
+    "NotConverged",
+    "Options",
+    "RigidCylinder",
+    "RigidPlane",
+    "RigidSphere",
+    "System",
+    "Tresca",
+    "condense",
+    "contact_rows",
+    "eliminate",
+    "stack",
+]
+
+__version__ = "0.1.0"

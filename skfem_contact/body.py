@@ -6,38 +6,29 @@ arrays and SciPy sparse matrices.
 
 from __future__ import annotations
 
-import difflib
-import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import skfem
-from scipy.sparse import block_diag, csr_matrix, issparse
-from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
+from scipy.sparse import block_diag, csr_matrix
+from skfem.assembly import CellBasis
 
-from skfem_contact.errors import ContactWarning, InputError
+from skfem_contact.errors import InputError
+from skfem_contact.inputs import (
+    check_basis,
+    csr32,
+    load_of,
+    prescribed_dofs,
+    prescribed_values,
+    stiffness_of,
+    suggest,
+)
 
 if TYPE_CHECKING:
     from skfem_contact.surface import ContactSurface
-
-#: Lagrange elements whose DOFs are values at the nodes of the mesh: only these have contact nodes.
-SUPPORTED = (
-    skfem.ElementTriP1,
-    skfem.ElementTriP2,
-    skfem.ElementQuad1,
-    skfem.ElementQuad2,
-    skfem.ElementQuadS2,
-    skfem.ElementTetP1,
-    skfem.ElementTetP2,
-    skfem.ElementHex1,
-    skfem.ElementHex2,
-)
-
-#: An entry of K - K' above this fraction of the largest entry of K is not round-off of assembly.
-UNSYMMETRIC = 1e-6
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -114,19 +105,19 @@ class Body:
         if name is not None and not isinstance(name, str):
             raise InputError(f"name={name!r} is not a string")
         whose = f"body {name!r}" if name else "a body"
-        _check_basis(basis, whose)
+        check_basis(basis, whose)
         if measure is not None and not callable(measure):
             raise InputError(
                 f"measure of {whose} is a {type(measure).__name__}, not a function of position; "
                 f"for a constant thickness pass measure=lambda x: {measure!r} + 0 * x[0]"
             )
-        numbers = _prescribed(D, basis, whose)
+        numbers = prescribed_dofs(D, basis, whose)
         values = {
             "basis": basis,
-            "K": _stiffness(K, basis, whose),
-            "f": _load(f, basis, whose),
+            "K": stiffness_of(K, basis, whose),
+            "f": load_of(f, basis, whose),
             "D": numbers,
-            "x": _prescribed_values(x, numbers, D is None, basis, whose),
+            "x": prescribed_values(x, numbers, D is None, basis, whose),
             "measure": measure,
             "name": name,
         }
@@ -274,7 +265,7 @@ class System:
     @cached_property
     def K(self) -> csr_matrix:
         """Block diagonal stiffness, shape (n, n) [force/length]."""
-        return _csr32(block_diag([body.K for body in self.bodies], format="csr"))
+        return csr32(block_diag([body.K for body in self.bodies], format="csr"))
 
     @cached_property
     def f(self) -> np.ndarray:
@@ -292,6 +283,11 @@ class System:
     def x(self) -> np.ndarray:
         """Prescribed values, shape (n,); zero where not prescribed [length]."""
         return np.concatenate([body.x for body in self.bodies])
+
+    @cached_property
+    def extent(self) -> float:
+        """Largest extent of any body along an axis: the scale that lengths are judged by [length]."""
+        return max(float(np.ptp(body.basis.mesh.p, axis=1).max()) for body in self.bodies)
 
     def index(self, body: Body | str) -> int:
         """Position of a body, given by itself or by its name."""
@@ -361,199 +357,3 @@ def stack(bodies: Body | Sequence[Body]) -> System:
         raise InputError(f"bodies of different dimension can not touch: {found}")
     sizes = np.array([body.n for body in members], dtype=np.int64)
     return System(members, names, np.concatenate([[0], np.cumsum(sizes)]))
-
-
-def suggest(name: str, known: Iterable[str], what: str) -> str:
-    """Tail of a message about an unknown name: close matches, then everything known.
-
-    >>> suggest("botom", ["bottom", "top"], "boundaries")
-    "; did you mean 'bottom'? Known boundaries: 'bottom', 'top'"
-    """
-    known = sorted(known)
-    if not known:
-        return f"; there are no {what} with a name"
-    close = difflib.get_close_matches(name, known, n=3)
-    hint = f"; did you mean {' or '.join(map(repr, close))}?" if close else ";"
-    return f"{hint} Known {what}: {', '.join(map(repr, known))}"
-
-
-def unknown_boundary(name: str, mesh: Any) -> str:
-    """Message about a boundary name that the mesh does not have."""
-    tail = suggest(name, mesh.boundaries or {}, "boundaries")
-    if name in ("left", "right", "bottom", "top", "front", "back"):
-        tail += " (default names need mesh.with_defaults(); joining meshes by + drops names)"
-    return f"boundary {name!r} not found in the mesh{tail}"
-
-
-def _check_basis(basis: Any, whose: str) -> None:
-    if not isinstance(basis, CellBasis):
-        raise InputError(
-            f"the basis of {whose} is a {type(basis).__name__}, not a skfem.CellBasis; pass the "
-            "basis on "
-            "which K was assembled: skfem.Basis(mesh, element)"
-        )
-    element, mesh = basis.elem, basis.mesh
-    inner = element.elem if isinstance(element, skfem.ElementVector) else element
-    if not isinstance(inner, SUPPORTED):
-        raise InputError(
-            f"{whose} uses {type(inner).__name__}: contact needs elements whose DOFs are values "
-            "at nodes "
-            f"({', '.join(kind.__name__ for kind in SUPPORTED)}), alone or in an ElementVector"
-        )
-    if element.dim != mesh.dim():
-        raise InputError(
-            f"{whose} has {element.dim} components in {mesh.dim()}-D; use "
-            "skfem.ElementVector(element)"
-        )
-    if basis.nelems != mesh.nelements:
-        raise InputError(
-            f"the basis of {whose} covers {basis.nelems} of {mesh.nelements} elements of its "
-            "mesh, which "
-            "leaves DOFs without stiffness; restrict the mesh instead: mesh.restrict(elements)"
-        )
-    bad = np.flatnonzero(~np.isfinite(mesh.doflocs).all(axis=0))
-    if bad.size:
-        raise InputError(
-            f"{bad.size} nodes of the mesh of {whose} have NaN or infinite coordinates, the "
-            "first is "
-            f"node {bad[0]} at {tuple(mesh.doflocs[:, bad[0]].tolist())}"
-        )
-
-
-def _stiffness(K: Any, basis: Any, whose: str) -> csr_matrix:
-    if isinstance(K, BilinearForm):
-        K = K.assemble(basis)
-    is_matrix = issparse(K) or (isinstance(K, np.ndarray) and K.ndim == 2)
-    if not is_matrix:
-        raise InputError(
-            f"K of {whose} is a {type(K).__name__}, not a sparse matrix or a skfem.BilinearForm"
-            + (" (decorate the function with @skfem.BilinearForm)" if callable(K) else "")
-        )
-    if K.shape != (basis.N, basis.N):
-        raise InputError(
-            f"K of {whose} has shape {K.shape}, its basis has {basis.N} DOFs; K belongs to "
-            "another basis"
-        )
-    if K.dtype.kind not in "fiub":
-        raise InputError(f"K of {whose} has entries of type {K.dtype}, contact needs real numbers")
-    matrix = csr_matrix(K, dtype=np.float64)
-    if not matrix.has_canonical_format:
-        matrix = (
-            matrix.copy()
-        )  # summing duplicates works in place, and the matrix may be the user's
-        matrix.sum_duplicates()
-    matrix = _csr32(matrix)
-    rows = np.repeat(np.arange(basis.N), np.diff(matrix.indptr))
-    _check_finite(matrix.data, f"K of {whose}", rows, "row")
-    scale = np.abs(matrix.data).max(initial=0.0)
-    difference = matrix - matrix.T
-    largest = np.abs(difference.data).max(initial=0.0)
-    if largest > UNSYMMETRIC * scale:
-        warnings.warn(
-            f"K of {whose} is not symmetric: the largest entry of K - K' is {largest:.3g}, of K "
-            f"{scale:.3g}. Boundary conditions imposed by skfem.enforce do that: pass the plain "
-            "K, and D",
-            ContactWarning,
-            stacklevel=4,
-        )
-    return matrix
-
-
-def _load(f: Any, basis: Any, whose: str) -> np.ndarray:
-    if f is None:
-        return np.zeros(basis.N)
-    if isinstance(f, LinearForm):
-        f = f.assemble(basis)
-    return _vector(f, basis, f"f of {whose}")
-
-
-def _vector(values: Any, basis: Any, what: str) -> np.ndarray:
-    if callable(values):
-        raise InputError(f"{what} is a function; assemble a skfem.LinearForm or pass a vector")
-    array = np.asarray(values)
-    if array.shape != (basis.N,):
-        raise InputError(
-            f"{what} has shape {array.shape}, its basis has {basis.N} DOFs; it belongs to "
-            "another basis"
-        )
-    if array.dtype.kind not in "fiub":
-        raise InputError(f"{what} has entries of type {array.dtype}, contact needs real numbers")
-    array = array.astype(
-        np.float64
-    )  # a copy: what the user does to the vector later stays outside
-    _check_finite(array, what, np.arange(len(array)), "DOF")
-    return array
-
-
-def _check_finite(data: np.ndarray, what: str, numbers: np.ndarray, unit: str) -> None:
-    bad = np.flatnonzero(~np.isfinite(data))
-    if bad.size:
-        raise InputError(
-            f"{what} holds NaN or infinite numbers: {bad.size} of {data.size} entries, the "
-            "first in "
-            f"{unit} {numbers[bad[0]]}"
-        )
-
-
-def _prescribed(D: Any, basis: Any, whose: str) -> np.ndarray:
-    """Sorted DOF numbers from everything that `skfem.condense` takes and from boundary names."""
-    if D is None:
-        return np.zeros(0, dtype=np.int64)
-    if isinstance(D, str):
-        if D not in (basis.mesh.boundaries or {}):
-            raise InputError(f"D of {whose}: {unknown_boundary(D, basis.mesh)}")
-        return _prescribed(basis.get_dofs(D), basis, whose)
-    if isinstance(D, DofsView):
-        if D.obj.N != basis.N:
-            raise InputError(
-                f"D of {whose} was taken from a basis with {D.obj.N} DOFs, its basis has {basis.N}"
-            )
-        D = D.flatten()
-    elif isinstance(D, dict):
-        D = list(D.values())
-    if isinstance(D, list | tuple | set | frozenset) and not all(np.isscalar(d) for d in D):
-        return _union([_prescribed(part, basis, whose) for part in D])
-    if isinstance(D, list | tuple | set | frozenset):
-        if any(isinstance(part, str) for part in D):
-            return _union([_prescribed(part, basis, whose) for part in D])
-        D = list(D)
-    numbers = np.atleast_1d(np.asarray(D))
-    if numbers.dtype == bool and numbers.shape == (basis.N,):
-        return np.flatnonzero(numbers)
-    if numbers.size and (numbers.dtype.kind not in "iu" or numbers.ndim != 1):
-        raise InputError(
-            f"D of {whose} is an array of {numbers.dtype}, shape {numbers.shape}, not of DOF "
-            "numbers; "
-            "it may be an array, basis.get_dofs(...), a dict of those, or boundary names"
-        )
-    numbers = np.unique(numbers.astype(np.int64))
-    if numbers.size and (numbers[0] < 0 or numbers[-1] >= basis.N):
-        raise InputError(
-            f"D of {whose} has numbers from {numbers[0]} to {numbers[-1]}, its basis has DOFs 0 "
-            "to "
-            f"{basis.N - 1}; D belongs to another basis"
-        )
-    return numbers
-
-
-def _union(parts: list[np.ndarray]) -> np.ndarray:
-    return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *parts]))
-
-
-def _prescribed_values(x: Any, D: np.ndarray, no_D: bool, basis: Any, whose: str) -> np.ndarray:
-    values = np.zeros(basis.N)
-    if x is None:
-        return values
-    if no_D:
-        raise InputError(f"x of {whose} prescribes values, but D does not say at which DOFs")
-    values[D] = _vector(x, basis, f"x of {whose}")[D]
-    return values
-
-
-def _csr32(matrix: Any) -> csr_matrix:
-    """`csr_matrix` with int32 indices, as scikit-fem has them, where they fit."""
-    matrix = csr_matrix(matrix)
-    if matrix.indices.dtype != np.int32 and matrix.nnz < np.iinfo(np.int32).max:
-        parts = (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32))
-        return csr_matrix(parts, shape=matrix.shape)
-    return matrix

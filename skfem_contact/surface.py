@@ -11,8 +11,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from skfem_contact.body import unknown_boundary
 from skfem_contact.errors import InputError
+from skfem_contact.selection import name_of, place, select_facets
 
 if TYPE_CHECKING:
     from skfem_contact.body import Body
@@ -145,9 +145,9 @@ def extract_surface(
     basis, mesh = body.basis, body.basis.mesh
     if body.dim != 2:
         raise InputError(f"surfaces of {body.dim}-D bodies are not implemented yet; only 2-D")
-    name = name or _name(where)
+    name = name or name_of(where)
     label = f"{body.name}/{name}" if body.name else name
-    numbers = _select(mesh, where, nodes, label)
+    numbers = select_facets(mesh, where, nodes, label)
     numbers, facets_v = _oriented(mesh, numbers)
     order = _along(facets_v)
     numbers, facets_v = numbers[order], facets_v[order]
@@ -261,92 +261,6 @@ def _along(facets: np.ndarray) -> np.ndarray:
     return np.lexsort((distance, piece))
 
 
-def _name(where: Any) -> str:
-    if isinstance(where, str):
-        return where
-    if isinstance(where, list | tuple | set) and where and all(isinstance(w, str) for w in where):
-        return "+".join(sorted(where) if isinstance(where, set) else where)
-    name = getattr(where, "__name__", "<lambda>")
-    return "surface" if name == "<lambda>" else name
-
-
-def _select(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
-    """Boundary facets that `where` means."""
-    chosen = np.unique(_normalize(mesh, where, nodes, label))
-    on_boundary = np.intersect1d(chosen, mesh.boundary_facets())
-    if on_boundary.size:
-        return on_boundary
-    if chosen.size:
-        raise InputError(
-            f"surface {label!r}: all of the {chosen.size} facets selected are inside the mesh; "
-            "contact needs two "
-            "lips with nodes of their own (split the mesh along the interface)"
-        )
-    lower, upper = mesh.doflocs.min(axis=1), mesh.doflocs.max(axis=1)
-    raise InputError(
-        f"surface {label!r} has no facets: no facet {'with all nodes' if nodes else 'midpoint'} "
-        "satisfies `where` in "
-        f"the mesh, which extends from {place(lower)} to {place(upper)}. "
-        + (
-            "Allow for round-off (np.isclose)"
-            if nodes
-            else "Allow for round-off (np.isclose), or for curved boundaries try nodes=True"
-        )
-    )
-
-
-def _normalize(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
-    if isinstance(where, list | tuple | set | frozenset):
-        parts = [_normalize(mesh, part, nodes, label) for part in where]
-        return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
-    if isinstance(where, str):
-        if where not in (mesh.boundaries or {}):
-            raise InputError(unknown_boundary(where, mesh))
-        return np.asarray(mesh.boundaries[where], dtype=np.int64)
-    if callable(where):
-        return _satisfying(mesh, where, nodes, label)
-    if where is None:
-        return mesh.boundary_facets()
-    numbers = np.atleast_1d(np.asarray(where))
-    if numbers.dtype == bool and numbers.shape == (mesh.nfacets,):
-        return np.flatnonzero(numbers)
-    if numbers.size == 0:
-        return np.zeros(0, dtype=np.int64)
-    if numbers.dtype.kind not in "iu" or numbers.ndim != 1:
-        raise InputError(
-            f"surface {label!r}: where is a {type(where).__name__} of {numbers.dtype}; it may "
-            "be a boundary name, a "
-            "function of position, facet numbers, or a list of these"
-        )
-    if numbers.min() < 0 or numbers.max() >= mesh.nfacets:
-        raise InputError(
-            f"surface {label!r}: facet numbers {numbers.min()} to {numbers.max()}, the mesh has "
-            "facets 0 to "
-            f"{mesh.nfacets - 1}; are these node numbers, or numbers of another mesh?"
-        )
-    return numbers.astype(np.int64)
-
-
-def _satisfying(mesh: Any, test: Any, nodes: bool, label: str) -> np.ndarray:
-    def ask(x: np.ndarray) -> np.ndarray:
-        answer = np.asarray(test(x))
-        if answer.shape != x.shape[1:] or answer.dtype != bool:
-            raise InputError(
-                f"surface {label!r}: the function returned {answer.dtype} of shape "
-                f"{answer.shape} for positions of "
-                f"shape {x.shape}; it must return one bool for each position, as in lambda x: "
-                "x[1] > 0.9"
-            )
-        return answer
-
-    if not nodes:
-        return np.flatnonzero(ask(mesh.p[:, mesh.facets].mean(axis=1)))
-    chosen = ask(mesh.p)[mesh.facets].all(axis=0)
-    if mesh.dofs.facet_dofs.size:  # the middle nodes of a quadratic mesh
-        chosen &= ask(mesh.doflocs[:, mesh.dofs.facet_dofs[0]])
-    return np.flatnonzero(chosen)
-
-
 def _oriented(mesh: Any, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (start, end) of facets, turned so that their element is on the left."""
     ends = mesh.facets[:, numbers].T.astype(np.int64)
@@ -453,8 +367,3 @@ def _areas(points: np.ndarray, facets: np.ndarray, measure: Any, label: str) -> 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-def place(point: np.ndarray) -> str:
-    """Coordinates for a message."""
-    return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"

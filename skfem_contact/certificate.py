@@ -1,0 +1,202 @@
+r"""The certificate: how well an answer satisfies the equations, measured from the answer itself.
+
+All numbers are dimensionless. Forces are divided by the largest force in the problem (load, contact
+or reaction), lengths by the extent of the bodies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.surface import ContactSurface
+
+if TYPE_CHECKING:
+    from skfem_contact.result import ContactResult
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Dimensionless residuals of an answer; round-off where everything holds.
+
+    Attributes
+    ----------
+    equilibrium : float
+        Largest entry of ``K u - f - B_n' lambda + B_t' tau`` on free DOFs, over the largest force.
+    penetration : float
+        Deepest overlap of any point, over the extent of the bodies.
+    complementarity : float
+        Largest ``lambda |g|``, over the largest force times the extent.
+    tension : float
+        Largest tensile force at a unilateral point, over the largest force.
+    friction : float
+        Largest excess of the friction force over its limit, over the largest contact force.
+    force_balance : float
+        Resultant of all loads, reactions and obstacle forces, over the largest of them.
+    moment_balance : float
+        The same for moments about the centre, less the two known terms below. NaN for axisymmetric
+        and scalar problems, which have no moments.
+    moment_gap : float
+        Moment of friction acting across initial gaps: small-sliding kinematics moves it along the
+        normal. Over the largest force times the extent.
+    moment_normal : float
+        Moment of normal forces whose normal is not that of the facet itself, scaled the same way.
+    """
+
+    equilibrium: float
+    penetration: float
+    complementarity: float
+    tension: float
+    friction: float
+    force_balance: float
+    moment_balance: float
+    moment_gap: float
+    moment_normal: float
+
+    @property
+    def worst(self) -> float:
+        """The largest of the numbers that have to be round-off."""
+        names = (
+            "equilibrium penetration complementarity tension friction force_balance moment_balance"
+        )
+        return float(np.nanmax([getattr(self, name) for name in names.split()]))
+
+    def __str__(self) -> str:
+        pairs = [(f.name.replace("_", " "), getattr(self, f.name)) for f in fields(self)]
+        return "\n".join(f"  {name:<16s} {value:9.1e}" for name, value in pairs)
+
+
+def certify(result: ContactResult) -> Certificate:
+    """Measure the certificate of a result; needs the displacements of all bodies."""
+    kin, state, system = result.kin, result.state, result.system
+    u, f = result.u, result.case.f
+    internal = np.concatenate(
+        [K @ u[system.slice(body)] for body, K in zip(system.bodies, result.stiffness, strict=True)]
+    )
+    contact = kin.B_n.T @ state.normal_force - kin.B_t.T @ state.tangential_force.ravel()
+    residual = internal - f - contact
+    reactions = np.zeros(system.n)
+    reactions[system.D] = residual[system.D]
+    residual[system.D] = 0.0
+    force = _largest(f, contact, reactions, state.normal_force, state.tangential_force)
+    length = system.extent
+    gap = result.kin.B_n @ u + result.case.gap0
+    gap = np.where(kin.paired, gap, np.inf)
+    bilateral = kin.tied
+    closed = (state.status != 0) & kin.paired
+    overlap = np.where(bilateral, np.abs(gap), np.maximum(-gap, 0.0))
+    balance, moment, across, normal = _balance(result, f + reactions, contact, force * length)
+    limit_excess = _friction_excess(result)
+    return Certificate(
+        equilibrium=_ratio(np.max(np.abs(residual), initial=0.0), force),
+        penetration=_ratio(np.max(overlap[kin.paired], initial=0.0), length),
+        complementarity=_ratio(
+            np.max(np.abs(state.normal_force[closed] * gap[closed]), initial=0.0), force * length
+        ),
+        tension=_ratio(np.max(-state.normal_force[~bilateral], initial=0.0), force),
+        friction=limit_excess,
+        force_balance=_ratio(balance, force),
+        moment_balance=moment,
+        moment_gap=across,
+        moment_normal=normal,
+    )
+
+
+def _friction_excess(result: ContactResult) -> float:
+    state, worst = result.state, 0.0
+    for contact, part in zip(result.contacts, result.slices(), strict=True):
+        if contact.friction is None:
+            continue
+        compressive = np.maximum(state.normal_force[part], 0.0)
+        slip = (state.slip - state.reference)[part]
+        limit = contact.friction.limit(compressive, result.kin.area[part], slip)
+        limit = np.where(state.status[part] != 0, limit, 0.0)
+        size = np.linalg.norm(state.tangential_force[part], axis=1)
+        scale = _largest(state.normal_force[part], state.tangential_force[part])
+        worst = max(worst, _ratio(np.max(size - limit, initial=0.0), scale))
+    return worst
+
+
+def _balance(
+    result: ContactResult, external: Array, contact: Array, scale: float
+) -> tuple[float, float, float, float]:
+    """Resultant and moment of external and contact forces over all bodies."""
+    system, kin = result.system, result.kin
+    component = np.concatenate([b.dof_component for b in system.bodies])
+    points = np.concatenate([b.dof_points for b in system.bodies])
+    d = points.shape[1]
+    total = external + contact
+    on_obstacles = _obstacle_forces(result)
+    axes = sorted(set(component))
+    F = np.array([total[component == k].sum() for k in axes])
+    skip = {0} if any(b.axisymmetric for b in system.bodies) else set()
+    kept = [k for k in axes if k not in skip]
+    rigid = np.array([on_obstacles[:, k].sum() for k in axes])
+    resultant = float(np.max(np.abs((F - rigid)[kept]), initial=0.0))
+    if d != 2 or len(axes) < 2 or skip:
+        return resultant, np.nan, np.nan, np.nan
+    centre = points.mean(axis=0)
+    arm = points - centre
+    M = np.sum(arm[component == 1, 0] * total[component == 1])
+    M -= np.sum(arm[component == 0, 1] * total[component == 0])
+    arm = kin.points - centre
+    M -= np.sum(_cross(arm, on_obstacles))
+    offset = _offsets(result)
+    along = np.einsum("ik,ikd->id", -result.state.tangential_force, kin.tangent)
+    across = np.sum(_cross(offset, along))
+    normal = np.sum(_cross(offset, result.state.normal_force[:, None] * kin.normal))
+    return (
+        resultant,
+        _ratio(abs(M - across - normal), scale),
+        _ratio(abs(across), scale),
+        _ratio(abs(normal), scale),
+    )
+
+
+def _obstacle_forces(result: ContactResult) -> Array:
+    """Force on the secondary at the points of rigid obstacles: external to the bodies."""
+    kin, state = result.kin, result.state
+    along = np.einsum("ik,ikd->id", -state.tangential_force, kin.tangent)
+    F = state.normal_force[:, None] * kin.normal + along
+    for contact, part in zip(result.contacts, result.slices(), strict=True):
+        if isinstance(contact.primary, ContactSurface):
+            F[part] = 0.0
+    return F
+
+
+def _offsets(result: ContactResult) -> Array:
+    """Vector from the primary to the secondary side of each point, on the undeformed bodies.
+
+    Zero for obstacles, whose forces act at the point itself.
+    """
+    system, kin = result.system, result.kin
+    component = np.concatenate([b.dof_component for b in system.bodies])
+    points = np.concatenate([b.dof_points for b in system.bodies])
+    # B_n applied to the "displacement" x e_k gives n . (x_s - x_p) only for the k-th component of
+    # the normal: the two rows of the frame recover the vector itself
+    frame = np.concatenate([kin.normal[:, None, :], kin.tangent], axis=1)
+    t = kin.tangents
+    position = points[np.arange(len(points)), component]
+    local = np.column_stack([kin.B_n @ position, (kin.B_t @ position).reshape(-1, t)])
+    vector = np.einsum("ik,ikd->id", local, frame)
+    for contact, part in zip(result.contacts, result.slices(), strict=True):
+        if not isinstance(contact.primary, ContactSurface):
+            vector[part] = 0.0
+    return vector
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def _largest(*arrays: Array) -> float:
+    return max((float(np.max(np.abs(a), initial=0.0)) for a in arrays), default=0.0)
+
+
+def _ratio(value: float, scale: float) -> float:
+    return float(value / scale) if scale > 0 else float(value)

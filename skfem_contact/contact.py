@@ -1,0 +1,136 @@
+"""`Contact`: what may touch what, and how; the user's settings of one interface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.errors import InputError
+from skfem_contact.friction import FrictionLaw
+from skfem_contact.obstacle import Obstacle
+from skfem_contact.surface import ContactSurface
+
+Array = NDArray[np.float64]
+Field = float | Array | Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """Contact between two surfaces, or between a surface and a rigid obstacle.
+
+    Parameters
+    ----------
+    secondary : ContactSurface
+        The surface whose points are constrained (slave, in older texts): as a rule the finer one,
+        or the one of the softer body.
+    primary : ContactSurface or obstacle
+        The surface that the points are projected onto (master).
+    friction : FrictionLaw, optional
+        None is frictionless: then nothing tangential is modelled at all.
+    method : {"node", "mortar"}
+        Node-to-segment or dual mortar. A rigid obstacle is met node by node either way.
+    interference : float, ndarray (m,) or callable
+        Overlap added to the geometry, positive where the bodies are too large for each other (a
+        press fit) [length]. A callable takes component-first positions ``x``.
+    gap : float, ndarray (m,) or callable, optional
+        Replaces the initial gap measured on the meshes [length].
+    adjust : float
+        Initial gaps and overlaps up to this length are taken as closed, free of strain [length].
+    reach : float, optional
+        How far a point looks for its partner [length]; by default any distance.
+    outside : {"open", "error"}
+        What happens to points that miss the primary surface.
+    sliding : {"small", "finite"}
+        Whether the pairing is that of the undeformed meshes, or follows the motion.
+    tied : bool
+        Both surfaces are glued: no gap, no slip, also in tension.
+    name : str, optional
+
+    Raises
+    ------
+    InputError
+        If a setting is not one of those above.
+    """
+
+    secondary: ContactSurface
+    primary: ContactSurface | Obstacle
+    _: KW_ONLY
+    friction: FrictionLaw | None = None
+    method: Literal["node", "mortar"] = "node"
+    interference: Field = 0.0
+    gap: Field | None = None
+    adjust: float = 0.0
+    reach: float | None = None
+    outside: Literal["open", "error"] = "open"
+    sliding: Literal["small", "finite"] = "small"
+    tied: bool = False
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.secondary, ContactSurface):
+            what = "an obstacle" if isinstance(self.secondary, Obstacle) else "no surface"
+            raise InputError(
+                f"Contact: secondary is {what} ({type(self.secondary).__name__}). The secondary "
+                "side is a boundary of a body, body.surface('name'); a rigid obstacle can only be "
+                "the primary: swap the two."
+            )
+        if not isinstance(self.primary, ContactSurface | Obstacle):
+            raise InputError(
+                f"Contact: primary is a {type(self.primary).__name__}; it has to be a surface, "
+                "body.surface('name'), or an obstacle such as RigidPlane(point, normal)."
+            )
+        choices = {
+            "method": ("node", "mortar"),
+            "outside": ("open", "error"),
+            "sliding": ("small", "finite"),
+        }
+        for name, allowed in choices.items():
+            if getattr(self, name) not in allowed:
+                raise InputError(
+                    f"Contact: {name} = {getattr(self, name)!r} is not one of {allowed}."
+                )
+        if self.friction is not None and not isinstance(self.friction, FrictionLaw):
+            raise InputError(
+                f"Contact: friction = {self.friction!r} is not a friction law; write "
+                "friction=Coulomb(0.3), or derive your own from FrictionLaw."
+            )
+        if self.tied and self.friction is not None:
+            raise InputError(
+                "Contact: tied=True and friction=... exclude each other: glued surfaces do not "
+                "slip. Leave one of them out."
+            )
+        for name in ("adjust", "reach"):
+            value = getattr(self, name)
+            if value is not None and not value >= 0:
+                raise InputError(f"Contact: {name} = {value} has to be a length >= 0.")
+
+    @property
+    def rigid(self) -> bool:
+        """Whether the primary side is a rigid obstacle."""
+        return not isinstance(self.primary, ContactSurface)
+
+    @property
+    def label(self) -> str:
+        """The two sides in words, for messages."""
+        primary = self.primary.label
+        return f"{self.secondary.label} on {primary}"
+
+
+def field_values(field: Field, points: Array, what: str) -> Array:
+    """A number, array or callable of component-first positions as one value per point."""
+    values = field(points.T) if callable(field) else np.asarray(field, dtype=float)
+    try:
+        values = np.broadcast_to(np.asarray(values, dtype=float), (len(points),))
+    except ValueError:
+        raise InputError(
+            f"{what} has shape {np.shape(values)}, but there are {len(points)} contact points. "
+            "Give one number, one value per point of the secondary surface, or a callable of "
+            "component-first positions x."
+        ) from None
+    if not np.isfinite(values).all():
+        raise InputError(f"{what} has NaN or infinite values; give finite lengths.")
+    return np.array(values)

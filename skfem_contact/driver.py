@@ -1,0 +1,110 @@
+"""The driver of a nonlinear loop: it counts, logs, stops and says why."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from skfem_contact.loops import OPEN, SLIP, STICK, Guess, Iterate, Step
+from skfem_contact.result import Record
+
+logger = logging.getLogger("skfem_contact")
+
+
+@dataclass(frozen=True)
+class Options:
+    """Settings of the nonlinear loop and of load stepping; the defaults need no tuning.
+
+    Attributes
+    ----------
+    tolerance : float
+        Largest violation of the friction law that is accepted, over the largest contact force.
+    max_iterations : int or None
+        Per attempt of a load step; by default 80 for `newton`, 150 for `direct` and 2000 for
+        `fictitious`, whose convergence is linear.
+    max_cuts : int
+        How often a load step that fails may be halved.
+    max_candidates : int
+        Largest number of contact DOFs for which the dense contact problem is formed when
+        ``linear="auto"``.
+
+    Examples
+    --------
+    >>> Options(tolerance=1e-8).max_cuts
+    6
+    """
+
+    tolerance: float = 1e-10
+    max_iterations: int | None = None
+    max_cuts: int = 6
+    max_candidates: int = 8000
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """How a loop ended: its last iterate, the log, and the reason in words."""
+
+    iterate: Iterate
+    trace: tuple[Record, ...]
+    converged: bool
+    message: str
+    free: np.ndarray | None = None
+
+
+def drive(
+    loop: Callable[[Step, Guess, float], Iterator[Iterate]],
+    step: Step,
+    guess: Guess,
+    tolerance: float,
+    limit: int,
+    callback: Callable[[Record], object] | None = None,
+) -> Outcome:
+    """Run a loop until it converges, stalls, finds no equilibrium, or exceeds its count.
+
+    A `StopIteration` raised by `callback` ends the run where it stands, as in SciPy.
+    """
+    trace: list[Record] = []
+    unheld: set[bytes] = set()
+    message = f"no convergence in {limit} iterations"
+    for iterate in loop(step, guess, tolerance):
+        record = _record(len(trace) + 1, step, iterate)
+        trace.append(record)
+        logger.debug("%s", record)
+        if not np.isfinite(iterate.residual) or not np.isfinite(iterate.response.solution).all():
+            message = "the linear solve returned numbers that are not finite"
+            break
+        if iterate.converged:
+            return Outcome(iterate, tuple(trace), True, f"converged in {len(trace)} iterations")
+        if iterate.held is not None:
+            key = iterate.status.tobytes()
+            if key in unheld:
+                message = "no equilibrium: nothing holds a rigid motion"
+                return Outcome(iterate, tuple(trace), False, message, iterate.held)
+            unheld.add(key)
+        if callback is not None:
+            try:
+                callback(record)
+            except StopIteration:
+                message = "stopped by the callback"
+                break
+        if len(trace) >= limit:
+            break
+    last = f"{record.changes} points still change and the friction law is violated by "
+    last += f"{record.residual:.1e} of the largest force"
+    return Outcome(iterate, tuple(trace), False, f"{message}; {last}")
+
+
+def _record(number: int, step: Step, iterate: Iterate) -> Record:
+    status = iterate.status[step.paired]
+    return Record(
+        number,
+        int(np.sum(status == OPEN)),
+        int(np.sum(status == STICK)),
+        int(np.sum(status == SLIP)),
+        iterate.changes,
+        iterate.residual,
+        iterate.note,
+    )

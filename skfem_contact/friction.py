@@ -1,0 +1,273 @@
+r"""Friction laws: limit, derivative, return map, tangential element; pure functions of arrays.
+
+A law bounds the friction force of a point, ``|tau| <= L(lambda)``; the point sticks below the
+bound and slips on it. Internally ``tau`` is the force that resists a positive slip, so that the
+friction on the secondary surface is ``-tau`` ([M] eqs. (6), (7), (11); [M] is V. L. Marchenko,
+2014). Forces are per contact point, stresses are forces divided by the tributary area.
+"""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import block_diag, csr_matrix, diags
+
+from skfem_contact.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionLaw:
+    r"""Base of all friction laws; a user's own law overrides :meth:`limit`.
+
+    Parameters
+    ----------
+    stiffness : float, optional
+        The tangential stiffness G of a sticking point [force/length]; ``inf`` is exact sticking.
+        By default exact for the loop ``newton`` and a multiple of the bodies' own stiffness at the
+        point for the loops ``direct`` and ``fictitious``.
+
+    Notes
+    -----
+    :meth:`slope` is the derivative of the limit with respect to the normal force. It speeds up the
+    loop ``newton`` and does not change the answer; the base class takes a difference quotient.
+
+    Examples
+    --------
+    A law whose coefficient falls from ``mu`` to ``mu_end`` over a slip of ``length``:
+
+    >>> from dataclasses import dataclass
+    >>> import numpy as np
+    >>> import skfem_contact as sc
+    >>> @dataclass(frozen=True, eq=False)
+    ... class Weakening(sc.FrictionLaw):
+    ...     mu: float = 0.4
+    ...     mu_end: float = 0.2
+    ...     length: float = 1e-3
+    ...     def limit(self, normal_force, area, slip):
+    ...         drop = np.exp(-np.linalg.norm(slip, axis=1) / self.length)
+    ...         return (self.mu_end + (self.mu - self.mu_end) * drop) * normal_force
+    >>> Weakening().limit(np.array([10.0]), np.array([1.0]), np.array([[0.0]]))
+    array([4.])
+    """
+
+    _: KW_ONLY
+    stiffness: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.stiffness is not None and not self.stiffness > 0:
+            raise InputError(
+                f"{type(self).__name__}: stiffness = {self.stiffness} is not positive. It is the "
+                "force per slip of a sticking point; leave it out for the automatic one, or give "
+                "inf for exact sticking."
+            )
+
+    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        """The friction bound L of each point.
+
+        Parameters
+        ----------
+        normal_force : ndarray, shape (m,)
+            Compressive, never negative [force].
+        area : ndarray, shape (m,)
+            Tributary area [area].
+        slip : ndarray, shape (m, d-1)
+            Slip since the point closed [length].
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            Not negative [force].
+        """
+        raise NotImplementedError(f"{type(self).__name__} does not define limit(...)")
+
+    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        """Derivative of the limit with respect to the normal force, shape (m,)."""
+        scale = np.max(np.abs(normal_force), initial=0.0)
+        if scale == 0.0:
+            return np.zeros_like(normal_force)
+        step = 1e-7 * scale
+        ahead = self.limit(normal_force + step, area, slip)
+        return (ahead - self.limit(normal_force, area, slip)) / step
+
+
+def _not_negative(name: str, value: ArrayLike, law: str) -> None:
+    array = np.asarray(value, dtype=float)
+    if np.isnan(array).any() or (array < 0).any():
+        raise InputError(
+            f"{law}: {name} = {value} is negative or not a number. It bounds the size of the "
+            "friction force, whose direction follows from the slip; give a value >= 0."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Coulomb(FrictionLaw):
+    r"""Coulomb friction with adhesion and a shear cap: ``L = min(mu lambda + c A, tau_max A)``.
+
+    Parameters
+    ----------
+    mu : float or ndarray, shape (m,)
+        Coefficient of friction.
+    tau_max : float, optional
+        Cap of the friction stress, for instance the shear yield stress of the softer body
+        ([M] eq. (11)) [stress].
+    cohesion : float, optional
+        Shear strength at zero pressure [stress].
+
+    Raises
+    ------
+    InputError
+        If a parameter is negative or NaN.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skfem_contact as sc
+    >>> law = sc.Coulomb(0.5, tau_max=3.0)
+    >>> law.limit(np.array([2.0, 10.0]), np.array([1.0, 1.0]), np.zeros((2, 1)))
+    array([1., 3.])
+    """
+
+    mu: float | Array
+    tau_max: float = np.inf
+    cohesion: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("mu", "tau_max", "cohesion"):
+            _not_negative(name, getattr(self, name), "Coulomb")
+        if not np.isfinite(np.asarray(self.mu, dtype=float)).all():
+            raise InputError(
+                "Coulomb: mu is infinite. For surfaces that never slip use Contact(tied=True), or "
+                "a large finite mu if they may separate."
+            )
+
+    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        return np.minimum(self.mu * normal_force + self.cohesion * area, self._cap(area))
+
+    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        capped = self.mu * normal_force + self.cohesion * area >= self._cap(area)
+        return np.where(capped, 0.0, self.mu * np.ones_like(normal_force))
+
+    def _cap(self, area: Array) -> Array:
+        # inf * 0 is nan: an area of zero has no cap either
+        return np.full_like(area, np.inf) if np.isinf(self.tau_max) else self.tau_max * area
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Tresca(FrictionLaw):
+    """Tresca friction: a bound that does not depend on the pressure, ``L = k A``.
+
+    Parameters
+    ----------
+    limit : float or ndarray, shape (m,)
+        Bound k of the friction stress [stress].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skfem_contact as sc
+    >>> sc.Tresca(3.0).limit(np.array([0.0, 10.0]), np.array([1.0, 2.0]), np.zeros((2, 1)))
+    array([3., 6.])
+    """
+
+    k: float | Array
+
+    def __init__(self, limit: float | Array, *, stiffness: float | None = None) -> None:
+        # written out: the argument is called like the method
+        object.__setattr__(self, "k", limit)
+        object.__setattr__(self, "stiffness", stiffness)
+        self.__post_init__()
+        _not_negative("limit", limit, "Tresca")
+
+    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        return self.k * area
+
+    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        return np.zeros_like(normal_force)
+
+
+def return_map(trial: Array, limit: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Bring a trial friction force back onto the friction cone ([M] eq. (11)).
+
+    Parameters
+    ----------
+    trial : ndarray, shape (m, d-1)
+        Elastic predictor ``tau_n + G (s - s_n)`` [force].
+    limit : ndarray, shape (m,)
+        Friction bound [force].
+
+    Returns
+    -------
+    tangential : ndarray, shape (m, d-1)
+        `trial` where it is admissible, else its projection onto the circle of radius `limit`.
+    slips : ndarray of bool, shape (m,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> return_map(np.array([[3.0, 4.0], [0.3, 0.4]]), np.array([1.0, 1.0]))
+    (array([[0.6, 0.8],
+           [0.3, 0.4]]), array([ True, False]))
+    """
+    size = np.linalg.norm(trial, axis=1)
+    slips = size > limit
+    factor = np.where(slips, limit / np.where(slips, size, 1.0), 1.0)
+    return trial * factor[:, None], slips
+
+
+def tangential_element(G: float, tangent: Array, weights: Array) -> Array:
+    r"""The tangential contact element ``K_t = G v v'``, ``v = [t, -N_1 t, -N_2 t, ...]``.
+
+    Parameters
+    ----------
+    G : float
+        Tangential stiffness [force/length].
+    tangent : ndarray, shape (d,)
+        Unit tangent.
+    weights : ndarray, shape (k,)
+        Shape functions of the primary facet at the projection.
+
+    Returns
+    -------
+    ndarray, shape (d (1 + k), d (1 + k))
+        Symmetric, of rank one; over the DOFs of the secondary node and then of the primary nodes.
+
+    Notes
+    -----
+    The second derivative of the energy ``G s^2 / 2`` of [M] eq. (6). The printed 6 x 6 matrix has
+    its diagonal factor on the wrong side and is not symmetric; this is the one that the energy
+    gives. The weights sum to one, so a common translation costs nothing.
+
+    Examples
+    --------
+    A secondary node over the middle of a horizontal facet:
+
+    >>> import numpy as np
+    >>> K_t = tangential_element(4.0, np.array([1.0, 0.0]), np.array([0.5, 0.5]))
+    >>> K_t[0]
+    array([ 4.,  0., -2.,  0., -2.,  0.])
+    >>> np.allclose(K_t @ np.tile([1.0, 0.0], 3), 0.0)
+    True
+    """
+    v = np.kron(np.concatenate([[1.0], -np.asarray(weights, dtype=float)]), tangent)
+    return G * np.outer(v, v)
+
+
+def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:
+    """Sum of the tangential elements of all points, ``B_t' diag(G) B_t``.
+
+    Parameters
+    ----------
+    B_t : sparse matrix, shape (m (d-1), n)
+    spring : ndarray, shape (m, d-1, d-1)
+        Tangential stiffness of each point; zero where there is none [force/length].
+    """
+    if spring.shape[1] == 1:
+        G = diags(spring[:, 0, 0])
+    else:
+        G = block_diag(list(spring), format="csr")
+    return csr_matrix(B_t.T @ (G @ B_t))

@@ -1,0 +1,297 @@
+r"""`Kinematics`: gap and slip as linear functions of the displacements.
+
+Every discretisation (node-to-segment, mortar, rigid obstacle) arrives here as a `Pairing`; from
+here on there are only the two sparse operators of
+
+    gap   g = gap0 + B_n u      > 0 open, = 0 closed
+    slip  s =        B_t u      secondary minus primary
+
+with the frame of each point: ``normal`` (outward of the primary) and ``d - 1`` tangents.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_matrix, diags, vstack
+
+from skfem_contact.body import Body, System
+from skfem_contact.contact import Contact, field_values
+from skfem_contact.errors import InputError
+from skfem_contact.mortar import dual_mortar
+from skfem_contact.obstacle import Obstacle
+from skfem_contact.pairing import Pairing, node_to_segment
+from skfem_contact.surface import ContactSurface
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Kinematics:
+    """Gap and slip operators of m contact points over n DOFs.
+
+    Attributes
+    ----------
+    B_n : csr_matrix, shape (m, n)
+        Normal rows; empty where a point is not paired.
+    B_t : csr_matrix, shape (m (d-1), n)
+        Tangential rows, point by point.
+    gap0 : ndarray, shape (m,)
+        Initial gap [length]; ``inf`` where a point is not paired.
+    area : ndarray, shape (m,)
+        Tributary area [area].
+    points, normal : ndarray, shape (m, d)
+    tangent : ndarray, shape (m, d-1, d)
+    paired, tied : ndarray of bool, shape (m,)
+    """
+
+    B_n: csr_matrix
+    B_t: csr_matrix
+    gap0: Array
+    area: Array
+    points: Array
+    normal: Array
+    tangent: Array
+    paired: NDArray[np.bool_]
+    tied: NDArray[np.bool_]
+
+    @property
+    def m(self) -> int:
+        """Number of contact points."""
+        return len(self.gap0)
+
+    @property
+    def tangents(self) -> int:
+        """Tangents per point, d - 1 (0 for scalar problems)."""
+        return self.B_t.shape[0] // max(self.m, 1)
+
+
+def pair(contact: Contact, *, moved: Sequence[Array] = (), motion: object = None) -> Pairing:
+    """Find the partner of every point of the secondary surface.
+
+    Parameters
+    ----------
+    contact : Contact
+    moved : pair of ndarray, optional
+        Displacements of the secondary and the primary body, for the deformed geometry [length].
+    motion : optional
+        Motion of a rigid obstacle: translation (d,), or (translation, angle, centre).
+    """
+    secondary, primary = contact.secondary, contact.primary
+    if len(moved):
+        secondary = secondary.moved(moved[0])
+    if isinstance(primary, Obstacle):
+        return primary.pair(secondary, motion=motion)
+    if len(moved):
+        primary = primary.moved(moved[1])
+    search = dual_mortar if contact.method == "mortar" else node_to_segment
+    return search(secondary, primary, reach=contact.reach)
+
+
+def initial_gap(contact: Contact, pairing: Pairing, interference: object = None) -> Array:
+    """``gap0`` of every point: geometry or as given, adjusted, less the interference."""
+    gap = np.array(pairing.gap)
+    if contact.gap is not None:
+        given = field_values(contact.gap, pairing.points, f"gap of contact {contact.label}")
+        gap = np.where(pairing.paired, given, np.inf)
+    if contact.tied and contact.gap is None:
+        gap = np.where(pairing.paired, 0.0, np.inf)  # glued as meshed
+    gap = np.where(np.abs(gap) <= contact.adjust, 0.0, gap)
+    delta = contact.interference if interference is None else interference
+    return gap - field_values(delta, pairing.points, f"interference of contact {contact.label}")  # type: ignore[arg-type]
+
+
+def kinematics(
+    system: System, contact: Contact, pairing: Pairing, interference: object = None
+) -> Kinematics:
+    """Gap and slip operators of one contact over the DOFs of all bodies.
+
+    Parameters
+    ----------
+    system : System
+    contact : Contact
+    pairing : Pairing
+    interference : optional
+        In place of the contact's own.
+    """
+    secondary = contact.secondary
+    scalar = secondary.dofs.shape[1] == 1
+    frame = np.concatenate([pairing.normal[:, None, :], pairing.tangent], axis=1)
+    if scalar:  # a field with one component: the row of the value itself, no direction
+        frame = np.ones((len(pairing.gap), 1, 1))
+    weights = [(pairing.secondary_weights, secondary, 1.0)]
+    if isinstance(contact.primary, ContactSurface):
+        weights.append((pairing.primary_weights, contact.primary, -1.0))
+    rows = [
+        sum(
+            sign * _spread(system, surface, W, frame[:, k], pairing.paired)
+            for W, surface, sign in weights
+        )
+        for k in range(frame.shape[1])
+    ]
+    m, n = len(pairing.gap), system.n
+    B_t = _interleave(rows[1:]) if len(rows) > 1 else csr_matrix((0, n))
+    return Kinematics(
+        B_n=csr_matrix(rows[0]),
+        B_t=B_t,
+        gap0=initial_gap(contact, pairing, interference),
+        area=np.array(pairing.area),
+        points=pairing.points,
+        normal=pairing.normal,
+        tangent=pairing.tangent,
+        paired=np.array(pairing.paired),
+        tied=np.full(m, contact.tied),
+    )
+
+
+def join(parts: Sequence[Kinematics]) -> Kinematics:
+    """All contacts in one numbering of points, in the order given."""
+    if not parts:
+        raise InputError("There is no contact: give at least one Contact.")
+    stacked = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("gap0", "area", "points", "normal", "tangent", "paired", "tied")
+    }
+    return Kinematics(
+        B_n=csr_matrix(vstack([part.B_n for part in parts])),
+        B_t=csr_matrix(vstack([part.B_t for part in parts])),
+        **stacked,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintRows:
+    """Rows ``C u = b`` with the names of their points; what `condense` takes.
+
+    Attributes
+    ----------
+    C : csr_matrix, shape (k, n)
+    b : ndarray, shape (k,)
+    prefer : ndarray of bool, shape (n,)
+        DOFs of the secondary surfaces: the first choice as pivots.
+    labels : tuple of str
+    scale : float
+        Size of the bodies: gaps below its round-off are zero [length].
+    """
+
+    C: csr_matrix
+    b: Array
+    prefer: NDArray[np.bool_]
+    labels: tuple[str, ...]
+    scale: float = 0.0
+
+
+def contact_rows(
+    system: System, contacts: Sequence[Contact] | Contact, closed: ArrayLike | None = None
+) -> ConstraintRows:
+    """The rows that hold the closed points together, for use without a contact solver.
+
+    Parameters
+    ----------
+    system : System
+        From `stack`.
+    contacts : sequence of Contact
+        A tied contact gives a row per component, any other its normal rows.
+    closed : ndarray of bool, shape (m,), optional
+        Points to hold, over all contacts; by default all that have a partner.
+
+    Returns
+    -------
+    ConstraintRows
+        For `condense`: ``skfem.solve(*condense(system.K, system.f, rows, D=system.D))``.
+
+    Examples
+    --------
+    Two unit squares, one upon the other and glued, pulled at the top:
+
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> e = fem.ElementVector(fem.ElementQuad1())
+    >>> low = fem.MeshQuad().refined(1).with_defaults()
+    >>> top = fem.MeshQuad().refined(2).translated((0, 1)).with_defaults()
+    >>> a = sc.Body(fem.Basis(low, e), linear_elasticity(0, 0.5), D="bottom")
+    >>> b = sc.Body(fem.Basis(top, e), linear_elasticity(0, 0.5), D="top",
+    ...             x=fem.Basis(top, e).project(lambda x: [0 * x[0], 0.1 + 0 * x[0]]))
+    >>> system = sc.stack([a, b])
+    >>> tie = sc.Contact(b.surface("bottom"), a.surface("top"), tied=True)
+    >>> rows = sc.contact_rows(system, tie)
+    >>> u = fem.solve(*sc.condense(system.K, system.f, rows, D=system.D, x=system.x))
+    >>> bool(abs(u[a.surface("top").dofs[:, 1]] - 0.05).max() < 1e-12)
+    True
+    """
+    contacts = [contacts] if isinstance(contacts, Contact) else list(contacts)
+    parts = [kinematics(system, contact, pair(contact)) for contact in contacts]
+    kin = join(parts)
+    held = kin.paired if closed is None else kin.paired & np.asarray(closed, dtype=bool)
+    tangential = np.repeat(held & kin.tied, kin.tangents)
+    names = np.concatenate([point_labels(c, p.m) for c, p in zip(contacts, parts, strict=True)])
+    return ConstraintRows(
+        C=csr_matrix(vstack([kin.B_n[held], kin.B_t[tangential]])),
+        b=np.concatenate([-kin.gap0[held], np.zeros(tangential.sum())]),
+        prefer=secondary_dofs(system, contacts),
+        labels=(*names[held], *np.repeat(names, kin.tangents)[tangential]),
+        scale=system.extent,
+    )
+
+
+def point_labels(contact: Contact, m: int) -> NDArray[np.object_]:
+    """The points of a contact in words."""
+    return np.array([f"point {i} of {contact.label}" for i in range(m)], dtype=object)
+
+
+def secondary_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.bool_]:
+    """Mask of the DOFs on the secondary surfaces, shape (n,)."""
+    mask = np.zeros(system.n, dtype=bool)
+    for contact in contacts:
+        surface = contact.secondary
+        mask[system.offsets[system.index(surface.body)] + surface.dofs] = True
+    return mask
+
+
+def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
+    """The same rows restricted to some DOFs."""
+    return replace(
+        kin, B_n=csr_matrix(kin.B_n.tocsc()[:, columns]), B_t=csr_matrix(kin.B_t.tocsc()[:, columns])
+    )
+
+
+def _spread(
+    system: System, surface: ContactSurface, W: csr_matrix, direction: Array, paired: NDArray[np.bool_]
+) -> csr_matrix:
+    """Rows ``direction . (W u_surface)`` over all DOFs, zero where a point is not paired."""
+    body: Body = surface.body
+    offset = system.offsets[system.index(body)]
+    W = csr_matrix(W).tocoo()
+    keep = paired[W.row]
+    row, node, value = W.row[keep], W.col[keep], W.data[keep]
+    c = surface.dofs.shape[1]
+    data = (value[:, None] * direction[row]).ravel()
+    columns = (offset + surface.dofs[node]).ravel()
+    shape = (len(paired), system.n)
+    spread = csr_matrix((data, (np.repeat(row, c), columns)), shape=shape)
+    spread.sum_duplicates()
+    spread.eliminate_zeros()
+    return spread
+
+
+def _interleave(blocks: Sequence[csr_matrix]) -> csr_matrix:
+    """Rows of several tangents in the order point by point."""
+    if len(blocks) == 1:
+        return csr_matrix(blocks[0])
+    m, k = blocks[0].shape[0], len(blocks)
+    order = np.arange(m * k).reshape(k, m).T.ravel()
+    return csr_matrix(vstack(blocks).tocsr()[order])
+
+
+def compliance_scale(B: csr_matrix, diagonal: Array) -> Array:
+    """Stiffness of each row as seen by K's diagonal, ``1 / sum(B_ij^2 / K_jj)`` [force/length].
+
+    The softer side decides, so that one multiple of it suits any pair of bodies.
+    """
+    inverse = np.where(diagonal > 0, 1.0 / np.where(diagonal > 0, diagonal, 1.0), 0.0)
+    total = np.asarray((B.multiply(B) @ diags(inverse)).sum(axis=1)).ravel()
+    return np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)

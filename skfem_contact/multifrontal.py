@@ -1,0 +1,422 @@
+"""Multifrontal Cholesky factorisation that leaves a Schur complement on chosen DOFs.
+
+A body enters a contact problem through its contact DOFs alone. Eliminating the other DOFs from
+the stiffness leaves ``S = K_kk - K_ki K_ii^-1 K_ik`` on the DOFs kept, and the elimination that
+produces S is the one that a solution of the whole system needs anyhow.
+
+The elimination follows the tree of a nested dissection. Every box of the tree gathers its
+equations and what its children left over in a dense matrix, its front,
+
+    [F11  F21']     F11: the DOFs eliminated here, the pivots,
+    [F21  F22 ]     F22: DOFs further up the tree that they are coupled with, the border,
+
+takes the factors ``L11 L11' = F11`` and ``L21 = F21 L11^-T`` and leaves ``F22 - L21 L21'`` to its
+parent. So all arithmetic is dense and done by LAPACK [1]_.
+
+The fronts are stored by columns, as LAPACK has them, and so appear transposed: ``F21`` below is
+an array of shape (pivots, border).
+
+References
+----------
+.. [1] J. W. H. Liu, The multifrontal method for sparse matrix solution: theory and practice,
+   SIAM Review 34 (1992) 82-109.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.lapack import dpotrf
+
+from skfem_contact.errors import InputError
+from skfem_contact.fronts import Fronts, analyse, lower_entries
+
+LEAF = 120  # DOFs: below, the calls cost more than the arithmetic; above, the fill-in
+# A pivot divided by its diagonal entry: 0.1 in a body that is well held, 1e-9 in a cantilever of
+# 1000 elements, round-off where a rigid motion is free: up to 1e-12, as it grows with the mesh.
+# So suspicious pivots are followed by an estimate of the smallest eigenvalue of K scaled to a unit
+# diagonal. That is below 1e-16 for a rigid motion, and 1e-12 for the same cantilever.
+LOST, SUSPICIOUS, NEGLIGIBLE = 1e-13, 1e-8, 1e-15
+
+
+class NotPositiveDefinite(np.linalg.LinAlgError):
+    """A pivot is negative or lost in round-off.
+
+    Attributes
+    ----------
+    dof : int
+        The DOF without stiffness, in the numbering of the matrix.
+    point : ndarray, shape (d,)
+        Its position [length].
+    ratio : float
+        Stiffness left divided by the diagonal entry of the matrix; 0 if it is not positive.
+    """
+
+    def __init__(self, dof: int, point: np.ndarray, ratio: float) -> None:
+        where = ", ".join(f"{coordinate:.6g}" for coordinate in point)
+        super().__init__(
+            f"The stiffness left at DOF {dof} at ({where}), once the others are eliminated, is "
+            f"{ratio:.1e} of its diagonal entry, that is none. Usually a rigid motion is left "
+            "free: hold the body, or keep more DOFs. Or K is not positive definite."
+        )
+        self.dof, self.point, self.ratio = int(dof), np.array(point), float(ratio)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Size of a factorisation, known before it is computed.
+
+    Attributes
+    ----------
+    n, kept, fronts, largest : int
+        DOFs in all and kept; number of fronts; order of the largest one.
+    memory, peak : int
+        What the factors and S take, and what is needed at most meanwhile [bytes].
+    flops : float
+        Multiplications and additions.
+    """
+
+    n: int
+    kept: int
+    fronts: int
+    largest: int
+    memory: int
+    peak: int
+    flops: float
+
+
+def estimate(K: Any, points: np.ndarray, keep: Any = (), *, leaf: int = LEAF) -> Estimate:
+    """Size of ``MultifrontalCholesky(K, points, keep)``, at a fraction of its cost.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import scipy.sparse as sp
+    >>> K = sp.diags_array([-np.ones(6), np.full(7, 2.0), -np.ones(6)], offsets=[-1, 0, 1])
+    >>> size = estimate(K, np.arange(7.0)[:, None], keep=[0], leaf=1)
+    >>> size.n, size.kept, size.fronts, size.largest
+    (7, 1, 8, 3)
+    """
+    fronts = analyse(*_checked(K, points, keep), leaf)
+    sizes = np.diff(fronts.start) + np.diff(fronts.first)
+    kept = int(fronts.start[-1] - fronts.start[-2])
+    return Estimate(
+        n=fronts.order.size,
+        kept=kept,
+        fronts=sizes.size,
+        largest=int(sizes.max()),
+        memory=8 * int(fronts.panel[-1]) + fronts.nbytes,
+        peak=fronts.peak,
+        flops=fronts.flops,
+    )
+
+
+class MultifrontalCholesky:
+    r"""Factorise a stiffness up to the DOFs that are kept: :math:`K_{ii} = L L'`, and S.
+
+    Parameters
+    ----------
+    K : sparse matrix, shape (n, n)
+        Symmetric; positive definite on the DOFs that are not kept [force/length]. A floating body
+        will do if the DOFs kept stop its rigid motions.
+    points : ndarray, shape (n, d)
+        Position of each DOF [length]. They guide the order of elimination; any will do.
+    keep : array of int, shape (nk,)
+        DOFs that are not eliminated, without repetition.
+    leaf : int
+        Size of the smallest boxes [DOFs].
+
+    Attributes
+    ----------
+    S : ndarray, shape (nk, nk)
+        ``K_kk - K_ki K_ii^-1 K_ik`` in the order of `keep`, symmetric [force/length].
+    keep, interior : ndarray of int, shapes (nk,) and (n - nk,)
+        The two sets of DOFs; `interior` ascending.
+    pivot_ratio : float
+        Smallest pivot divided by its diagonal entry of `K`; 1 where nothing is eliminated.
+    memory : int
+        What the factors take [bytes].
+
+    Raises
+    ------
+    NotPositiveDefinite
+        A ``numpy.linalg.LinAlgError`` that knows where.
+
+    Notes
+    -----
+    Run it with one BLAS thread: most fronts are too small to be shared.
+
+    Examples
+    --------
+    Three unit springs in a row, both ends kept: one spring of 1/3 remains.
+
+    >>> import numpy as np
+    >>> import scipy.sparse as sp
+    >>> K = sp.csr_array([[1.0, -1, 0, 0], [-1, 2, -1, 0], [0, -1, 2, -1], [0, 0, -1, 1]])
+    >>> factor = MultifrontalCholesky(K, np.arange(4.0)[:, None], keep=[0, 3])
+    >>> factor.S.round(12)
+    array([[ 0.33333333, -0.33333333],
+           [-0.33333333,  0.33333333]])
+    >>> factor.recover(np.array([0.0, 3.0])).round(12)
+    array([0., 1., 2., 3.])
+    """
+
+    def __init__(self, K: Any, points: np.ndarray, keep: Any = (), *, leaf: int = LEAF) -> None:
+        K, points, self.keep = _checked(K, points, keep)
+        self.fronts = fronts = analyse(K, points, self.keep, leaf)
+        self.interior = np.sort(fronts.order[: fronts.start[-2]])
+        self.S = np.triu(K[self.keep][:, self.keep].toarray())
+        self._data = _gather(K, fronts)
+        self._panels = _panels(self._data, fronts)
+        self._borders = np.split(fronts.border, fronts.first[1:-1])
+        diagonal = K.diagonal()
+        self._factorise(diagonal[fronts.order], points)
+        if self.pivot_ratio < SUSPICIOUS:
+            self._check_eigenvalue(diagonal, points)
+        self.S += np.triu(self.S, 1).T
+
+    @property
+    def memory(self) -> int:
+        return self._data.nbytes + self.S.nbytes + self.fronts.nbytes
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """``K^-1 b`` where nothing is kept; b of shape (n,) or (n, r) [force]."""
+        if self.keep.size:
+            raise InputError(
+                f"solve needs a factorisation of all of K, but {self.keep.size} DOFs are kept: "
+                "use solve_interior, or reduce_load, S and recover."
+            )
+        return self.recover(np.zeros((0, *np.shape(b)[1:])), b)
+
+    def solve_interior(self, rhs: np.ndarray) -> np.ndarray:
+        """``K_ii^-1 rhs`` in the order of `interior`; rhs of shape (n_i,) or (n_i, r) [force]."""
+        rhs = np.asarray(rhs, dtype=float)
+        f = np.zeros((self.fronts.order.size, *rhs.shape[1:]))
+        f[self.interior] = rhs
+        return self.recover(np.zeros((self.keep.size, *rhs.shape[1:])), f)[self.interior]
+
+    def reduce_load(self, f: np.ndarray) -> np.ndarray:
+        """``f_k - K_ki K_ii^-1 f_i``, the load that belongs to `S`.
+
+        Parameters
+        ----------
+        f : ndarray, shape (n,) or (n, r)
+            Load [force].
+
+        Returns
+        -------
+        ndarray, shape (nk,) or (nk, r)
+        """
+        f = np.asarray(f, dtype=float)
+        x = self._ordered(f)
+        self._forward(x)
+        return x[self.fronts.start[-2] :].reshape(-1, *f.shape[1:])
+
+    def recover(self, u_keep: np.ndarray, f: np.ndarray | None = None) -> np.ndarray:
+        """All displacements that belong to those of the DOFs kept: ``K_ii u_i = f_i - K_ik u_k``.
+
+        Parameters
+        ----------
+        u_keep : ndarray, shape (nk,) or (nk, r)
+            Displacement of the DOFs kept [length].
+        f : ndarray, shape (n,) or (n, r), optional
+            Load [force]; its entries on the DOFs kept do not matter. None: no load.
+
+        Returns
+        -------
+        ndarray, shape (n,) or (n, r)
+        """
+        u_keep = np.asarray(u_keep, dtype=float)
+        shape = (self.fronts.order.size, *u_keep.shape[1:])
+        if f is None:
+            x = np.zeros((shape[0], u_keep.size // max(1, len(u_keep))))
+        else:
+            x = self._ordered(np.asarray(f, dtype=float))
+            self._forward(x)
+        x[self.fronts.start[-2] :] = u_keep.reshape(len(u_keep), x.shape[1])
+        self._backward(x)
+        u = np.empty_like(x)
+        u[self.fronts.order] = x
+        return u.reshape(shape)
+
+    def _ordered(self, f: np.ndarray) -> np.ndarray:
+        """Copy of the columns of `f` in the order of elimination."""
+        return f.reshape(len(f), -1)[self.fronts.order]
+
+    def _factorise(self, diagonal: np.ndarray, points: np.ndarray) -> None:
+        fronts, panels = self.fronts, [*self._panels, (self.S, self.S[:, :0])]
+        order, start, first = fronts.order, fronts.start.tolist(), fronts.first.tolist()
+        children, runs = fronts.children, _runs(fronts)
+        left: dict[int, np.ndarray] = {}
+        ratios = np.ones(order.size)
+        for f in fronts.schedule:
+            F11, F21 = panels[f]
+            p, b = F21.shape
+            F22 = np.zeros((b, b))
+            for child in children[f]:
+                rows = fronts.target[first[child] : first[child + 1]]
+                _extend_add(F11, F21, F22, left.pop(child), rows, runs[child])
+            if f == len(panels) - 1:
+                break  # what is kept is not eliminated
+            if p:
+                _, failed = dpotrf(F11.T, lower=1, clean=0, overwrite_a=1)
+                if failed:
+                    dof = order[start[f] + failed - 1]
+                    raise NotPositiveDefinite(dof, points[dof], 0.0)
+                here = slice(start[f], start[f + 1])
+                ratios[here] = F11.diagonal() ** 2 / diagonal[here]
+            if p and b:
+                dtrsm(1.0, F11.T, F21.T, side=1, lower=1, trans_a=1, overwrite_b=1)
+                dsyrk(-1.0, F21.T, beta=1.0, c=F22.T, lower=1, overwrite_c=1)
+            left[f] = F22
+        worst = int(np.argmin(ratios)) if ratios.size else 0  # a NaN is found as well
+        self.pivot_ratio = float(ratios[worst]) if ratios.size else 1.0
+        if not self.pivot_ratio >= LOST:
+            raise NotPositiveDefinite(order[worst], points[order[worst]], self.pivot_ratio)
+
+    def _check_eigenvalue(self, diagonal: np.ndarray, points: np.ndarray) -> None:
+        smallest, dof = smallest_eigenvalue(diagonal[self.interior], self.solve_interior)
+        if not smallest >= NEGLIGIBLE:
+            dof = self.interior[dof]
+            raise NotPositiveDefinite(dof, points[dof], smallest)
+
+    def _forward(self, x: np.ndarray) -> None:
+        """Eliminate: pivots become ``L11^-1 x``, borders lose ``L21`` times that. In place."""
+        start = self.fronts.start.tolist()
+        for f, (L11, L21) in enumerate(self._panels):
+            y = x[start[f] : start[f + 1]]
+            if y.size:
+                y[:] = dtrsm(1.0, L11.T, y.T, side=1, lower=1, trans_a=1, overwrite_b=1).T
+                x[self._borders[f]] -= L21.T @ y
+
+    def _backward(self, x: np.ndarray) -> None:
+        """Substitute back: pivots become ``L11^-T (x - L21' x_border)``. In place."""
+        start = self.fronts.start.tolist()
+        for f in range(len(self._panels) - 1, -1, -1):
+            L11, L21 = self._panels[f]
+            y = x[start[f] : start[f + 1]]
+            if y.size:
+                y -= L21 @ x[self._borders[f]]
+                y[:] = dtrsm(1.0, L11.T, y.T, side=1, lower=1, overwrite_b=1).T
+
+
+def smallest_eigenvalue(
+    scale: np.ndarray, solve: Callable[[np.ndarray], np.ndarray]
+) -> tuple[float, int]:
+    """Estimate for a matrix scaled symmetrically to a unit diagonal, by inverse iteration.
+
+    Parameters
+    ----------
+    scale : ndarray, shape (n,)
+        Diagonal of the matrix.
+    solve : callable
+        Product of its inverse with a vector.
+
+    Returns
+    -------
+    smallest : float
+    dof : int
+        Where the eigenvector is largest.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> smallest_eigenvalue(np.array([4.0, 9.0]), lambda b: b / np.array([4.0, 9e-6]))
+    (1e-06, 1)
+    """
+    size = np.sqrt(scale)
+    vector = np.random.default_rng(0).standard_normal(size.size)
+    for _ in range(2):
+        vector /= np.linalg.norm(vector)
+        vector = size * solve(size * vector)
+    return float(1.0 / np.linalg.norm(vector)), int(np.argmax(np.abs(vector)))
+
+
+def _checked(K: Any, points: np.ndarray, keep: Any) -> tuple[Any, np.ndarray, np.ndarray]:
+    K = K.tocsr()
+    if not K.has_canonical_format:
+        K = K.copy()
+        K.sum_duplicates()
+    points, keep = np.asarray(points, dtype=float), np.asarray(keep, dtype=np.int64).ravel()
+    n = K.shape[0]
+    if K.shape != (n, n) or points.ndim != 2 or len(points) != n:
+        raise InputError(
+            f"K of shape {K.shape} and points of shape {points.shape} do not belong together: "
+            "needed are (n, n) and (n, d), a position for each DOF."
+        )
+    if keep.size and (keep.min() < 0 or keep.max() >= n or np.unique(keep).size < keep.size):
+        raise InputError(f"keep must name DOFs from 0 to {n - 1}, each once.")
+    return K, points, keep
+
+
+def _gather(K: Any, fronts: Fronts) -> np.ndarray:
+    """Storage for all factors, with the entries of `K` in their places."""
+    lower, i, j = lower_entries(K, fronts.position, fronts.start[-2])
+    front = np.repeat(np.arange(fronts.parent.size), np.diff(fronts.start))[j]
+    pivots = np.diff(fronts.start)[front]
+    row, column = i - fronts.start[front], j - fronts.start[front]
+    place = fronts.panel[front] + column * pivots + row
+    far = row >= pivots
+    f = front[far]
+    at = np.searchsorted(fronts.keys, f * fronts.order.size + i[far]) - fronts.first[f]
+    columns = pivots[far] ** 2 + column[far] * np.diff(fronts.first)[f]
+    place[far] = fronts.panel[f] + columns + at
+    data = np.zeros(fronts.panel[-2])
+    data[place] = K.data[lower]
+    return data
+
+
+def _panels(data: np.ndarray, fronts: Fronts) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Views of ``F11`` and ``F21``, transposed, in the storage of all factors."""
+    begin = fronts.panel.tolist()
+    sizes = zip(np.diff(fronts.start).tolist(), np.diff(fronts.first).tolist(), strict=True)
+    return [
+        (data[o : o + p * p].reshape(p, p), data[o + p * p : o + p * (p + b)].reshape(p, b))
+        for o, (p, b) in zip(begin[:-2], sizes, strict=False)  # without what is kept
+    ]
+
+
+def _runs(fronts: Fronts) -> list[np.ndarray]:
+    """For each front, where its border stops being consecutive in the parent; begin and end too.
+
+    Also where it passes from the pivots of the parent to its border.
+    """
+    size, pivots = np.diff(fronts.first), np.diff(fronts.start)
+    begins = np.ones(fronts.target.size, dtype=bool)
+    begins[1:] = np.diff(fronts.target) != 1
+    begins[fronts.first[:-1][size > 0]] = True
+    begins |= fronts.target == np.repeat(np.append(pivots, 0)[fronts.parent], size)
+    cuts = np.flatnonzero(begins)
+    owner = np.repeat(np.arange(size.size), size)[cuts]
+    local = cuts - fronts.first[owner]
+    runs = np.split(local, np.searchsorted(owner, np.arange(1, size.size)))
+    return [np.append(run, end) for run, end in zip(runs, size, strict=True)]
+
+
+def _extend_add(
+    F11: np.ndarray, F21: np.ndarray, F22: np.ndarray, C: np.ndarray, rows: np.ndarray, cuts: Any
+) -> None:
+    """Add what a child left over; only the lower triangles count (here: upper, transposed)."""
+    p = len(F11)
+    if 12 * len(cuts) > len(rows):  # scattered: one by one
+        k = int(rows.searchsorted(p))
+        near, far = rows[:k], rows[k:] - p
+        F11[near[:, None], near] += C[:k, :k]
+        F21[near[:, None], far] += C[:k, k:]
+        F22[far[:, None], far] += C[k:, k:]
+        return
+    begin = rows[cuts[:-1]].tolist()
+    cuts = cuts.tolist()
+    pieces = list(zip(cuts[:-1], cuts[1:], begin, strict=True))
+    for number, (a, b, i) in enumerate(pieces):
+        for c, d, j in pieces[number:]:
+            if j < p:
+                F11[i : i + b - a, j : j + d - c] += C[a:b, c:d]
+            elif i < p:
+                F21[i : i + b - a, j - p : j - p + d - c] += C[a:b, c:d]
+            else:
+                F22[i - p : i - p + b - a, j - p : j - p + d - c] += C[a:b, c:d]

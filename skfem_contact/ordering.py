@@ -1,0 +1,201 @@
+"""Nested dissection: an elimination order from the positions of the DOFs.
+
+A box of nodes is halved across its longest side. The nodes of one half that touch the other half
+are the separator: eliminated after both halves, they keep the fill-in within the halves. Halving
+on gives a binary tree of boxes, each of which owns its separator; a box of few nodes, a leaf,
+owns all of them. Positions only guide the cut, separators are read from the pattern of the matrix,
+so that any mesh, element and order of approximation will do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Dissection:
+    """Tree of boxes, numbered so that children come before their parents, level by level.
+
+    Attributes
+    ----------
+    owner : ndarray of int, shape (n,)
+        The box that eliminates each DOF.
+    parent : ndarray of int, shape (nb,)
+        Parent of each box; `nb` for the last box, the top of the tree.
+    levels : ndarray of int, shape (nl + 1,)
+        Boxes ``levels[k]`` to ``levels[k + 1]`` are equally deep; the deepest come first.
+    along : ndarray, shape (n,)
+        Where each DOF lies along the longest side of what its box owns, from 0 to 1.
+    """
+
+    owner: np.ndarray
+    parent: np.ndarray
+    levels: np.ndarray
+    along: np.ndarray
+
+
+def dissect(A: Any, points: np.ndarray, leaf: int) -> Dissection:
+    """Divide the DOFs of a matrix by nested dissection.
+
+    Parameters
+    ----------
+    A : sparse matrix, shape (n, n)
+        Only the pattern counts, made symmetric.
+    points : ndarray, shape (n, d)
+        Position of each DOF [length]. DOFs at one point stay together.
+    leaf : int
+        Boxes of at most so many DOFs are not divided further.
+
+    Returns
+    -------
+    Dissection
+
+    Examples
+    --------
+    Seven DOFs in a row: the middle one separates the others, which are halved once more.
+
+    >>> import numpy as np
+    >>> import scipy.sparse as sp
+    >>> A = sp.diags_array([np.ones(6), np.ones(6)], offsets=[-1, 1])
+    >>> tree = dissect(A, np.arange(7.0)[:, None], leaf=1)
+    >>> tree.owner.tolist(), tree.parent.tolist()
+    ([3, 5, 2, 6, 1, 4, 0], [4, 4, 5, 5, 6, 6, 7])
+    """
+    node, centres = _nodes(points)
+    count = len(centres)
+    a, b = _edges(A, node, count)
+    limit = max(1, leaf * count // max(1, node.size))
+    nodes, box = np.arange(count), np.zeros(count, dtype=np.int64)  # sorted by box throughout
+    owner = np.zeros(count, dtype=np.int64)  # here the boxes are numbered from the top
+    parents, first = [np.array([-1])], 0
+    label = np.empty(count, dtype=np.int64)  # the half in which a node lies; -1: has an owner
+    while nodes.size:
+        owner[nodes] = first + box  # final for the leaves and the separators of this level
+        divided = (np.bincount(box, minlength=len(parents[-1])) > limit)[box]
+        label[nodes] = -1
+        nodes, box = nodes[divided], box[divided]
+        if not nodes.size:
+            break
+        nodes, half = _halves(nodes, box, centres)
+        label[nodes] = half
+        a, b = _both(a, b, (label[a] >= 0) & (label[b] >= 0))
+        label[_separators(a, b, label, 2 * len(parents[-1]))] = -1
+        a, b = _both(a, b, (label[a] == label[b]) & (label[a] >= 0))
+        nodes = nodes[label[nodes] >= 0]
+        start, box = _groups(label[nodes])
+        parents.append(first + label[nodes[start]] // 2)
+        first += len(parents[-2])
+    return _from_below(owner, parents, node, centres)
+
+
+def dissection_order(A: Any, points: np.ndarray, leaf: int = 60) -> np.ndarray:
+    """Elimination order by nested dissection, for a sparse factorisation of ``A[p][:, p]``.
+
+    Parameters are those of `dissect`; the order is returned as ndarray of int, shape (n,).
+    """
+    tree = dissect(A, points, leaf)
+    return np.lexsort((tree.along, tree.owner))
+
+
+def distinct(x: np.ndarray) -> np.ndarray:
+    """The distinct values of `x` in ascending order; twice as fast as ``np.unique`` on keys."""
+    x = np.sort(x)
+    return x[_changes(x)]
+
+
+def _changes(x: np.ndarray) -> np.ndarray:
+    """Mark what differs from the entry before it."""
+    return np.append(np.ones(min(1, x.size), dtype=bool), x[1:] != x[:-1])
+
+
+def _groups(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First entry of each run of equal values, and the number of its run for each entry."""
+    change = _changes(x)
+    return np.flatnonzero(change), np.cumsum(change) - 1
+
+
+def _both(a: np.ndarray, b: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return a[mask], b[mask]
+
+
+def _nodes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Node of each DOF and position of each node; a node is the DOFs at one point."""
+    # One number per point sorts faster than its coordinates. Should two points share a number,
+    # they are treated as one node: a slightly worse cut, never a wrong one.
+    number = np.zeros(len(points))
+    for axis, x in enumerate(points.T):
+        number += np.sqrt(axis + 2.0) * x
+    _, first, node = np.unique(number, return_index=True, return_inverse=True)
+    return node, points[first]
+
+
+def _edges(A: Any, node: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of nodes that the matrix couples, each once."""
+    A = A.tocsr()
+    i, j = node[np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))], node[A.indices]
+    key = (np.minimum(i, j) * count + np.maximum(i, j))[i != j]
+    key = distinct(key[_changes(key)])  # the DOFs of a node are mostly neighbours: less to sort
+    return key // max(1, count), key % max(1, count)
+
+
+def _halves(
+    nodes: np.ndarray, box: np.ndarray, centres: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sort the nodes of each box along its longest side and cut in the middle.
+
+    Returns the nodes in their new order and the half ``2 * box + (0 or 1)`` of each. Nodes that
+    are level with the middle stay together: on structured meshes that makes a straight cut.
+    """
+    start, local = _groups(box)
+    size = np.diff(np.append(start, nodes.size))
+    t = _along(centres[nodes], start, local)
+    order = np.argsort(2 * local + t)
+    t = t[order]
+    middle = t[start + size // 2][local]
+    below = np.add.reduceat((t < middle).astype(np.int64), start)
+    upto = np.add.reduceat((t <= middle).astype(np.int64), start)
+    cut = np.where(2 * upto - size <= size - 2 * below, upto, below)
+    cut = np.where((cut == 0) | (cut == size), size // 2, cut)
+    upper = np.arange(nodes.size) - start[local] >= cut[local]
+    return nodes[order], 2 * box + upper
+
+
+def _along(x: np.ndarray, start: np.ndarray, local: np.ndarray) -> np.ndarray:
+    """Position from 0 to 1 along the longest side of each group of consecutive points."""
+    low, high = np.minimum.reduceat(x, start), np.maximum.reduceat(x, start)
+    axis, row = np.argmax(high - low, axis=1), np.arange(start.size)
+    low, side = low[row, axis], (high - low)[row, axis]
+    side[side == 0.0] = 1.0
+    return (x[np.arange(len(x)), axis[local]] - low[local]) / side[local]
+
+
+def _separators(a: np.ndarray, b: np.ndarray, label: np.ndarray, halves: int) -> np.ndarray:
+    """Nodes of one half with a neighbour in the other half, from whichever half has fewer."""
+    cross = label[a] != label[b]
+    mark = np.zeros(label.size, dtype=bool)
+    mark[a[cross]] = mark[b[cross]] = True
+    touched = np.flatnonzero(mark)
+    half = label[touched]
+    number = np.bincount(half, minlength=halves).reshape(-1, 2)
+    return touched[half % 2 == (number[:, 1] < number[:, 0])[half // 2]]
+
+
+def _from_below(
+    owner: np.ndarray, parents: list[np.ndarray], node: np.ndarray, centres: np.ndarray
+) -> Dissection:
+    """Number the boxes from the deepest level up, and place the nodes along their separators."""
+    parent = np.concatenate(parents)
+    owner = parent.size - 1 - owner
+    along = np.zeros(owner.size)
+    if owner.size:
+        order = np.argsort(owner)
+        along[order] = _along(centres[order], *_groups(owner[order]))
+    return Dissection(
+        owner=owner[node],
+        parent=(parent.size - 1 - parent)[::-1],
+        levels=np.cumsum([0] + [len(level) for level in parents[::-1]]),
+        along=along[node],
+    )

@@ -1,0 +1,174 @@
+"""The printed reports: `print(result)`, and `print(solver)` as a dry run before anything is solved."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skfem_contact.body import Body
+from skfem_contact.condensation import Condensed
+from skfem_contact.pairing import diagnose
+from skfem_contact.spaces import PointSpace
+from skfem_contact.surface import ContactSurface
+
+if TYPE_CHECKING:
+    from skfem_contact.contact import Contact
+    from skfem_contact.result import ContactResult, ContactValues
+    from skfem_contact.solver import ContactSolver
+
+STATUS = ("open", "stick", "slip")
+
+
+def report(result: ContactResult) -> str:
+    """The report of a result: what touches, what slips, what force flows, and how well it is known."""
+    lines = [f"Contact result: {result.message}"]
+    if result.factor is not None:
+        lines[0] += f" (load factor {result.factor:g})"
+    for values in result.values:
+        lines += ["", *_contact_lines(result, values)]
+    lines += ["", "Certificate (dimensionless; round-off where everything holds)"]
+    certificate = result.certificate
+    lines += str(certificate).splitlines()
+    seconds = ", ".join(f"{k} {v:.3g} s" for k, v in result.timings.items())
+    lines += ["", f"{result.iterations} iterations; {seconds}"]
+    return "\n".join(lines)
+
+
+def _contact_lines(result: ContactResult, values: ContactValues) -> list[str]:
+    contact = result.contacts[result.names.index(values.name)]
+    count = [int(np.sum(values.status == k)) for k in range(3)]
+    lines = [f"{values.name}: {contact.label}"]
+    if contact.tied:
+        lines.append(f"  {count[1]} points tied, {count[0]} without partner")
+    elif contact.friction is None:
+        lines.append(f"  frictionless: {count[1] + count[2]} points closed, {count[0]} open")
+    else:
+        lines.append(f"  {type(contact.friction).__name__}: " + _counts(count))
+    lines.append(f"  force on the secondary   {_vector(values.force)}")
+    lines.append(f"  contact area             {values.contact_area:.6g}")
+    if np.any(values.status != 0):
+        peak = int(np.argmax(values.pressure))
+        lines.append(
+            f"  largest pressure         {values.pressure[peak]:.6g} at {_vector(values.points[peak])}"
+        )
+    if contact.friction is not None:
+        size = np.linalg.norm(values.tangential_force, axis=1)
+        lines.append(f"  largest slip             {np.max(np.abs(values.slip), initial=0.0):.6g}")
+        lines.append(
+            f"  friction force / normal  {_share(size.sum(), values.normal_force.sum())}"
+        )
+        lines.append(
+            f"  energy lost by friction  {values.dissipation:.6g} in this step, "
+            f"{values.dissipation_total:.6g} in all"
+        )
+    open_gaps = values.gap[(values.status == 0) & np.isfinite(values.gap)]
+    if len(open_gaps):
+        lines.append(f"  smallest open gap        {open_gaps.min():.6g}")
+    return lines
+
+
+def _counts(count: list[int]) -> str:
+    return ", ".join(f"{n} {name}" for n, name in zip(count, STATUS, strict=True))
+
+
+def _vector(v: np.ndarray) -> str:
+    return "(" + ", ".join(f"{x:.6g}" for x in v) + ")"
+
+
+def _share(part: float, whole: float) -> str:
+    return f"{part / whole:.4f}" if whole > 0 else "-"
+
+
+def dry_run(solver: ContactSolver) -> str:
+    """What a solver models and what it leaves out, before anything is solved."""
+    system = solver.system
+    lines = [f"Contact solver: loop '{solver.loop}', {_linear_words(solver)}", ""]
+    for body, name in zip(system.bodies, system.names, strict=True):
+        lines.append(
+            f"body {name}: {body.n} DOFs, {len(body.D)} prescribed, "
+            f"{type(body.basis.mesh).__name__}, {body.basis.mesh.nelements} elements"
+        )
+    lines.append(_free_words(solver))
+    for contact, name, pairing in zip(solver.contacts, solver.names, solver.pairings, strict=True):
+        part = solver._reader.parts[solver.names.index(name)]
+        lines += ["", f"{name}: {contact.label}"]
+        lines.append(f"  {_model_words(contact)}")
+        lines += [f"  {line}" for line in _gap_words(solver, part)]
+        lines += [f"  {line}" for line in diagnose(pairing, contact.secondary, contact.primary)]
+        lines += [f"  {line}" for line in _softer(contact)]
+    return "\n".join(lines)
+
+
+def _linear_words(solver: ContactSolver) -> str:
+    kin = solver.kin
+    points = int(kin.paired.sum())
+    rows = points + kin.tangents * int(solver._slipping.sum())
+    dofs = len(np.setdiff1d(np.union1d(kin.B_n.indices, kin.B_t.indices), solver.system.D))
+    if solver._condensed():
+        megabytes = 8e-6 * (2 * dofs**2 + 3 * rows**2)
+        return (
+            f"condensed: {solver.system.n} DOFs -> {dofs} contact DOFs -> {rows} gaps and slips "
+            f"of {points} points ({megabytes:.3g} MB for the dense matrices)"
+        )
+    return f"linear solver {solver.linear!r} on all {solver.system.n} DOFs in every iteration"
+
+
+def _free_words(solver: ContactSolver) -> str:
+    motions = solver.motions
+    if motions.k == 0:
+        return "no rigid motion is free: supports alone hold all bodies"
+    words = [motions.describe(column) for column in np.eye(motions.k)]
+    listed = "; ".join(f"{' and '.join(bodies)}: {motion}" for bodies, motion in words)
+    return f"free without contact and friction: {listed}"
+
+
+def _model_words(contact: Contact) -> str:
+    if contact.tied:
+        return f"tied ({contact.method}): gaps and slips are zero, also in tension"
+    method = "node by node" if contact.rigid else contact.method
+    law = "frictionless: nothing tangential is modelled"
+    if contact.friction is not None:
+        law = f"friction {contact.friction}"
+    return f"method {method}; {law}"
+
+
+def _gap_words(solver: ContactSolver, part: slice) -> list[str]:
+    gap = solver.kin.gap0[part][solver.kin.paired[part]]
+    total = part.stop - part.start
+    lines = [f"{len(gap)} of {total} points have a partner"]
+    if len(gap):
+        touching = int(np.sum(gap == 0.0))
+        lines.append(
+            f"initial gaps: {int(np.sum(gap > 0))} open (largest {max(gap.max(), 0.0):.6g}), "
+            f"{touching} closed, {int(np.sum(gap < 0))} overlap (deepest {max(-gap.min(), 0.0):.6g})"
+        )
+    return lines
+
+
+def _softer(contact: Contact) -> list[str]:
+    if not isinstance(contact.primary, ContactSurface):
+        return []
+    k = [_stiffness(s.body, s) for s in (contact.secondary, contact.primary)]
+    if k[0] > 3 * k[1]:
+        return [
+            f"the secondary side is {k[0] / k[1]:.3g} times stiffer than the primary (by the "
+            "diagonal of K at the surface); the softer side is the better secondary"
+        ]
+    return []
+
+
+def _stiffness(body: Body, surface: ContactSurface) -> float:
+    return float(np.median(body.K.diagonal()[surface.dofs]))
+
+
+def sizes(solver: ContactSolver) -> dict[str, float]:
+    """Unknowns and memory of the linear side, once it has been built."""
+    model = solver.model
+    out = {"dofs": float(solver.system.n), "points": float(solver.kin.paired.sum())}
+    if isinstance(model, Condensed):
+        out["contact dofs"] = float(len(model.columns))
+        if isinstance(model.space, PointSpace):
+            out["rows"] = float(len(model.space.S))
+        out["factor bytes"] = float(sum(part.memory for part in model.parts if len(part.kept)))
+    return out

@@ -1,0 +1,262 @@
+"""`ContactResult`: the answer of one load step, per contact and for all bodies, and its certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skfem_contact.body import System, suggest
+from skfem_contact.certificate import Certificate, certify
+from skfem_contact.condensation import LoadCase
+from skfem_contact.contact import Contact
+from skfem_contact.errors import InputError
+from skfem_contact.kinematics import Kinematics
+from skfem_contact.loops import State
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Record:
+    """What one iteration did: a line of the log."""
+
+    iteration: int
+    open: int
+    stick: int
+    slip: int
+    changes: int
+    residual: float
+    note: str = ""
+
+    def __str__(self) -> str:
+        return (
+            f"{self.iteration:4d}  open {self.open:5d}  stick {self.stick:5d}  slip {self.slip:5d}"
+            f"  changes {self.changes:5d}  law {self.residual:8.1e}  {self.note}".rstrip()
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ContactValues:
+    r"""The answer on the secondary surface of one contact, over all its m points.
+
+    ``traction = pressure * normal + tangential_force * tangent / area`` acts on the secondary body,
+    in global axes.
+
+    Attributes
+    ----------
+    points, normal : ndarray, shape (m, d)
+        Position on the undeformed secondary surface; unit normal from primary to secondary.
+    tangent : ndarray, shape (m, d-1, d)
+    gap : ndarray, shape (m,)
+        Positive where open; ``inf`` where a point has no partner [length].
+    slip : ndarray, shape (m, d-1)
+        Of the secondary relative to the primary, since the point closed [length].
+    status : ndarray of int, shape (m,)
+        0 open, 1 stick, 2 slip. Closed points of a frictionless contact are 2.
+    normal_force : ndarray, shape (m,)
+        Compressive force [force].
+    tangential_force : ndarray, shape (m, d-1)
+        Friction on the secondary along the tangents [force].
+    area : ndarray, shape (m,)
+        Tributary area.
+    dissipation, dissipation_total : float
+        Energy lost by friction in this step, and since the start of the history [energy].
+    """
+
+    name: str
+    points: Array
+    normal: Array
+    tangent: Array
+    gap: Array
+    slip: Array
+    status: NDArray[np.intp]
+    normal_force: Array
+    tangential_force: Array
+    area: Array
+    dissipation: float
+    dissipation_total: float
+
+    @property
+    def pressure(self) -> Array:
+        """Normal force over tributary area, not negative in compression, shape (m,) [stress]."""
+        return np.divide(
+            self.normal_force, self.area, out=np.zeros_like(self.area), where=self.area > 0
+        )
+
+    @property
+    def forces(self) -> Array:
+        """Force on the secondary at each point, in global axes, shape (m, d) [force]."""
+        along = np.einsum("ik,ikd->id", self.tangential_force, self.tangent)
+        return self.normal_force[:, None] * self.normal + along
+
+    @property
+    def traction(self) -> Array:
+        """Stress vector on the secondary, in global axes, shape (m, d) [stress]."""
+        area = np.where(self.area > 0, self.area, np.inf)[:, None]
+        return self.forces / area
+
+    @property
+    def force(self) -> Array:
+        """Resultant on the secondary body, shape (d,) [force]."""
+        return self.forces.sum(axis=0)
+
+    def moment(self, about: ArrayLike = (0.0, 0.0)) -> float | Array:
+        """Moment of the forces on the secondary about a point [force length]."""
+        arm = self.points - np.asarray(about, dtype=float)
+        F = self.forces
+        if self.points.shape[1] == 2:
+            return float(np.sum(arm[:, 0] * F[:, 1] - arm[:, 1] * F[:, 0]))
+        return np.cross(arm, F).sum(axis=0)
+
+    @property
+    def contact_area(self) -> float:
+        """Sum of the tributary areas of the closed points."""
+        return float(self.area[self.status != 0].sum())
+
+
+@dataclass(frozen=True, eq=False)
+class ContactResult:
+    """The answer of one load step.
+
+    What a contact knows (`ContactValues`: pressure, traction, slip, status, ...) is reached by
+    ``result[contact]`` or ``result["name"]``, and directly on the result when there is one contact.
+
+    Attributes
+    ----------
+    converged : bool
+    message : str
+    iterations : int
+    trace : tuple of Record
+    timings : dict
+        Seconds by stage.
+    factor : float or None
+        The number of the load step, where it was one.
+    """
+
+    system: System
+    contacts: tuple[Contact, ...]
+    names: tuple[str, ...]
+    kin: Kinematics
+    stiffness: tuple[Any, ...]
+    case: LoadCase
+    state: State
+    gap: Array = field(repr=False)
+    converged: bool
+    message: str
+    iterations: int
+    trace: tuple[Record, ...]
+    timings: dict[str, float]
+    dissipation_by_contact: Array
+    dissipation_before: Array
+    recover: Callable[[], Array] = field(repr=False)
+    factor: float | None = None
+
+    @cached_property
+    def u(self) -> Array:
+        """Displacements of all bodies, shape (n,) [length]; recovered when first asked for."""
+        return self.recover()
+
+    def displacement(self, body: Any) -> Array:
+        """Displacements of one body, by name or itself, in the numbering of its basis, shape (n_body,)."""
+        return self.u[self.system.slice(body)]
+
+    def slices(self) -> list[slice]:
+        """The points of each contact in the joint numbering."""
+        sizes = [len(c.secondary.points) for c in self.contacts]
+        stops = np.cumsum([0, *sizes])
+        return [slice(int(a), int(b)) for a, b in zip(stops[:-1], stops[1:], strict=True)]
+
+    def __getitem__(self, key: Contact | str | int) -> ContactValues:
+        return self.values[self._position(key)]
+
+    def _position(self, key: Contact | str | int) -> int:
+        if isinstance(key, str):
+            if key in self.names:
+                return self.names.index(key)
+            raise InputError(f"there is no contact {key!r}{suggest(key, self.names, 'contacts')}")
+        if isinstance(key, int):
+            return range(len(self.names))[key]
+        for i, contact in enumerate(self.contacts):
+            if contact is key:
+                return i
+        raise InputError("this contact is not one of those of the solver: pass the same object")
+
+    @cached_property
+    def values(self) -> tuple[ContactValues, ...]:
+        """The answer of every contact, in the order given."""
+        return tuple(self._values(i, part) for i, part in enumerate(self.slices()))
+
+    def _values(self, i: int, part: slice) -> ContactValues:
+        kin, state = self.kin, self.state
+        t = kin.tangents
+        slip = (state.slip - state.reference)[part]
+        contact = self.contacts[i]
+        status = state.status[part]
+        if contact.friction is None and not contact.tied and t:
+            rows = slice(part.start * t, part.stop * t)
+            slip = (kin.B_t[rows] @ self.u).reshape(-1, t) + self.case.slip0[part]
+            slip = np.where(status[:, None] != 0, slip, 0.0)
+            status = np.where(status != 0, 2, 0)
+        return ContactValues(
+            name=self.names[i],
+            points=kin.points[part],
+            normal=kin.normal[part],
+            tangent=kin.tangent[part],
+            gap=self.gap[part],
+            slip=slip,
+            status=status,
+            normal_force=state.normal_force[part],
+            tangential_force=-state.tangential_force[part],
+            area=kin.area[part],
+            dissipation=float(self.dissipation_by_contact[i]),
+            dissipation_total=float(self.dissipation_before[i] + self.dissipation_by_contact[i]),
+        )
+
+    @property
+    def dissipation(self) -> float:
+        """Energy lost by friction in this step, all contacts [energy]."""
+        return float(self.dissipation_by_contact.sum())
+
+    @property
+    def dissipation_total(self) -> float:
+        """Energy lost by friction since the start of the history, all contacts [energy]."""
+        return float(self.dissipation_before.sum() + self.dissipation_by_contact.sum())
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Dimensionless numbers measured from the answer, for all degrees of freedom."""
+        return certify(self)
+
+    def __getattr__(self, name: str) -> Any:
+        # only reached when the result itself has no such attribute
+        if name.startswith("_") or name not in FORWARDED:
+            raise AttributeError(f"ContactResult has no attribute {name!r}")
+        if len(self.names) != 1:
+            raise AttributeError(
+                f"'{name}' belongs to a contact and there are {len(self.names)} of them "
+                f"({', '.join(self.names)}): write result['{self.names[0]}'].{name}"
+            )
+        return getattr(self.values[0], name)
+
+    def __str__(self) -> str:
+        from skfem_contact.report import report  # the report is about results, and stands after them
+
+        return report(self)
+
+
+FORWARDED = frozenset(
+    (
+        "points normal tangent slip status normal_force tangential_force area pressure forces "
+        "traction force moment contact_area"
+    ).split()
+)
+
+
+def recover_all(results: Sequence[ContactResult]) -> list[Array]:
+    """Displacements of several results."""
+    return [result.u for result in results]

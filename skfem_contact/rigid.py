@@ -1,0 +1,120 @@
+"""Rigid motions that the supports leave free, and whether contact holds them.
+
+No direct solver says that a matrix is singular, so this is asked before anything is factorised:
+the rigid modes of all bodies together, less what prescribed DOFs and the stiffness itself hold,
+against the rows that contact and friction hold at the moment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.sparse import csr_matrix
+
+from skfem_contact.body import System
+from skfem_contact.kinematics import Kinematics
+
+Array = NDArray[np.float64]
+
+# A row that holds a mode of unit size resists it by a number of order one; one that does not, by
+# round-off. Everything below this counts as free: the matrix would lose more digits than it has.
+HELD = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotions:
+    """The k rigid motions left free by supports, seen from the contact points.
+
+    Attributes
+    ----------
+    modes : ndarray, shape (n, k)
+        Displacements, each mode with largest displacement one.
+    normal : ndarray, shape (m, k)
+        Change of the gap by each mode.
+    tangential : ndarray, shape (m, d-1, k)
+        Change of the slip.
+    system : System
+    """
+
+    modes: Array
+    normal: Array
+    tangential: Array
+    system: System
+
+    @property
+    def k(self) -> int:
+        """Number of free motions."""
+        return self.modes.shape[1]
+
+    def free(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_]) -> Array:
+        """Combinations of modes that closed and sticking points do not hold, shape (k, j)."""
+        if self.k == 0:
+            return np.zeros((0, 0))
+        rows = [self.normal[closed], self.tangential[stick].reshape(-1, self.k)]
+        return null_space(np.concatenate(rows))
+
+    def describe(self, combination: Array) -> tuple[tuple[str, ...], str]:
+        """The bodies that move and their motion in words."""
+        u = self.modes @ combination
+        scale = np.max(np.abs(u))
+        bodies, motions = [], []
+        for body, name, part in zip(
+            self.system.bodies, self.system.names, self._parts(u), strict=True
+        ):
+            if np.max(np.abs(part)) > 1e-6 * scale:
+                bodies.append(name)
+                motions.append(_motion_words(body.rigid_modes, body.rigid_mode_names, part))
+        same = len(set(motions)) == 1
+        words = motions[0] if same else "; ".join(map(": ".join, zip(bodies, motions, strict=True)))
+        return tuple(bodies), words
+
+    def _parts(self, u: Array) -> list[Array]:
+        offsets = self.system.offsets
+        return [u[offsets[i] : offsets[i + 1]] for i in range(len(offsets) - 1)]
+
+
+def _motion_words(modes: Array, names: tuple[str, ...], u: Array) -> str:
+    scaled = modes / np.max(np.abs(modes), axis=0)
+    share = np.abs(np.linalg.lstsq(scaled, u, rcond=None)[0])
+    return " with ".join(np.array(names)[share > 1e-3 * share.max()])
+
+
+def rigid_motions(system: System, kin: Kinematics) -> RigidMotions:
+    """Find the rigid motions that neither prescribed DOFs nor the stiffness resist."""
+    blocks = []
+    for body in system.bodies:
+        R = body.rigid_modes / np.max(np.abs(body.rigid_modes), axis=0)
+        # prescribed DOFs and springs to the ground: rows that a free motion leaves at zero
+        free = R @ null_space(np.concatenate([R[body.D], _resistance(body.K, R)]))
+        peak = np.max(np.abs(free), axis=0, initial=0.0)
+        blocks.append(free / np.where(peak > 0, peak, 1.0))
+    modes = block_diag(*blocks) if sum(b.shape[1] for b in blocks) else np.zeros((system.n, 0))
+    k, m = modes.shape[1], kin.m
+    tangential = (kin.B_t @ modes).reshape(m, kin.tangents, k)
+    return RigidMotions(modes, kin.B_n @ modes, tangential, system)
+
+
+def _resistance(K: csr_matrix, R: Array) -> Array:
+    """Unit rows for the modes that the stiffness itself resists; none for a free body.
+
+    The resistance of a rigid mode of a free body is round-off, some 1e-16 per row; how strong a
+    genuine spring is does not matter here, only that there is one.
+    """
+    scale = np.max(abs(K) @ np.abs(R), initial=0.0)
+    if scale == 0.0:
+        return np.zeros((0, R.shape[1]))
+    _, values, rows = np.linalg.svd(K @ R / scale, full_matrices=False)
+    return rows[values > 1e-14 * np.sqrt(K.shape[0])]
+
+
+def null_space(rows: Array) -> Array:
+    """Directions that all rows leave at zero, shape (k, j), orthonormal."""
+    k = rows.shape[1]
+    if rows.shape[0] == 0:
+        return np.eye(k)
+    _, values, directions = np.linalg.svd(rows, full_matrices=rows.shape[0] < k)
+    values = np.concatenate([values, np.zeros(len(directions) - len(values))])
+    return directions[values < HELD * max(1.0, np.max(values, initial=0.0))].T

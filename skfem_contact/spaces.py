@@ -1,0 +1,319 @@
+r"""The linear world seen from the contact: conditions in, gaps, slips and forces out.
+
+One nonlinear iteration asks one linear question: with these points closed, those sticking and a
+given linear friction law on the rest, what are the gaps, slips and contact forces? Three spaces
+answer it, from large and sparse to small and dense, each exactly:
+
+`SparseSpace`   all DOFs, ``K_r = T'KT`` with the rows of the closed points eliminated;
+                the same over the contact DOFs alone, with the condensed S in place of K;
+`PointSpace`    the gaps and slips themselves as unknowns: a dense matrix of m d rows, where
+                eliminating a closed point is deleting its row and column.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, lu_factor, lu_solve
+from scipy.sparse import csr_matrix, vstack
+
+from skfem_contact.constraint import AffineConstraint, eliminate
+from skfem_contact.friction import tangential_matrix
+from skfem_contact.kinematics import Kinematics
+from skfem_contact.linear import SingularMatrix
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    r"""What holds at every point during one linear solve.
+
+    A closed point has no gap. If it sticks, its slip is `anchor`; otherwise its friction force is
+    ``tau = offset + spring (s - 0) + coupling lambda``. An open point carries nothing.
+
+    Attributes
+    ----------
+    closed, stick : ndarray of bool, shape (m,)
+    anchor, offset, coupling : ndarray, shape (m, d-1)
+        [length], [force], [1]
+    spring : ndarray, shape (m, d-1, d-1)
+        [force/length]
+    """
+
+    closed: Mask
+    stick: Mask
+    anchor: Array
+    spring: Array
+    offset: Array
+    coupling: Array
+
+    def matrix_key(self) -> bytes:
+        """Equal for conditions with the same matrix, so that a factorisation can be kept."""
+        parts = (self.closed, self.stick, self.spring, self.coupling)
+        return b"".join(part.tobytes() for part in parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Gaps, slips and forces of all points, and the solution in the space's own unknowns."""
+
+    gap: Array
+    slip: Array
+    normal_force: Array
+    tangential_force: Array
+    solution: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """One load step in the unknowns of a space: forces and initial gaps and slips."""
+
+    force: Array
+    gap0: Array
+    slip0: Array
+    prescribed: Array
+
+
+class Space(Protocol):
+    """What a nonlinear loop needs to know of the bodies."""
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Solve one linear problem."""
+        ...
+
+
+@dataclass(eq=False)
+class PointSpace:
+    r"""Gaps and slips as unknowns: ``S z = h + p`` with ``p = (lambda, -tau)``.
+
+    Parameters
+    ----------
+    S : ndarray, shape (q, q)
+        Stiffness against relative displacements of the points [force/length].
+    normal_rows : ndarray of int, shape (m,)
+        Row of z that is the gap of a point; -1 where the gap can not change.
+    tangential_rows : ndarray of int, shape (m, d-1)
+        The same for the slips; -1 where a slip is not modelled (no friction) or can not change.
+    """
+
+    S: Array
+    normal_rows: NDArray[np.intp]
+    tangential_rows: NDArray[np.intp]
+    _key: bytes = field(default=b"", repr=False)
+    _factor: Any = field(default=None, repr=False)
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Solve for the gaps and slips that the conditions leave free."""
+        z = np.zeros(len(self.S))
+        held = np.zeros(len(self.S), dtype=bool)
+        closed = conditions.closed & (self.normal_rows >= 0)
+        held[self.normal_rows[closed]] = True
+        z[self.normal_rows[closed]] = -load.gap0[closed]
+        stick = conditions.stick[:, None] & (self.tangential_rows >= 0)
+        held[self.tangential_rows[stick]] = True
+        z[self.tangential_rows[stick]] = (conditions.anchor - load.slip0)[stick]
+        free = np.flatnonzero(~held)
+        slides = conditions.closed & ~conditions.stick
+        coupled = slides & np.any(conditions.coupling != 0, axis=1) & (self.normal_rows >= 0)
+
+        h = load.force
+        rhs = h[free] - self.S[free] @ z
+        where = np.full(len(self.S), -1)
+        where[free] = np.arange(len(free))
+        self._friction_rhs(conditions, load, slides, coupled, z, where, rhs)
+        key = conditions.matrix_key()
+        if key != self._key or self._factor is None:
+            self._factor = self._factorize(conditions, slides, coupled, free, where)
+            self._key = key
+        z[free] = self._factor(rhs)
+        return self._response(conditions, load, z, closed, slides)
+
+    def _friction_rhs(
+        self,
+        conditions: Conditions,
+        load: Load,
+        slides: Mask,
+        coupled: Mask,
+        z: Array,
+        where: NDArray[np.intp],
+        rhs: Array,
+    ) -> None:
+        """Add the constant part of ``-tau`` on the rows of points that slide."""
+        for k in range(self.tangential_rows.shape[1]):
+            on = slides & (self.tangential_rows[:, k] >= 0)
+            row = where[self.tangential_rows[on, k]]
+            known = np.einsum("il,il->i", conditions.spring[on, k], load.slip0[on])
+            rhs[row] -= conditions.offset[on, k] + known
+            on &= coupled
+            row, normal = where[self.tangential_rows[on, k]], self.normal_rows[on]
+            rhs[row] -= conditions.coupling[on, k] * (self.S[normal] @ z - load.force[normal])
+
+    def _factorize(
+        self,
+        conditions: Conditions,
+        slides: Mask,
+        coupled: Mask,
+        free: NDArray[np.intp],
+        where: NDArray[np.intp],
+    ) -> Any:
+        A = self.S[np.ix_(free, free)]
+        t = self.tangential_rows.shape[1]
+        for k in range(t):
+            for j in range(t):
+                on = slides & (self.tangential_rows[:, k] >= 0) & (self.tangential_rows[:, j] >= 0)
+                row, column = where[self.tangential_rows[on, k]], where[self.tangential_rows[on, j]]
+                A[row, column] += conditions.spring[on, k, j]
+            on = coupled & (self.tangential_rows[:, k] >= 0)
+            row, normal = where[self.tangential_rows[on, k]], self.normal_rows[on]
+            A[row] += conditions.coupling[on, k, None] * self.S[np.ix_(normal, free)]
+        return dense_solver(A, symmetric=not coupled.any())
+
+    def _response(
+        self, conditions: Conditions, load: Load, z: Array, closed: Mask, slides: Mask
+    ) -> Response:
+        p = self.S @ z - load.force
+        gap = load.gap0 + np.where(self.normal_rows >= 0, z[self.normal_rows], 0.0)
+        gap[closed] = 0.0
+        exists = self.tangential_rows >= 0
+        slip = load.slip0 + np.where(exists, z[self.tangential_rows], 0.0)
+        normal_force = np.where(closed, p[self.normal_rows], 0.0)
+        sticking = np.where(conditions.stick[:, None] & exists, -p[self.tangential_rows], 0.0)
+        sliding = friction_force(conditions, slip, normal_force)
+        tangential = np.where((slides[:, None]) & exists, sliding, sticking)
+        return Response(gap, slip, normal_force, tangential, z)
+
+
+def friction_force(conditions: Conditions, slip: Array, normal_force: Array) -> Array:
+    """The linear friction law of the points that do not stick exactly."""
+    elastic = np.einsum("ikl,il->ik", conditions.spring, slip)
+    return conditions.offset + elastic + conditions.coupling * normal_force[:, None]
+
+
+def dense_solver(A: Array, symmetric: bool) -> Any:
+    """Factorise a dense matrix: Cholesky where it is symmetric, LU with a pivot check elsewhere."""
+    if symmetric:
+        try:
+            factor = cho_factor(A, lower=True, check_finite=False)
+        except LinAlgError:
+            raise SingularMatrix(-1, 0.0) from None
+        return lambda b: cho_solve(factor, b, check_finite=False)
+    factor = lu_factor(A, check_finite=False)
+    pivots = np.abs(np.diag(factor[0]))
+    if len(pivots) and not pivots.min() > 1e-14 * np.abs(np.diag(A)).max():
+        raise SingularMatrix(-1, 0.0)
+    return lambda b: lu_solve(factor, b, check_finite=False)
+
+
+@dataclass(eq=False)
+class SparseSpace:
+    r"""Displacements as unknowns, ``u = T u_r + c``, ``T'KT u_r = T'(f - K c)``.
+
+    On slipping points of the loop ``newton`` the friction force follows the normal force; the test
+    functions then come from ``B_n - coupling B_t`` instead of ``B_n``: a Petrov-Galerkin elimination
+    with the same pivots, unsymmetric but as small.
+
+    Parameters
+    ----------
+    K : csr_matrix, shape (n, n)
+    kin : Kinematics
+    D : ndarray of int
+        Prescribed DOFs.
+    prefer : ndarray of bool, shape (n,)
+        DOFs of the secondary surfaces.
+    backend : object
+        ``factorize(A, ...)`` of `skfem_contact.linear`.
+    labels : sequence of str
+        Names of the m points.
+    scale : float
+        Size of the bodies: gaps below its round-off are zero [length].
+    frictional : ndarray of bool, shape (m,)
+    points : ndarray, shape (n, d), optional
+        Positions of the DOFs, for the ordering of the backend.
+    modes : ndarray, shape (n, k), optional
+        Rigid-body modes, for multigrid.
+    """
+
+    K: csr_matrix
+    kin: Kinematics
+    D: NDArray[np.intp]
+    prefer: Mask
+    backend: Any
+    labels: Any
+    scale: float
+    frictional: Mask
+    points: Array | None = None
+    modes: Array | None = None
+    _key: bytes = field(default=b"", repr=False)
+    _factor: Any = field(default=None, repr=False)
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Eliminate, reduce, solve, expand, and read the forces off the eliminated rows."""
+        kin, t = self.kin, self.kin.tangents
+        closed, stick = np.flatnonzero(conditions.closed), np.flatnonzero(conditions.stick)
+        tangential = (stick[:, None] * t + np.arange(t)).ravel()
+        C = vstack([kin.B_n[closed], kin.B_t[tangential]]).tocsr()
+        b = np.concatenate([-load.gap0[closed], (conditions.anchor - load.slip0)[stick].ravel()])
+        names = [self.labels[i] for i in closed] + [self.labels[i] for i in np.repeat(stick, t)]
+        trial = eliminate(
+            C, b, self.D, load.prescribed, prefer=self.prefer, labels=names, scale=self.scale
+        )
+        test = self._test_space(conditions, C, closed, trial)
+
+        slides = (conditions.closed & ~conditions.stick)[:, None]
+        spring = np.where(slides[:, None], conditions.spring, 0.0)
+        known = np.einsum("ikl,il->ik", spring, load.slip0)
+        offset = np.where(slides, conditions.offset, 0.0) + known
+        f = load.force - kin.B_t.T @ offset.ravel()
+        K = self.K + tangential_matrix(kin.B_t, spring) if spring.any() else self.K
+        K_r, f_r = trial.reduce(K, f, test=test)
+        key = conditions.matrix_key()
+        if key != self._key or self._factor is None:
+            self._factor = self._factorize(K_r, trial, spd=test is trial)
+            self._key = key
+        u = trial.expand(self._factor.solve(f_r))
+        p = test.multipliers(K @ u - f)
+        return self._response(conditions, load, u, p, closed, stick)
+
+    def _test_space(
+        self, conditions: Conditions, C: csr_matrix, closed: NDArray[np.intp], trial: Any
+    ) -> AffineConstraint:
+        if not conditions.coupling.any():
+            return trial  # type: ignore[no-any-return]
+        coupling = np.where((conditions.closed & ~conditions.stick)[:, None], conditions.coupling, 0.0)
+        m, t = coupling.shape
+        columns = np.arange(m * t)
+        spread = csr_matrix((coupling.ravel(), (columns // t, columns)), shape=(m, m * t))
+        rows = self.kin.B_n - spread @ self.kin.B_t
+        test = vstack([rows.tocsr()[closed], C[len(closed) :]]).tocsr()
+        return eliminate(test, np.zeros(C.shape[0]), self.D, None, prefer=self.prefer)
+
+    def _factorize(self, K_r: csr_matrix, trial: Any, spd: bool) -> Any:
+        points = None if self.points is None else self.points[trial.independent]
+        modes = None if self.modes is None else self.modes[trial.independent]
+        return self.backend.factorize(K_r, points=points, modes=modes, spd=spd)
+
+    def _response(
+        self,
+        conditions: Conditions,
+        load: Load,
+        u: Array,
+        p: Array,
+        closed: NDArray[np.intp],
+        stick: NDArray[np.intp],
+    ) -> Response:
+        kin, (m, t) = self.kin, conditions.anchor.shape
+        gap = load.gap0 + kin.B_n @ u
+        gap[closed] = 0.0
+        slip = load.slip0 + (kin.B_t @ u).reshape(m, t)
+        normal_force = np.zeros(m)
+        normal_force[closed] = p[: len(closed)]
+        tangential = np.zeros((m, t))
+        tangential[stick] = -p[len(closed) :].reshape(-1, t)
+        slides = conditions.closed & ~conditions.stick & self.frictional
+        tangential[slides] = friction_force(conditions, slip, normal_force)[slides]
+        return Response(gap, slip, normal_force, tangential, u)

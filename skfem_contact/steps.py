@@ -1,0 +1,200 @@
+"""What the user says of a load step, as a `LoadCase` over all bodies and contact points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.body import System, suggest
+from skfem_contact.condensation import LoadCase
+from skfem_contact.contact import Contact, field_values
+from skfem_contact.errors import InputError
+from skfem_contact.kinematics import Kinematics
+
+Array = NDArray[np.float64]
+KEYS = ("f", "x", "interference", "motion")
+
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """The loads in force: what a step does not name stays as the step before left it."""
+
+    f: Array
+    x: Array
+    interference: tuple[Any, ...]
+    motion: tuple[Any, ...]
+    factor: float | None = None
+
+
+class StepReader:
+    """Reads steps: a number, or a dict that replaces just what it names."""
+
+    def __init__(
+        self,
+        system: System,
+        contacts: tuple[Contact, ...],
+        names: tuple[str, ...],
+        kin: Kinematics,
+        own_f: Array,
+    ) -> None:
+        self.system, self.contacts, self.names, self.kin = system, contacts, names, kin
+        self.own_f = own_f
+        self.parts = _slices(contacts)
+
+    def initial(self) -> Settings:
+        """The bodies' own loads and the contacts' own interference."""
+        count = len(self.contacts)
+        interference = tuple(c.interference for c in self.contacts)
+        return Settings(self.own_f, self.system.x, interference, (None,) * count, 1.0)
+
+    def unloaded(self) -> LoadCase:
+        """No load, no prescribed displacement, no interference: where a history begins."""
+        n, count = self.system.n, len(self.contacts)
+        nothing = Settings(np.zeros(n), np.zeros(n), (0.0,) * count, (None,) * count)
+        return self.case(nothing)
+
+    def read(self, step: Any, before: Settings) -> Settings:
+        """The settings after a step."""
+        if isinstance(step, Mapping):
+            unknown = set(step) - set(KEYS)
+            if unknown:
+                raise InputError(
+                    f"a load step names {sorted(map(str, unknown))}; it may name {list(KEYS)}, each "
+                    "a dict by body, contact or obstacle name."
+                )
+            return Settings(
+                self.vector("f", step.get("f"), before.f, self.own_f),
+                self.vector("x", step.get("x"), before.x, self.system.x),
+                self._interference(step.get("interference"), before.interference),
+                self._motion(step.get("motion"), before.motion),
+            )
+        try:
+            factor = float(step)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"a load step is {step!r}: it has to be a number (the factor on the bodies' own f "
+                "and x) or a dict with some of the keys " + ", ".join(KEYS)
+            ) from None
+        if not np.isfinite(factor):
+            raise InputError(f"a load step is {factor}: give a finite factor.")
+        return Settings(
+            factor * self.own_f,
+            factor * self.system.x,
+            before.interference,
+            before.motion,
+            factor,
+        )
+
+    def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:
+        """A stacked vector from a dict by body name, a stacked vector, or None."""
+        if given is None:
+            return before
+        if not isinstance(given, Mapping):
+            return _checked(given, self.system.n, f"{what} of all bodies")
+        out = np.array(before)
+        for name, value in given.items():
+            part = self.system.slice(name)
+            if np.ndim(value) == 0:  # a number is a factor on the body's own
+                out[part] = _checked(value, None, f"{what} of body {name!r}") * own[part]
+            else:
+                size = part.stop - part.start
+                out[part] = _checked(value, size, f"{what} of body {name!r}")
+        return out
+
+    def _interference(self, given: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:
+        if given is None:
+            return before
+        out = list(before)
+        for name, value in self._named(given, "interference").items():
+            if name not in self.names:
+                raise InputError(
+                    f"interference: there is no contact {name!r}{suggest(name, self.names, 'contacts')}"
+                )
+            out[self.names.index(name)] = value
+        return tuple(out)
+
+    def _motion(self, given: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:
+        if given is None:
+            return before
+        obstacles = [c.primary.name if c.rigid else None for c in self.contacts]  # type: ignore[union-attr]
+        out = list(before)
+        for name, value in self._named(given, "motion").items():
+            meant = [
+                i
+                for i, contact in enumerate(self.contacts)
+                if contact.rigid and name in (obstacles[i], self.names[i])
+            ]
+            if not meant:
+                known = [o or self.names[i] for i, o in enumerate(obstacles) if self.contacts[i].rigid]
+                raise InputError(
+                    f"motion: there is no obstacle {name!r}{suggest(name, known, 'obstacles')}"
+                )
+            for i in meant:
+                out[i] = value
+        return tuple(out)
+
+    @staticmethod
+    def _named(given: Any, what: str) -> Mapping[str, Any]:
+        if not isinstance(given, Mapping):
+            raise InputError(f"{what} in a load step has to be a dict by name, not {given!r}.")
+        return given
+
+    def case(self, settings: Settings) -> LoadCase:
+        """Loads, prescribed values, initial gaps and slips of these settings."""
+        kin = self.kin
+        gap0, slip0 = np.array(kin.gap0), np.zeros((kin.m, kin.tangents))
+        for i, (contact, part) in enumerate(zip(self.contacts, self.parts, strict=True)):
+            points = kin.points[part]
+            what = f"interference of contact '{self.names[i]}'"
+            own = field_values(contact.interference, points, what)
+            gap0[part] += own - field_values(settings.interference[i], points, what)
+            if settings.motion[i] is not None:
+                shift = obstacle_shift(settings.motion[i], points, self.names[i])
+                gap0[part] -= np.einsum("id,id->i", kin.normal[part], shift)
+                slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], shift)
+        return LoadCase(settings.f, settings.x, gap0, slip0)
+
+
+def obstacle_shift(motion: Any, points: Array, name: str) -> Array:
+    """Displacement of an obstacle at some points: translation, or with an angle and a centre."""
+    d = points.shape[1]
+    angle, centre = 0.0, np.zeros(d)
+    translation = motion
+    if isinstance(motion, tuple | list) and len(motion) == 3 and np.ndim(motion[0]) == 1:
+        translation, angle, centre = motion
+    try:
+        shift = np.broadcast_to(np.asarray(translation, dtype=float), points.shape).copy()
+    except (TypeError, ValueError):
+        raise InputError(
+            f"motion of {name!r} is {motion!r}; give a translation of {d} numbers, or "
+            "(translation, angle, centre)."
+        ) from None
+    if angle:
+        arm = points - np.asarray(centre, dtype=float)
+        cos, sin = np.cos(angle), np.sin(angle)
+        turned = arm @ np.array([[cos, sin], [-sin, cos]])
+        shift += turned - arm
+    if not np.isfinite(shift).all():
+        raise InputError(f"motion of {name!r} is not finite: {motion!r}.")
+    return np.asarray(shift)
+
+
+def _slices(contacts: tuple[Contact, ...]) -> list[slice]:
+    stops = np.cumsum([0, *(len(c.secondary.points) for c in contacts)])
+    return [slice(int(a), int(b)) for a, b in zip(stops[:-1], stops[1:], strict=True)]
+
+
+def _checked(value: Any, size: int | None, what: str) -> Array:
+    array = np.asarray(value, dtype=float)
+    if size is not None and array.shape != (size,):
+        raise InputError(
+            f"{what} has shape {array.shape}, but {size} DOFs belong to it. Usually the vector was "
+            "assembled on another basis, or the load is not stacked in the order of the bodies."
+        )
+    if not np.isfinite(array).all():
+        raise InputError(f"{what} has NaN or infinite entries.")
+    return array
