@@ -1,0 +1,347 @@
+"""Node-to-segment pairing: closest points, corners, ends, normals, and what is said about them."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import skfem as fem
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
+
+from skfem_contact.body import Body
+from skfem_contact.errors import InputError
+from skfem_contact.pairing import END, FACING, diagnose, node_to_segment, project
+from skfem_contact.surface import facet_shapes
+
+
+def body(mesh, element=None, name=None):
+    element = element or {3: fem.ElementTriP1, 4: fem.ElementQuad1}[mesh.t.shape[0]]()
+    basis = fem.Basis(mesh, fem.ElementVector(element))
+    return Body(basis, sp.eye(basis.N), name=name)
+
+
+def block(nx, left, right, bottom, top, element=None, name=None, wave=None):
+    x = np.linspace(left, right, nx + 1) if np.ndim(nx) == 0 else np.asarray(nx)
+    mesh = fem.MeshQuad.init_tensor(x, np.array([bottom, top])).with_defaults()
+    if wave is not None:
+        p = mesh.p.copy()
+        p[1] += wave(p[0])
+        mesh = fem.MeshQuad(p, mesh.t).with_boundaries(mesh.boundaries)
+    return body(mesh, element, name)
+
+
+def feet(pairing, primary):
+    return pairing.primary_weights @ primary.points
+
+
+def turned(surface, angle, shift):
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    one = surface.body
+    u = (one.dof_points @ turn.T + shift - one.dof_points)[np.arange(one.n), one.dof_component]
+    return surface.moved(u), turn
+
+
+@pytest.mark.parametrize("lower", [fem.ElementQuad1(), fem.ElementQuad2()])
+@pytest.mark.parametrize("upper", [fem.ElementQuad1(), fem.ElementQuad2()])
+@pytest.mark.parametrize("height", [0.3, 0.0, -0.2])
+def test_flat_surfaces_pair_vertically(lower, upper, height):
+    """Over a flat block the foot is below the node, the gap is the height, the normal the block's."""
+    primary = block(5, 0, 1, 0, 1, lower).surface("top")
+    secondary = block(7, 0, 1, 1 + height, 2.5, upper).surface("bottom")
+    pairing = node_to_segment(secondary, primary)
+    assert pairing.paired.all() and np.all(pairing.miss == 0)
+    np.testing.assert_allclose(pairing.gap, height, atol=1e-14)
+    np.testing.assert_allclose(pairing.normal, np.tile([0, 1], (len(pairing.gap), 1)), atol=1e-14)
+    np.testing.assert_allclose(pairing.tangent[:, 0], np.tile([-1, 0], (len(pairing.gap), 1)))
+    np.testing.assert_allclose(feet(pairing, primary), pairing.points - [0, height], atol=1e-14)
+    np.testing.assert_allclose(pairing.primary_weights.sum(axis=1), 1.0)
+    assert abs(pairing.secondary_weights - sp.eye(len(pairing.gap))).max() == 0
+    assert np.array_equal(pairing.area, secondary.area)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    angle=st.floats(0, 6.28),
+    quadratic=st.booleans(),
+    scale=st.sampled_from([1.0, 1e-4]),
+)
+def test_closest_facets_are_those_of_an_exhaustive_search(seed, angle, quadratic, scale):
+    """On rough, graded surfaces no facet that faces a point is nearer than the one it is paired with."""
+    random = np.random.default_rng(seed)
+    x = np.r_[0, np.sort(random.random(11)) + 0.01 * np.arange(1, 12), 1.5]
+    element = fem.ElementQuad2() if quadratic else fem.ElementQuad1()
+    y = 0.3 * random.random(13)
+    lower = block(
+        x * scale, 0, 1, -1 * scale, 0, element, wave=lambda p: np.interp(p, x * scale, y * scale)
+    )
+    upper = block(30, -0.2 * scale, 1.7 * scale, 0.25 * scale, 2 * scale)
+    primary, _ = turned(lower.surface("top"), angle, 0)
+    secondary, _ = turned(upper.surface("bottom"), angle, 0)
+    pairing = node_to_segment(secondary, primary)
+    m, nf = len(pairing.gap), len(primary.facets)
+    point, facet = np.divmod(np.arange(m * nf), nf)
+    _, foot, over = project(primary, facet, secondary.points[point])
+    distance = np.linalg.norm(foot - secondary.points[point], axis=1)
+    faces = np.sum(secondary.normals[point] * primary.facet_normals[facet], axis=1) < -FACING
+    above = faces & (over == 0)  # an inner stationary point, whatever the neighbours are
+    best = np.full(m, np.inf)
+    np.minimum.at(best, point[above], distance[above])
+    mine = np.linalg.norm(feet(pairing, primary) - secondary.points, axis=1)
+    deep = 0.5 * np.linalg.norm(np.ptp(primary.points, axis=0))
+    assert np.all(pairing.paired[best < deep])
+    assert np.all(mine[pairing.paired] <= best[pairing.paired] * (1 + 1e-9))
+    # and it is a facet that faces the point
+    back = np.sum(secondary.normals * primary.facet_normals[pairing.facet], axis=1)
+    assert np.all(back[pairing.paired] < -FACING)
+
+
+def test_feet_on_curved_facets_minimise_the_distance():
+    """On a quadratic facet the foot is the minimum that a scalar optimiser finds."""
+    surface = body(fem.MeshTri2.init_circle(1), fem.ElementTriP2()).surface(None)
+    points = np.array([[1.4, 0.3], [0.2, 1.05], [-0.8, -0.4], [0.1, -2.5]])
+    for point in points:
+        facet = np.arange(len(surface.facets))
+        xi, foot, _ = project(surface, facet, np.tile(point, (len(facet), 1)))
+        for f in facet[
+            np.linalg.norm(foot - point, axis=1) < 1.2 * np.linalg.norm(foot - point, axis=1).min()
+        ]:
+            corners = surface.points[surface.facets[f]]
+
+            def distance(s, corners=corners, point=point):
+                return np.linalg.norm(facet_shapes(np.array(s), 3)[0] @ corners - point)
+
+            found = minimize_scalar(
+                distance, bounds=(0, 1), method="bounded", options={"xatol": 1e-10}
+            )
+            assert distance(xi[f]) <= found.fun * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("quadratic, order", [(False, 2), (True, 4)])
+def test_gaps_to_a_circle_converge(quadratic, order):
+    """Gaps between a line and a polygon (or quadratic arcs) inscribed in a circle converge to the true ones."""
+    errors = []
+    for level in (3, 4):
+        mesh = (fem.MeshTri2 if quadratic else fem.MeshTri).init_circle(level)
+        disc = body(mesh, fem.ElementTriP2() if quadratic else fem.ElementTriP1())
+        line = block(60, -1, 1, 1.1, 2).surface("bottom")
+        pairing = node_to_segment(line, disc.surface(None))
+        assert pairing.paired.all()
+        errors.append(np.abs(pairing.gap - (np.hypot(*line.points.T) - 1)).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.4)
+
+
+def test_normals_are_continuous_along_a_smooth_surface():
+    """Sliding along a disc the normal turns steadily: no more than 1.5 times as fast as the point."""
+    disc = body(fem.MeshTri.init_circle(3)).surface(None)
+    ring = fem.MeshTri.init_circle(
+        7
+    )  # its own boundary, turned inside out, is a very fine secondary
+    outer = body(ring.scaled(1.05)).surface(None)
+    inward = outer.__class__(**{**vars(outer), "normals": -outer.normals})
+    pairing = node_to_segment(inward, disc)
+    assert pairing.paired.all()
+    angle = np.unwrap(np.arctan2(*pairing.normal.T[::-1]))
+    around = np.unwrap(np.arctan2(*pairing.points.T[::-1]))
+    assert np.all(np.abs(np.diff(angle)) <= 1.5 * np.abs(np.diff(around)))
+
+
+def test_matching_curved_surfaces_have_the_averaged_normals():
+    """A node on a joint gets the averaged normal, and round-off of its place does not change it."""
+    disc = body(fem.MeshTri.init_circle(3)).surface(None)
+    random = np.random.default_rng(1)
+    noisy = disc.points * (1 + 1e-12 * random.standard_normal(disc.points.shape))
+    inward = disc.__class__(
+        **{**vars(disc), "normals": -disc.normals, "points": noisy, "body": None}
+    )
+    pairing = node_to_segment(inward, disc)
+    np.testing.assert_allclose(pairing.normal, disc.points, atol=1e-10)  # equal chords: the radius
+    np.testing.assert_allclose(pairing.gap, 0, atol=1e-11)
+
+
+def test_overhang_is_measured_along_the_surface():
+    """Nodes beyond the end of an open surface have no partner; the miss is their distance to the end."""
+    primary = block(5, 0, 1, 0, 1, name="block").surface("top")
+    secondary = block(6, 0.4, 1.6, 1.5, 2, name="punch").surface("bottom")
+    pairing = node_to_segment(secondary, primary)
+    x = pairing.points[:, 0]
+    assert np.array_equal(pairing.paired, x <= 1 + 1e-9)
+    np.testing.assert_allclose(pairing.miss, np.maximum(x - 1, 0), atol=1e-14)
+    assert np.all(np.isinf(pairing.gap[~pairing.paired]))
+    assert pairing.primary_weights[~pairing.paired].nnz == 0
+    np.testing.assert_allclose(pairing.normal[~pairing.paired], [[0, 1]] * 3)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-6, 1e6])
+@pytest.mark.parametrize("angle", [0.0, 0.7, np.pi / 2])
+def test_a_corner_above_a_corner_is_paired(scale, angle):
+    """Equal widths: the end nodes stay paired under round-off of either sign, at any scale and angle."""
+    lower = block(4, 0, scale, 0, scale).surface("top")
+    for sign in (-1, 1):
+        upper = block(3, 0, scale, scale, 2 * scale).surface("bottom")
+        shift = sign * 1e-12 * scale * np.array([np.cos(angle), np.sin(angle)])
+        pairing = node_to_segment(turned(upper, angle, shift)[0], turned(lower, angle, 0)[0])
+        assert pairing.paired.all()
+        assert np.abs(pairing.gap).max() <= 1e-11 * scale
+    outside = 10 * END * 0.25 * scale
+    upper = block(1, -outside, scale, scale, 2 * scale).surface("bottom")
+    assert node_to_segment(upper, lower).paired.tolist() == [False, True]
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.1])
+def test_convex_vertices_hold_the_nodes_around_them(angle):
+    """Outside a blunt convex vertex the vertex is the closest point, its averaged normal the normal."""
+    lower = block([0, 1.0, 2.0], 0, 2, -1, 0, wave=lambda x: 0.2 * (1 - np.abs(x - 1)))
+    upper = block([0.99, 1.0, 1.01], 0, 1, 0.5, 1)
+    primary, turn = turned(lower.surface("top"), angle, 0)
+    pairing = node_to_segment(turned(upper.surface("bottom"), angle, 0)[0], primary)
+    vertex = np.flatnonzero(np.isclose(primary.points @ turn, [1, 0.2]).all(axis=1))
+    np.testing.assert_allclose(pairing.primary_weights[:, vertex].toarray(), 1.0)
+    np.testing.assert_allclose(pairing.normal @ turn, [[0, 1]] * 3, atol=1e-14)
+    np.testing.assert_allclose(pairing.gap, 0.3)
+
+
+def test_sharp_corners_take_the_normal_of_the_opposite_side():
+    """Near the corner of a block the normal is that of the top; beyond 45 degrees the node overhangs."""
+    primary = block(2, 0, 1, 0, 1).surface(None)
+    pairing = node_to_segment(block([1.0, 1.05, 1.2], 0, 1, 1.1, 2).surface("bottom"), primary)
+    by_x = np.argsort(pairing.points[:, 0])
+    assert pairing.paired[by_x].tolist() == [True, True, False]
+    np.testing.assert_allclose(pairing.normal[by_x[:2]], [[0, 1]] * 2, atol=1e-14)
+    np.testing.assert_allclose(pairing.gap[by_x[:2]], 0.1)
+    assert pairing.miss[by_x[2]] == pytest.approx(0.2)
+
+
+def test_concave_corners_choose_the_nearer_side_and_ties_the_more_opposite():
+    """In a groove of 90 degrees nodes go to the nearer flank; on its axis the first facet decides."""
+    groove = block([-1.0, 0.0, 1.0], 0, 1, -2, 0, wave=lambda x: np.abs(x)).surface("top")
+    tip = block([-0.3, 0.0, 0.3], 0, 1, 1, 2).surface("bottom")
+    for noise in (0.0, 1e-12, -1e-12):
+        pairing = node_to_segment(turned(tip, 0.0, np.array([noise, 0]))[0], groove)
+        assert pairing.paired.all()
+        x, foot = pairing.points[:, 0], feet(pairing, groove)
+        side = np.abs(x) > 0.1
+        assert np.all(np.sign(foot[side, 0]) == np.sign(x[side]))
+        np.testing.assert_allclose(pairing.gap, (1 - np.abs(x)) / np.sqrt(2), atol=1e-11)
+        np.testing.assert_allclose(foot[~side], [[0.5, 0.5]], atol=1e-11)
+
+
+def test_overlaps_do_not_reach_the_far_side():
+    """A node that penetrates by 5 % pairs with the near face, not with the back or the sides."""
+    primary = block(4, 0, 1, 0, 1).surface(None)
+    pairing = node_to_segment(block(3, 0.1, 0.9, 0.95, 2).surface("bottom"), primary)
+    np.testing.assert_allclose(pairing.gap, -0.05, atol=1e-14)
+    deep = block(3, 0.1, 0.9, 0.3, 2).surface("bottom")
+    half_box = 0.5 * 0.8  # of the smaller surface, here the secondary one
+    assert (
+        not node_to_segment(deep, block(4, 0, 1, 0, 1).surface("top")).paired.any()
+        and half_box < 0.7
+    )
+
+
+def test_reach_limits_gaps_and_overlaps():
+    """Nothing farther than `reach` is a partner."""
+    primary = block(4, 0, 1, 0, 1).surface("top")
+    for height in (0.2, -0.2):
+        secondary = block(3, 0, 1, 1 + height, 2).surface("bottom")
+        assert node_to_segment(secondary, primary, reach=0.21).paired.all()
+        assert not node_to_segment(secondary, primary, reach=0.19).paired.any()
+    for reach in (0, -1, np.nan, "far"):
+        with pytest.raises(InputError, match="is not a positive length"):
+            node_to_segment(secondary, primary, reach=reach)
+
+
+def test_a_step_between_open_pieces_is_looked_past():
+    """A node just beyond the upper tread of a stair is above the lower one, though farther from it."""
+    upper, lower = fem.MeshQuad().scaled([1, 2]), fem.MeshQuad().translated((1.0, 0.0))
+    mesh = fem.MeshQuad(np.hstack([upper.p, lower.p]), np.hstack([upper.t, lower.t + 4]))
+    stair = body(mesh).surface(lambda x: ((x[1] == 2) & (x[0] < 1)) | ((x[1] == 1) & (x[0] > 1)))
+    pairing = node_to_segment(block([1.05, 1.5], 0, 1, 2.1, 3).surface("bottom"), stair)
+    assert pairing.paired.all()
+    np.testing.assert_allclose(pairing.gap, 1.1)
+
+
+def test_the_tip_of_a_slit_is_not_its_own_partner():
+    """A node shared by both surfaces would constrain itself; it is left alone."""
+    lower = fem.MeshQuad().refined(1)
+    upper = lower.translated((0.0, 1.0))
+    p = np.hstack([lower.p, upper.p])
+    t = np.hstack([lower.t, upper.t + lower.p.shape[1]])
+    twin = [int(np.flatnonzero((p == np.array([[0.0], [1.0]])).all(axis=0))[i]) for i in (0, 1)]
+    t[t == twin[1]] = twin[0]
+    keep = np.setdiff1d(np.arange(p.shape[1]), twin[1])
+    one = body(fem.MeshQuad(p[:, keep], np.searchsorted(keep, t)))
+    mesh = one.basis.mesh
+    slit = np.flatnonzero(np.isclose(mesh.p[1, mesh.facets], 1).all(axis=0))
+    below = mesh.p[1, mesh.t].mean(axis=0)[mesh.f2t[0, slit]] < 1
+    pairing = node_to_segment(one.surface(slit[~below]), one.surface(slit[below]))
+    assert np.array_equal(pairing.paired, pairing.points[:, 0] > 0)
+
+
+def test_pairing_moves_with_the_bodies():
+    """Rotating and translating both surfaces changes neither gaps, weights nor misses."""
+    lower = body(fem.MeshTri.init_circle(3)).surface(None)
+    upper = block(20, -1.5, 1.5, 1.02, 2).surface("bottom")
+    before = node_to_segment(upper, lower)
+    shift = np.array([3.0, -2.0])
+    after = node_to_segment(turned(upper, 2.1, shift)[0], turned(lower, 2.1, shift)[0])
+    assert np.array_equal(before.paired, after.paired)
+    np.testing.assert_allclose(after.gap, before.gap, atol=1e-12)
+    np.testing.assert_allclose(after.miss, before.miss, atol=1e-12)
+    assert abs(after.primary_weights - before.primary_weights).max() < 1e-12
+
+
+def test_diagnosis_of_an_overhang():
+    """The sentence counts the points and names the worst, its place and how far it misses."""
+    primary = block(20, 0, 1, 0, 1, name="block").surface("top")
+    secondary = block([0, 0.5, 1.02], 0, 1, 1, 2, name="punch").surface("bottom")
+    worst = int(np.argmax(secondary.points[:, 0]))
+    (line,) = (
+        text
+        for text in diagnose(node_to_segment(secondary, primary), secondary, primary)
+        if "project" in text
+    )
+    assert line.startswith(
+        "1 of 3 points of surface 'punch/bottom' project outside surface 'block/top'; the "
+        f"farthest, point {worst} "
+        "at (1.02, 1), misses by 0.02 (0.4 facet lengths)."
+    )
+
+
+def test_diagnosis_of_swapped_and_distant_surfaces():
+    """Surfaces that face the same way, a finer primary one, a short reach: each has its own sentence."""
+    lower, upper = block(20, 0, 1, 0, 1, name="a"), block(4, 0, 1, 1.5, 2, name="b")
+    top, bottom = lower.surface("top"), upper.surface("bottom")
+
+    def said(secondary, primary, **options):
+        return " ".join(
+            diagnose(node_to_segment(secondary, primary, **options), secondary, primary)
+        )
+
+    assert "'b/top' finds a partner on 'a/top': the two face the same way" in said(
+        upper.surface("top"), top
+    )
+    assert "the closest point is 0.5" in said(bottom, top, reach=0.1)
+    assert (
+        "'a/top' is finer than the secondary one, 'b/bottom': facets of 0.05 against 0.25"
+        in said(bottom, top)
+    )
+    assert said(top, bottom) == ""
+    disc = body(fem.MeshTri.init_circle(3), name="disc").surface(None)
+    assert "find nothing of 'a/top' that faces them" in said(disc, lower.surface("top"))
+
+
+def test_a_hundred_thousand_points_take_seconds():
+    """Pairing costs n log n also where half of the points overhang; all pairs would take hours."""
+    n = 100_000
+    lower = block(n, 0, 10, 0, 1).surface("top")
+    upper = block(n - 1, 5, 15, 1.01, 2).surface("bottom")
+    start = time.perf_counter()
+    pairing = node_to_segment(upper, lower)
+    # measured 0.5 s on one core; the margin is for busy machines
+    assert time.perf_counter() - start < 15
+    assert np.count_nonzero(pairing.paired) == n // 2
