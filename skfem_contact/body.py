@@ -286,7 +286,7 @@ class System:
 
     @cached_property
     def extent(self) -> float:
-        """Largest extent of any body along an axis: the scale that lengths are judged by [length]."""
+        """Largest extent of a body along an axis: the scale to judge lengths by [length]."""
         return max(float(np.ptp(body.basis.mesh.p, axis=1).max()) for body in self.bodies)
 
     def index(self, body: Body | str) -> int:

@@ -437,7 +437,7 @@ def _say_why(secondary: ContactSurface, primary: Any) -> str:
     middle = primary.points[primary.facets].mean(axis=1)
     nearest, facet = map(np.asarray, cKDTree(middle).query(secondary.points))
     facing = np.einsum("md,md->m", secondary.normals, primary.facet_normals[facet])
-    if np.median(facing) >= -FACING:
+    if np.median(facing) > FACING:
         return (
             f": the two face the same way (normals {place(secondary.normals[0])} and "
             f"{place(primary.facet_normals[facet[0]])} where they are close). Usually one of "
