@@ -300,8 +300,7 @@ class System:
                 return position
         raise InputError(
             f"{body!r} is not one of the stacked bodies ({', '.join(self.names)}); a surface "
-            "belongs to "
-            "the very Body object it was taken from: pass that object in `bodies`"
+            "belongs to the very Body object it was taken from: pass that object in `bodies`"
         )
 
     def slice(self, body: Body | str) -> slice:

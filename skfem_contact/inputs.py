@@ -57,16 +57,15 @@ def check_basis(basis: Any, whose: str) -> None:
     if not isinstance(basis, CellBasis):
         raise InputError(
             f"the basis of {whose} is a {type(basis).__name__}, not a skfem.CellBasis; pass the "
-            "basis on "
-            "which K was assembled: skfem.Basis(mesh, element)"
+            "basis on which K was assembled: skfem.Basis(mesh, element)"
         )
     element, mesh = basis.elem, basis.mesh
     inner = element.elem if isinstance(element, skfem.ElementVector) else element
     if not isinstance(inner, SUPPORTED):
         raise InputError(
             f"{whose} uses {type(inner).__name__}: contact needs elements whose DOFs are values "
-            "at nodes "
-            f"({', '.join(kind.__name__ for kind in SUPPORTED)}), alone or in an ElementVector"
+            f"at nodes ({', '.join(kind.__name__ for kind in SUPPORTED)}), alone or in an "
+            "ElementVector"
         )
     if element.dim != mesh.dim():
         raise InputError(
@@ -76,15 +75,14 @@ def check_basis(basis: Any, whose: str) -> None:
     if basis.nelems != mesh.nelements:
         raise InputError(
             f"the basis of {whose} covers {basis.nelems} of {mesh.nelements} elements of its "
-            "mesh, which "
-            "leaves DOFs without stiffness; restrict the mesh instead: mesh.restrict(elements)"
+            "mesh, which leaves DOFs without stiffness; restrict the mesh instead: "
+            "mesh.restrict(elements)"
         )
     bad = np.flatnonzero(~np.isfinite(mesh.doflocs).all(axis=0))
     if bad.size:
         raise InputError(
-            f"{bad.size} nodes of the mesh of {whose} have NaN or infinite coordinates, the "
-            "first is "
-            f"node {bad[0]} at {tuple(mesh.doflocs[:, bad[0]].tolist())}"
+            f"{bad.size} nodes of the mesh of {whose} have NaN or infinite coordinates, the first "
+            f"is node {bad[0]} at {tuple(mesh.doflocs[:, bad[0]].tolist())}"
         )
 
 
@@ -141,8 +139,8 @@ def _vector(values: Any, basis: Any, what: str, used: Any = True) -> np.ndarray:
     array = np.asarray(values)
     if array.shape != (basis.N,):
         raise InputError(
-            f"{what} has shape {array.shape}, its basis has {basis.N} DOFs; it belongs to "
-            "another basis"
+            f"{what} has shape {array.shape}, its basis has {basis.N} DOFs; it belongs to another "
+            "basis"
         )
     if array.dtype.kind not in "fiub":
         raise InputError(f"{what} has entries of type {array.dtype}, contact needs real numbers")
@@ -157,9 +155,8 @@ def _check_finite(data: np.ndarray, what: str, numbers: np.ndarray, unit: str) -
     bad = np.flatnonzero(~np.isfinite(data))
     if bad.size:
         raise InputError(
-            f"{what} holds NaN or infinite numbers: {bad.size} of {data.size} entries, the "
-            "first in "
-            f"{unit} {numbers[bad[0]]}"
+            f"{what} holds NaN or infinite numbers: {bad.size} of {data.size} entries, the first "
+            f"in {unit} {numbers[bad[0]]}"
         )
 
 
@@ -191,15 +188,13 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
     if numbers.size and (numbers.dtype.kind not in "iu" or numbers.ndim != 1):
         raise InputError(
             f"D of {whose} is an array of {numbers.dtype}, shape {numbers.shape}, not of DOF "
-            "numbers; "
-            "it may be an array, basis.get_dofs(...), a dict of those, or boundary names"
+            "numbers; it may be an array, basis.get_dofs(...), a dict of those, or boundary names"
         )
     numbers = np.unique(numbers.astype(np.int64))
     if numbers.size and (numbers[0] < 0 or numbers[-1] >= basis.N):
         raise InputError(
             f"D of {whose} has numbers from {numbers[0]} to {numbers[-1]}, its basis has DOFs 0 "
-            "to "
-            f"{basis.N - 1}; D belongs to another basis"
+            f"to {basis.N - 1}; D belongs to another basis"
         )
     return numbers
 

@@ -283,9 +283,8 @@ class LevelSet(Obstacle):
         if value.shape != (len(x),) or not np.isfinite(value).all():
             raise InputError(
                 f"function of {self.label!r} returned an array of shape {value.shape} with "
-                f"{np.count_nonzero(~np.isfinite(value))} NaN or infinite values for positions "
-                "of shape "
-                f"{x.T.shape}; it must return one finite number for each position"
+                f"{np.count_nonzero(~np.isfinite(value))} NaN or infinite values for positions of "
+                f"shape {x.T.shape}; it must return one finite number for each position"
             )
         return value
 
@@ -296,9 +295,8 @@ class LevelSet(Obstacle):
         if gradient.shape != x.T.shape or not np.isfinite(gradient).all():
             raise InputError(
                 f"gradient of {self.label!r} returned an array of shape {gradient.shape} with "
-                f"{np.count_nonzero(~np.isfinite(gradient))} NaN or infinite values for "
-                "positions of "
-                f"shape {x.T.shape}; it must return as many finite numbers, component-first"
+                f"{np.count_nonzero(~np.isfinite(gradient))} NaN or infinite values for positions "
+                f"of shape {x.T.shape}; it must return as many finite numbers, component-first"
             )
         return gradient.T
 
@@ -361,9 +359,8 @@ def _round(
 def _motion(motion: Any, dim: int) -> tuple[np.ndarray, np.ndarray]:
     """Rotation matrix and shift of a motion: ``x -> turn @ x + shift``."""
     usage = (
-        "a motion is a translation of shape (d,), or in 2-D (translation, angle, centre), "
-        "total, with "
-        "the angle in radians"
+        "a motion is a translation of shape (d,), or in 2-D (translation, angle, centre), total, "
+        "with the angle in radians"
     )
     if np.ndim(motion[0]) == 0:
         shift = np.asarray(motion, dtype=float)

@@ -392,9 +392,8 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
     elif lost.any():
         worst = int(np.flatnonzero(lost)[0])
         lines.append(
-            f"{np.count_nonzero(lost)} of {m} points of surface {secondary.label!r} find "
-            "nothing of "
-            f"{primary.label!r} that faces them within reach; the first is point {worst} at "
+            f"{np.count_nonzero(lost)} of {m} points of surface {secondary.label!r} find nothing "
+            f"of {primary.label!r} that faces them within reach; the first is point {worst} at "
             f'{place(secondary.points[worst])}. They can never touch (outside="open"). Fine where '
             "the surface curves away; else enlarge `reach`, or the primary surface."
         )
@@ -405,9 +404,8 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
             lines.append(
                 f"The primary surface {primary.label!r} is finer than the secondary one, "
                 f"{secondary.label!r}: facets of {fine:.3g} against {coarse:.3g}. Nodes of the "
-                "primary "
-                "surface between those of the secondary one are not held; swap secondary and "
-                "primary, "
+                "primary surface between those of the secondary one are not held; swap secondary "
+                "and primary, "
                 'or use method="mortar".'
             )
     return lines
@@ -423,8 +421,7 @@ def _say_beyond(
         facets = f" ({miss / primary.lengths[pairing.facet[worst]]:.2g} facet lengths)"
     return (
         f"{np.count_nonzero(beyond)} of {len(beyond)} points of surface {secondary.label!r} "
-        "project "
-        f"outside surface {primary.label!r}; the farthest, point {worst} at "
+        f"project outside surface {primary.label!r}; the farthest, point {worst} at "
         f"{place(secondary.points[worst])}, misses by {miss:.3g}{facets}. They can never touch "
         '(outside="open"). If they should: the primary surface may be too short, or the two are '
         "swapped; enlarge it, or swap secondary and primary."
@@ -440,14 +437,12 @@ def _say_why(secondary: ContactSurface, primary: Any) -> str:
     if np.median(facing) > FACING:
         return (
             f": the two face the same way (normals {place(secondary.normals[0])} and "
-            f"{place(primary.facet_normals[facet[0]])} where they are close). Usually one of "
-            "them is "
-            "on the wrong side of its body: check the two `where`."
+            f"{place(primary.facet_normals[facet[0]])} where they are close). Usually one of them "
+            "is on the wrong side of its body: check the two `where`."
         )
     return (
         f": the closest point is {nearest.min():.3g} away. Check the units and positions of the "
-        "two "
-        "meshes, and `reach`."
+        "two meshes, and `reach`."
     )
 
 

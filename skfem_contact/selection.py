@@ -28,14 +28,12 @@ def select_facets(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
     if chosen.size:
         raise InputError(
             f"surface {label!r}: all of the {chosen.size} facets selected are inside the mesh; "
-            "contact needs two "
-            "lips with nodes of their own (split the mesh along the interface)"
+            "contact needs two lips with nodes of their own (split the mesh along the interface)"
         )
     lower, upper = mesh.doflocs.min(axis=1), mesh.doflocs.max(axis=1)
     raise InputError(
         f"surface {label!r} has no facets: no facet {'with all nodes' if nodes else 'midpoint'} "
-        "satisfies `where` in "
-        f"the mesh, which extends from {place(lower)} to {place(upper)}. "
+        f"satisfies `where` in the mesh, which extends from {place(lower)} to {place(upper)}. "
         + (
             "Allow for round-off (np.isclose)"
             if nodes
@@ -63,15 +61,13 @@ def _normalize(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
         return np.zeros(0, dtype=np.int64)
     if numbers.dtype.kind not in "iu" or numbers.ndim != 1:
         raise InputError(
-            f"surface {label!r}: where is a {type(where).__name__} of {numbers.dtype}; it may "
-            "be a boundary name, a "
-            "function of position, facet numbers, or a list of these"
+            f"surface {label!r}: where is a {type(where).__name__} of {numbers.dtype}; it may be "
+            "a boundary name, a function of position, facet numbers, or a list of these"
         )
     if numbers.min() < 0 or numbers.max() >= mesh.nfacets:
         raise InputError(
             f"surface {label!r}: facet numbers {numbers.min()} to {numbers.max()}, the mesh has "
-            "facets 0 to "
-            f"{mesh.nfacets - 1}; are these node numbers, or numbers of another mesh?"
+            f"facets 0 to {mesh.nfacets - 1}; are these node numbers, or numbers of another mesh?"
         )
     return numbers.astype(np.int64)
 
@@ -81,10 +77,9 @@ def _satisfying(mesh: Any, test: Any, nodes: bool, label: str) -> np.ndarray:
         answer = np.asarray(test(x))
         if answer.shape != x.shape[1:] or answer.dtype != bool:
             raise InputError(
-                f"surface {label!r}: the function returned {answer.dtype} of shape "
-                f"{answer.shape} for positions of "
-                f"shape {x.shape}; it must return one bool for each position, as in lambda x: "
-                "x[1] > 0.9"
+                f"surface {label!r}: the function returned {answer.dtype} of shape {answer.shape} "
+                f"for positions of shape {x.shape}; it must return one bool for each position, as "
+                "in lambda x: x[1] > 0.9"
             )
         return answer
 

@@ -284,8 +284,8 @@ def _check_facets(
     if bad.size:
         raise InputError(
             f"surface {label!r}: {bad.size} facets have no length, the first is mesh facet "
-            f"{numbers[bad[0]]} at "
-            f"{place(points[facets[bad[0], 0]])}; remove the degenerate elements from the mesh"
+            f"{numbers[bad[0]]} at {place(points[facets[bad[0], 0]])}; remove the degenerate "
+            "elements from the mesh"
         )
     middle = points[facets].mean(axis=1)
     pairs = cKDTree(middle).query_pairs(max(small, 1e-9 * chord.min()), output_type="ndarray")
@@ -293,10 +293,8 @@ def _check_facets(
         i, j = pairs[0]
         raise InputError(
             f"surface {label!r}: {len(pairs)} facets lie twice at the same place, for example "
-            f"mesh facets {numbers[i]} "
-            f"and {numbers[j]} at {place(middle[i])}. Both lips of a slit can not be one "
-            "surface: select each by "
-            "its own boundary name or facet numbers"
+            f"mesh facets {numbers[i]} and {numbers[j]} at {place(middle[i])}. Both lips of a "
+            "slit can not be one surface: select each by its own boundary name or facet numbers"
         )
 
 
@@ -356,8 +354,8 @@ def _areas(points: np.ndarray, facets: np.ndarray, measure: Any, label: str) -> 
         if not np.all(np.isfinite(factor)) or factor.min() < 0 or factor.max() <= 0:
             raise InputError(
                 f"measure is {factor.min():.3g} to {factor.max():.3g} on surface {label!r}; a "
-                "weight of the area is "
-                "positive and finite (an axisymmetric mesh lies at x[0] >= 0)"
+                "weight of the area is positive and finite (an axisymmetric mesh lies at x[0] >= "
+                "0)"
             )
         density = density * factor
     area = np.zeros(len(points))
