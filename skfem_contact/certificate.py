@@ -37,13 +37,13 @@ class Certificate:
     friction : float
         Largest excess of the friction force over its limit, over the largest contact force.
     force_balance : float
-        Resultant of all loads, reactions and obstacle forces, over the largest of them.
+        Resultant of all loads, reactions and obstacle forces, over the sum of their sizes.
     moment_balance : float
         The same for moments about the centre, less the two known terms below. NaN for axisymmetric
         and scalar problems, which have no moments.
     moment_gap : float
         Moment of friction acting across initial gaps: small-sliding kinematics moves it along the
-        normal. Over the largest force times the extent.
+        normal. Over the sum of the forces times the extent.
     moment_normal : float
         Moment of normal forces whose normal is not that of the facet itself, scaled the same way.
     """
@@ -90,7 +90,8 @@ def certify(result: ContactResult) -> Certificate:
     bilateral = kin.tied
     closed = (state.status != 0) & kin.paired
     overlap = np.where(bilateral, np.abs(gap), np.maximum(-gap, 0.0))
-    balance, moment, across, normal = _balance(result, f + reactions, contact, force * length)
+    total = max(float(np.abs(part).sum()) for part in (f, reactions, contact))
+    balance, moment, across, normal = _balance(result, f + reactions, contact, total * length)
     limit_excess = _friction_excess(result)
     return Certificate(
         equilibrium=_ratio(np.max(np.abs(residual), initial=0.0), force),
@@ -100,7 +101,7 @@ def certify(result: ContactResult) -> Certificate:
         ),
         tension=_ratio(np.max(-state.normal_force[~bilateral], initial=0.0), force),
         friction=limit_excess,
-        force_balance=_ratio(balance, force),
+        force_balance=_ratio(balance, total),
         moment_balance=moment,
         moment_gap=across,
         moment_normal=normal,

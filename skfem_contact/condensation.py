@@ -14,7 +14,7 @@ The interior is recovered, for the steps that somebody asks for, with the same f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -68,6 +68,53 @@ class LoadCase:
         )
 
 
+class LoadSpan:
+    """The few directions that the loads of a history span, and what follows from each of them.
+
+    Load steps are as a rule multiples and sums of few vectors. Each direction is condensed, and its
+    interior recovered, once; a load step then costs a few scalar products.
+    """
+
+    def __init__(self, n: int, kept: int) -> None:
+        self._basis = np.zeros((n, 0))
+        self._reduced = np.zeros((kept, 0))
+        self._interior = np.zeros((n, 0))
+
+    def coefficients(self, b: Array) -> Array | None:
+        """Components of a load along the directions; adds one where they do not span it.
+
+        None where there are too many directions already.
+        """
+        Q = self._basis
+        c = Q.T @ b
+        rest = b - Q @ c
+        again = Q.T @ rest  # once more: the first pass leaves round-off of |b|
+        c, rest = c + again, rest - Q @ again
+        size = np.linalg.norm(rest)
+        if size <= 1e-15 * np.linalg.norm(b):
+            return c
+        if Q.shape[1] >= MOST_DIRECTIONS:
+            return None
+        self._basis = np.column_stack([Q, rest / size])
+        return np.append(c, size)
+
+    def combine_reduced(self, c: Array, reduce: Callable[[Array], Array]) -> Array:
+        """The condensed load with these components."""
+        self._reduced = self._extended(self._reduced, reduce)
+        return self._reduced[:, : len(c)] @ c
+
+    def combine_interior(self, c: Array, recover: Callable[[Array], Array]) -> Array:
+        """Displacements under this load with the kept DOFs held."""
+        self._interior = self._extended(self._interior, recover)
+        return self._interior[:, : len(c)] @ c
+
+    def _extended(self, known: Array, apply: Callable[[Array], Array]) -> Array:
+        count = known.shape[1]
+        if count == self._basis.shape[1]:
+            return known
+        return np.column_stack([known, apply(self._basis[:, count:])])
+
+
 class Substructure:
     """One body condensed onto the DOFs that contact needs.
 
@@ -91,6 +138,7 @@ class Substructure:
         self.free = np.setdiff1d(np.arange(body.n), body.D)
         self.kept = with_anchors(body, wanted) if len(wanted) else wanted
         self._K_fD = csr_matrix(K[self.free][:, body.D])
+        self._span = LoadSpan(len(self.free), len(self.kept))
 
     @cached_property
     def _factor(self) -> MultifrontalCholesky:
@@ -119,13 +167,28 @@ class Substructure:
         """Load on the kept DOFs, those of the interior and of prescribed DOFs included."""
         if len(self.kept) == 0:  # no part in the contact problem: nothing to factorise yet
             return np.zeros(0)
-        return self._factor.reduce_load(self._free_load(f, x))  # type: ignore[no-any-return]
+        b = self._free_load(f, x)
+        c = self._span.coefficients(b)
+        if c is None:
+            return self._factor.reduce_load(b)  # type: ignore[no-any-return]
+        return self._span.combine_reduced(c, self._factor.reduce_load)
 
     def recover(self, kept: Array, f: Array, x: Array) -> Array:
         """All displacements (n, r) from those of the kept DOFs (n_c, r)."""
+        u_free = self._factor.recover(kept)
+        for column, b in zip(u_free.T, self._free_load(f, x).T, strict=True):
+            c = self._span.coefficients(b)
+            if c is None:
+                column += self._interior(b[:, None])[:, 0]
+            else:
+                column += self._span.combine_interior(c, self._interior)
         u = np.array(x, dtype=float)
-        u[self.free] = self._factor.recover(kept, self._free_load(f, x))
+        u[self.free] = u_free
         return u
+
+    def _interior(self, f: Array) -> Array:
+        """Displacements under a load with the kept DOFs held."""
+        return self._factor.recover(np.zeros((len(self.kept), f.shape[1])), f)
 
     def _free_load(self, f: Array, x: Array) -> Array:
         return f[self.free] - self._K_fD @ x[self.body.D]  # type: ignore[no-any-return]
@@ -258,6 +321,8 @@ class Condensed:
         return [slice(offsets[i], offsets[i + 1]) for i in range(len(self.parts))]
 
 
+# Load directions that are remembered; a history of more is condensed step by step.
+MOST_DIRECTIONS = 12
 # A row whose free coefficients are below this is prescribed: its largest coefficient was one.
 FIXED = 1e-12
 # Pivot of a contact row (of unit diagonal) below which it depends on the others.

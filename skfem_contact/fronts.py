@@ -11,11 +11,11 @@ front f are the positions ``start[f]`` to ``start[f + 1]`` and all of its border
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from skfem_contact.errors import InputError
 from skfem_contact.ordering import dissect, distinct
 
 
@@ -146,10 +146,27 @@ def lower_entries(
     return lower, i[lower], j[lower]
 
 
+def find_runs(fronts: Fronts) -> list[np.ndarray]:
+    """For each front, where its border stops being consecutive in the parent; begin and end too.
+
+    Also where it passes from the pivots of the parent to its border.
+    """
+    size, pivots = np.diff(fronts.first), np.diff(fronts.start)
+    begins = np.ones(fronts.target.size, dtype=bool)
+    begins[1:] = np.diff(fronts.target) != 1
+    begins[fronts.first[:-1][size > 0]] = True
+    begins |= fronts.target == np.repeat(np.append(pivots, 0)[fronts.parent], size)
+    cuts = np.flatnonzero(begins)
+    owner = np.repeat(np.arange(size.size), size)[cuts]
+    local = cuts - fronts.first[owner]
+    runs = np.split(local, np.searchsorted(owner, np.arange(1, size.size)))
+    return [np.append(run, end) for run, end in zip(runs, size, strict=True)]
+
+
 def _borders(
     K: Any, position: np.ndarray, start: np.ndarray, parent: np.ndarray, levels: np.ndarray
 ) -> np.ndarray:
-    """The border of every front as keys ``front * n + position``, all fronts of a level at once."""
+    """All borders as keys ``front * n + position``, the fronts of one level at a time."""
     n = K.shape[0]
     _, i, j = lower_entries(K, position, start[-2])
     front = np.repeat(np.arange(parent.size), np.diff(start))[j]
@@ -157,15 +174,10 @@ def _borders(
     own = distinct(front[out] * n + i[out])
     bounds = np.searchsorted(own, levels * n)
     keys, inherited = [], np.empty(0, dtype=np.int64)
-    for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
+    for begin, end in pairwise(bounds.tolist()):
         here = distinct(np.concatenate((own[begin:end], inherited)))
         keys.append(here)
         up, i = parent[here // n], here % n
-        if np.any(i < start[up]):  # a neighbour that is nobody's ancestor: no separator
-            raise InputError(
-                "The entries stored in K are not symmetric, so that a multifrontal Cholesky "
-                "factorisation does not apply: use K + K.T over 2, or Direct() with spd=False."
-            )
         further = i >= start[up + 1]
         inherited = up[further] * n + i[further]
     return np.concatenate(keys)

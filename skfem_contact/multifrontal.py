@@ -24,7 +24,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,37 +33,17 @@ from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.errors import InputError
-from skfem_contact.fronts import Fronts, analyse, lower_entries
+from skfem_contact.fronts import Fronts, analyse, find_runs, lower_entries
+from skfem_contact.singular import (
+    LOST,
+    NEGLIGIBLE,
+    SUSPICIOUS,
+    NotPositiveDefinite,
+    smallest_eigenvalue,
+)
+from skfem_contact.threads import single_threaded
 
 LEAF = 120  # DOFs: below, the calls cost more than the arithmetic; above, the fill-in
-# A pivot divided by its diagonal entry: 0.1 in a body that is well held, 1e-9 in a cantilever of
-# 1000 elements, round-off where a rigid motion is free: up to 1e-12, as it grows with the mesh.
-# So suspicious pivots are followed by an estimate of the smallest eigenvalue of K scaled to a unit
-# diagonal. That is below 1e-16 for a rigid motion, and 1e-12 for the same cantilever.
-LOST, SUSPICIOUS, NEGLIGIBLE = 1e-13, 1e-8, 1e-15
-
-
-class NotPositiveDefinite(np.linalg.LinAlgError):
-    """A pivot is negative or lost in round-off.
-
-    Attributes
-    ----------
-    dof : int
-        The DOF without stiffness, in the numbering of the matrix.
-    point : ndarray, shape (d,)
-        Its position [length].
-    ratio : float
-        Stiffness left divided by the diagonal entry of the matrix; 0 if it is not positive.
-    """
-
-    def __init__(self, dof: int, point: np.ndarray, ratio: float) -> None:
-        where = ", ".join(f"{coordinate:.6g}" for coordinate in point)
-        super().__init__(
-            f"The stiffness left at DOF {dof} at ({where}), once the others are eliminated, is "
-            f"{ratio:.1e} of its diagonal entry, that is none. Usually a rigid motion is left "
-            "free: hold the body, or keep more DOFs. Or K is not positive definite."
-        )
-        self.dof, self.point, self.ratio = int(dof), np.array(point), float(ratio)
 
 
 @dataclass(frozen=True)
@@ -99,7 +79,7 @@ def estimate(K: Any, points: np.ndarray, keep: Any = (), *, leaf: int = LEAF) ->
     >>> K = sp.diags_array([-np.ones(6), np.full(7, 2.0), -np.ones(6)], offsets=[-1, 0, 1])
     >>> size = estimate(K, np.arange(7.0)[:, None], keep=[0], leaf=1)
     >>> size.n, size.kept, size.fronts, size.largest
-    (7, 1, 8, 3)
+    (7, 1, 7, 3)
     """
     fronts = analyse(*_checked(K, points, keep), leaf)
     sizes = np.diff(fronts.start) + np.diff(fronts.first)
@@ -148,7 +128,8 @@ class MultifrontalCholesky:
 
     Notes
     -----
-    Run it with one BLAS thread: most fronts are too small to be shared.
+    It limits BLAS to one thread where ``threadpoolctl`` is installed: most fronts are too small to
+    be shared, and two threads have been seen to take 30 times as long.
 
     Examples
     --------
@@ -174,7 +155,8 @@ class MultifrontalCholesky:
         self._panels = _panels(self._data, fronts)
         self._borders = np.split(fronts.border, fronts.first[1:-1])
         diagonal = K.diagonal()
-        self._factorise(diagonal[fronts.order], points)
+        with single_threaded():
+            self._factorise(diagonal[fronts.order], points)
         if self.pivot_ratio < SUSPICIOUS:
             self._check_eigenvalue(diagonal, points)
         self.S += np.triu(self.S, 1).T
@@ -213,7 +195,8 @@ class MultifrontalCholesky:
         """
         f = np.asarray(f, dtype=float)
         x = self._ordered(f)
-        self._forward(x)
+        with single_threaded():
+            self._forward(x)
         return x[self.fronts.start[-2] :].reshape(-1, *f.shape[1:])
 
     def recover(self, u_keep: np.ndarray, f: np.ndarray | None = None) -> np.ndarray:
@@ -232,25 +215,26 @@ class MultifrontalCholesky:
         """
         u_keep = np.asarray(u_keep, dtype=float)
         shape = (self.fronts.order.size, *u_keep.shape[1:])
-        if f is None:
-            x = np.zeros((shape[0], u_keep.size // max(1, len(u_keep))))
-        else:
-            x = self._ordered(np.asarray(f, dtype=float))
-            self._forward(x)
-        x[self.fronts.start[-2] :] = u_keep.reshape(len(u_keep), x.shape[1])
-        self._backward(x)
+        with single_threaded():
+            if f is None:
+                x = np.zeros((shape[0], math.prod(shape[1:])))
+            else:
+                x = self._ordered(np.asarray(f, dtype=float))
+                self._forward(x)
+            x[self.fronts.start[-2] :] = u_keep.reshape(len(u_keep), x.shape[1])
+            self._backward(x)
         u = np.empty_like(x)
         u[self.fronts.order] = x
         return u.reshape(shape)
 
     def _ordered(self, f: np.ndarray) -> np.ndarray:
         """Copy of the columns of `f` in the order of elimination."""
-        return f.reshape(len(f), -1)[self.fronts.order]
+        return f.reshape(len(f), math.prod(f.shape[1:]))[self.fronts.order]
 
     def _factorise(self, diagonal: np.ndarray, points: np.ndarray) -> None:
         fronts, panels = self.fronts, [*self._panels, (self.S, self.S[:, :0])]
         order, start, first = fronts.order, fronts.start.tolist(), fronts.first.tolist()
-        children, runs = fronts.children, _runs(fronts)
+        children, runs = fronts.children, find_runs(fronts)
         left: dict[int, np.ndarray] = {}
         ratios = np.ones(order.size)
         for f in fronts.schedule:
@@ -304,38 +288,6 @@ class MultifrontalCholesky:
                 y[:] = dtrsm(1.0, L11.T, y.T, side=1, lower=1, overwrite_b=1).T
 
 
-def smallest_eigenvalue(
-    scale: np.ndarray, solve: Callable[[np.ndarray], np.ndarray]
-) -> tuple[float, int]:
-    """Estimate for a matrix scaled symmetrically to a unit diagonal, by inverse iteration.
-
-    Parameters
-    ----------
-    scale : ndarray, shape (n,)
-        Diagonal of the matrix.
-    solve : callable
-        Product of its inverse with a vector.
-
-    Returns
-    -------
-    smallest : float
-    dof : int
-        Where the eigenvector is largest.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> smallest_eigenvalue(np.array([4.0, 9.0]), lambda b: b / np.array([4.0, 9e-6]))
-    (1e-06, 1)
-    """
-    size = np.sqrt(scale)
-    vector = np.random.default_rng(0).standard_normal(size.size)
-    for _ in range(2):
-        vector /= np.linalg.norm(vector)
-        vector = size * solve(size * vector)
-    return float(1.0 / np.linalg.norm(vector)), int(np.argmax(np.abs(vector)))
-
-
 def _checked(K: Any, points: np.ndarray, keep: Any) -> tuple[Any, np.ndarray, np.ndarray]:
     K = K.tocsr()
     if not K.has_canonical_format:
@@ -350,6 +302,13 @@ def _checked(K: Any, points: np.ndarray, keep: Any) -> tuple[Any, np.ndarray, np
         )
     if keep.size and (keep.min() < 0 or keep.max() >= n or np.unique(keep).size < keep.size):
         raise InputError(f"keep must name DOFs from 0 to {n - 1}, each once.")
+    x, y = np.random.default_rng(0).standard_normal((2, n))
+    difference, size = abs(x @ (K @ y) - y @ (K @ x)), abs(x) @ (abs(K) @ abs(y))
+    if difference > 1e-8 * size:  # finds what is not symmetric at a fraction of K - K.T
+        raise InputError(
+            f"K is not symmetric: x'Ky and y'Kx differ by {difference / size:.1e} of |x|'|K||y| "
+            "for random x and y. Both triangles must be stored; otherwise use another solver."
+        )
     return K, points, keep
 
 
@@ -378,23 +337,6 @@ def _panels(data: np.ndarray, fronts: Fronts) -> list[tuple[np.ndarray, np.ndarr
         (data[o : o + p * p].reshape(p, p), data[o + p * p : o + p * (p + b)].reshape(p, b))
         for o, (p, b) in zip(begin[:-2], sizes, strict=False)  # without what is kept
     ]
-
-
-def _runs(fronts: Fronts) -> list[np.ndarray]:
-    """For each front, where its border stops being consecutive in the parent; begin and end too.
-
-    Also where it passes from the pivots of the parent to its border.
-    """
-    size, pivots = np.diff(fronts.first), np.diff(fronts.start)
-    begins = np.ones(fronts.target.size, dtype=bool)
-    begins[1:] = np.diff(fronts.target) != 1
-    begins[fronts.first[:-1][size > 0]] = True
-    begins |= fronts.target == np.repeat(np.append(pivots, 0)[fronts.parent], size)
-    cuts = np.flatnonzero(begins)
-    owner = np.repeat(np.arange(size.size), size)[cuts]
-    local = cuts - fronts.first[owner]
-    runs = np.split(local, np.searchsorted(owner, np.arange(1, size.size)))
-    return [np.append(run, end) for run, end in zip(runs, size, strict=True)]
 
 
 def _extend_add(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -153,7 +152,7 @@ class ContactResult:
     timings: dict[str, float]
     dissipation_by_contact: Array
     dissipation_before: Array
-    recover: Callable[[], Array] = field(repr=False)
+    recover: Any = field(repr=False)
     factor: float | None = None
 
     @cached_property
@@ -255,8 +254,3 @@ FORWARDED = frozenset(
         "traction force moment contact_area"
     ).split()
 )
-
-
-def recover_all(results: Sequence[ContactResult]) -> list[Array]:
-    """Displacements of several results."""
-    return [result.u for result in results]

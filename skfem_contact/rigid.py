@@ -7,6 +7,7 @@ against the rows that contact and friction hold at the moment.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,13 +83,15 @@ def _motion_words(modes: Array, names: tuple[str, ...], u: Array) -> str:
     return " with ".join(np.array(names)[share > 1e-3 * share.max()])
 
 
-def rigid_motions(system: System, kin: Kinematics) -> RigidMotions:
+def rigid_motions(
+    system: System, kin: Kinematics, stiffness: Sequence[csr_matrix]
+) -> RigidMotions:
     """Find the rigid motions that neither prescribed DOFs nor the stiffness resist."""
     blocks = []
-    for body in system.bodies:
+    for body, K in zip(system.bodies, stiffness, strict=True):
         R = body.rigid_modes / np.max(np.abs(body.rigid_modes), axis=0)
         # prescribed DOFs and springs to the ground: rows that a free motion leaves at zero
-        free = R @ null_space(np.concatenate([R[body.D], _resistance(body.K, R)]))
+        free = R @ null_space(np.concatenate([R[body.D], _resistance(K, R)]))
         peak = np.max(np.abs(free), axis=0, initial=0.0)
         blocks.append(free / np.where(peak > 0, peak, 1.0))
     modes = block_diag(*blocks) if sum(b.shape[1] for b in blocks) else np.zeros((system.n, 0))

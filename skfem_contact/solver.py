@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skfem_contact import loops
 from skfem_contact.body import Body, stack
-from skfem_contact.condensation import Condensed, LoadCase
+from skfem_contact.condensation import Condensed, LoadCase, Substructure
 from skfem_contact.contact import Contact
 from skfem_contact.driver import Options, Outcome, drive
 from skfem_contact.errors import InputError, NoEquilibrium, NotConverged
@@ -110,12 +110,13 @@ class ContactSolver:
             for contact, pairing in zip(self.contacts, self.pairings, strict=True)
         ]
         self.kin = join(self._kins)
-        self._own_f = self.system.f
+        self._own_f = np.array(self.system.f)
         self._reader = StepReader(self.system, self.contacts, self.names, self.kin, self._own_f)
         self._setup_friction()
-        self.motions = rigid_motions(self.system, self.kin)
+        self.motions = rigid_motions(self.system, self.kin, self._stiffness)
         self.timings = {"setup": time.perf_counter() - start}
         self._model: Condensed | FullSystem | None = None
+        self._parts: list[Substructure | None] = []
 
     # -- setting up ---------------------------------------------------------------------------
 
@@ -168,9 +169,18 @@ class ContactSolver:
         prefer = secondary_dofs(self.system, self.contacts)
         active = self.kin.paired
         if self._condensed():
-            return Condensed(
-                self.system, self._stiffness, self.kin, active, self._slipping, prefer, labels
+            model = Condensed(
+                self.system,
+                self._stiffness,
+                self.kin,
+                active,
+                self._slipping,
+                prefer,
+                labels,
+                reuse=self._parts,
             )
+            self._parts = list(model.parts)
+            return model
         return FullSystem(
             self.system, self._stiffness, self.kin, self._slipping, prefer, labels, self.linear
         )
@@ -358,6 +368,69 @@ class ContactSolver:
                 guess = self._cold(step, case)
             return drive(run, step, guess, tolerance, limit, callback), load
 
+    def update(self, body: Body | str, *, K: Any = None, f: Any = None) -> None:
+        """Replace the stiffness or the load of one body; only that body is condensed again.
+
+        The way in for bodies whose stiffness changes: a Newton loop of the user's own around this
+        solver, with the tangent stiffness and ``f = f_ext - f_int(u) + K u`` of each iterate.
+
+        Parameters
+        ----------
+        body : Body or str
+        K : sparse matrix (n_body, n_body) or BilinearForm, optional
+            [force/length]
+        f : ndarray (n_body,) or LinearForm, optional
+            The body's own load from now on [force].
+
+        Raises
+        ------
+        InputError
+            As for `Body`: wrong shapes, NaN.
+        """
+        i = self.system.index(body)
+        old = self.system.bodies[i]
+        part = self.system.slice(old)
+        checked = Body(
+            old.basis,
+            self._stiffness[i] if K is None else K,
+            self._own_f[part] if f is None else f,
+            old.D,
+            measure=old.measure,
+            name=old.name,
+        )
+        self._own_f[part] = checked.f
+        if K is None:
+            return
+        self._stiffness[i] = checked.K
+        self._setup_friction()
+        self.motions = rigid_motions(self.system, self.kin, self._stiffness)
+        if self._parts:
+            self._parts[i] = None
+        self._model = None
+
+    def recover(self, results: Iterable[ContactResult]) -> list[Array]:
+        """Displacements of all bodies for many results of this solver in one go.
+
+        Each result then has its ``u`` without further work; one solve with many right-hand sides
+        is several times cheaper than as many solves.
+
+        Returns
+        -------
+        list of ndarray, shape (n,)
+        """
+        results = list(results)
+        missing = [r for r in results if "u" not in r.__dict__ and r.recover.model is self._model]
+        if missing:
+            with single_threaded():
+                u = self.model.recover(
+                    [r.recover.load for r in missing],
+                    [r.case for r in missing],
+                    np.column_stack([r.recover.solution for r in missing]),
+                )
+            for result, column in zip(missing, u.T, strict=True):
+                result.__dict__["u"] = np.array(column)
+        return [r.u for r in results]
+
     # -- states and results ---------------------------------------------------------------------
 
     def _natural(self) -> State:
@@ -427,14 +500,9 @@ class ContactSolver:
         settings: Settings,
         begin: float,
     ) -> ContactResult:
-        z, model = outcome.iterate.response.solution, self.model
         before = np.zeros(len(self.contacts))
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
-
-        def recover() -> Array:
-            with single_threaded():
-                return model.recover([load], [case], z[:, None])[:, 0]
 
         cuts = "" if len(trace) == len(outcome.trace) else ", with a cut step"
         return ContactResult(
@@ -453,7 +521,7 @@ class ContactSolver:
             timings={**self.timings, "loop": time.perf_counter() - begin},
             dissipation_by_contact=total,
             dissipation_before=before,
-            recover=recover,
+            recover=Recovery(self.model, load, case, outcome.iterate.response.solution),
             factor=settings.factor,
         )
 
@@ -486,6 +554,20 @@ class ContactSolver:
             "`.result` of this exception.",
             result,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """What it takes to recover the displacements of all bodies for one result, when asked for."""
+
+    model: Condensed | FullSystem
+    load: Any
+    case: LoadCase
+    solution: Array
+
+    def __call__(self) -> Array:
+        with single_threaded():
+            return self.model.recover([self.load], [self.case], self.solution[:, None])[:, 0]
 
 
 def _contact_names(contacts: tuple[Contact, ...]) -> tuple[str, ...]:
