@@ -54,6 +54,7 @@ def test_rotation_is_counterclockwise_about_the_centroid():
     x = body.dof_points[:, 0]
     assert np.all(rotation[(body.dof_component == 1) & (x > 0.9)] > 0)
     assert rotation[BASIS.get_dofs("right").nodal["u^2"]].tolist() == pytest.approx([1.0] * 5)
+    assert rotation[BASIS.get_dofs("left").nodal["u^2"]].tolist() == pytest.approx([-1.0] * 5)
 
 
 def test_points_and_components_of_dofs_are_those_of_interpolation():

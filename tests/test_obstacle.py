@@ -98,6 +98,13 @@ def test_level_sets_find_the_closest_point_of_a_wavy_floor():
         assert pairing.gap[i] == pytest.approx(nearest, abs=1e-8)  # spacing 3e-5, squared
 
 
+@pytest.mark.parametrize("radius", [0.01, 0.3])
+def test_level_sets_find_sharply_curved_obstacles_from_afar(radius):
+    """Closest points are found also where the gap is many times the radius of curvature."""
+    level = LevelSet(lambda x: x[0] ** 2 + (x[1] + 3) ** 2 - radius**2)
+    same(level.pair(DISC), RigidCylinder((0, -3), radius).pair(DISC), tolerance=1e-8)
+
+
 def test_overlaps_are_negative():
     """Pushed 0.1 into the disc, every obstacle has the least gap -0.1."""
     for obstacle in (

@@ -230,6 +230,16 @@ def test_concave_corners_choose_the_nearer_side_and_ties_the_more_opposite():
         np.testing.assert_allclose(foot[~side], [[0.5, 0.5]], atol=1e-11)
 
 
+@pytest.mark.parametrize("tilt", [-0.3, 0.3])
+def test_of_equally_near_flanks_the_more_opposite_is_taken(tilt):
+    """A node on the axis of a groove that looks to one side meets the flank on that side."""
+    groove = block([-1.0, 0.0, 1.0], 0, 1, -2, 0, wave=lambda x: np.abs(x)).surface("top")
+    tip = block([-0.3, 0.0, 0.3], 0, 1, 0, 1).surface("bottom")
+    pairing = node_to_segment(turned(tip, tilt, np.array([0.0, 1.0]))[0], groove)
+    middle = np.argmin(np.abs(pairing.points[:, 0]))
+    np.testing.assert_allclose(feet(pairing, groove)[middle], [0.5 * np.sign(tilt), 0.5])
+
+
 def test_overlaps_do_not_reach_the_far_side():
     """A node that penetrates by 5 % pairs with the near face, not with the back or the sides."""
     primary = block(4, 0, 1, 0, 1).surface(None)
