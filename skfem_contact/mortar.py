@@ -13,62 +13,34 @@ after division by ``a_i`` the row is one node of the secondary minus a mean over
 in node-to-segment contact, and elimination of the normal DOFs is as local. As the integrals are
 exact, a uniform pressure passes between meshes that do not match (patch test).
 
-**The basis** is made facet by facet, ``phi_i = sum_k A_ik N_k`` with ``A = diag(int N) Mass^-1``.
-All integrals, those of ``Mass`` too, are over the part of the facet that the primary covers, so
-that D is diagonal and ``sum_i phi_i = 1`` also at the edge of the contact (Cichosz and Bischoff
-2011). Quadratic facets carry the quadratic dual basis (three multipliers): in 2-D its weights
-``1/6, 1/6, 4/6`` are positive, it does not oscillate as the trace of the secondary is its own
-multiplier space, and it even contains the linear functions (Simpson's rule integrates cubics),
-which the dual basis of linear facets does not.
-
-**Merging.** A node whose share ``int N_i`` of a facet is less than a quarter of what it has on a
-whole facet of equal area hands its multiplier on this facet to the node with the largest share:
-``phi_heir + phi_i`` instead of ``phi_heir`` and ``phi_i``. So do all others of a facet covered by
-less than a third. This happens
-
-* where the primary covers little of the facet: the node's row would extrapolate from the covered
-  part to the node, with weights that grow without bound;
-* on quadratic facets covered in part, where ``int N_i`` can be negative and the sign of a
-  pressure would lose its meaning;
-* at the node of a quadratic facet on the axis of symmetry, where ``int N_i 2 pi r dr`` is zero.
-
-The basis keeps the constants, hence the patch test. The heir's row then holds both nodes; a node
-left with no multiplier on any facet is not paired (`with_merged` lends it the heir's values).
+The basis is that of `dual`: exact also where the primary covers facets only in part, with the
+multipliers of what is cut short merged into their neighbours'. The row of an heir then holds both
+nodes, and a node left with no multiplier on any facet is not paired (`with_merged` lends it the
+heir's values).
 
 References
 ----------
 B. I. Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012: dual multipliers. A. Popp, M. W. Gee,
-W. A. Wall, Int. J. Numer. Meth. Engng 79 (2009) 1354-1391: contact. T. Cichosz, M. Bischoff,
-Comput. Methods Appl. Mech. Engrg 200 (2011) 1317-1332: boundaries.
+W. A. Wall, Int. J. Numer. Meth. Engng 79 (2009) 1354-1391: contact.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.spatial import cKDTree
 
+from skfem_contact.dual import WHOLE, dual_basis
 from skfem_contact.errors import InputError
 from skfem_contact.pairing import Pairing, tangents
-from skfem_contact.segmentation import (
-    Quadrature,
-    facet_areas,
-    facet_normal_field,
-    interface_quadrature,
-)
+from skfem_contact.segmentation import Quadrature, facet_areas, interface_quadrature
+from skfem_contact.strips import facet_normal_field
 from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# A multiplier of its own needs this share of the node's integral over the whole facet, and a facet
-# covered by at least this much. The sum of |weights| in a row is then below 6 (linear) and 16
-# (quadratic) however the facet is cut; uncut it is 5/3 and 5/2.
-_SHARE_KEPT = 1 / 4
-_COVER_KEPT = 1 / 3
-# Integrals of the shape functions over a whole facet of unit length: end, end (, middle)
-_SHARE = {2: np.array([0.5, 0.5]), 3: np.array([1.0, 1.0, 4.0]) / 6.0}
 # Weights of a row (their sum is 1) below this are round-off of biorthogonality.
 _ROUND_OFF = 1e-14
 
@@ -130,8 +102,8 @@ def dual_mortar(
     >>> print(pairing.area, pairing.gap)
     [0.5 0.5] [0. 0.]
     >>> x = a.surface("top").points[:, 0]
-    >>> print((pairing.primary_weights @ x).round(12))  # a linear field at both nodes
-    [0. 1.]
+    >>> print((1 + pairing.primary_weights @ x).round(12))  # a linear field at both nodes
+    [1. 2.]
     """
     if secondary.points.shape[1] != 2:
         raise InputError(
@@ -144,9 +116,9 @@ def dual_mortar(
     A, share, heir = _facet_bases(secondary, quadrature)
     D, covered_area, normal = _secondary_matrix(secondary, share, heir)
     M, facet = _primary_matrix(secondary, primary, quadrature, A)
-    paired = covered_area > 0
-    W_s = _divide(D, covered_area)
-    W_m = _divide(M, np.asarray(M.sum(axis=1), dtype=float).ravel())
+    paired = (covered_area > 0) & ~_shared(secondary, primary)
+    W_s = _divide(D, covered_area, paired)
+    W_m = _divide(M, np.asarray(M.sum(axis=1), dtype=float).ravel(), paired)
     W_m.data[np.abs(W_m.data) < _ROUND_OFF] = 0.0
     W_m.eliminate_zeros()
     miss, nearest = _overhang(secondary, primary, paired, reach)
@@ -185,53 +157,6 @@ def with_merged(pairing: Pairing, values: Array) -> Array:
     out = np.array(values)
     out[weights.col[lent]] = np.asarray(values)[weights.row[lent]]
     return out
-
-
-def dual_basis(mass: Array, area: Array) -> tuple[Array, Array, Index]:
-    """Coefficients of the dual basis of facets, with what is left of small parts merged.
-
-    Parameters
-    ----------
-    mass : ndarray, shape (nf, k, k)
-        ``int N_i N_j`` over the covered part of each facet [area].
-    area : ndarray, shape (nf,)
-        Area of each whole facet [area].
-
-    Returns
-    -------
-    A : ndarray, shape (nf, k, k)
-        ``phi_i = sum_k A_ik N_k``, dimensionless.
-    share : ndarray, shape (nf, k)
-        ``int N_i`` over the covered part [area].
-    heir : ndarray of int, shape (nf, k)
-        Local number of the node whose multiplier includes that of node i; i itself in general.
-        ``int phi_i N_j = share_j`` if i is the heir of j, and zero else.
-
-    Examples
-    --------
-    A linear facet of length 6, fully covered:
-
-    >>> A, share, heir = dual_basis(np.array([[[2.0, 1.0], [1.0, 2.0]]]), np.array([6.0]))
-    >>> print(A[0], share[0], heir[0])
-    [[ 2. -1.]
-     [-1.  2.]] [3. 3.] [0 1]
-    """
-    nf, k = mass.shape[:2]
-    share = mass.sum(axis=2)  # int N_i, as the N_j sum to 1
-    every, own = np.arange(nf), np.arange(k)
-    largest = share.argmax(axis=1)
-    merged = share < _SHARE_KEPT * _SHARE[k] * area[:, None]
-    merged |= (share.sum(axis=1) < _COVER_KEPT * area)[:, None]
-    merged[every, largest] = False
-    heir = np.where(merged, largest[:, None], own)
-    S = np.zeros_like(mass)
-    S[every[:, None], heir, own] = 1.0
-    # one multiplier left: it is the constant 1, known without the inverse of what may be a sliver
-    single = merged.sum(axis=1) == k - 1
-    inverse = np.linalg.inv(np.where(single[:, None, None], np.eye(k), mass))
-    A = S @ (share[:, :, None] * inverse)
-    A[single] = S[single]  # row of the largest: all ones
-    return A, share, heir
 
 
 def _facet_bases(surface: ContactSurface, quadrature: Quadrature) -> tuple[Array, Array, Index]:
@@ -297,17 +222,28 @@ def _primary_matrix(
     return M, facet
 
 
-def _divide(matrix: csr_matrix, by: Array) -> csr_matrix:
-    """Rows divided by positive numbers, empty where there is none."""
-    factor = np.divide(1.0, by, out=np.zeros_like(by), where=by > 0)
-    return csr_matrix(diags(factor) @ matrix)
+def _divide(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:
+    """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
+    rows = matrix.tocoo()
+    keep = paired[rows.row]
+    row, col = rows.row[keep], rows.col[keep]
+    out = csr_matrix((rows.data[keep] / by[row], (row, col)), shape=matrix.shape)
+    out.sum_duplicates()
+    return out
+
+
+def _shared(secondary: ContactSurface, primary: ContactSurface) -> NDArray[np.bool_]:
+    """Nodes that are on both surfaces (the tip of a slit) and can not meet themselves."""
+    if secondary.body is not primary.body:
+        return np.zeros(len(secondary.points), dtype=bool)
+    return np.isin(secondary.dofs[:, 0], primary.dofs[:, 0])
 
 
 def _nominal_area(surface: ContactSurface) -> Array:
     """Areas of points that carry nothing: the whole tributary area, positive also on the axis."""
     k = surface.facets.shape[1]
     share = np.zeros(len(surface.points))
-    np.add.at(share, surface.facets, facet_areas(surface)[:, None] * _SHARE[k])
+    np.add.at(share, surface.facets, facet_areas(surface)[:, None] * WHOLE[k])
     return np.where(surface.area > _ROUND_OFF * share, surface.area, share)
 
 

@@ -13,8 +13,8 @@ surfaces the two are the same. At a corner sharper than 45 degrees each facet ke
 Between the projections of the ends of the primary facets all integrands are smooth (on straight
 facets of flat surfaces polynomials), and Gauss quadrature on each such segment is exact for them.
 
-Only this module knows that surfaces are curves. A third dimension replaces the strips, the
-intervals and the quadrature of segments by prisms, clipped polygons and their triangles; what
+Only this module and `strips` know that surfaces are curves. A third dimension replaces the strips,
+the intervals and the quadrature of segments by prisms, clipped polygons and their triangles; what
 leaves the module (`Quadrature`) stays the same.
 
 References
@@ -30,6 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.strips import candidate_pairs, dot, facet_normal_field, ragged, turned
 from skfem_contact.surface import ContactSurface, facet_shapes
 
 Array = NDArray[np.float64]
@@ -125,98 +126,6 @@ def _gauss(n: int) -> tuple[Array, Array]:
     return 0.5 * (at + 1), 0.5 * w
 
 
-# --- search -----------------------------------------------------------------------------------
-
-
-def candidate_pairs(
-    secondary: ContactSurface, primary: ContactSurface, reach: float
-) -> tuple[Index, Index]:
-    """Pairs of facets that may meet: the strip of normals of the one reaches a ball of the other.
-
-    The primary facets hang in a binary tree of balls that all secondary facets descend together,
-    level by level; the work is proportional to the facets and the pairs found, whatever the
-    distance between the surfaces (a search by radius would need ``reach``).
-
-    Returns
-    -------
-    e, f : ndarray of int
-        Secondary and primary facets.
-    """
-    centre, radius = _balls(primary)
-    order, blocks = _bisect(centre)
-    own_centre, own_radius = _balls(secondary)
-    normals = facet_normal_field(secondary)
-    ends = secondary.points[secondary.facets[:, :2]]
-    along = _turn(normals[:, :2])
-    along = along / np.linalg.norm(along, axis=2, keepdims=True)
-
-    def may_meet(e: Index, centre: Array, radius: Array) -> NDArray[np.bool_]:
-        past_start = _dot(centre - ends[e, 0], along[e, 0]) >= -radius
-        before_end = _dot(centre - ends[e, 1], along[e, 1]) <= radius
-        distance = np.linalg.norm(centre - own_centre[e], axis=1)
-        return past_start & before_end & (distance <= reach + own_radius[e] + radius)
-
-    e: Index = np.arange(len(secondary.facets))
-    block = np.zeros_like(e)
-    for level, first in enumerate(blocks):
-        if level > 0:
-            e, block = np.repeat(e, 2), np.stack([2 * block, 2 * block + 1], axis=1).ravel()
-        ball, reached = _enclosing(centre[order], radius[order], first)
-        keep = may_meet(e, ball[block], reached[block])
-        e, block = e[keep], block[keep]
-    size = np.diff(np.append(blocks[-1], len(order)))
-    f = order[_ragged(blocks[-1][block], size[block])]
-    e = np.repeat(e, size[block])
-    keep = may_meet(e, centre[f], radius[f])
-    return e[keep], f[keep]
-
-
-def _balls(surface: ContactSurface) -> tuple[Array, Array]:
-    """A ball around each facet: centre of the chord, half its length, and the sagitta."""
-    nodes = surface.points[surface.facets]
-    centre = 0.5 * (nodes[:, 0] + nodes[:, 1])
-    radius = 0.5 * np.linalg.norm(nodes[:, 1] - nodes[:, 0], axis=1)
-    if nodes.shape[1] == 3:
-        radius = radius + np.linalg.norm(nodes[:, 2] - centre, axis=1)
-    return centre, radius
-
-
-def _bisect(centre: Array) -> tuple[Index, list[Index]]:
-    """Order of points by repeated halving along the longest side, and the blocks of each level."""
-    n = len(centre)
-    depth = int(np.log2(n))
-    order: Index = np.arange(n)
-    blocks = []
-    for level in range(depth + 1):
-        first = np.arange(2**level) * n // 2**level
-        blocks.append(first)
-        at = centre[order]
-        extent = np.maximum.reduceat(at, first) - np.minimum.reduceat(at, first)
-        block = np.repeat(np.arange(2**level), np.diff(np.append(first, n)))
-        key = at[np.arange(n), extent.argmax(axis=1)[block]]
-        order = order[np.lexsort((key, block))]
-    return order, blocks
-
-
-def _enclosing(centre: Array, radius: Array, first: Index) -> tuple[Array, Array]:
-    """A ball around all balls of each block."""
-    size = np.diff(np.append(first, len(centre)))
-    mean = np.add.reduceat(centre, first) / size[:, None]
-    distance = np.linalg.norm(centre - np.repeat(mean, size, axis=0), axis=1)
-    return mean, np.maximum.reduceat(distance + radius, first)
-
-
-# --- segments ---------------------------------------------------------------------------------
-
-
-def facet_normal_field(surface: ContactSurface) -> Array:
-    """Normals at the nodes of each facet, shape (nf, k, d), to be interpolated over it."""
-    normals = surface.facet_node_normals
-    if surface.facets.shape[1] == 2:
-        return normals
-    return np.concatenate([normals, surface.facet_normals[:, None]], axis=1)
-
-
 def _segments(
     secondary: ContactSurface,
     primary: ContactSurface,
@@ -238,7 +147,7 @@ def _segments(
     rank[order] = np.arange(len(order))
     cut = cut[order]
     pieces = rank[len(e) :] - rank[: len(e)]
-    piece = _ragged(rank[: len(e)], pieces)
+    piece = ragged(rank[: len(e)], pieces)
     e, f = np.repeat(e, pieces), np.repeat(f, pieces)
     start, stop = cut[piece], cut[piece + 1]
     # of all primary facets over one piece the closest counts, if it faces the secondary
@@ -263,9 +172,9 @@ def _project(nodes: Array, normals: Array, y: Array) -> Array:
     def lateral(xi: Array, at: Index) -> tuple[Array, Array]:
         N, dN = facet_shapes(xi, nodes.shape[1])
         away = y[at] - _combine(N, nodes[at])
-        along, bend = _turn(_combine(N, normals[at])), _turn(_combine(dN, normals[at]))
-        slope = _dot(away, bend) - _dot(_combine(dN, nodes[at]), along)
-        return _dot(away, along), slope
+        along, bend = turned(_combine(N, normals[at])), turned(_combine(dN, normals[at]))
+        slope = dot(away, bend) - dot(_combine(dN, nodes[at]), along)
+        return dot(away, along), slope
 
     everyone = np.arange(len(y))
     before = lateral(np.zeros(len(y)), everyone)[0] <= 0
@@ -292,8 +201,8 @@ def _meet(
 ) -> Array:
     """Coordinate on primary facets of the points that the normals at ``xi`` meet; (q,)."""
     x, normal = _position(secondary, e, xi)
-    along = _turn(normal)
-    c = _dot(primary.points[primary.facets[f]] - x[:, None], along[:, None])
+    along = turned(normal)
+    c = dot(primary.points[primary.facets[f]] - x[:, None], along[:, None])
     # a eta^2 + b eta + c0 between ends of opposite sign; the root in the form without loss
     c0, b = c[:, 0], c[:, 1] - c[:, 0]
     a = np.zeros(len(c))
@@ -314,10 +223,10 @@ def _relation(
     x, normal = _position(secondary, e, xi)
     nodes = primary.points[primary.facets[f]]
     N, dN = facet_shapes(_meet(secondary, primary, e, f, xi), nodes.shape[1])
-    outward = -_turn(_combine(dN, nodes))
+    outward = -turned(_combine(dN, nodes))
     size = np.linalg.norm(normal, axis=1)
-    gap = _dot(_combine(N, nodes) - x, normal) / size
-    return gap, _dot(normal, outward) < _FACING * size * np.linalg.norm(outward, axis=1)
+    gap = dot(_combine(N, nodes) - x, normal) / size
+    return gap, dot(normal, outward) < _FACING * size * np.linalg.norm(outward, axis=1)
 
 
 def _position(surface: ContactSurface, facet: Index, xi: Array) -> tuple[Array, Array]:
@@ -329,26 +238,6 @@ def _position(surface: ContactSurface, facet: Index, xi: Array) -> tuple[Array, 
     )
 
 
-def _dot(v: Array, w: Array) -> Array:
-    """Scalar products along the last axis."""
-    return np.einsum("...d,...d->...", v, w)
-
-
 def _combine(N: Array, values: Array) -> Array:
     """Sum of nodal values with shape functions, (q, k) and (q, k, d) to (q, d)."""
     return np.einsum("qk,qkd->qd", N, values)
-
-
-def _turn(v: Array) -> Array:
-    """Vectors turned by +90 degrees: outward normals become the direction of travel."""
-    return np.stack([-v[..., 1], v[..., 0]], axis=-1)
-
-
-def _ragged(start: Index, count: Index) -> Index:
-    """``start[0], start[0] + 1, ...`` (count[0] of them), ``start[1], ...``.
-
-    >>> _ragged(np.array([5, 0]), np.array([2, 3]))
-    array([5, 6, 0, 1, 2])
-    """
-    before = np.cumsum(count) - count
-    return np.arange(count.sum()) + np.repeat(start - before, count)
