@@ -1,0 +1,289 @@
+"""Every backend against SciPy's sparse solver, and what each says when there is no solution."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import skfem as fem
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.sparse.linalg import spsolve
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+from skfem.utils import solver_direct_scipy, solver_iter_pcg
+
+from skfem_contact import threads
+from skfem_contact.errors import ContactError, InputError
+from skfem_contact.linear import (
+    AMG,
+    Backend,
+    Dense,
+    Direct,
+    FromSolver,
+    LinearSolveError,
+    SingularMatrix,
+    as_linear_solver,
+    single_threaded,
+)
+
+
+def modes_of(points: np.ndarray) -> np.ndarray:
+    """Translations and rotations of the nodes, whose components are numbered one by one."""
+    n, d = points.shape
+    component = np.arange(n) % d
+    columns = [component == axis for axis in range(d)]
+    for a in range(d):
+        for b in range(a + 1, d):
+            turn = np.where(component == a, -points[:, b], 0.0)
+            columns.append(np.where(component == b, points[:, a], turn))
+    return np.stack(columns, axis=1).astype(float)
+
+
+def body(
+    dim: int = 2, cells: int = 10, length: float = 1.0, held: bool = True
+) -> tuple[sp.csr_matrix, np.ndarray]:
+    """Stiffness and positions of a bar of square cells, held at its end x = 0 or not."""
+    width = 1.0 if length == 1.0 else length / cells
+    side = np.linspace(0.0, width, cells + 1 if length == 1.0 else 2)
+    sides = [np.linspace(0.0, length, cells + 1)] + [side] * (dim - 1)
+    mesh = (fem.MeshQuad if dim == 2 else fem.MeshHex).init_tensor(*sides)
+    element = fem.ElementQuad1() if dim == 2 else fem.ElementHex1()
+    basis = fem.Basis(mesh, fem.ElementVector(element), intorder=2)
+    K = linear_elasticity(*lame_parameters(210e9, 0.3)).assemble(basis)
+    free = np.flatnonzero(basis.doflocs[0] > 0.0) if held else np.arange(basis.N)
+    return K[free][:, free], basis.doflocs.T[free]
+
+
+def unsymmetric(K: sp.csr_matrix) -> sp.csr_matrix:
+    """Friction-like: some rows take a share of others."""
+    n = K.shape[0]
+    return sp.csr_matrix(K + 0.3 * sp.eye_array(n, k=1) @ K @ sp.diags_array(np.arange(n) % 5 / 5))
+
+
+BACKENDS = [
+    Direct(),
+    Direct("superlu"),
+    Dense(),
+    FromSolver(solver_direct_scipy()),
+    AMG(tol=1e-12),
+]
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=str)
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("columns", [(), (1,), (4,), (0,)])
+def test_solution(backend, dim, columns):
+    """Each backend gives the solution of scipy, for one right-hand side or several."""
+    K, points = body(dim, cells=10 if dim == 2 else 4)
+    factor = backend.factorize(K, points=points, modes=modes_of(points))
+    b = np.random.default_rng(0).standard_normal((len(points), *columns))
+    before = b.copy()
+    x = factor.solve(b)
+    assert x.shape == b.shape
+    assert_array_equal(b, before)
+    exact = spsolve(K.tocsc(), b).reshape(b.shape) if b.size else b
+    # a condition number of 1e3 to 1e4 on top of round-off, or of the tolerance of AMG
+    atol = 1e-9 if isinstance(backend, AMG) else 1e-12
+    assert_allclose(x, exact, atol=atol * abs(exact).max(initial=0.0))
+    assert factor.memory >= 0 and factor.name
+
+
+@pytest.mark.parametrize(
+    "backend", [Direct(), Dense(), FromSolver(solver_direct_scipy())], ids=str
+)
+def test_unsymmetric(backend):
+    """With spd=False the direct backends solve unsymmetric systems."""
+    K, points = body()
+    A = unsymmetric(K)
+    b = np.random.default_rng(0).standard_normal((len(points), 2))
+    exact = spsolve(A.tocsc(), b)
+    x = backend.factorize(A, points=points, spd=False).solve(b)
+    assert_allclose(x, exact, atol=1e-11 * abs(exact).max())
+
+
+def test_choice_of_method():
+    """Positions and positive definiteness make it multifrontal; otherwise SuperLU steps in."""
+    K, points = body()
+    assert Direct().factorize(K, points=points).name == "multifrontal Cholesky"
+    assert Direct().factorize(K).name == "SuperLU"
+    assert Direct().factorize(K, points=points, spd=False).name == "SuperLU"
+    assert Dense().factorize(K).name == "dense Cholesky"
+    assert Dense().factorize(K.toarray(), spd=False).name == "dense LU"
+    assert Dense().factorize(K).memory == 8 * len(points) ** 2
+
+
+def test_dissection_beats_minimum_degree_in_3d():
+    """In 3-D SuperLU gets its order from the positions, which saves memory."""
+    K, points = body(3, cells=9)
+    guided = Direct("superlu").factorize(K, points=points).memory
+    assert guided < 0.9 * Direct("superlu").factorize(K).memory
+
+
+@pytest.mark.parametrize("contrast", [1e6, 1e12])
+@pytest.mark.parametrize("backend", [Direct(), Direct("superlu"), Dense()], ids=str)
+def test_contrast_is_not_singular(backend, contrast):
+    """Stiffnesses that differ by 1e12 are not taken for a free motion, nor cost digits."""
+    K, points = body()
+    both = sp.block_diag((K, contrast * K), format="csr")
+    b = np.ones(2 * len(points))
+    b[len(points) :] *= contrast
+    x = backend.factorize(both, points=np.concatenate((points, points))).solve(b)
+    exact = np.tile(spsolve(K.tocsc(), b[: len(points)]), 2)
+    assert_allclose(x, exact, rtol=1e-9, atol=1e-11 * abs(exact).max())
+
+
+@pytest.mark.parametrize("backend", [Direct(), Direct("superlu"), Dense()], ids=str)
+def test_slender_is_not_singular(backend):
+    """A cantilever of 500 elements in a row is soft, not free."""
+    K, points = body(cells=500, length=500.0)
+    f = np.random.default_rng(0).standard_normal(len(points))
+    x = backend.factorize(K, points=points).solve(f)
+    # the residual is round-off of |K| |x|, whatever the condition number
+    assert np.max(abs(K @ x - f)) < 1e-14 * abs(K).max() * abs(x).max()
+
+
+@pytest.mark.parametrize("cells", [3, 10, 40])
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("backend", [Direct(), Direct("superlu"), Dense()], ids=str)
+def test_floating_body_is_singular(backend, dim, cells):
+    """A free rigid motion is noticed by every direct backend, whatever the mesh."""
+    K, points = body(dim, cells=cells if dim == 2 else cells // 5 + 2, held=False)
+    with pytest.raises(SingularMatrix, match="rigid motion is left free") as info:
+        backend.factorize(K, points=points)
+    assert isinstance(info.value, ContactError)
+    assert info.value.dof < len(points)
+    assert info.value.ratio < 1e-10
+
+
+def test_one_of_two_bodies_floats():
+    """Of two bodies, one of them 1e12 times as stiff, the DOF named is of the one that floats."""
+    held, points = body()
+    loose, others = body(held=False)
+    for factor in (1e-12, 1.0, 1e12):
+        K = sp.block_diag((held, factor * loose), format="csr")
+        with pytest.raises(SingularMatrix) as info:
+            Direct().factorize(K, points=np.concatenate((points, others + (2.0, 0.0))))
+        assert info.value.dof >= len(points)
+
+
+def test_singular_without_symmetry():
+    """Equal rows and zero rows are singular for LU as well."""
+    A = np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 0.0], [0.0, 1.0, 1.0]])
+    for matrix in (A, A * [[0.0], [1.0], [1.0]]):
+        with pytest.raises(SingularMatrix, match="singular to working precision"):
+            Dense().factorize(matrix, spd=False)
+        with pytest.raises(SingularMatrix, match="singular to working precision"):
+            Direct().factorize(sp.csr_matrix(matrix), spd=False)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_amg_needs_few_iterations_with_rigid_modes(dim):
+    """Rigid motions as near-nullspace: 25 iterations for ten digits, far fewer than without."""
+    K, points = body(dim, cells=60 if dim == 2 else 10)
+    b = np.random.default_rng(0).standard_normal(len(points))
+    x = AMG(max_iterations=25).factorize(K, modes=modes_of(points)).solve(b)
+    assert np.linalg.norm(K @ x - b) <= 1e-10 * np.linalg.norm(b)
+    with pytest.raises(LinearSolveError, match=r"after 25 iterations, above tol=1.0e-10"):
+        AMG(max_iterations=25).factorize(K).solve(b)
+
+
+def test_amg_does_not_fail_silently():
+    """A load that a floating body can not balance is an error with its residual."""
+    K, points = body(cells=20, held=False)
+    factor = AMG().factorize(K, modes=modes_of(points))
+    with pytest.raises(LinearSolveError, match="rigid motion is left free") as info:
+        factor.solve(np.ones(len(points)))
+    assert info.value.residual > 1e-10
+    assert info.value.iterations >= 1
+    assert_array_equal(factor.solve(np.zeros(len(points))), 0.0)
+
+
+def test_amg_refuses_unsymmetric():
+    """Conjugate gradients need symmetry."""
+    with pytest.raises(InputError, match=r"use Direct\(\)"):
+        AMG().factorize(unsymmetric(body()[0]), spd=False)
+
+
+def test_scikit_fem_solvers():
+    """Any solver of scikit-fem will do, as precise as it is."""
+    K, points = body()
+    b = np.ones((len(points), 2))
+    x = as_linear_solver(solver_iter_pcg(rtol=1e-12)).factorize(K).solve(b)
+    assert_allclose(x, spsolve(K.tocsc(), b), rtol=1e-8)
+
+
+def test_bad_solver():
+    """NaN, and answers of the wrong shape, are not passed on."""
+    K, points = body(cells=2)
+    b = np.ones(len(points))
+    with pytest.raises(LinearSolveError, match="returned NaN or inf"):
+        FromSolver(lambda A, b: b * np.nan).factorize(K).solve(b)
+    with pytest.raises(LinearSolveError, match=r"returned shape \(3,\) for \(12,\)"):
+        FromSolver(lambda A, b: b[:3]).factorize(K).solve(b)
+
+
+def test_as_linear_solver():
+    """Settings pass, callables are wrapped, anything else is refused with a hint."""
+    assert as_linear_solver(Direct()) == Direct()
+    assert isinstance(as_linear_solver(solver_direct_scipy()), FromSolver)
+    for wrong in ("mumps", Direct, None):
+        with pytest.raises(InputError, match="is no linear solver"):
+            as_linear_solver(wrong)
+
+
+def test_messages():
+    """Unknown methods, missing positions and matrices that are not square are explained."""
+    with pytest.raises(InputError, match="known are 'auto', 'multifrontal' and 'superlu'"):
+        Direct("mumps")
+    with pytest.raises(InputError, match="points missing, spd=True"):
+        Direct("multifrontal").factorize(body()[0])
+    with pytest.raises(InputError, match=r"shape \(2, 3\) is not square"):
+        Direct().factorize(sp.csr_matrix(np.ones((2, 3))))
+    with pytest.raises(NotImplementedError):
+        Backend().factorize(np.eye(2))
+
+
+def test_settings_are_values():
+    """Backends are frozen and compare by value."""
+    assert AMG(tol=1e-6) == AMG(tol=1e-6) != AMG()
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Direct().method = "superlu"  # type: ignore[misc]
+
+
+def test_matrix_is_not_changed():
+    """No backend writes to the matrix or the modes, dense or sparse."""
+    K, points = body()
+    modes, full = modes_of(points), K.toarray()
+    data, before = K.data.copy(), modes.copy()
+    for backend in BACKENDS:
+        backend.factorize(K, points=points, modes=modes)
+    Dense().factorize(full)
+    Dense().factorize(full, spd=False)
+    assert_array_equal(K.data, data)
+    assert_array_equal(modes, before)
+    assert_array_equal(full, K.toarray())
+
+
+def test_single_threaded():
+    """BLAS has one thread inside, and what it had before afterwards."""
+    threadpoolctl = pytest.importorskip("threadpoolctl")
+
+    def number() -> list[int]:
+        info = threadpoolctl.threadpool_info()
+        return [pool["num_threads"] for pool in info if pool["user_api"] == "blas"]
+
+    before = number()
+    with single_threaded():
+        assert set(number()) <= {1}
+    assert number() == before
+
+
+def test_single_threaded_without_threadpoolctl(monkeypatch):
+    """Without the optional package nothing is limited, and nothing fails."""
+    monkeypatch.setitem(sys.modules, "threadpoolctl", None)
+    threads._threads.cache_clear()
+    with single_threaded():
+        pass
+    threads._threads.cache_clear()
