@@ -6,7 +6,9 @@ The multipliers are made facet by facet,
 
 so that ``int phi_i N_j = delta_ij int N_j``. All integrals, those of ``Mass`` too, are over the
 part of the facet that the primary covers, so that this holds, and ``sum_i phi_i = 1``, also at
-the edge of the contact (Cichosz and Bischoff 2011). Quadratic facets carry the quadratic dual basis (three multipliers): in 2-D its weights
+the edge of the contact (Cichosz and Bischoff 2011).
+
+Quadratic facets carry the quadratic dual basis (three multipliers): in 2-D its weights
 ``1/6, 1/6, 4/6`` are positive, it does not oscillate as the trace of the secondary is its own
 multiplier space, and it even contains the linear functions (Simpson's rule integrates cubics),
 which the dual basis of linear facets does not.

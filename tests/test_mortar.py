@@ -143,6 +143,25 @@ def test_whole_facet_has_textbook_basis(k):
     assert_allclose(heir[0], np.arange(k))
 
 
+@pytest.mark.parametrize(("k", "bound"), [(2, 6), (3, 16)])
+def test_weights_stay_bounded(k, bound):
+    """However a facet is cut, ``int |phi_i| / int phi_i``, which bounds the weights, is small."""
+    width, start = (
+        a.ravel() for a in np.meshgrid(np.linspace(1e-3, 1, 100), np.linspace(0, 1, 30))
+    )
+    at, w = np.polynomial.legendre.leggauss(40)
+    xi = (start * (1 - width))[:, None] + width[:, None] * 0.5 * (at + 1)
+    N = np.stack([np.broadcast_to(f(xi), xi.shape) for f in line_shapes(k)], axis=2)
+    weight = 0.5 * width[:, None] * w
+    A, _, _ = dual_basis(np.einsum("fq,fqi,fqj->fij", weight, N, N), np.ones(len(width)))
+    phi = np.einsum("fik,fqk->fqi", A, N)
+    total, size = (np.einsum("fq,fqi->fi", weight, value) for value in (phi, np.abs(phi)))
+    kept = np.abs(A).max(axis=2) > 0
+    assert np.all(total[kept] > 0)
+    # the kinks of |phi| lie between the 40 Gauss points: two digits
+    assert (size[kept] / total[kept]).max() < 1.01 * bound
+
+
 # --- rows -------------------------------------------------------------------------------------
 
 
@@ -172,15 +191,6 @@ def test_rows_reproduce_linear_fields(kinds, lines, angle, gap):
     assert np.all(np.isinf(pairing.gap[~paired])) and np.all(pairing.area > 0)
     assert np.all(pairing.facet[paired] >= 0)
     assert np.array_equal(pairing.miss > 0, ~paired)
-
-
-@given(lines=overlapping())
-@settings(max_examples=50, deadline=None)
-def test_weights_stay_bounded(lines):
-    """However little of a facet is covered, its rows do not extrapolate wildly."""
-    for kind, bound in (("Q1", 6), ("Q2", 16)):
-        pairing = dual_mortar(*pair_of_blocks(kind, *lines))
-        assert abs(pairing.primary_weights).sum(axis=1).max() < bound
 
 
 @pytest.mark.parametrize("kind", ["Q1", "Q2", "S2", "P2"])
@@ -474,7 +484,7 @@ def test_patch_test(kind, data, slope, angle):
     [
         ((0, 0.4, 1), (0, 0.3, 0.6, 1.2)),  # secondary longer: two thirds of a facet covered
         ((0, 0.4, 1), (0, 0.3, 0.95, 1.5)),  # a tenth covered
-        ((0, 0.4, 1), (0, 0.3, 0.9999, 1.5)),  # a sliver covered
+        ((0, 0.4, 1), (0, 0.3, 0.9999999, 1.5)),  # a sliver covered
         ((0, 0.4, 1.3), (0, 0.3, 0.6, 1)),  # primary longer
         ((0.2, 0.5, 1.4), (0, 0.3, 0.6, 1)),  # both overhang
         ((0.2, 0.4, 0.5), (0, 1)),  # the whole primary within one facet
