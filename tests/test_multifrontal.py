@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from scipy.spatial import Delaunay
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from skfem_contact.errors import InputError
+from skfem_contact.fronts import analyse, find_runs
 from skfem_contact.multifrontal import MultifrontalCholesky, estimate
 from skfem_contact.ordering import dissect, dissection_order
 from skfem_contact.singular import NotPositiveDefinite
@@ -219,6 +221,34 @@ def test_separators_separate():
     assert_array_equal(np.sort(dissection_order(K, points)), np.arange(len(points)))
 
 
+def test_separator_comes_from_the_smaller_side():
+    """A hub coupled with everything beyond the cut separates alone."""
+    spokes = np.arange(5, 10)
+    A = sp.coo_matrix((np.ones(5), (np.full(5, 4), spokes)), shape=(10, 10))
+    for points in (np.arange(10.0), -np.arange(10.0)):
+        tree = dissect(sp.csr_matrix(A + A.T), points[:, None], leaf=5)
+        assert_array_equal(np.flatnonzero(tree.owner == tree.owner[4]), [4])
+        assert tree.parent[tree.owner[4]] == tree.parent.size
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_runs_are_the_borders(name):
+    """Cut into runs, each border is consecutive in its parent, on one side of the pivots."""
+    K, points, keep = assemble(name)
+    fronts = analyse(K, points, keep, leaf=8)
+    pivots = np.append(np.diff(fronts.start), 0)
+    for front, cuts in enumerate(find_runs(fronts)):
+        target = fronts.target[fronts.first[front] : fronts.first[front + 1]]
+        assert cuts[-1] == target.size
+        assert cuts[0] == 0
+        for begin, end in pairwise(cuts):
+            run = target[begin:end]
+            assert_array_equal(run, np.arange(run[0], run[0] + run.size))
+            assert (run[0] < pivots[fronts.parent[front]]) == (
+                run[-1] < pivots[fronts.parent[front]]
+            )
+
+
 def test_fill_in_grows_as_nested_dissection_has_it():
     """In 2-D, the factors of four times as many DOFs take some five times the memory."""
     sizes = []
@@ -306,6 +336,26 @@ def test_slender_cantilever_is_not_singular():
     f = K @ np.ones(len(free))
     # a condition number of 1e12 leaves four digits of the displacement, and all of the load
     assert_allclose(K @ MultifrontalCholesky(K, points).solve(f), f, atol=1e-12 * abs(K).max())
+
+
+def test_barely_held():
+    """A chain of 4001 springs on a ground of 4e-12 has pivots of 1e-12, yet moves as a whole."""
+    n = 4001
+    points = np.arange(float(n))[:, None]
+    diagonal = np.full(n, 2.0)
+    diagonal[[0, -1]] = 1.0
+    for ground, held in ((1e-6, True), (4e-12, False)):
+        ends = diagonal.copy()
+        ends[0] += ground
+        K = sp.diags_array([-np.ones(n - 1), ends, -np.ones(n - 1)], offsets=[-1, 0, 1])
+        if held:
+            u = MultifrontalCholesky(K, points).solve(np.ones(n))
+            assert_allclose(u[0], n / ground, rtol=1e-5)
+        else:
+            # the smallest eigenvalue, ground / n / 2, is no more than the round-off of the rest
+            with pytest.raises(NotPositiveDefinite) as info:
+                MultifrontalCholesky(K, points)
+            assert_allclose(info.value.ratio, ground / n / 2, rtol=0.1)
 
 
 def test_indefinite():
