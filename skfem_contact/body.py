@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import skfem
 from scipy.sparse import block_diag, csr_matrix
+from scipy.sparse.csgraph import connected_components
 from skfem.assembly import CellBasis
 
 from skfem_contact.errors import InputError
@@ -172,21 +173,42 @@ class Body:
         return bool(np.all(deviation <= 1e-9 * np.abs(weight[far] * radius[far])))
 
     @cached_property
+    def parts(self) -> np.ndarray:
+        """Number of the connected part of the mesh that every DOF belongs to, shape (n,)."""
+        elements = self.basis.dofs.element_dofs
+        first = np.broadcast_to(elements[0], elements.shape)
+        graph = csr_matrix(
+            (np.ones(elements.size, dtype=np.int8), (elements.ravel(), first.ravel())),
+            shape=(self.n, self.n),
+        )
+        return np.asarray(connected_components(graph, directed=False)[1])
+
+    @cached_property
     def rigid_modes(self) -> np.ndarray:
-        """Motions without strain, shape (n, 3) in 2-D and (n, 6) in 3-D.
+        """Motions without strain, shape (n, 3) in 2-D and (n, 6) in 3-D, for each part of the mesh.
 
         Translations of unit length, then rotations about the centroid of the nodes, divided by the
         largest lever arm so that no entry exceeds one whatever the unit of length. A scalar field
-        has the constant, shape (n, 1); an axisymmetric body the translation along its axis, (n,
-        1).
+        has the constant, shape (n, 1); an axisymmetric body the translation along its axis, (n, 1).
+        A mesh of several pieces has the modes of the first, then those of the second, ...
         """
+        blocks = []
+        for part in range(self.parts.max() + 1):
+            mine = self.parts == part
+            block = np.zeros((self.n, len(self._motions)))
+            block[mine] = self._modes_of(mine)
+            blocks.append(block)
+        return np.concatenate(blocks, axis=1)
+
+    def _modes_of(self, mine: np.ndarray) -> np.ndarray:
+        component = self.dof_component[mine]
         if self.components == 1:
-            return np.ones((self.n, 1))
-        component = self.dof_component
+            return np.ones((len(component), 1))
         translations = (component[:, None] == np.arange(self.dim)).astype(float)
         if self.axisymmetric:
             return translations[:, 1:]
-        arm = self.dof_points - self.dof_points.mean(axis=0)
+        arm = self.dof_points[mine]
+        arm = arm - arm.mean(axis=0)
         arm /= np.abs(arm).max()
         # the rotation in the plane (i, j) moves j by the lever arm along i, and i by minus that
         # along j
@@ -198,8 +220,7 @@ class Body:
         return np.column_stack([translations, *rotations])
 
     @property
-    def rigid_mode_names(self) -> tuple[str, ...]:
-        """The motions of `rigid_modes` in words."""
+    def _motions(self) -> tuple[str, ...]:
         if self.components == 1:
             return ("constant",)
         if self.axisymmetric:
@@ -207,6 +228,14 @@ class Body:
         axes = "xyz"[: self.dim]
         turns = ("rotation",) if self.dim == 2 else tuple(f"rotation about {a}" for a in axes)
         return tuple(f"translation along {a}" for a in axes) + turns
+
+    @property
+    def rigid_mode_names(self) -> tuple[str, ...]:
+        """The motions of `rigid_modes` in words."""
+        count = int(self.parts.max()) + 1
+        if count == 1:
+            return self._motions
+        return tuple(f"{name} of part {i + 1}" for i in range(count) for name in self._motions)
 
     def surface(
         self, where: Any, nodes: bool = False, *, name: str | None = None

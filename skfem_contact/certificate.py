@@ -46,6 +46,9 @@ class Certificate:
         normal. Over the sum of the forces times the extent.
     moment_normal : float
         Moment of normal forces whose normal is not that of the facet itself, scaled the same way.
+    placement : float
+        With ``sliding="finite"``: gaps of closed points on the pairing of the answer itself over the
+        extent, or the change of the contact forces' distribution, whichever is larger.
     """
 
     equilibrium: float
@@ -57,6 +60,7 @@ class Certificate:
     moment_balance: float
     moment_gap: float
     moment_normal: float
+    placement: float = 0.0
 
     @property
     def worst(self) -> float:
@@ -85,7 +89,7 @@ def certify(result: ContactResult) -> Certificate:
     residual[system.D] = 0.0
     force = _largest(f, contact, reactions, state.normal_force, state.tangential_force)
     length = system.extent
-    gap = result.kin.B_n @ u + result.case.gap0
+    gap = result.kin.B_n @ u + result.seen.gap0
     gap = np.where(kin.paired, gap, np.inf)
     bilateral = kin.tied
     closed = (state.status != 0) & kin.paired
@@ -105,6 +109,7 @@ def certify(result: ContactResult) -> Certificate:
         moment_balance=moment,
         moment_gap=across,
         moment_normal=normal,
+        placement=result.mismatch,
     )
 
 

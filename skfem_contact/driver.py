@@ -30,6 +30,15 @@ class Options:
     max_candidates : int
         Largest number of contact DOFs for which the dense contact problem is formed when
         ``linear="auto"``.
+    placement_tolerance : float
+        With ``sliding="finite"``: how far the pairing of a load step may be from that of its own
+        answer: gaps of closed points over the extent of the bodies, and change of the contact
+        forces' distribution over the largest of them.
+    max_placements : int
+        How often a load step may be paired anew before it is cut.
+    max_travel : float
+        With ``sliding="finite"``: how far a closed point may slide in one step, in facet lengths of
+        its own surface; steps that exceed it are cut.
 
     Examples
     --------
@@ -41,6 +50,9 @@ class Options:
     max_iterations: int | None = None
     max_cuts: int = 6
     max_candidates: int = 8000
+    placement_tolerance: float = 1e-8
+    max_placements: int = 20
+    max_travel: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)

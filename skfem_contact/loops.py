@@ -52,6 +52,8 @@ class State:
     normal_force : ndarray, shape (m,)
     reference : ndarray, shape (m, d-1)
         Slip at which the point closed [length].
+    surface : ndarray
+        Displacements of the surfaces that slide far; empty for small sliding [length].
     """
 
     status: NDArray[np.intp]
@@ -59,6 +61,7 @@ class State:
     tangential_force: Array
     normal_force: Array
     reference: Array
+    surface: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skfem_contact.body import Body
-from skfem_contact.condensation import Condensed
 from skfem_contact.pairing import diagnose
-from skfem_contact.spaces import PointSpace
 from skfem_contact.surface import ContactSurface
 
 if TYPE_CHECKING:
@@ -90,8 +88,8 @@ def dry_run(solver: ContactSolver) -> str:
             f"{type(body.basis.mesh).__name__}, {body.basis.mesh.nelements} elements"
         )
     lines.append(_free_words(solver))
-    for contact, name, pairing in zip(solver.contacts, solver.names, solver.pairings, strict=True):
-        part = solver._reader.parts[solver.names.index(name)]
+    for contact, name, pairing in zip(solver.contacts, solver.names, solver.geometry.pairings, strict=True):
+        part = solver.interface.parts[solver.names.index(name)]
         lines += ["", f"{name}: {contact.label}"]
         lines.append(f"  {_model_words(contact)}")
         lines += [f"  {line}" for line in _gap_words(solver, part)]
@@ -103,7 +101,7 @@ def dry_run(solver: ContactSolver) -> str:
 def _linear_words(solver: ContactSolver) -> str:
     kin = solver.kin
     points = int(kin.paired.sum())
-    rows = points + kin.tangents * int(solver._slipping.sum())
+    rows = points + kin.tangents * int((solver.interface.slipping & kin.paired).sum())
     dofs = len(np.setdiff1d(np.union1d(kin.B_n.indices, kin.B_t.indices), solver.system.D))
     if solver._condensed():
         megabytes = 8e-6 * (2 * dofs**2 + 3 * rows**2)
@@ -160,15 +158,3 @@ def _softer(contact: Contact) -> list[str]:
 
 def _stiffness(body: Body, surface: ContactSurface) -> float:
     return float(np.median(body.K.diagonal()[surface.dofs]))
-
-
-def sizes(solver: ContactSolver) -> dict[str, float]:
-    """Unknowns and memory of the linear side, once it has been built."""
-    model = solver.model
-    out = {"dofs": float(solver.system.n), "points": float(solver.kin.paired.sum())}
-    if isinstance(model, Condensed):
-        out["contact dofs"] = float(len(model.columns))
-        if isinstance(model.space, PointSpace):
-            out["rows"] = float(len(model.space.S))
-        out["factor bytes"] = float(sum(part.memory for part in model.parts if len(part.kept)))
-    return out

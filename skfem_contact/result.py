@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.body import System, suggest
 from skfem_contact.certificate import Certificate, certify
-from skfem_contact.condensation import LoadCase
+from skfem_contact.loads import LoadCase
 from skfem_contact.contact import Contact
 from skfem_contact.errors import InputError
+from skfem_contact.interface import point_slices
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loops import State
 
@@ -143,8 +144,10 @@ class ContactResult:
     kin: Kinematics
     stiffness: tuple[Any, ...]
     case: LoadCase
+    seen: LoadCase
     state: State
     gap: Array = field(repr=False)
+    mismatch: float
     converged: bool
     message: str
     iterations: int
@@ -166,9 +169,7 @@ class ContactResult:
 
     def slices(self) -> list[slice]:
         """The points of each contact in the joint numbering."""
-        sizes = [len(c.secondary.points) for c in self.contacts]
-        stops = np.cumsum([0, *sizes])
-        return [slice(int(a), int(b)) for a, b in zip(stops[:-1], stops[1:], strict=True)]
+        return list(point_slices(self.contacts))
 
     def __getitem__(self, key: Contact | str | int) -> ContactValues:
         return self.values[self._position(key)]
@@ -198,7 +199,7 @@ class ContactResult:
         status = state.status[part]
         if contact.friction is None and not contact.tied and t:
             rows = slice(part.start * t, part.stop * t)
-            slip = (kin.B_t[rows] @ self.u).reshape(-1, t) + self.case.slip0[part]
+            slip = (kin.B_t[rows] @ self.u).reshape(-1, t) + self.seen.slip0[part]
             slip = np.where(status[:, None] != 0, slip, 0.0)
             status = np.where(status != 0, 2, 0)
         return ContactValues(

@@ -50,6 +50,11 @@ class RigidMotions:
         """Number of free motions."""
         return self.modes.shape[1]
 
+    def seen_by(self, kin: Kinematics) -> RigidMotions:
+        """The same motions seen from another pairing."""
+        tangential = (kin.B_t @ self.modes).reshape(kin.m, kin.tangents, self.k)
+        return RigidMotions(self.modes, kin.B_n @ self.modes, tangential, self.system)
+
     def free(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_]) -> Array:
         """Combinations of modes that closed and sticking points do not hold, shape (k, j)."""
         if self.k == 0:
@@ -95,9 +100,8 @@ def rigid_motions(
         peak = np.max(np.abs(free), axis=0, initial=0.0)
         blocks.append(free / np.where(peak > 0, peak, 1.0))
     modes = block_diag(*blocks) if sum(b.shape[1] for b in blocks) else np.zeros((system.n, 0))
-    k, m = modes.shape[1], kin.m
-    tangential = (kin.B_t @ modes).reshape(m, kin.tangents, k)
-    return RigidMotions(modes, kin.B_n @ modes, tangential, system)
+    nothing = np.zeros((0, 0))
+    return RigidMotions(modes, nothing, nothing, system).seen_by(kin)
 
 
 def _resistance(K: csr_matrix, R: Array) -> Array:

@@ -11,43 +11,63 @@ from scipy.linalg import block_diag as dense_block_diag
 from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.body import System
-from skfem_contact.condensation import LoadCase
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.linear import as_linear_solver
+from skfem_contact.loads import LoadCase
 from skfem_contact.spaces import Load, SparseSpace
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 class FullSystem:
     """All DOFs as unknowns, for any linear backend; the reference for the condensed route."""
 
+    def __init__(self, system: System, stiffness: Sequence[csr_matrix], backend: Any) -> None:
+        self.system = system
+        self.backend = as_linear_solver(backend)
+        self.K = csr_matrix(block_diag(stiffness))
+        self.points = np.concatenate([body.dof_points for body in system.bodies])
+        self.modes = dense_block_diag(*(body.rigid_modes for body in system.bodies))
+
+    def attach(
+        self, kin: Kinematics, slipping: Mask, prefer: Mask, labels: Sequence[str]
+    ) -> FullRows:
+        """The contact problem for one pairing."""
+        return FullRows(self, kin, slipping, prefer, labels)
+
+
+class FullRows:
+    """The contact problem on all DOFs for one pairing."""
+
     def __init__(
         self,
-        system: System,
-        stiffness: Sequence[csr_matrix],
+        model: FullSystem,
         kin: Kinematics,
-        slipping: NDArray[np.bool_],
-        prefer: NDArray[np.bool_],
+        slipping: Mask,
+        prefer: Mask,
         labels: Sequence[str],
-        backend: Any,
     ) -> None:
         self.space = SparseSpace(
-            K=csr_matrix(block_diag(stiffness)),
+            K=model.K,
             kin=kin,
-            D=system.D,
+            D=model.system.D,
             prefer=prefer,
-            backend=as_linear_solver(backend),
+            backend=model.backend,
             labels=labels,
-            scale=system.extent,
+            scale=model.system.extent,
             frictional=slipping,
-            points=np.concatenate([body.dof_points for body in system.bodies]),
-            modes=dense_block_diag(*(body.rigid_modes for body in system.bodies)),
+            points=model.points,
+            modes=model.modes,
         )
 
     def load(self, case: LoadCase) -> Load:
         """The load case as it stands."""
         return Load(case.f, case.gap0, case.slip0, case.x)
+
+    def contact_displacement(self, loads: Sequence[Load], z: Array, case: LoadCase) -> Array:
+        """Displacements of all DOFs (n, r)."""
+        return z
 
     def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> Array:
         """The unknowns are the displacements already."""

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.body import System, suggest
-from skfem_contact.condensation import LoadCase
+from skfem_contact.interface import point_slices
+from skfem_contact.loads import LoadCase, Motion
 from skfem_contact.contact import Contact, field_values
 from skfem_contact.errors import InputError
 from skfem_contact.kinematics import Kinematics
@@ -43,7 +44,7 @@ class StepReader:
     ) -> None:
         self.system, self.contacts, self.names, self.kin = system, contacts, names, kin
         self.own_f = own_f
-        self.parts = _slices(contacts)
+        self.parts = point_slices(contacts)
 
     def initial(self) -> Settings:
         """The bodies' own loads and the contacts' own interference."""
@@ -120,7 +121,7 @@ class StepReader:
     def _motion(self, given: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:
         if given is None:
             return before
-        obstacles = [c.primary.name if c.rigid else None for c in self.contacts]  # type: ignore[union-attr]
+        obstacles = [c.primary.name if c.rigid else None for c in self.contacts]
         out = list(before)
         for name, value in self._named(given, "motion").items():
             meant = [
@@ -147,45 +148,41 @@ class StepReader:
         """Loads, prescribed values, initial gaps and slips of these settings."""
         kin = self.kin
         gap0, slip0 = np.array(kin.gap0), np.zeros((kin.m, kin.tangents))
+        interference, motions = np.zeros(kin.m), []
         for i, (contact, part) in enumerate(zip(self.contacts, self.parts, strict=True)):
             points = kin.points[part]
             what = f"interference of contact '{self.names[i]}'"
             own = field_values(contact.interference, points, what)
-            gap0[part] += own - field_values(settings.interference[i], points, what)
+            interference[part] = field_values(settings.interference[i], points, what)
+            gap0[part] += own - interference[part]
+            motions.append(read_motion(settings.motion[i], points.shape[1], self.names[i]))
             if settings.motion[i] is not None:
-                shift = obstacle_shift(settings.motion[i], points, self.names[i])
+                shift = motions[-1].shift(points)
                 gap0[part] -= np.einsum("id,id->i", kin.normal[part], shift)
                 slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], shift)
-        return LoadCase(settings.f, settings.x, gap0, slip0)
+        return LoadCase(settings.f, settings.x, gap0, slip0, interference, tuple(motions))
 
 
-def obstacle_shift(motion: Any, points: Array, name: str) -> Array:
-    """Displacement of an obstacle at some points: translation, or with an angle and a centre."""
-    d = points.shape[1]
+def read_motion(motion: Any, d: int, name: str) -> Motion:
+    """A translation (d,), or (translation, angle, centre)."""
     angle, centre = 0.0, np.zeros(d)
-    translation = motion
+    translation = np.zeros(d) if motion is None else motion
     if isinstance(motion, tuple | list) and len(motion) == 3 and np.ndim(motion[0]) == 1:
         translation, angle, centre = motion
     try:
-        shift = np.broadcast_to(np.asarray(translation, dtype=float), points.shape).copy()
+        out = Motion(
+            np.array(np.broadcast_to(np.asarray(translation, dtype=float), (d,))),
+            float(angle),
+            np.array(np.broadcast_to(np.asarray(centre, dtype=float), (d,))),
+        )
     except (TypeError, ValueError):
         raise InputError(
             f"motion of {name!r} is {motion!r}; give a translation of {d} numbers, or "
             "(translation, angle, centre)."
         ) from None
-    if angle:
-        arm = points - np.asarray(centre, dtype=float)
-        cos, sin = np.cos(angle), np.sin(angle)
-        turned = arm @ np.array([[cos, sin], [-sin, cos]])
-        shift += turned - arm
-    if not np.isfinite(shift).all():
+    if not np.isfinite([*out.translation, out.angle, *out.centre]).all():
         raise InputError(f"motion of {name!r} is not finite: {motion!r}.")
-    return np.asarray(shift)
-
-
-def _slices(contacts: tuple[Contact, ...]) -> list[slice]:
-    stops = np.cumsum([0, *(len(c.secondary.points) for c in contacts)])
-    return [slice(int(a), int(b)) for a, b in zip(stops[:-1], stops[1:], strict=True)]
+    return out
 
 
 def _checked(value: Any, size: int | None, what: str) -> Array:

@@ -46,7 +46,8 @@ class ContactSurface:
     facet_normals : ndarray, shape (nf, d)
         Outward unit normals, at the middle of a curved facet.
     normals : ndarray, shape (m, d)
-        Outward unit normals at the nodes: length-weighted average over the adjacent facets. At a
+        Outward unit normals at the nodes: average over the adjacent facets, the shorter counting
+        more (weights 1/length). At a
         corner this is the direction between the two sides, good to tell which way the node looks;
         the normals to constrain along are `facet_node_normals`.
     facet_node_normals : ndarray, shape (nf, 2, d)
@@ -323,15 +324,17 @@ def _geometry(points: np.ndarray, facets: np.ndarray) -> dict[str, Any]:
         other = neighbours[:, side]
         there = ends[other, 1 - side]
         smooth = (other >= 0) & (np.einsum("fd,fd->f", ends[:, side], there) >= CORNER)
-        mean = lengths[:, None] * ends[:, side] + lengths[other, None] * there
+        # a facet's normal is exact at its middle, so the nearer, shorter facet counts more: this is
+        # exact on a circle, and of second order on any smooth curve
+        mean = lengths[other, None] * ends[:, side] + lengths[:, None] * there
         averaged[smooth, side] = _unit(mean[smooth])
 
     total = np.zeros_like(points)
-    np.add.at(total, facets[:, :2], lengths[:, None, None] * ends)
+    np.add.at(total, facets[:, :2], lengths.min() / lengths[:, None, None] * ends)
     if facets.shape[1] == 3:
         total[facets[:, 2]] = own[:, 1]
     # two sides back to back (a crack tip) cancel: then the side met last decides
-    lost = np.linalg.norm(total, axis=1) <= 1e-9 * lengths.max()
+    lost = np.linalg.norm(total, axis=1) <= 1e-9 * lengths.min() / lengths.max()
     fallback = np.zeros_like(points)
     fallback[facets[:, :2]] = ends
     total[lost] = fallback[lost]

@@ -1,0 +1,152 @@
+r"""Where the contact points are: the pairing, fixed for small sliding, following for finite.
+
+With small sliding the pairing of the undeformed bodies serves for ever. With finite sliding it is
+renewed at the displacements of an iterate, for the whole contact problem at once, and the load step
+is solved again until the two agree; the bodies themselves are not touched. At a placement ``u_k``
+
+    gap   g = g(u_k) + B_n (u - u_k),        slip  s = s_n + B_t (u - u_n),
+
+with ``u_n, s_n`` the end of the last load step. The slip is measured in the local frame, so that the
+friction history turns with the point; and since the normals of a surface are interpolated along it,
+a node passes from one facet to the next without a jump of its frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.body import System
+from skfem_contact.contact import Contact
+from skfem_contact.kinematics import Kinematics, initial_gap, join, kinematics, pair
+from skfem_contact.loads import LoadCase
+from skfem_contact.loops import State
+from skfem_contact.pairing import Pairing
+from skfem_contact.rigid import RigidMotions
+from skfem_contact.surface import ContactSurface
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """One pairing of all contacts, with the contact problem on it.
+
+    Attributes
+    ----------
+    kin : Kinematics
+        Its `gap0` are the gaps at the displacements `u`.
+    rows : object
+        The contact problem: ``space``, ``load``, ``contact_dofs``, ``recover``.
+    motions : RigidMotions
+    u : ndarray, shape (n,) or None
+        Displacements of the surfaces at which the pairing was made; None for the undeformed bodies.
+    """
+
+    kin: Kinematics
+    rows: Any
+    motions: RigidMotions
+    u: Array | None
+
+
+class Geometry:
+    """Pairs all contacts, and pairs those that slide again where the bodies have moved."""
+
+    def __init__(self, system: System, contacts: Sequence[Contact], parts: Sequence[slice]) -> None:
+        self.system, self.contacts, self.parts = system, tuple(contacts), tuple(parts)
+        self.pairings: list[Pairing] = [pair(contact) for contact in contacts]
+        self._first = [
+            kinematics(system, contact, pairing)
+            for contact, pairing in zip(contacts, self.pairings, strict=True)
+        ]
+        self.kin = join(self._first)
+        self.finite = np.zeros(self.kin.m, dtype=bool)
+        for contact, part in zip(contacts, parts, strict=True):
+            self.finite[part] = contact.sliding == "finite"
+        self.surface_dofs = surface_dofs(system, contacts)
+
+    @property
+    def follows(self) -> bool:
+        """Whether any contact slides far."""
+        return bool(self.finite.any())
+
+    def at(self, u: Array, case: LoadCase) -> Kinematics:
+        """Gaps, rows and frames at displacements u of the surfaces, shape (n,)."""
+        parts = []
+        for i, contact in enumerate(self.contacts):
+            if contact.sliding == "small":
+                parts.append(self._first[i])
+                continue
+            moved = [u[self.system.slice(contact.secondary.body)]]
+            primary = contact.primary
+            if isinstance(primary, ContactSurface):
+                moved.append(u[self.system.slice(primary.body)])
+            motion = case.motion[i].as_argument()
+            pairing = pair(contact, moved=moved, motion=None if len(moved) == 2 else motion)
+            kin = kinematics(self.system, contact, pairing)
+            gap = pairing.gap + self._offset(i) - case.interference[self.parts[i]]
+            parts.append(replace(kin, gap0=gap))
+        return join(parts)
+
+    def _offset(self, i: int) -> Array:
+        """What a given or adjusted initial gap adds to the measured one, interference apart."""
+        contact, first = self.contacts[i], self.pairings[i]
+        given = initial_gap(contact, first, 0.0)
+        both = np.isfinite(given) & np.isfinite(first.gap)
+        return np.where(both, given - np.where(both, first.gap, 0.0), 0.0)
+
+    def case(self, placement: Placement, case: LoadCase, last: State, before: LoadCase) -> LoadCase:
+        """Initial gaps and slips of a load case, seen from a placement."""
+        if placement.u is None or not self.follows:
+            return case
+        kin, finite = placement.kin, self.finite
+        gap0 = np.where(finite, kin.gap0 - kin.B_n @ placement.u, case.gap0)
+        u_n = self.spread(last.surface)
+        slip0 = last.slip - (kin.B_t @ u_n).reshape(last.slip.shape)
+        for i, part in enumerate(self.parts):
+            if self.contacts[i].rigid:
+                step = case.motion[i].shift(kin.points[part])
+                step = step - before.motion[i].shift(kin.points[part])
+                slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], step)
+        slip0 = np.where(finite[:, None], slip0, case.slip0)
+        return replace(case, gap0=gap0, slip0=slip0)
+
+    def spread(self, surface: Array) -> Array:
+        """Displacements of the surfaces in a vector over all DOFs."""
+        u = np.zeros(self.system.n)
+        u[self.surface_dofs] = surface
+        return u
+
+    def mismatch(self, placement: Placement, new: Kinematics, state: State) -> float:
+        """How far the contact conditions of a placement are from those at its own answer.
+
+        The larger of the gaps of closed points over the extent of the bodies, and the change of the
+        contact forces' distribution over the largest of them.
+        """
+        closed = (state.status != 0) & self.finite
+        if not closed.any():
+            return 0.0
+        gap = np.where(new.paired[closed], new.gap0[closed], 0.0)
+        gap = np.where(placement.kin.tied[closed], 0.0, gap)
+        old = placement.kin
+        change = (new.B_n - old.B_n).T @ state.normal_force
+        change = change - (new.B_t - old.B_t).T @ state.tangential_force.ravel()
+        scale = np.max(np.abs(state.normal_force), initial=0.0)
+        moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
+        return float(max(np.max(np.abs(gap), initial=0.0) / self.system.extent, moved))
+
+
+def surface_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.intp]:
+    """DOFs (stacked) of the surfaces of contacts that slide far."""
+    dofs = [np.zeros(0, dtype=int)]
+    for contact in contacts:
+        if contact.sliding == "small":
+            continue
+        for surface in (contact.secondary, contact.primary):
+            if isinstance(surface, ContactSurface):
+                dofs.append(system.slice(surface.body).start + surface.dofs.ravel())
+    return np.unique(np.concatenate(dofs))

@@ -1,0 +1,103 @@
+"""`Interface`: the friction laws and masks of all contacts over one numbering of points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from skfem_contact.contact import Contact
+from skfem_contact.errors import InputError
+from skfem_contact.friction import FrictionLaw
+from skfem_contact.kinematics import Kinematics, compliance_scale
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# The tangential stiffness that a loop takes where the law gives none, over K's diagonal at the
+# point: exact sticking; an error of 1e-3 in the slip of sticking points; one that still converges.
+STIFFNESS = {"newton": np.inf, "direct": 1e3, "fictitious": 1.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Interface:
+    """What holds at the points whatever the pairing.
+
+    Attributes
+    ----------
+    contacts : tuple of Contact
+    names : tuple of str
+    parts : tuple of slice
+        The points of each contact.
+    laws : tuple of (slice, FrictionLaw)
+    frictional, tied : ndarray of bool, shape (m,)
+    stiffness : ndarray, shape (m,)
+        Tangential stiffness of sticking points [force/length]; ``inf`` is exact.
+    """
+
+    contacts: tuple[Contact, ...]
+    names: tuple[str, ...]
+    parts: tuple[slice, ...]
+    laws: tuple[tuple[slice, FrictionLaw], ...]
+    frictional: Mask
+    tied: Mask
+    stiffness: Array
+
+    @property
+    def slipping(self) -> Mask:
+        """Points with tangential rows: without friction nothing tangential is modelled."""
+        return self.frictional | self.tied
+
+
+def point_slices(contacts: Sequence[Contact]) -> tuple[slice, ...]:
+    """The points of each contact in the joint numbering."""
+    stops = np.cumsum([0, *(len(c.secondary.points) for c in contacts)])
+    return tuple(slice(int(a), int(b)) for a, b in zip(stops[:-1], stops[1:], strict=True))
+
+
+def contact_names(contacts: Sequence[Contact]) -> tuple[str, ...]:
+    """Names of the contacts; a missing one is numbered, a repeated one refused."""
+    names = tuple(c.name or f"contact {i + 1}" for i, c in enumerate(contacts))
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"two contacts are called {name!r}: give each its own name=...")
+    return names
+
+
+def interface(
+    contacts: tuple[Contact, ...], kin: Kinematics, stiffness: Sequence[csr_matrix], loop: str
+) -> Interface:
+    """Collect the laws of all contacts, each with the tangential stiffness that the loop needs."""
+    parts = point_slices(contacts)
+    m = kin.m
+    frictional, tied, G = np.zeros(m, dtype=bool), np.zeros(m, dtype=bool), np.full(m, np.inf)
+    diagonal = np.concatenate([K.diagonal() for K in stiffness])
+    own = np.zeros(m)
+    if kin.tangents:
+        own = compliance_scale(kin.B_t, diagonal).reshape(m, -1).min(axis=1)
+    typical = np.median(own[own > 0]) if (own > 0).any() else 1.0
+    laws = []
+    for contact, part in zip(contacts, parts, strict=True):
+        tied[part] = contact.tied
+        law = contact.friction
+        if law is None:
+            continue
+        if kin.tangents == 0:
+            raise InputError(
+                f"contact '{contact.label}': a scalar field has no tangential direction, so there "
+                "is no friction; leave friction out."
+            )
+        laws.append((part, law))
+        frictional[part] = True
+        default = STIFFNESS[loop] * np.where(own[part] > 0, own[part], typical)
+        G[part] = default if law.stiffness is None else law.stiffness
+        if loop == "fictitious" and np.isinf(G[part]).any():
+            raise InputError(
+                f"contact '{contact.label}': the loop 'fictitious' needs a finite tangential "
+                f"stiffness, but the law has stiffness={law.stiffness}. Leave stiffness out for "
+                "the automatic one, or use loop='newton' for exact sticking."
+            )
+    return Interface(contacts, contact_names(contacts), parts, tuple(laws), frictional, tied, G)

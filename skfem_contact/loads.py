@@ -1,0 +1,81 @@
+"""`LoadCase`: the loads of one step over all bodies and contact points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Motion of a rigid obstacle since the start: a turn about a centre, then a translation."""
+
+    translation: Array
+    angle: float
+    centre: Array
+
+    def towards(self, other: Motion, share: float) -> Motion:
+        """The motion on the straight way to another one about the same centre."""
+        return Motion(
+            self.translation + share * (other.translation - self.translation),
+            self.angle + share * (other.angle - self.angle),
+            other.centre,
+        )
+
+    def shift(self, points: Array) -> Array:
+        """Displacement of the obstacle at some points, shape (m, d)."""
+        moved = np.tile(self.translation, (len(points), 1))
+        if self.angle:
+            arm = points - self.centre
+            cos, sin = np.cos(self.angle), np.sin(self.angle)
+            moved += arm @ np.array([[cos, sin], [-sin, cos]]) - arm
+        return moved
+
+    def as_argument(self) -> tuple[Array, float, Array]:
+        """In the form that obstacles take."""
+        return self.translation, self.angle, self.centre
+
+
+@dataclass(frozen=True, eq=False)
+class LoadCase:
+    """Loads of one step over all bodies and contact points.
+
+    Attributes
+    ----------
+    f, x : ndarray, shape (n,)
+        Load [force] and prescribed displacements [length].
+    gap0 : ndarray, shape (m,)
+        Initial gap less interference and obstacle motion [length].
+    slip0 : ndarray, shape (m, d-1)
+        Slip by obstacle motion alone [length].
+    interference : ndarray, shape (m,)
+        Already part of `gap0` [length].
+    motion : tuple of Motion
+        Of the primary side of every contact; zero for deformable bodies.
+    """
+
+    f: Array
+    x: Array
+    gap0: Array
+    slip0: Array
+    interference: Array
+    motion: tuple[Motion, ...]
+
+    def towards(self, other: LoadCase, share: float) -> LoadCase:
+        """The load on the straight way from this one to another."""
+        if share == 1.0:
+            return other
+        gap0 = np.where(np.isinf(other.gap0), np.inf, self.gap0)
+        change = np.where(np.isinf(gap0), 0.0, other.gap0 - np.where(np.isinf(gap0), 0.0, gap0))
+        return LoadCase(
+            self.f + share * (other.f - self.f),
+            self.x + share * (other.x - self.x),
+            gap0 + share * change,
+            self.slip0 + share * (other.slip0 - self.slip0),
+            self.interference + share * (other.interference - self.interference),
+            tuple(a.towards(b, share) for a, b in zip(self.motion, other.motion, strict=True)),
+        )

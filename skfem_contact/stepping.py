@@ -1,0 +1,268 @@
+"""From one state to the next: a load step, cut into smaller ones where it fails.
+
+A step is tried whole, from the last state's contact zone; if that fails, from a cold (nested) start;
+if that fails too it is halved. Where contact slides far, every attempt is solved again on the pairing
+of its own answer until the two agree.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact import loops
+from skfem_contact.driver import Options, Outcome, drive
+from skfem_contact.geometry import Geometry, Placement
+from skfem_contact.interface import Interface
+from skfem_contact.kinematics import Kinematics
+from skfem_contact.linear import single_threaded
+from skfem_contact.loads import LoadCase
+from skfem_contact.loops import OPEN, SLIP, STICK, Guess, State, Step
+from skfem_contact.nested import nested_guess
+from skfem_contact.result import Record
+
+Array = NDArray[np.float64]
+logger = logging.getLogger("skfem_contact")
+
+LOOPS = {"newton": loops.newton, "direct": loops.direct, "fictitious": loops.fictitious}
+ITERATIONS = {"newton": 80, "direct": 150, "fictitious": 2000}
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One attempt at a load: how the loop ended, and on which pairing."""
+
+    outcome: Outcome
+    placement: Placement
+    load: Any
+    case: LoadCase
+    seen: LoadCase
+    state: State
+    gap: Array
+    mismatch: float = 0.0
+    failure: str = ""
+
+    @property
+    def good(self) -> bool:
+        return self.outcome.converged and not self.failure
+
+
+@dataclass(eq=False)
+class Walk:
+    """The way from a state to a load, so far."""
+
+    state: State
+    case: LoadCase
+    dissipation: Array
+    trace: list[Record] = field(default_factory=list)
+    cuts: int = 0
+
+
+@dataclass(eq=False)
+class Stepper:
+    """Advances states along load steps; what it keeps does not depend on them.
+
+    Parameters
+    ----------
+    interface : Interface
+    geometry : Geometry
+    place : callable
+        ``place(kin, u)`` gives the `Placement` of a pairing; None, None that of the meshes.
+    loop : str
+    options : Options
+    """
+
+    interface: Interface
+    geometry: Geometry
+    place: Callable[[Kinematics | None, Array | None], Placement]
+    loop: str
+    options: Options
+
+    def advance(
+        self,
+        state: State,
+        case: LoadCase,
+        target: LoadCase,
+        warm: State | None,
+        callback: Callable[[Record], object] | None,
+    ) -> tuple[Attempt, Walk]:
+        """Go from a state under `case` to `target`; the last attempt says whether it arrived."""
+        walk = Walk(state, case, np.zeros(len(self.interface.parts)))
+        guess = None if warm is None else as_guess(warm)
+        done, share = 0.0, 1.0
+        smallest = 0.5**self.options.max_cuts
+        while True:
+            aim = min(1.0, done + share)
+            here = case.towards(target, aim)
+            attempt = self._attempt(walk, here, guess, callback)
+            walk.trace.extend(attempt.outcome.trace)
+            if attempt.good:
+                walk.dissipation = walk.dissipation + self._dissipation(walk.state, attempt.state)
+                walk.state, walk.case, done = attempt.state, here, aim
+                if done >= 1.0:
+                    return attempt, walk
+                guess = as_guess(walk.state)
+                share = min(2 * share, 1.0 - done)
+            elif guess is not None and not attempt.failure:
+                guess = None  # before cutting: forget where it started from
+            elif share <= smallest or "callback" in attempt.outcome.message:
+                return attempt, walk
+            else:
+                share *= 0.5
+                walk.cuts += 1
+                reason = attempt.failure or attempt.outcome.message
+                logger.info("step cut to %.4g of its size: %s", share, reason)
+                guess = as_guess(walk.state)
+
+    def _attempt(
+        self,
+        walk: Walk,
+        case: LoadCase,
+        guess: Guess | None,
+        callback: Callable[[Record], object] | None,
+    ) -> Attempt:
+        """Solve one load; where contact slides far, on the pairing of its own answer."""
+        geometry, options = self.geometry, self.options
+        if not geometry.follows:
+            return self._solve(walk, case, self.place(None, None), guess, callback)
+        u = geometry.spread(walk.state.surface)
+        placement = self.place(geometry.at(u, case), u)
+        trace: tuple[Record, ...] = ()
+        for _ in range(options.max_placements):
+            attempt = self._solve(walk, case, placement, guess, callback)
+            trace += attempt.outcome.trace
+            attempt = replace(attempt, outcome=replace(attempt.outcome, trace=trace))
+            if not attempt.good:
+                return attempt
+            u = geometry.spread(attempt.state.surface)
+            new = geometry.at(u, case)
+            mismatch = geometry.mismatch(placement, new, attempt.state)
+            if mismatch <= options.placement_tolerance:
+                gap = np.where(geometry.finite & (attempt.state.status == OPEN), new.gap0, attempt.gap)
+                return self._travelled(walk, replace(attempt, mismatch=mismatch, gap=gap))
+            guess = as_guess(attempt.state)
+            placement = self.place(new, u)
+        words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e})"
+        return replace(attempt, mismatch=mismatch, failure=words)
+
+    def _travelled(self, walk: Walk, attempt: Attempt) -> Attempt:
+        """Refuse a step in which a point slid over more than its share of facets."""
+        closed = (attempt.state.status != OPEN) & (walk.state.status != OPEN) & self.geometry.finite
+        slid = np.linalg.norm(attempt.state.slip - walk.state.slip, axis=1)
+        for contact, part in zip(self.interface.contacts, self.interface.parts, strict=True):
+            furthest = np.max(slid[part][closed[part]], initial=0.0)
+            allowed = self.options.max_travel * np.mean(contact.secondary.lengths)
+            if furthest > allowed:
+                words = f"a point slid by {furthest:.3g}, more than max_travel allows ({allowed:.3g})"
+                return replace(attempt, failure=words)
+        return attempt
+
+    def _solve(
+        self,
+        walk: Walk,
+        case: LoadCase,
+        placement: Placement,
+        guess: Guess | None,
+        callback: Callable[[Record], object] | None,
+    ) -> Attempt:
+        interface, options, kin = self.interface, self.options, placement.kin
+        with single_threaded():
+            seen = self.geometry.case(placement, case, walk.state, walk.case)
+            load = placement.rows.load(seen)
+            step = Step(
+                space=placement.rows.space,
+                load=load,
+                motions=placement.motions,
+                area=kin.area,
+                paired=kin.paired,
+                tied=interface.tied & kin.paired,
+                laws=interface.laws,
+                frictional=interface.frictional & kin.paired,
+                stiffness=interface.stiffness,
+                last=walk.state,
+            )
+            guess = self._cold(step, load.gap0, kin) if guess is None else admissible(guess, step)
+            limit = options.max_iterations or ITERATIONS[self.loop]
+            run = LOOPS[self.loop]
+            outcome = drive(run, step, guess, options.tolerance, limit, callback)
+            state = self._state(outcome, walk.state, placement, load, case)
+        return Attempt(
+            outcome, placement, load, case, seen, state, outcome.iterate.response.gap
+        )
+
+    def _cold(self, step: Step, gap0: Array, kin: Kinematics) -> Guess:
+        """Nothing known: points that touch are closed and stick; where few do, a nested start."""
+        zero = np.zeros((kin.m, kin.tangents))
+        touching = step.paired & (gap0 <= 0)
+        status = np.where(touching | step.tied, STICK, OPEN)
+        guess = Guess(status, zero, np.zeros(kin.m), zero, zero)
+        if touching.sum() > 0.5 * step.paired.sum():
+            return guess
+        # the coarse levels only look for the zone: exact sticking, whatever the loop
+        exact = replace(step, stiffness=np.full(kin.m, np.inf))
+        return nested_guess(exact, guess, loops.newton, kin.points, self.options.tolerance)
+
+    def _state(
+        self, outcome: Outcome, last: State, placement: Placement, load: Any, case: LoadCase
+    ) -> State:
+        it = outcome.iterate
+        opened = (it.status == OPEN)[:, None]
+        response = it.response
+        surface = last.surface
+        if self.geometry.follows:
+            dofs = self.geometry.surface_dofs
+            surface = placement.rows.contact_displacement([load], response.solution[:, None], case)
+            surface = surface[dofs, 0]
+        return State(
+            it.status,
+            response.slip,
+            np.where(opened, 0.0, response.tangential_force),
+            np.where(opened[:, 0], 0.0, response.normal_force),
+            np.where(opened, response.slip, last.reference),
+            surface,
+        )
+
+    def _dissipation(self, last: State, new: State) -> Array:
+        """Trapezoidal work of friction on the plastic slip, per contact [energy].
+
+        The rule that closes the energy balance of a step whose external work is trapezoidal too.
+        """
+        G = self.interface.stiffness[:, None]
+        elastic = np.where(
+            np.isfinite(G), (new.tangential_force - last.tangential_force) / G, 0.0
+        )
+        mean = 0.5 * (last.tangential_force + new.tangential_force)
+        work = np.sum(mean * (new.slip - last.slip - elastic), axis=1)
+        work = np.where(self.interface.frictional & (new.status != OPEN), work, 0.0)
+        return np.array([work[part].sum() for part in self.interface.parts])
+
+
+def natural_state(kin: Kinematics, surface: int) -> State:
+    """Before any load: nothing is known to touch, no slip, no friction."""
+    zero = np.zeros((kin.m, kin.tangents))
+    return State(
+        np.zeros(kin.m, dtype=int), zero, zero, np.zeros(kin.m), zero, np.zeros(surface)
+    )
+
+
+def as_guess(state: State) -> Guess:
+    """Starting values from a state."""
+    size = np.linalg.norm(state.tangential_force, axis=1)
+    slips = (state.status == SLIP) & (size > 0)
+    status = np.where((state.status == SLIP) & ~slips, STICK, state.status)
+    unit = state.tangential_force / np.where(slips, size, 1.0)[:, None]
+    direction = np.where(slips[:, None], unit, 0.0)
+    return Guess(status, direction, state.normal_force, state.tangential_force, state.slip)
+
+
+def admissible(guess: Guess, step: Step) -> Guess:
+    """The guess without points that have lost their partner, and with all tied points."""
+    status = np.where(step.paired, guess.status, OPEN)
+    status = np.where(step.tied, STICK, status)
+    direction = np.where((status == SLIP)[:, None], guess.direction, 0.0)
+    return replace(guess, status=status, direction=direction)
