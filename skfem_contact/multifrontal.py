@@ -307,7 +307,7 @@ def _checked(K: Any, points: np.ndarray, keep: Any) -> tuple[Any, np.ndarray, np
     difference, size = abs(x @ (K @ y) - y @ (K @ x)), np.linalg.norm(K.data)
     if difference > 1e-8 * size:
         raise InputError(
-            f"K is not symmetric: x'Ky and y'Kx differ by {difference / size:.1e} of the norm of K "
+            f"K is not symmetric: x'Ky and y'Kx differ by {difference / size:.1e} of |K| "
             "for random x and y. Both triangles must be stored; otherwise use another solver."
         )
     return K, points, keep
