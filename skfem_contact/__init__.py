@@ -10,7 +10,7 @@ A scikit-fem script has bases, a stiffness and a load; five lines more and its b
 
 The modules stand in the order of the theory: `body`, `surface`, `pairing`, `mortar`, `obstacle`,
 `contact`, `kinematics`, `constraint`, `friction`, `rigid`, `linear`, `spaces`, `condensation`,
-`loops`, `result`, `solver`, `io`, `plot`; closed forms are in `reference`.
+`loops`, `result`, `solver`, `stress`, `io`, `plot`; closed forms are in `reference`.
 """
 
 from skfem_contact.body import Body, System, stack
@@ -27,11 +27,14 @@ from skfem_contact.errors import (
     NotConverged,
 )
 from skfem_contact.friction import Coulomb, FrictionLaw, Tresca
+from skfem_contact.io import write, write_series
 from skfem_contact.kinematics import ConstraintRows, Kinematics, contact_rows
 from skfem_contact.linear import AMG, Direct
 from skfem_contact.obstacle import LevelSet, RigidCylinder, RigidPlane, RigidSphere
+from skfem_contact.plot import plot_contact, plot_deformed, plot_history
 from skfem_contact.result import ContactResult
 from skfem_contact.solver import ContactSolver
+from skfem_contact.stress import nodal_stress, von_mises
 from skfem_contact.surface import ContactSurface
 
 __all__ = [
@@ -64,7 +67,14 @@ __all__ = [
     "condense",
     "contact_rows",
     "eliminate",
+    "nodal_stress",
+    "plot_contact",
+    "plot_deformed",
+    "plot_history",
     "stack",
+    "von_mises",
+    "write",
+    "write_series",
 ]
 
 __version__ = "0.1.0"

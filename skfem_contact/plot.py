@@ -87,7 +87,14 @@ def plot_deformed(
         x = (body.dof_points[nodes[:, 0]] + factor * u[nodes]).T
         triangles = np.concatenate([cells[:, list(local)] for local in TRIANGLES[kind]])
         image = ax.tripcolor(
-            *x, triangles, colour, shading="gouraud", cmap=cmap, vmin=low, vmax=high, rasterized=True
+            *x,
+            triangles,
+            colour,
+            shading="gouraud",
+            cmap=cmap,
+            vmin=low,
+            vmax=high,
+            rasterized=True,
         )
         _outline(ax, x, cells, kind)
     if arrows:
@@ -138,7 +145,10 @@ def plot_contact(
     ax.plot(s, pressure, color=PRESSURE, lw=1.8, label="pressure")
     if settings.friction is not None or settings.tied:
         friction = np.divide(
-            values.tangential_force[:, 0], values.area, out=np.zeros_like(arc), where=values.area > 0
+            values.tangential_force[:, 0],
+            values.area,
+            out=np.zeros_like(arc),
+            where=values.area > 0,
         )
         ax.plot(s, friction[order], color=FRICTION, lw=1.8, label="friction")
     if settings.friction is not None:
@@ -286,12 +296,12 @@ def _outline(ax: Any, x: Array, cells: NDArray[np.int64], kind: str) -> None:
 
 
 def _arrows(ax: Any, result: ContactResult, factor: float) -> None:
-    """Tractions at closed points, the longest a tenth of the extent; about 60 arrows at most."""
+    """Tractions at closed points, the longest 8 % of the extent; about 60 arrows at most."""
     sizes = [np.linalg.norm(v.traction, axis=1) for v in result.values]
     peak = max(float(size.max(initial=0.0)) for size in sizes)
     if peak == 0.0:
         return
-    length = 0.1 * result.system.extent / peak
+    length = 0.08 * result.system.extent / peak
     for contact, values, size in zip(result.contacts, result.values, sizes, strict=True):
         surface = contact.secondary
         u = result.displacement(surface.body)[surface.dofs]
@@ -349,7 +359,9 @@ def _require_plane(result: ContactResult) -> None:
     body = result.system.bodies[0]
     if body.dim != 2 or body.components != 2:
         what = "a scalar field" if body.components == 1 else f"{body.dim}-D"
-        raise InputError(f"pictures are of plane problems, this is {what}: use write('result.vtu', ...)")
+        raise InputError(
+            f"pictures are of plane problems, this is {what}: use write('result.vtu', ...)"
+        )
 
 
 def _axes(ax: Any, size: tuple[float, float]) -> Any:
@@ -361,4 +373,4 @@ def _axes(ax: Any, size: tuple[float, float]) -> Any:
         raise InputError(
             "pictures need matplotlib, which is not installed: pip install 'skfem-contact[plot]'"
         ) from None
-    return pyplot.subplots(figsize=size, layout="constrained")[1]
+    return pyplot.subplots(figsize=size, layout="compressed")[1]

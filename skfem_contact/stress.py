@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import skfem
 from numpy.typing import ArrayLike, NDArray
 from skfem.models.elasticity import lame_parameters
 
@@ -79,7 +78,7 @@ def nodal_stress(
     scalar = body.basis.with_element(body.basis.elem.elem)
     nodal = np.zeros((scalar.N, 3, 3))
     for i, j in [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]:
-        if i < d and j < d or i == j:
+        if (i < d and j < d) or i == j:
             nodal[:, i, j] = nodal[:, j, i] = scalar.project(stress[i, j])
     return nodal
 
@@ -104,8 +103,10 @@ def von_mises(
     >>> from skfem.models.elasticity import linear_elasticity
     >>> basis = fem.Basis(fem.MeshQuad(), fem.ElementVector(fem.ElementQuad1()))
     >>> bar = sc.Body(basis, linear_elasticity())
-    >>> u = np.where(bar.dof_component == 0, 0.01, -0.003) * basis.doflocs[bar.dof_component,
-    ...                                                                   np.arange(bar.n)]
+    >>> u = (
+    ...     np.where(bar.dof_component == 0, 0.01, -0.003)
+    ...     * basis.doflocs[bar.dof_component, np.arange(bar.n)]
+    ... )
     >>> von_mises(bar, u, E=200.0, nu=0.3, plane="stress").round(9)
     array([2., 2., 2., 2.])
     """
