@@ -80,7 +80,10 @@ def certify(result: ContactResult) -> Certificate:
     kin, state, system = result.kin, result.state, result.system
     u, f = result.u, result.case.f
     internal = np.concatenate(
-        [K @ u[system.slice(body)] for body, K in zip(system.bodies, result.stiffness, strict=True)]
+        [
+            K @ u[system.slice(body)]
+            for body, K in zip(system.bodies, result.stiffness, strict=True)
+        ]
     )
     contact = kin.B_n.T @ state.normal_force - kin.B_t.T @ state.tangential_force.ravel()
     residual = internal - f - contact
@@ -95,7 +98,7 @@ def certify(result: ContactResult) -> Certificate:
     closed = (state.status != 0) & kin.paired
     overlap = np.where(bilateral, np.abs(gap), np.maximum(-gap, 0.0))
     total = max(float(np.abs(part).sum()) for part in (f, reactions, contact))
-    balance, moment, across, normal = _balance(result, f + reactions, contact, total * length)
+    balance, moment, across, normal = _balance(result, f + reactions, total * length)
     limit_excess = _friction_excess(result)
     return Certificate(
         equilibrium=_ratio(np.max(np.abs(residual), initial=0.0), force),
@@ -129,36 +132,37 @@ def _friction_excess(result: ContactResult) -> float:
 
 
 def _balance(
-    result: ContactResult, external: Array, contact: Array, scale: float
+    result: ContactResult, external: Array, scale: float
 ) -> tuple[float, float, float, float]:
-    """Resultant and moment of external and contact forces over all bodies."""
+    """Resultant and moment of loads, reactions and obstacle forces over all bodies."""
     system, kin = result.system, result.kin
     component = np.concatenate([b.dof_component for b in system.bodies])
     points = np.concatenate([b.dof_points for b in system.bodies])
     d = points.shape[1]
-    total = external + contact
+    # without the contact forces between bodies, which have to balance by themselves; with them the
+    # sum would be that of K u, zero whatever the contact does
     on_obstacles = _obstacle_forces(result)
     axes = sorted(set(component))
-    F = np.array([total[component == k].sum() for k in axes])
+    F = np.array([external[component == k].sum() for k in axes])
     skip = {0} if any(b.axisymmetric for b in system.bodies) else set()
     kept = [k for k in axes if k not in skip]
     rigid = np.array([on_obstacles[:, k].sum() for k in axes])
-    resultant = float(np.max(np.abs((F - rigid)[kept]), initial=0.0))
+    resultant = float(np.max(np.abs((F + rigid)[kept]), initial=0.0))
     if d != 2 or len(axes) < 2 or skip:
         return resultant, np.nan, np.nan, np.nan
     centre = points.mean(axis=0)
     arm = points - centre
-    M = np.sum(arm[component == 1, 0] * total[component == 1])
-    M -= np.sum(arm[component == 0, 1] * total[component == 0])
+    M = np.sum(arm[component == 1, 0] * external[component == 1])
+    M -= np.sum(arm[component == 0, 1] * external[component == 0])
     arm = kin.points - centre
-    M -= np.sum(_cross(arm, on_obstacles))
+    M += np.sum(_cross(arm, on_obstacles))
     offset = _offsets(result)
     along = np.einsum("ik,ikd->id", -result.state.tangential_force, kin.tangent)
     across = np.sum(_cross(offset, along))
     normal = np.sum(_cross(offset, result.state.normal_force[:, None] * kin.normal))
     return (
         resultant,
-        _ratio(abs(M - across - normal), scale),
+        _ratio(abs(M + across + normal), scale),
         _ratio(abs(across), scale),
         _ratio(abs(normal), scale),
     )
