@@ -5,9 +5,9 @@ r"""From contact DOFs to the gaps and slips of contact points: the small dense c
 ``z = B u`` the gaps and slips of the candidates, all else is eliminated (a Delassus operator, as in
 Francavilla and Zienkiewicz, 1975). A new pairing costs a new `PointRows` and nothing before it.
 
-Bodies may float. Each body is therefore made definite by springs of its own size against its rigid
-modes, ``F = (S + R R')^-1``, and the amplitudes ``q = R'u`` are kept as extra rows that carry no
-force; taking the springs away again is then exact: with ``G = [B; R']`` and ``A = (G F G')^-1``
+Bodies may float. A body that its supports do not hold is made definite by springs on a few anchor
+DOFs away from contact, ``F = (S + P P')^-1``, whose extensions ``q = P'u`` are kept as extra rows
+that carry no force; taking the springs away again is exact: with ``G = [B; P']``, ``A = (G F G')^-1``
 
     (A - [0, 0; 0, 1]) [z; q] = A G F f + [p; 0],
 
@@ -70,7 +70,7 @@ class Condensed:
             self.parts.append(old or Substructure(body, stiffness[i], np.setdiff1d(mine, body.D)))
         kept = [part.kept + span.start for part, span in zip(self.parts, self.spans(), strict=True)]
         self.columns = np.concatenate(kept)
-        self.R = block_diag(*(part.modes for part in self.parts if len(part.kept)))
+        self.P = block_diag(*(part.springs for part in self.parts if len(part.kept)))
 
     def spans(self) -> list[slice]:
         """DOFs of each body."""
@@ -154,7 +154,7 @@ class PointRows(Rows):
         tangential = np.flatnonzero(may_slip & (_row_size(kin.B_t) > FIXED))
         B = np.concatenate([kin.B_n[normal].toarray(), kin.B_t[tangential].toarray()])
         self.q = len(B)
-        self.G = np.concatenate([B, model.R.T])
+        self.G = np.concatenate([B, model.P.T])
         self.FG = model.flexibility(self.G.T)
         self.A = _inverse(csr_matrix(self.G) @ self.FG)
         A_qq = self.A[self.q :, self.q :] - np.eye(len(self.A) - self.q)
@@ -187,7 +187,7 @@ class PointRows(Rows):
         f_c = np.column_stack([load.prescribed for load in loads])
         h = self.A @ (self.FG.T @ f_c)
         q = self._rigid_solve(h[self.q :] - self.A_zq.T @ z)
-        # A [z; q] - h is the force on all rows, the springs against the rigid modes included
+        # A [z; q] - h is the force on all rows, the springs on the anchors included
         p = self.A @ np.concatenate([z, q]) - h
         return self.model.flexibility(f_c) + self.FG @ p
 

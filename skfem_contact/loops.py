@@ -251,8 +251,8 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     pulls = ~was_open & (response.normal_force < -ROUND_OFF * force_scale) & ~step.tied
 
     limit = step.limit(response.normal_force, response.slip)
-    slips, direction = _slip_rule(step, current, response, limit, force_scale)
-    status = np.where(slips & ~was_open, SLIP, STICK)
+    slips, direction = _slip_rule(step, current, response, limit, force_scale, penetrates)
+    status = np.where(slips, SLIP, STICK)
     status = np.where(was_open & ~penetrates | pulls, OPEN, status)
     status = np.where(step.tied & step.paired, STICK, status)
     return Guess(
@@ -261,9 +261,14 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
 
 
 def _slip_rule(
-    step: Step, current: Guess, response: Response, limit: Array, force_scale: float
+    step: Step,
+    current: Guess,
+    response: Response,
+    limit: Array,
+    force_scale: float,
+    closes: Mask,
 ) -> tuple[Mask, Array]:
-    """Which closed points slip, and in which direction friction then acts."""
+    """Which points slip that are closed or just close, and in which direction friction then acts."""
     exact = np.isinf(step.stiffness)
     trial = np.where(exact[:, None], response.tangential_force, step.trial(response.slip))
     size = np.linalg.norm(trial, axis=1)
@@ -278,7 +283,18 @@ def _slip_rule(
     unit = trial / np.where(size > 0, size, 1.0)[:, None]
     keep = exact & was_slip
     direction = np.where(keep[:, None], current.direction, unit)
-    return slips, np.where((slips & (current.status != OPEN))[:, None], direction, 0.0)
+    # a point that closes slips if it moves sideways by more than it sinks in allows: the trial
+    # force r (s - s_n) against the limit under the trial pressure -r g (Alart and Curnier, 1991),
+    # with an r that makes the largest slip the largest force. If it stuck, it could be in tension,
+    # open, and close again without end
+    r = force_scale / slip_scale if slip_scale > 0 else 0.0
+    distance = np.linalg.norm(step_slip, axis=1)
+    pressed = step.limit(np.where(closes, -r * response.gap, 0.0), response.slip)
+    sideways = closes & step.frictional & (r * distance > pressed)
+    along = step_slip / np.where(distance > 0, distance, 1.0)[:, None]
+    slips = np.where(current.status == OPEN, sideways, slips)
+    direction = np.where(sideways[:, None], along, direction)
+    return slips, np.where(slips[:, None], direction, 0.0)
 
 
 def disagreement(current: Guess, proposal: Guess) -> Mask:

@@ -48,6 +48,7 @@ def plot_deformed(
     ax: Any = None,
     *,
     arrows: bool = True,
+    label: str | None = None,
     cmap: str = "YlGnBu",
 ) -> Any:
     """Draw the deformed bodies, coloured, with arrows for what the contact does to the secondary.
@@ -64,6 +65,8 @@ def plot_deformed(
     ax : matplotlib Axes, optional
     arrows : bool
         Draw the traction at closed points. The head is on the secondary surface.
+    label : str, optional
+        Of the colour bar, to add a unit.
     cmap : str
 
     Returns
@@ -99,7 +102,7 @@ def plot_deformed(
         _outline(ax, x, cells, kind)
     if arrows:
         _arrows(ax, result, factor)
-    label = "displacement" if stress is None else "von Mises stress"
+    label = label or ("displacement" if stress is None else "von Mises stress")
     ax.figure.colorbar(image, ax=ax, label=label, shrink=0.85, pad=0.02)
     ax.set(aspect="equal", xlabel="x", ylabel="y")
     ax.set_title(f"deformation magnified {factor:g} times" if factor != 1 else "true deformation")

@@ -200,12 +200,12 @@ def dense_solver(A: Array, symmetric: bool) -> Any:
         try:
             factor = cho_factor(A, lower=True, check_finite=False)
         except LinAlgError:
-            raise SingularMatrix(-1, 0.0) from None
+            raise SingularMatrix("the matrix of the contact problem is not positive definite") from None
         return lambda b: cho_solve(factor, b, check_finite=False)
     factor = lu_factor(A, check_finite=False)
     pivots = np.abs(np.diag(factor[0]))
     if len(pivots) and not pivots.min() > 1e-14 * np.abs(np.diag(A)).max():
-        raise SingularMatrix(-1, 0.0)
+        raise SingularMatrix("the matrix of the contact problem is singular")
     return lambda b: lu_solve(factor, b, check_finite=False)
 
 

@@ -21,6 +21,8 @@ from skfem_contact.multifrontal import MultifrontalCholesky
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+# Ratio of singular values of the rigid modes on some DOFs above which these hold the body firmly.
+HELD = 1e-2
 # Load directions that are remembered; a history of more is condensed step by step.
 MOST_DIRECTIONS = 12
 
@@ -86,14 +88,17 @@ class Substructure:
     Attributes
     ----------
     kept : ndarray of int
-        Contact DOFs, and a few more where those alone would leave the interior a rigid motion.
+        Contact DOFs and anchors, sorted.
+    anchors : ndarray of int
+        DOFs that stop the rigid motions of a body which its supports do not hold.
     S : ndarray, shape (n_c, n_c)
     """
 
     def __init__(self, body: Body, K: csr_matrix, wanted: Index) -> None:
         self.body, self.K = body, K
         self.free = np.setdiff1d(np.arange(body.n), body.D)
-        self.kept = with_anchors(body, wanted) if len(wanted) else wanted
+        self.anchors = anchors(body, wanted) if len(wanted) else wanted
+        self.kept = np.union1d(wanted, self.anchors)
         self._K_fD = csr_matrix(K[self.free][:, body.D])
         self._span = LoadSpan(len(self.free), len(self.kept))
 
@@ -116,19 +121,19 @@ class Substructure:
         return self._factor.S if len(self.kept) else np.zeros((0, 0))
 
     @cached_property
-    def modes(self) -> Array:
-        """Rigid modes on the kept DOFs, as springs of the size of S against each, (n_c, k)."""
-        R = self.body.rigid_modes[self.kept]
-        size = np.linalg.norm(R, axis=0)
-        R = R[:, size > 0] / size[size > 0]
-        return R * np.sqrt(np.mean(np.diag(self.S)))
+    def springs(self) -> Array:
+        """Springs to the ground on the anchors, ``P`` with stiffness ``P P'``, shape (n_c, k)."""
+        P = np.zeros((len(self.kept), len(self.anchors)))
+        place = np.searchsorted(self.kept, self.anchors)
+        P[place, np.arange(len(place))] = np.sqrt(np.diag(self.S)[place])
+        return P
 
     @cached_property
     def flexibility(self) -> Array:
-        """``(S + R R')^-1``, shape (n_c, n_c) [length/force]."""
+        """``(S + P P')^-1``, shape (n_c, n_c) [length/force]."""
         if len(self.kept) == 0:
             return np.zeros((0, 0))
-        factor = cho_factor(self.S + self.modes @ self.modes.T, lower=True, check_finite=False)
+        factor = cho_factor(self.S + self.springs @ self.springs.T, lower=True, check_finite=False)
         return np.asarray(cho_solve(factor, np.eye(len(self.S)), check_finite=False))
 
     @property
@@ -167,20 +172,32 @@ class Substructure:
         return f[self.free] - self._K_fD @ x[self.body.D]
 
 
-def with_anchors(body: Body, wanted: Index) -> Index:
-    """Kept DOFs that stop all rigid motions of the interior: not so with one contact node."""
+def anchors(body: Body, wanted: Index) -> Index:
+    """Free DOFs of a few nodes away from contact that stop the motions which supports leave free.
+
+    One or two nodes for each part of the mesh that prescribed DOFs do not hold: springs on them make
+    the condensed stiffness definite, and as further kept DOFs they do the same for the interior.
+    """
     R = body.rigid_modes / np.max(np.abs(body.rigid_modes), axis=0)
-    kept = np.unique(wanted)
-    for _ in range(body.dim):
-        values = np.linalg.svd(R[np.union1d(kept, body.D)], compute_uv=False)
-        if len(values) >= R.shape[1] and values[-1] > 1e-6 * values[0]:
-            break
-        points = body.dof_points
-        distance = np.min(
-            [np.linalg.norm(points - points[i], axis=1) for i in kept[:: max(1, len(kept) // 8)]],
-            axis=0,
-        )
-        distance[body.D] = -1.0
-        node = np.all(points == points[np.argmax(distance)], axis=1)
-        kept = np.union1d(kept, np.setdiff1d(np.flatnonzero(node), body.D))
-    return kept
+    points, chosen = body.dof_points, np.zeros(0, dtype=int)
+    touched = np.zeros(body.n, dtype=bool)
+    touched[body.D], touched[wanted] = True, True
+    for part in np.unique(body.parts[wanted]):
+        mine = body.parts == part
+        modes = R[:, np.any(R[mine] != 0, axis=0)]
+        seeds = points[wanted[body.parts[wanted] == part]][:1]
+        for _ in range(body.dim):
+            held = np.union1d(body.D[mine[body.D]], chosen[mine[chosen]])
+            values = np.linalg.svd(modes[held], compute_uv=False)
+            if len(values) == modes.shape[1] and values[-1] > HELD * values[0]:
+                break
+            distance = np.min(np.linalg.norm(points[:, None] - seeds, axis=2), axis=1)
+            distance = np.where(mine & ~touched, 1.0 + distance / distance.max(), distance)
+            distance[~mine] = -1.0
+            distance[chosen] = -1.0
+            place = points[np.argmax(distance)]
+            node = mine & np.all(points == place, axis=1)
+            node[body.D] = False
+            chosen = np.union1d(chosen, np.flatnonzero(node))
+            seeds = np.concatenate([seeds, place[None]])
+    return chosen
