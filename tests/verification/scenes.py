@@ -1,0 +1,141 @@
+"""Builders shared by the verification problems: plain scikit-fem meshes, loads and fields.
+
+Everything is described in a local frame; a `Pose` then rotates the scene and shuffles the
+numbering of nodes and elements, neither of which may change what the physics says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import skfem as fem
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+
+
+@dataclass(frozen=True)
+class Pose:
+    """How a scene lies in space and how its nodes are numbered."""
+
+    angle: float = 0.0  # degrees
+    seed: int | None = None  # of the numbering; None leaves it as the mesh generator made it
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """Rotation matrix; exact for multiples of 90 degrees."""
+        exact = {0.0: (1, 0), 90.0: (0, 1), 180.0: (-1, 0), 270.0: (0, -1)}
+        angle = np.radians(self.angle)
+        c, s = exact.get(self.angle % 360, (np.cos(angle), np.sin(angle)))
+        return np.array([[c, -s], [s, c]], dtype=float)
+
+    def turn(self, vectors: Any) -> np.ndarray:
+        """Vectors (..., 2) of the local frame in global axes."""
+        return np.asarray(vectors, dtype=float) @ self.matrix.T
+
+    def back(self, vectors: Any) -> np.ndarray:
+        """Vectors (..., 2) of global axes in the local frame."""
+        return np.asarray(vectors, dtype=float) @ self.matrix
+
+
+UPRIGHT = Pose()
+# as the generator made it, any angle, axes exchanged, axes exchanged and turned round, renumbered
+POSES = [Pose(), Pose(33.0), Pose(90.0), Pose(270.0), Pose(0.0, 7), Pose(33.0, 11)]
+ELEMENTS = {
+    "Q1": (fem.MeshQuad, fem.ElementQuad1),
+    "P1": (fem.MeshTri, fem.ElementTriP1),
+}
+
+
+def block_basis(
+    x: Any,
+    y: Any,
+    *,
+    kind: str = "Q1",
+    pose: Pose = UPRIGHT,
+    shape: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> Any:
+    """Basis on a rectangle ``x`` by ``y`` with the sides left, right, bottom, top named.
+
+    `shape` maps the local positions (2, nodes) to other ones before the pose does.
+    """
+    mesh_type, element = ELEMENTS[kind]
+    mesh = mesh_type.init_tensor(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    if pose.seed is not None:
+        mesh = shuffled(mesh, pose.seed)
+    mesh = mesh.with_defaults()
+    p = mesh.p if shape is None else shape(mesh.p)
+    mesh = replace(mesh, doflocs=pose.turn(p.T).T.copy())
+    return fem.Basis(mesh, fem.ElementVector(element()), intorder=2)
+
+
+def shuffled(mesh: Any, seed: int) -> Any:
+    """The same mesh with nodes and elements in a random order."""
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(mesh.p.shape[1])
+    p = np.empty_like(mesh.p)
+    p[:, order] = mesh.p
+    t = order[mesh.t][:, rng.permutation(mesh.t.shape[1])]
+    return type(mesh)(p, t)
+
+
+def elastic(E: float, nu: float) -> Any:
+    """Plane strain stiffness form."""
+    return linear_elasticity(*lame_parameters(E, nu))
+
+
+def field(basis: Any, function: Callable[[np.ndarray], Any], pose: Pose = UPRIGHT) -> np.ndarray:
+    """Nodal values of a displacement in the local frame, ``function(x (2, n)) -> (2, n)``."""
+    nodes = np.asarray(basis.nodal_dofs)
+    local = pose.back(basis.mesh.p.T).T
+    ux, uy = function(local)
+    values = np.zeros(basis.N)
+    turned = pose.turn(np.column_stack(np.broadcast_arrays(ux, uy, local[0])[:2]))
+    values[nodes[0]], values[nodes[1]] = turned.T
+    return values
+
+
+def stress_load(basis: Any, sides: Any, stress: Any, pose: Pose = UPRIGHT) -> np.ndarray:
+    """Load of a uniform stress state in the local frame on some sides: ``∫ v . sigma n``."""
+    sigma = pose.matrix @ np.asarray(stress, dtype=float) @ pose.matrix.T
+    form = fem.LinearForm(lambda v, w: np.einsum("ij,j...,i...", sigma, w.n, v))
+    total = np.zeros(basis.N)
+    for side in [sides] if isinstance(sides, str) else sides:
+        total += form.assemble(fem.FacetBasis(basis.mesh, basis.elem, facets=side, intorder=2))
+    return total
+
+
+def weight_load(basis: Any, force: Any) -> np.ndarray:
+    """Load of a uniform body force with this resultant (2,), in global axes."""
+    area = fem.Functional(lambda w: 1.0 + 0 * w.x[0]).assemble(basis)
+    b = np.asarray(force, dtype=float) / area
+    return np.asarray(fem.LinearForm(lambda v, w: b[0] * v[0] + b[1] * v[1]).assemble(basis))
+
+
+def in_axes(values: Any, pose: Pose) -> dict[str, np.ndarray]:
+    """Contact values sorted by position in the local frame, free of numbering, side and frame.
+
+    Traction is that on the body of the secondary surface, slip the vector of its motion over the
+    primary; swapping the sides turns both round.
+    """
+    points = pose.back(values.points)
+    order = np.lexsort(np.round(points, 9).T)
+    slip = np.einsum("ik,ikd->id", values.slip, values.tangent)
+    return {
+        "points": points[order],
+        "forces": pose.back(values.forces)[order],
+        "slip": pose.back(slip)[order],
+        "area": values.area[order],
+        "status": values.status[order],
+    }
+
+
+def contact_of(
+    secondary: sc.ContactSurface, primary: Any, *, swap: bool = False, **settings: Any
+) -> sc.Contact:
+    """A contact, or the same with the two sides exchanged."""
+    pair = (primary, secondary) if swap else (secondary, primary)
+    return sc.Contact(*pair, **settings)
