@@ -154,9 +154,8 @@ def _balance(
     arm = points - centre
     M = np.sum(arm[component == 1, 0] * external[component == 1])
     M -= np.sum(arm[component == 0, 1] * external[component == 0])
-    arm = kin.points - centre
-    M += np.sum(_cross(arm, on_obstacles))
-    offset = _offsets(result)
+    offset, rigid_points = _offsets(result)
+    M += np.sum(_cross(rigid_points - centre, on_obstacles))
     along = np.einsum("ik,ikd->id", -result.state.tangential_force, kin.tangent)
     across = np.sum(_cross(offset, along))
     normal = np.sum(_cross(offset, result.state.normal_force[:, None] * kin.normal))
@@ -179,10 +178,10 @@ def _obstacle_forces(result: ContactResult) -> Array:
     return F
 
 
-def _offsets(result: ContactResult) -> Array:
+def _offsets(result: ContactResult) -> tuple[Array, Array]:
     """Vector from the primary to the secondary side of each point, on the undeformed bodies.
 
-    Zero for obstacles, whose forces act at the point itself.
+    Zero for obstacles, whose forces act at the point itself: the second array has these points.
     """
     system, kin = result.system, result.kin
     component = np.concatenate([b.dof_component for b in system.bodies])
@@ -194,10 +193,11 @@ def _offsets(result: ContactResult) -> Array:
     position = points[np.arange(len(points)), component]
     local = np.column_stack([kin.B_n @ position, (kin.B_t @ position).reshape(-1, t)])
     vector = np.einsum("ik,ikd->id", local, frame)
+    rigid_points = vector.copy()  # without a primary side it is the position of the secondary
     for contact, part in zip(result.contacts, result.slices(), strict=True):
         if not isinstance(contact.primary, ContactSurface):
             vector[part] = 0.0
-    return vector
+    return vector, rigid_points
 
 
 def _cross(a: Array, b: Array) -> Array:

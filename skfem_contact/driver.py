@@ -64,6 +64,7 @@ class Outcome:
     converged: bool
     message: str
     free: np.ndarray | None = None
+    stopped: bool = False
 
 
 def drive(
@@ -100,8 +101,8 @@ def drive(
             try:
                 callback(record)
             except StopIteration:
-                message = "stopped by the callback"
-                break
+                last = "stopped by the callback"
+                return Outcome(iterate, tuple(trace), False, last, stopped=True)
         if len(trace) >= limit:
             break
     last = f"{record.changes} points still change and the friction law is violated by "

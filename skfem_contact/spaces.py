@@ -13,6 +13,7 @@ answer it, from large and sparse to small and dense, each exactly:
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -27,6 +28,9 @@ from skfem_contact.linear import SingularMatrix
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+# A row (of unit vectors and weights) whose free coefficients are below this is prescribed.
+FIXED = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,11 +258,14 @@ class SparseSpace:
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Eliminate, reduce, solve, expand, and read the forces off the eliminated rows."""
         kin, t = self.kin, self.kin.tangents
-        closed, stick = np.flatnonzero(conditions.closed), np.flatnonzero(conditions.stick)
-        tangential = (stick[:, None] * t + np.arange(t)).ravel()
+        closed = np.flatnonzero(conditions.closed)
+        # a slip that is prescribed on both sides is what it is: sticking has no say in it
+        sticks = np.repeat(conditions.stick, t) & self.can_slip
+        tangential = np.flatnonzero(sticks)
         C = vstack([kin.B_n[closed], kin.B_t[tangential]]).tocsr()
-        b = np.concatenate([-load.gap0[closed], (conditions.anchor - load.slip0)[stick].ravel()])
-        names = [self.labels[i] for i in closed] + [self.labels[i] for i in np.repeat(stick, t)]
+        anchor = (conditions.anchor - load.slip0).ravel()
+        b = np.concatenate([-load.gap0[closed], anchor[tangential]])
+        names = [self.labels[i] for i in closed] + [self.labels[i] for i in tangential // t]
         trial = eliminate(
             C, b, self.D, load.prescribed, prefer=self.prefer, labels=names, scale=self.scale
         )
@@ -277,7 +284,14 @@ class SparseSpace:
             self._key = key
         u = trial.expand(self._factor.solve(f_r))
         p = test.multipliers(K @ u - f)
-        return self._response(conditions, load, u, p, closed, stick)
+        return self._response(conditions, load, u, p, closed, tangential)
+
+    @cached_property
+    def can_slip(self) -> Mask:
+        """Rows of B_t that touch DOFs that are not prescribed, shape (m (d-1),)."""
+        free = np.ones(self.K.shape[0])
+        free[self.D] = 0.0
+        return np.asarray(abs(self.kin.B_t) @ free > FIXED)
 
     def _test_space(
         self, conditions: Conditions, C: csr_matrix, closed: NDArray[np.intp], trial: Any
@@ -304,7 +318,7 @@ class SparseSpace:
         u: Array,
         p: Array,
         closed: NDArray[np.intp],
-        stick: NDArray[np.intp],
+        sticking: NDArray[np.intp],
     ) -> Response:
         kin, (m, t) = self.kin, conditions.anchor.shape
         gap = load.gap0 + kin.B_n @ u
@@ -313,7 +327,7 @@ class SparseSpace:
         normal_force = np.zeros(m)
         normal_force[closed] = p[: len(closed)]
         tangential = np.zeros((m, t))
-        tangential[stick] = -p[len(closed) :].reshape(-1, t)
+        tangential.ravel()[sticking] = -p[len(closed) :]
         slides = conditions.closed & ~conditions.stick & self.frictional
         tangential[slides] = friction_force(conditions, slip, normal_force)[slides]
         return Response(gap, slip, normal_force, tangential, u)

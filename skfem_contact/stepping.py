@@ -1,7 +1,7 @@
 """From one state to the next: a load step, cut into smaller ones where it fails.
 
 A step is tried whole, from the last state's contact zone; if that fails, from a cold (nested) start;
-if that fails too it is halved. Where contact slides far, every attempt is solved again on the pairing
+then from complementary pivoting (Lemke's method); if all fail it is halved. Where contact slides far, every attempt is solved again on the pairing
 of its own answer until the two agree.
 """
 
@@ -20,6 +20,7 @@ from skfem_contact.driver import Options, Outcome, drive
 from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import Interface
 from skfem_contact.kinematics import Kinematics
+from skfem_contact.lemke import MOST_POINTS, lemke_guess
 from skfem_contact.linear import single_threaded
 from skfem_contact.loads import LoadCase
 from skfem_contact.loops import OPEN, SLIP, STICK, Guess, State, Step
@@ -30,6 +31,8 @@ Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
 
 LOOPS = {"newton": loops.newton, "direct": loops.direct, "fictitious": loops.fictitious}
+# Where an attempt at a load step begins, in this order.
+STARTS = ("warm", "cold", "pivoting")
 ITERATIONS = {"newton": 80, "direct": 150, "fictitious": 2000}
 
 
@@ -49,7 +52,13 @@ class Attempt:
 
     @property
     def good(self) -> bool:
+        """Whether the load was reached."""
         return self.outcome.converged and not self.failure
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the user's callback ended it."""
+        return self.outcome.stopped
 
 
 @dataclass(eq=False)
@@ -93,48 +102,55 @@ class Stepper:
     ) -> tuple[Attempt, Walk]:
         """Go from a state under `case` to `target`; the last attempt says whether it arrived."""
         walk = Walk(state, case, np.zeros(len(self.interface.parts)))
-        guess = None if warm is None else as_guess(warm)
+        known = warm
+        starts = self._starts()[0 if known is not None else 1 :]
         done, share = 0.0, 1.0
         smallest = 0.5**self.options.max_cuts
         while True:
             aim = min(1.0, done + share)
             here = case.towards(target, aim)
-            attempt = self._attempt(walk, here, guess, callback)
+            attempt = self._attempt(walk, here, starts[0], known or walk.state, callback)
             walk.trace.extend(attempt.outcome.trace)
             if attempt.good:
                 walk.dissipation = walk.dissipation + self._dissipation(walk.state, attempt.state)
                 walk.state, walk.case, done = attempt.state, here, aim
                 if done >= 1.0:
                     return attempt, walk
-                guess = as_guess(walk.state)
+                known, starts = walk.state, self._starts()
                 share = min(2 * share, 1.0 - done)
-            elif guess is not None and not attempt.failure:
-                guess = None  # before cutting: forget where it started from
-            elif share <= smallest or "callback" in attempt.outcome.message:
+            elif len(starts) > 1 and not attempt.failure and not attempt.stopped:
+                starts.pop(0)  # before cutting: begin elsewhere
+            elif share <= smallest or attempt.stopped:
                 return attempt, walk
             else:
                 share *= 0.5
                 walk.cuts += 1
                 reason = attempt.failure or attempt.outcome.message
                 logger.info("step cut to %.4g of its size: %s", share, reason)
-                guess = as_guess(walk.state)
+                known, starts = walk.state, self._starts()
+
+    def _starts(self) -> list[str]:
+        """Where attempts may begin; pivoting only on problems small enough for its tableau."""
+        few = len(self.interface.stiffness) <= MOST_POINTS
+        return [start for start in STARTS if few or start != "pivoting"]
 
     def _attempt(
         self,
         walk: Walk,
         case: LoadCase,
-        guess: Guess | None,
+        start: str,
+        known: State,
         callback: Callable[[Record], object] | None,
     ) -> Attempt:
         """Solve one load; where contact slides far, on the pairing of its own answer."""
         geometry, options = self.geometry, self.options
         if not geometry.follows:
-            return self._solve(walk, case, self.place(None, None), guess, callback)
+            return self._solve(walk, case, self.place(None, None), start, known, callback)
         u = geometry.spread(walk.state.surface)
         placement = self.place(geometry.at(u, case), u)
         trace: tuple[Record, ...] = ()
         for _ in range(options.max_placements):
-            attempt = self._solve(walk, case, placement, guess, callback)
+            attempt = self._solve(walk, case, placement, start, known, callback)
             trace += attempt.outcome.trace
             attempt = replace(attempt, outcome=replace(attempt.outcome, trace=trace))
             if not attempt.good:
@@ -145,7 +161,7 @@ class Stepper:
             if mismatch <= options.placement_tolerance:
                 gap = np.where(geometry.finite & (attempt.state.status == OPEN), new.gap0, attempt.gap)
                 return self._travelled(walk, replace(attempt, mismatch=mismatch, gap=gap))
-            guess = as_guess(attempt.state)
+            start, known = "warm", attempt.state
             placement = self.place(new, u)
         words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e})"
         return replace(attempt, mismatch=mismatch, failure=words)
@@ -167,7 +183,8 @@ class Stepper:
         walk: Walk,
         case: LoadCase,
         placement: Placement,
-        guess: Guess | None,
+        start: str,
+        known: State,
         callback: Callable[[Record], object] | None,
     ) -> Attempt:
         interface, options, kin = self.interface, self.options, placement.kin
@@ -186,7 +203,7 @@ class Stepper:
                 stiffness=interface.stiffness,
                 last=walk.state,
             )
-            guess = self._cold(step, load.gap0, kin) if guess is None else admissible(guess, step)
+            guess = admissible(self._guess(start, known, step, kin), step)
             limit = options.max_iterations or ITERATIONS[self.loop]
             run = LOOPS[self.loop]
             outcome = drive(run, step, guess, options.tolerance, limit, callback)
@@ -194,6 +211,15 @@ class Stepper:
         return Attempt(
             outcome, placement, load, case, seen, state, outcome.iterate.response.gap
         )
+
+    def _guess(self, start: str, known: State, step: Step, kin: Kinematics) -> Guess:
+        if start == "warm":
+            return as_guess(known)
+        if start == "pivoting":
+            found = lemke_guess(step, as_guess(known))
+            if found is not None:
+                return found
+        return self._cold(step, step.load.gap0, kin)
 
     def _cold(self, step: Step, gap0: Array, kin: Kinematics) -> Guess:
         """Nothing known: points that touch are closed and stick; where few do, a nested start."""
