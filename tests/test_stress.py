@@ -1,0 +1,116 @@
+"""Nodal stresses against closed forms of homogeneous and linear states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+from skfem.models.elasticity import linear_elasticity
+from skfem.models.poisson import laplace
+
+import skfem_contact as sc
+
+E, NU = 200.0, 0.3
+
+
+def body(mesh: Any, element: Any) -> sc.Body:
+    return sc.Body(fem.Basis(mesh, fem.ElementVector(element)), linear_elasticity(), name="body")
+
+
+def displaced(target: sc.Body, *functions: Any) -> np.ndarray:
+    """Nodal values of a displacement given by one function of position per component."""
+    x = target.dof_points.T
+    return np.choose(target.dof_component, [f(x) + 0 * x[0] for f in functions])
+
+
+@pytest.mark.parametrize(
+    ("plane", "strain", "expected"),
+    [
+        # tension along x, free to contract: the stress is E times the strain
+        ("stress", (0.01, -NU * 0.01), (E * 0.01, 0.0, 0.0)),
+        # the same with both other directions held: the constrained modulus, and nu/(1-nu) of it
+        (
+            "strain",
+            (0.01, 0.0),
+            tuple(
+                E * 0.01 / ((1 + NU) * (1 - 2 * NU)) * np.array([1 - NU, NU, NU]),
+            ),
+        ),
+        # equal strains in r and in the hoop, free along z: equal stresses of E/(1-nu) per strain
+        (
+            "axisymmetric",
+            (0.01, -2 * NU / (1 - NU) * 0.01),
+            (E * 0.01 / (1 - NU), 0.0, E * 0.01 / (1 - NU)),
+        ),
+    ],
+)
+@pytest.mark.parametrize("element", [fem.ElementTriP1(), fem.ElementTriP2()])
+def test_homogeneous_states(
+    plane: Any, strain: tuple[float, float], expected: tuple[float, ...], element: Any
+) -> None:
+    """Uniform strains give the stresses of Hooke's law at every node."""
+    disk = body(fem.MeshTri().refined(2), element)
+    u = displaced(disk, lambda x: strain[0] * x[0], lambda x: strain[1] * x[1])
+    stress = sc.nodal_stress(disk, u, E=E, nu=NU, plane=plane)
+    # round-off of a projection
+    want = np.broadcast_to(np.diag(expected), stress.shape)
+    assert_allclose(stress, want, atol=1e-10 * max(expected))
+    a, b, c = expected
+    mises = np.sqrt(0.5 * ((a - b) ** 2 + (b - c) ** 2 + (c - a) ** 2))
+    assert_allclose(sc.von_mises(disk, u, E=E, nu=NU, plane=plane), mises, rtol=1e-9)
+
+
+def test_shear() -> None:
+    """In pure shear von Mises is the square root of three times the shear stress."""
+    plate = body(fem.MeshQuad().refined(1), fem.ElementQuadS2())
+    u = displaced(plate, lambda x: 0.01 * x[1], lambda x: 0.0 * x[0])
+    tau = E / (2 * (1 + NU)) * 0.01
+    assert_allclose(sc.von_mises(plate, u, E=E, nu=NU), np.sqrt(3) * tau, rtol=1e-10)
+
+
+def test_solid_in_tension() -> None:
+    """A brick pulled along z and free to contract carries E times the strain, along z only."""
+    brick = body(fem.MeshHex().refined(1), fem.ElementHex1())
+    u = displaced(
+        brick, lambda x: -NU * 0.01 * x[0], lambda x: -NU * 0.01 * x[1], lambda x: 0.01 * x[2]
+    )
+    stress = sc.nodal_stress(brick, u, E=E, nu=NU)
+    want = np.broadcast_to(np.diag([0.0, 0.0, 2.0]), stress.shape)
+    assert_allclose(stress, want, atol=2 * 1e-10)
+
+
+def test_bending_is_exact_on_quadratic_elements() -> None:
+    """A quadratic displacement has linear stresses, which the projection keeps: -E y / R."""
+    beam = body(fem.MeshTri().refined(2), fem.ElementTriP2())
+    R = 50.0
+    u = displaced(
+        beam,
+        lambda x: -x[0] * x[1] / R,
+        lambda x: (x[0] ** 2 + NU * x[1] ** 2) / (2 * R),
+    )
+    stress = sc.nodal_stress(beam, u, E=E, nu=NU, plane="stress")
+    y = fem.Basis(beam.basis.mesh, fem.ElementTriP2()).doflocs[1]
+    assert_allclose(stress[:, 0, 0], -E * y / R, atol=E / R * 1e-9)
+    assert_allclose(stress[:, 1, 1], 0.0, atol=E / R * 1e-9)
+
+
+def test_rotation_is_free_of_stress() -> None:
+    """A small rigid rotation has no stress."""
+    plate = body(fem.MeshTri(), fem.ElementTriP1())
+    u = displaced(plate, lambda x: -0.01 * x[1], lambda x: 0.01 * x[0])
+    assert_allclose(sc.von_mises(plate, u, E=E, nu=NU), 0.0, atol=E * 0.01 * 1e-12)
+
+
+def test_what_has_no_stress_is_refused() -> None:
+    """Unknown planes, displacements of all bodies together, and scalar fields are named."""
+    plate = body(fem.MeshTri(), fem.ElementTriP1())
+    with pytest.raises(sc.InputError, match="plane = 'bent'"):
+        sc.von_mises(plate, np.zeros(8), E=E, nu=NU, plane="bent")  # type: ignore[arg-type]
+    with pytest.raises(sc.InputError, match=r"result\.displacement\(body\)"):
+        sc.von_mises(plate, np.zeros(16), E=E, nu=NU)
+    heat = sc.Body(fem.Basis(fem.MeshTri(), fem.ElementTriP1()), laplace, name="heat")
+    with pytest.raises(sc.InputError, match="scalar problem"):
+        sc.von_mises(heat, np.zeros(4), E=E, nu=NU)
