@@ -17,6 +17,7 @@ singular exactly where free motion is.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,8 +28,8 @@ from scipy.sparse import csr_matrix
 from skfem_contact.body import System
 from skfem_contact.kinematics import Kinematics, without_columns
 from skfem_contact.linear import Dense
-from skfem_contact.spaces import Load, PointSpace, SparseSpace
 from skfem_contact.loads import LoadCase
+from skfem_contact.spaces import Load, PointSpace, SparseSpace
 from skfem_contact.substructure import Substructure
 
 Array = NDArray[np.float64]
@@ -68,19 +69,21 @@ class Condensed:
             old = reuse[i] if len(reuse) else None
             mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
             self.parts.append(old or Substructure(body, stiffness[i], np.setdiff1d(mine, body.D)))
-        kept = [part.kept + span.start for part, span in zip(self.parts, self.spans(), strict=True)]
+        kept = [
+            part.kept + span.start for part, span in zip(self.parts, self.spans(), strict=True)
+        ]
         self.columns = np.concatenate(kept)
         self.P = block_diag(*(part.springs for part in self.parts if len(part.kept)))
 
     def spans(self) -> list[slice]:
         """DOFs of each body."""
         offsets = self.system.offsets
-        return [slice(int(a), int(b)) for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+        return [slice(int(a), int(b)) for a, b in itertools.pairwise(offsets)]
 
     def kept_spans(self) -> list[slice]:
         """Contact DOFs of each body among all contact DOFs."""
         stops = np.cumsum([0, *(len(part.kept) for part in self.parts)])
-        return [slice(int(a), int(b)) for a, b in zip(stops[:-1], stops[1:], strict=True)]
+        return [slice(int(a), int(b)) for a, b in itertools.pairwise(stops)]
 
     def flexibility(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c, r) -> (n_c, r)."""
@@ -165,9 +168,7 @@ class PointRows(Rows):
         normal_rows[normal] = np.arange(len(normal))
         tangential_rows = np.full(kin.m * t, -1)
         tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
-        self.space = PointSpace(
-            0.5 * (S + S.T), normal_rows, tangential_rows.reshape(kin.m, t)
-        )
+        self.space = PointSpace(0.5 * (S + S.T), normal_rows, tangential_rows.reshape(kin.m, t))
 
     def _rigid_solve(self, b: Array) -> Array:
         if len(self.rigid[0]) == 0:

@@ -47,6 +47,7 @@ class FrictionLaw:
     ...     mu: float = 0.4
     ...     mu_end: float = 0.2
     ...     length: float = 1e-3
+    ...
     ...     def limit(self, normal_force, area, slip):
     ...         drop = np.exp(-np.linalg.norm(slip, axis=1) / self.length)
     ...         return (self.mu_end + (self.mu - self.mu_end) * drop) * normal_force
@@ -98,7 +99,7 @@ def _not_negative(name: str, value: ArrayLike, law: str) -> None:
     array = np.asarray(value, dtype=float)
     if np.isnan(array).any() or (array < 0).any():
         raise InputError(
-            f"{law}: {name} = {value} is negative or not a number. It bounds the size of the "
+            f"{law}: {name} = {value!r} is negative or not a number. It bounds the size of the "
             "friction force, whose direction follows from the slip; give a value >= 0."
         )
 
@@ -266,8 +267,5 @@ def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:
     spring : ndarray, shape (m, d-1, d-1)
         Tangential stiffness of each point; zero where there is none [force/length].
     """
-    if spring.shape[1] == 1:
-        G = diags(spring[:, 0, 0])
-    else:
-        G = block_diag(list(spring), format="csr")
+    G = diags(spring[:, 0, 0]) if spring.shape[1] == 1 else block_diag(list(spring), format="csr")
     return csr_matrix(B_t.T @ (G @ B_t))

@@ -56,7 +56,9 @@ class Placement:
 class Geometry:
     """Pairs all contacts, and pairs those that slide again where the bodies have moved."""
 
-    def __init__(self, system: System, contacts: Sequence[Contact], parts: Sequence[slice]) -> None:
+    def __init__(
+        self, system: System, contacts: Sequence[Contact], parts: Sequence[slice]
+    ) -> None:
         self.system, self.contacts, self.parts = system, tuple(contacts), tuple(parts)
         self.pairings: list[Pairing] = [pair(contact) for contact in contacts]
         self._first = [
@@ -99,7 +101,9 @@ class Geometry:
         both = np.isfinite(given) & np.isfinite(first.gap)
         return np.where(both, given - np.where(both, first.gap, 0.0), 0.0)
 
-    def case(self, placement: Placement, case: LoadCase, last: State, before: LoadCase) -> LoadCase:
+    def case(
+        self, placement: Placement, case: LoadCase, last: State, before: LoadCase
+    ) -> LoadCase:
         """Initial gaps and slips of a load case, seen from a placement."""
         if placement.u is None or not self.follows:
             return case

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -55,7 +56,7 @@ class Interface:
 def point_slices(contacts: Sequence[Contact]) -> tuple[slice, ...]:
     """The points of each contact in the joint numbering."""
     stops = np.cumsum([0, *(len(c.secondary.points) for c in contacts)])
-    return tuple(slice(int(a), int(b)) for a, b in zip(stops[:-1], stops[1:], strict=True))
+    return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(stops))
 
 
 def contact_names(contacts: Sequence[Contact]) -> tuple[str, ...]:

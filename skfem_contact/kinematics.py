@@ -214,8 +214,12 @@ def contact_rows(
     >>> low = fem.MeshQuad().refined(1).with_defaults()
     >>> top = fem.MeshQuad().refined(2).translated((0, 1)).with_defaults()
     >>> a = sc.Body(fem.Basis(low, e), linear_elasticity(0, 0.5), D="bottom")
-    >>> b = sc.Body(fem.Basis(top, e), linear_elasticity(0, 0.5), D="top",
-    ...             x=fem.Basis(top, e).project(lambda x: [0 * x[0], 0.1 + 0 * x[0]]))
+    >>> b = sc.Body(
+    ...     fem.Basis(top, e),
+    ...     linear_elasticity(0, 0.5),
+    ...     D="top",
+    ...     x=fem.Basis(top, e).project(lambda x: [0 * x[0], 0.1 + 0 * x[0]]),
+    ... )
     >>> system = sc.stack([a, b])
     >>> tie = sc.Contact(b.surface("bottom"), a.surface("top"), tied=True)
     >>> rows = sc.contact_rows(system, tie)
@@ -255,12 +259,18 @@ def secondary_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.bo
 def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
     """The same rows restricted to some DOFs."""
     return replace(
-        kin, B_n=csr_matrix(kin.B_n.tocsc()[:, columns]), B_t=csr_matrix(kin.B_t.tocsc()[:, columns])
+        kin,
+        B_n=csr_matrix(kin.B_n.tocsc()[:, columns]),
+        B_t=csr_matrix(kin.B_t.tocsc()[:, columns]),
     )
 
 
 def _spread(
-    system: System, surface: ContactSurface, W: csr_matrix, direction: Array, paired: NDArray[np.bool_]
+    system: System,
+    surface: ContactSurface,
+    W: csr_matrix,
+    direction: Array,
+    paired: NDArray[np.bool_],
 ) -> csr_matrix:
     """Rows ``direction . (W u_surface)`` over all DOFs, zero where a point is not paired."""
     body: Body = surface.body

@@ -131,7 +131,9 @@ def lemke_guess(step: Step, current: Guess) -> Guess | None:
     guess: Guess | None = None
     for _ in range(SWEEPS):
         slope = step.slope(force, current.slip)[problem.friction]
-        cohesion = step.limit(force, current.slip)[problem.friction] - slope * force[problem.friction]
+        cohesion = (
+            step.limit(force, current.slip)[problem.friction] - slope * force[problem.friction]
+        )
         z = _solve(problem, slope, cohesion)
         if z is None:
             return guess
@@ -180,7 +182,10 @@ def _problem(step: Step, space: PointSpace) -> _Problem:
 
 def _compliance(S: Array, floats: bool) -> Array:
     """Inverse of S; where a rigid motion is free, with weak springs against it."""
-    size = np.sqrt(np.abs(np.diag(S)))
+    diagonal = np.abs(np.diag(S))
+    largest = np.max(diagonal, initial=0.0) or 1.0
+    # a point whose motion costs nothing, on a body that turns freely, is scaled like the others
+    size = np.sqrt(np.where(diagonal > 1e-12 * largest, diagonal, largest))
     values, vectors = np.linalg.eigh(S / np.outer(size, size))
     values = np.maximum(values, (1e-9 if floats else 1e-14) * values[-1])
     return (vectors / values) @ vectors.T / np.outer(size, size)

@@ -117,9 +117,7 @@ def _restrict(step: Step, keep: Mask) -> Level:
         moved = np.where(space.normal_rows >= 0, full[space.normal_rows], 0.0)
         return np.asarray(load.gap0 + moved)
 
-    new = replace(
-        step, space=coarse, load=replace(load, force=force), paired=step.paired & keep
-    )
+    new = replace(step, space=coarse, load=replace(load, force=force), paired=step.paired & keep)
     return Level(new, gaps)
 
 

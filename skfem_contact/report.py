@@ -53,9 +53,7 @@ def _contact_lines(result: ContactResult, values: ContactValues) -> list[str]:
     if contact.friction is not None:
         size = np.linalg.norm(values.tangential_force, axis=1)
         lines.append(f"  largest slip             {np.max(np.abs(values.slip), initial=0.0):.6g}")
-        lines.append(
-            f"  friction force / normal  {_share(size.sum(), values.normal_force.sum())}"
-        )
+        lines.append(f"  friction force / normal  {_share(size.sum(), values.normal_force.sum())}")
         lines.append(
             f"  energy lost by friction  {values.dissipation:.6g} in this step, "
             f"{values.dissipation_total:.6g} in all"
@@ -88,7 +86,9 @@ def dry_run(solver: ContactSolver) -> str:
             f"{type(body.basis.mesh).__name__}, {body.basis.mesh.nelements} elements"
         )
     lines.append(_free_words(solver))
-    for contact, name, pairing in zip(solver.contacts, solver.names, solver.geometry.pairings, strict=True):
+    for contact, name, pairing in zip(
+        solver.contacts, solver.names, solver.geometry.pairings, strict=True
+    ):
         part = solver.interface.parts[solver.names.index(name)]
         lines += ["", f"{name}: {contact.label}"]
         lines.append(f"  {_model_words(contact)}")

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.body import System, suggest
 from skfem_contact.certificate import Certificate, certify
-from skfem_contact.loads import LoadCase
 from skfem_contact.contact import Contact
 from skfem_contact.errors import InputError
 from skfem_contact.interface import point_slices
 from skfem_contact.kinematics import Kinematics
+from skfem_contact.loads import LoadCase
 from skfem_contact.loops import State
 
 Array = NDArray[np.float64]
@@ -164,7 +164,7 @@ class ContactResult:
         return self.recover()
 
     def displacement(self, body: Any) -> Array:
-        """Displacements of one body, by name or itself, in the numbering of its basis, shape (n_body,)."""
+        """Displacements of one body, by name or itself, as its basis numbers them, (n_body,)."""
         return self.u[self.system.slice(body)]
 
     def slices(self) -> list[slice]:
@@ -244,14 +244,28 @@ class ContactResult:
         return getattr(self.values[0], name)
 
     def __str__(self) -> str:
-        from skfem_contact.report import report  # the report is about results, and stands after them
+        from skfem_contact.report import (
+            report,
+        )  # the report is about results, and stands after them
 
         return report(self)
 
 
 FORWARDED = frozenset(
-    (
-        "points normal tangent slip status normal_force tangential_force area pressure forces "
-        "traction force moment contact_area"
-    ).split()
+    {
+        "area",
+        "contact_area",
+        "force",
+        "forces",
+        "moment",
+        "normal",
+        "normal_force",
+        "points",
+        "pressure",
+        "slip",
+        "status",
+        "tangent",
+        "tangential_force",
+        "traction",
+    }
 )

@@ -74,7 +74,9 @@ class RigidMotions:
                 bodies.append(name)
                 motions.append(_motion_words(body.rigid_modes, body.rigid_mode_names, part))
         same = len(set(motions)) == 1
-        words = motions[0] if same else "; ".join(map(": ".join, zip(bodies, motions, strict=True)))
+        words = (
+            motions[0] if same else "; ".join(map(": ".join, zip(bodies, motions, strict=True)))
+        )
         return tuple(bodies), words
 
     def _parts(self, u: Array) -> list[Array]:

@@ -22,7 +22,7 @@ from skfem_contact.kinematics import Kinematics, point_labels, secondary_dofs
 from skfem_contact.linear import single_threaded
 from skfem_contact.loads import LoadCase
 from skfem_contact.result import ContactResult, Record
-from skfem_contact.rigid import RigidMotions, rigid_motions
+from skfem_contact.rigid import rigid_motions
 from skfem_contact.sparse_route import FullSystem
 from skfem_contact.stepping import LOOPS, Attempt, Stepper, Walk, natural_state
 from skfem_contact.steps import Settings, StepReader
@@ -62,8 +62,9 @@ class ContactSolver:
     >>> import skfem as fem
     >>> import skfem_contact as sc
     >>> from skfem.models.elasticity import linear_elasticity
-    >>> basis = fem.Basis(fem.MeshQuad().refined(2).with_defaults(),
-    ...                   fem.ElementVector(fem.ElementQuad1()))
+    >>> basis = fem.Basis(
+    ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+    ... )
     >>> down = basis.project(lambda x: [0 * x[0], -0.01 + 0 * x[0]])
     >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=down, name="block")
     >>> floor = sc.RigidPlane((0, 0), (0, 1))
@@ -344,7 +345,10 @@ class ContactSolver:
             dissipation_by_contact=walk.dissipation,
             dissipation_before=before,
             recover=Recovery(
-                attempt.placement.rows, attempt.load, case, attempt.outcome.iterate.response.solution
+                attempt.placement.rows,
+                attempt.load,
+                case,
+                attempt.outcome.iterate.response.solution,
             ),
             factor=settings.factor,
         )
@@ -452,5 +456,3 @@ def _with_progress(steps: Iterable[Any], progress: bool) -> Iterable[Any]:
             "progress=True needs tqdm, which is not installed: pip install 'skfem-contact[progress]'"
         ) from None
     return tqdm(steps, unit="step")
-
-

@@ -170,7 +170,10 @@ class PointSpace:
         for k in range(t):
             for j in range(t):
                 on = slides & (self.tangential_rows[:, k] >= 0) & (self.tangential_rows[:, j] >= 0)
-                row, column = where[self.tangential_rows[on, k]], where[self.tangential_rows[on, j]]
+                row, column = (
+                    where[self.tangential_rows[on, k]],
+                    where[self.tangential_rows[on, j]],
+                )
                 A[row, column] += conditions.spring[on, k, j]
             on = coupled & (self.tangential_rows[:, k] >= 0)
             row, normal = where[self.tangential_rows[on, k]], self.normal_rows[on]
@@ -204,7 +207,9 @@ def dense_solver(A: Array, symmetric: bool) -> Any:
         try:
             factor = cho_factor(A, lower=True, check_finite=False)
         except LinAlgError:
-            raise SingularMatrix("the matrix of the contact problem is not positive definite") from None
+            raise SingularMatrix(
+                "the matrix of the contact problem is not positive definite"
+            ) from None
         return lambda b: cho_solve(factor, b, check_finite=False)
     factor = lu_factor(A, check_finite=False)
     pivots = np.abs(np.diag(factor[0]))
@@ -297,8 +302,10 @@ class SparseSpace:
         self, conditions: Conditions, C: csr_matrix, closed: NDArray[np.intp], trial: Any
     ) -> AffineConstraint:
         if not conditions.coupling.any():
-            return trial  # type: ignore[no-any-return]
-        coupling = np.where((conditions.closed & ~conditions.stick)[:, None], conditions.coupling, 0.0)
+            return trial
+        coupling = np.where(
+            (conditions.closed & ~conditions.stick)[:, None], conditions.coupling, 0.0
+        )
         m, t = coupling.shape
         columns = np.arange(m * t)
         spread = csr_matrix((coupling.ravel(), (columns // t, columns)), shape=(m, m * t))

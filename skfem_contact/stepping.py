@@ -1,8 +1,8 @@
 """From one state to the next: a load step, cut into smaller ones where it fails.
 
-A step is tried whole, from the last state's contact zone; if that fails, from a cold (nested) start;
-then from complementary pivoting (Lemke's method); if all fail it is halved. Where contact slides far, every attempt is solved again on the pairing
-of its own answer until the two agree.
+A step is tried whole, from the last state's contact zone; if that fails, from a cold (nested)
+start, then from complementary pivoting (Lemke's method); if all fail it is halved. Where contact
+slides far, every attempt is solved again on the pairing of its own answer until the two agree.
 """
 
 from __future__ import annotations
@@ -159,7 +159,9 @@ class Stepper:
             new = geometry.at(u, case)
             mismatch = geometry.mismatch(placement, new, attempt.state)
             if mismatch <= options.placement_tolerance:
-                gap = np.where(geometry.finite & (attempt.state.status == OPEN), new.gap0, attempt.gap)
+                gap = np.where(
+                    geometry.finite & (attempt.state.status == OPEN), new.gap0, attempt.gap
+                )
                 return self._travelled(walk, replace(attempt, mismatch=mismatch, gap=gap))
             start, known = "warm", attempt.state
             placement = self.place(new, u)
@@ -168,13 +170,17 @@ class Stepper:
 
     def _travelled(self, walk: Walk, attempt: Attempt) -> Attempt:
         """Refuse a step in which a point slid over more than its share of facets."""
-        closed = (attempt.state.status != OPEN) & (walk.state.status != OPEN) & self.geometry.finite
+        closed = (
+            (attempt.state.status != OPEN) & (walk.state.status != OPEN) & self.geometry.finite
+        )
         slid = np.linalg.norm(attempt.state.slip - walk.state.slip, axis=1)
         for contact, part in zip(self.interface.contacts, self.interface.parts, strict=True):
             furthest = np.max(slid[part][closed[part]], initial=0.0)
             allowed = self.options.max_travel * np.mean(contact.secondary.lengths)
             if furthest > allowed:
-                words = f"a point slid by {furthest:.3g}, more than max_travel allows ({allowed:.3g})"
+                words = (
+                    f"a point slid by {furthest:.3g}, more than max_travel allows ({allowed:.3g})"
+                )
                 return replace(attempt, failure=words)
         return attempt
 
@@ -208,9 +214,7 @@ class Stepper:
             run = LOOPS[self.loop]
             outcome = drive(run, step, guess, options.tolerance, limit, callback)
             state = self._state(outcome, walk.state, placement, load, case)
-        return Attempt(
-            outcome, placement, load, case, seen, state, outcome.iterate.response.gap
-        )
+        return Attempt(outcome, placement, load, case, seen, state, outcome.iterate.response.gap)
 
     def _guess(self, start: str, known: State, step: Step, kin: Kinematics) -> Guess:
         if start == "warm":
@@ -259,9 +263,7 @@ class Stepper:
         The rule that closes the energy balance of a step whose external work is trapezoidal too.
         """
         G = self.interface.stiffness[:, None]
-        elastic = np.where(
-            np.isfinite(G), (new.tangential_force - last.tangential_force) / G, 0.0
-        )
+        elastic = np.where(np.isfinite(G), (new.tangential_force - last.tangential_force) / G, 0.0)
         mean = 0.5 * (last.tangential_force + new.tangential_force)
         work = np.sum(mean * (new.slip - last.slip - elastic), axis=1)
         work = np.where(self.interface.frictional & (new.status != OPEN), work, 0.0)
@@ -271,9 +273,7 @@ class Stepper:
 def natural_state(kin: Kinematics, surface: int) -> State:
     """Before any load: nothing is known to touch, no slip, no friction."""
     zero = np.zeros((kin.m, kin.tangents))
-    return State(
-        np.zeros(kin.m, dtype=int), zero, zero, np.zeros(kin.m), zero, np.zeros(surface)
-    )
+    return State(np.zeros(kin.m, dtype=int), zero, zero, np.zeros(kin.m), zero, np.zeros(surface))
 
 
 def as_guess(state: State) -> Guess:

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.body import System, suggest
-from skfem_contact.interface import point_slices
-from skfem_contact.loads import LoadCase, Motion
 from skfem_contact.contact import Contact, field_values
 from skfem_contact.errors import InputError
+from skfem_contact.interface import point_slices
 from skfem_contact.kinematics import Kinematics
+from skfem_contact.loads import LoadCase, Motion
 
 Array = NDArray[np.float64]
 KEYS = ("f", "x", "interference", "motion")
@@ -130,7 +130,9 @@ class StepReader:
                 if contact.rigid and name in (obstacles[i], self.names[i])
             ]
             if not meant:
-                known = [o or self.names[i] for i, o in enumerate(obstacles) if self.contacts[i].rigid]
+                known = [
+                    o or self.names[i] for i, o in enumerate(obstacles) if self.contacts[i].rigid
+                ]
                 raise InputError(
                     f"motion: there is no obstacle {name!r}{suggest(name, known, 'obstacles')}"
                 )
