@@ -105,9 +105,10 @@ class Dense(Backend):
         scale = full.diagonal().copy() if spd else np.abs(full).max(axis=0, initial=0.0)
 
         def solve(b: np.ndarray) -> np.ndarray:
-            # LAPACK refuses arrays without entries
+            if not b.size:  # LAPACK refuses arrays without entries
+                return b.copy()
             x = lapack.dpotrs(full, b, lower=1) if spd else lapack.dgetrs(full, rows, b)
-            return x[0] if b.size else b.copy()
+            return x[0]
 
         if spd:
             full, failed = lapack.dpotrf(full, lower=1, clean=0, overwrite_a=1)
