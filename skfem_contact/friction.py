@@ -255,7 +255,7 @@ def tangential_element(G: float, tangent: Array, weights: Array) -> Array:
     True
     """
     v = np.kron(np.concatenate([[1.0], -np.asarray(weights, dtype=float)]), tangent)
-    return G * np.outer(v, v)
+    return G * np.outer(v, v) + 0.0  # without negative zeros
 
 
 def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:

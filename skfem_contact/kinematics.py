@@ -207,6 +207,7 @@ def contact_rows(
     --------
     Two unit squares, one upon the other and glued, pulled at the top:
 
+    >>> import numpy as np
     >>> import skfem as fem
     >>> import skfem_contact as sc
     >>> from skfem.models.elasticity import linear_elasticity
@@ -214,12 +215,9 @@ def contact_rows(
     >>> low = fem.MeshQuad().refined(1).with_defaults()
     >>> top = fem.MeshQuad().refined(2).translated((0, 1)).with_defaults()
     >>> a = sc.Body(fem.Basis(low, e), linear_elasticity(0, 0.5), D="bottom")
-    >>> b = sc.Body(
-    ...     fem.Basis(top, e),
-    ...     linear_elasticity(0, 0.5),
-    ...     D="top",
-    ...     x=fem.Basis(top, e).project(lambda x: [0 * x[0], 0.1 + 0 * x[0]]),
-    ... )
+    >>> basis = fem.Basis(top, e)
+    >>> up = basis.project(lambda x: np.stack([0 * x[0], 0.1 + 0 * x[0]]))
+    >>> b = sc.Body(basis, linear_elasticity(0, 0.5), D="top", x=up)
     >>> system = sc.stack([a, b])
     >>> tie = sc.Contact(b.surface("bottom"), a.surface("top"), tied=True)
     >>> rows = sc.contact_rows(system, tie)

@@ -59,13 +59,14 @@ class ContactSolver:
     --------
     A square pressed onto a rigid plane by 1 % of its height:
 
+    >>> import numpy as np
     >>> import skfem as fem
     >>> import skfem_contact as sc
     >>> from skfem.models.elasticity import linear_elasticity
     >>> basis = fem.Basis(
     ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
     ... )
-    >>> down = basis.project(lambda x: [0 * x[0], -0.01 + 0 * x[0]])
+    >>> down = basis.project(lambda x: np.stack([0 * x[0], -0.01 + 0 * x[0]]))
     >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=down, name="block")
     >>> floor = sc.RigidPlane((0, 0), (0, 1))
     >>> solver = sc.ContactSolver([block], [sc.Contact(block.surface("bottom"), floor)])
