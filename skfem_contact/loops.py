@@ -246,7 +246,7 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     force_scale = max(force_scale, np.max(np.abs(response.tangential_force), initial=0.0))
     was_open = current.status == OPEN
     finite = np.isfinite(response.gap)
-    gap_scale = np.max(np.abs(response.gap - step.load.gap0)[finite], initial=0.0)
+    gap_scale = np.max(np.abs((response.gap[finite] - step.load.gap0[finite])), initial=0.0)
     penetrates = was_open & (response.gap < -ROUND_OFF * gap_scale) & step.paired
     pulls = ~was_open & (response.normal_force < -ROUND_OFF * force_scale) & ~step.tied
 
@@ -281,6 +281,8 @@ def _slip_rule(
     forward = np.sum(step_slip * current.direction, axis=1) >= -ROUND_OFF * slip_scale
     slips = np.where(exact & was_slip, forward, beyond) & step.frictional
     unit = trial / np.where(size > 0, size, 1.0)[:, None]
+    # where the slip turns back the point sticks first, or forward and backward slip alternate
+    slips &= ~was_slip | (np.sum(unit * current.direction, axis=1) >= 0) | exact
     keep = exact & was_slip
     direction = np.where(keep[:, None], current.direction, unit)
     # a point that closes slips if it moves sideways by more than it sinks in allows: the trial
@@ -289,7 +291,7 @@ def _slip_rule(
     # open, and close again without end
     r = force_scale / slip_scale if slip_scale > 0 else 0.0
     distance = np.linalg.norm(step_slip, axis=1)
-    pressed = step.limit(np.where(closes, -r * response.gap, 0.0), response.slip)
+    pressed = step.limit(-r * np.where(closes, response.gap, 0.0), response.slip)
     sideways = closes & step.frictional & (r * distance > pressed)
     along = step_slip / np.where(distance > 0, distance, 1.0)[:, None]
     slips = np.where(current.status == OPEN, sideways, slips)
