@@ -192,7 +192,7 @@ def anchors(body: Body, wanted: Index) -> Index:
             if len(values) == modes.shape[1] and values[-1] > HELD * values[0]:
                 break
             distance = np.min(np.linalg.norm(points[:, None] - seeds, axis=2), axis=1)
-            distance = np.where(mine & ~touched, 1.0 + distance / distance.max(), distance)
+            distance = distance / distance.max() + (mine & ~touched)
             distance[~mine] = -1.0
             distance[chosen] = -1.0
             place = points[np.argmax(distance)]
