@@ -144,6 +144,7 @@ def _balance(
     on_obstacles = _obstacle_forces(result)
     axes = sorted(set(component))
     F = np.array([external[component == k].sum() for k in axes])
+    F -= np.array([_ground(result, (component == k).astype(float)) for k in axes])
     skip = {0} if any(b.axisymmetric for b in system.bodies) else set()
     kept = [k for k in axes if k not in skip]
     rigid = np.array([on_obstacles[:, k].sum() for k in axes])
@@ -154,6 +155,8 @@ def _balance(
     arm = points - centre
     M = np.sum(arm[component == 1, 0] * external[component == 1])
     M -= np.sum(arm[component == 0, 1] * external[component == 0])
+    turn = np.where(component == 1, arm[:, 0], 0.0) - np.where(component == 0, arm[:, 1], 0.0)
+    M -= _ground(result, turn)
     offset, rigid_points = _offsets(result)
     M += np.sum(_cross(rigid_points - centre, on_obstacles))
     along = np.einsum("ik,ikd->id", -result.state.tangential_force, kin.tangent)
@@ -165,6 +168,17 @@ def _balance(
         _ratio(abs(across), scale),
         _ratio(abs(normal), scale),
     )
+
+
+def _ground(result: ContactResult, mode: Array) -> float:
+    """What springs to the ground inside K take of a resultant: ``(K mode)'u``, zero without any."""
+    total = 0.0
+    for body, K in zip(result.system.bodies, result.stiffness, strict=True):
+        part = result.system.slice(body)
+        resisted = K.T @ mode[part]
+        if np.max(np.abs(resisted)) > 1e-12 * np.max(abs(K) @ np.abs(mode[part])):
+            total += float(resisted @ result.u[part])
+    return total
 
 
 def _obstacle_forces(result: ContactResult) -> Array:
