@@ -139,3 +139,46 @@ def contact_of(
     """A contact, or the same with the two sides exchanged."""
     pair = (primary, secondary) if swap else (secondary, primary)
     return sc.Contact(*pair, **settings)
+
+
+def ring_basis(
+    radii: Any,
+    angles: Any,
+    *,
+    closed: bool = False,
+    centre: Any = (0.0, 0.0),
+    element: Any = None,
+) -> Any:
+    """Basis on a sector (or, closed, on a whole ring) with quadrilaterals along rays and circles.
+
+    `angles` in radians; of a closed ring without the repeated last one. The sides are named inner,
+    outer, start and end.
+    """
+    r, a = np.asarray(radii, dtype=float), np.asarray(angles, dtype=float)
+    i, j = np.meshgrid(np.arange(len(r)), np.arange(len(a)), indexing="ij")
+    node = i * len(a) + j
+    east = np.roll(node, -1, axis=1)
+    corners = np.stack([node[:-1], node[1:], east[1:], east[:-1]])
+    if not closed:
+        corners = corners[:, :, :-1]
+    c = np.asarray(centre, dtype=float)[:, None]
+    p = c + np.stack([r[i] * np.cos(a[j]), r[i] * np.sin(a[j])]).reshape(2, -1)
+    mesh = fem.MeshQuad(p, corners.reshape(4, -1))
+    ring, ray = np.divmod(mesh.facets, len(a))
+    sides = {"inner": ring == 0, "outer": ring == len(r) - 1}
+    if not closed:
+        sides |= {"start": ray == 0, "end": ray == len(a) - 1}
+    mesh = mesh.with_boundaries({name: np.flatnonzero(on.all(axis=0)) for name, on in sides.items()})
+    return fem.Basis(mesh, fem.ElementVector(element or fem.ElementQuad1()), intorder=2)
+
+
+def pressure_load(basis: Any, side: str, p: float) -> np.ndarray:
+    """Load of a uniform pressure on one side."""
+    facets = fem.FacetBasis(basis.mesh, basis.elem, facets=side, intorder=2)
+    form = fem.LinearForm(lambda v, w: -p * (w.n[0] * v[0] + w.n[1] * v[1]))
+    return np.asarray(form.assemble(facets))
+
+
+def plane_stress(E: float, nu: float) -> Any:
+    """Plane stress stiffness form (unit thickness)."""
+    return linear_elasticity(E * nu / (1 - nu**2), E / (2 * (1 + nu)))
