@@ -109,6 +109,10 @@ def test_solid_cells_are_not_inside_out(kind: str, mesh: Any, element: Any) -> N
     volume = np.linalg.det(corners[:, 1:] - corners[:, :1])
     if kind.startswith("hexa"):  # (a tetrahedron of scikit-fem may be a mirror image)
         assert_allclose(volume, 1 / 8, rtol=1e-14)
+        p = points[cells[:, :8]]
+        up = p[:, 4:] - p[:, :4]  # the upper face stands over the lower one
+        assert_allclose(up, np.broadcast_to(up[:, :1], up.shape), atol=1e-15)
+        assert_allclose(p[:, 1] - p[:, 0], p[:, 2] - p[:, 3], atol=1e-15)
     assert np.abs(volume).sum() == pytest.approx(1.0 if kind.startswith("hexa") else 6.0)
     if kind in EDGES:
         corners_of = 4 if kind == "tetra10" else 8
@@ -170,9 +174,7 @@ def test_point_without_partner_has_no_gap(tmp_path: Path) -> None:
 
 def test_several_contacts_stand_in_one_file(tmp_path: Path) -> None:
     """The surfaces of two contacts are numbered 1 and 2 and share no points."""
-    basis = fem.Basis(
-        fem.MeshQuad().refined(1).with_defaults(), fem.ElementVector(fem.ElementQuad1())
-    )
+    basis = fem.Basis(fem.MeshQuad().refined(1).with_defaults(), fem.ElementVector(fem.ElementQuad1()))
     down_left = np.full(basis.N, -1e-3)
     plate = sc.Body(basis, linear_elasticity(0.0, 0.5), down_left, name="plate")
     contacts = [
@@ -182,7 +184,9 @@ def test_several_contacts_stand_in_one_file(tmp_path: Path) -> None:
     result = sc.ContactSolver([plate], contacts).solve()
     mesh = meshio.read(sc.write(tmp_path / "corner.vtu", result)[1])
     assert_array_equal(np.concatenate(mesh.cell_data["contact"]), [1, 1, 2, 2])
-    assert len(mesh.points) == 6
+    assert_array_equal(np.unique(mesh.cells_dict["line"][:2]), [0, 1, 2])
+    assert_array_equal(np.unique(mesh.cells_dict["line"][2:]), [3, 4, 5])
+    assert_array_equal(mesh.points[3:, 0], 0.0)
 
 
 def test_scalar_problem_has_a_scalar(tmp_path: Path) -> None:
