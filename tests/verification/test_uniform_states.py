@@ -34,12 +34,10 @@ def even(n: int) -> np.ndarray:
     return np.linspace(0.0, 1.0, n + 1)
 
 
-# -- P1: the contact patch test ------------------------------------------------------------
+# -- P1: the contact patch test -------------------------------------------------------------------
 
 
-def two_blocks(
-    n, kind, nu, *, E=2e6, U0=-0.1, support="roller", pose=UPRIGHT, method="node", mu=None
-):
+def two_blocks(n, kind, nu, *, E=2e6, U0=-0.1, support="roller", pose=UPRIGHT, method="node", mu=None):
     """SSNP121: two blocks of height 1, squeezed by the prescribed motion U0 of the top."""
     low = block_basis(even(n[0]), even(3), kind=kind, pose=pose)
     top = block_basis(even(n[1]), 1 + even(4), kind=kind, pose=pose)
@@ -68,11 +66,9 @@ def two_blocks(
 @pytest.mark.parametrize("mu", [None, 0.3])
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    ("n", "method"), [((5, 5), "node"), ((5, 5), "mortar"), ((5, 8), "mortar")]
-)
+@pytest.mark.parametrize(("n", "method"), [((5, 5), "node"), ((5, 5), "mortar"), ((5, 8), "mortar")])
 def test_P1_uniform_pressure_is_transmitted_exactly(n, method, kind, nu, mu):
-    """Squeezed blocks are in uniform compression, friction or not; every node carries its share."""
+    """Squeezed blocks are in uniform compression, friction or not, and every node has its share."""
     result, exact, p = two_blocks(n, kind, nu, method=method, mu=mu)
     assert_allclose(result.pressure, p, rtol=EXACT)
     assert_allclose(result.normal_force.sum(), p, rtol=EXACT)
@@ -318,7 +314,7 @@ def test_P1_node_to_segment_is_exact_on_nested_meshes(n, kind):
     assert_allclose(result.pressure, 1e-3, rtol=EXACT)
 
 
-# -- P2: uniform shear ------------------------------------------------------------
+# -- P2: uniform shear ----------------------------------------------------------------------------
 
 
 class Shear:
@@ -399,9 +395,7 @@ class Shear:
             assert (status == 0).all()
             return
         # a length: the elastic shear itself where nothing slips
-        length = max(
-            abs(state.slip - slip0), abs(state.tau) * sum(2 * H / E for H, E in self.layers)
-        )
+        length = max(abs(state.slip - slip0), abs(state.tau) * sum(2 * H / E for H, E in self.layers))
         assert_allclose(slip, state.slip - slip0, atol=rtol * length)
 
 
@@ -577,9 +571,7 @@ def test_P2e_steps_do_not_matter_on_a_proportional_path(target, N):
         assert_allclose(getattr(many[-1], name), getattr(one[0], name), rtol=1e-12, atol=1e-12 * d)
     assert_allclose(many[-1].slip, one[0].slip, rtol=1e-12, atol=1e-12 * U)
     assert_allclose(many[-1].u, one[0].u, rtol=0, atol=1e-12 * max(U, d))
-    assert_allclose(
-        many[-1].dissipation_total, one[0].dissipation_total, rtol=1e-12, atol=1e-12 * d**2
-    )
+    assert_allclose(many[-1].dissipation_total, one[0].dissipation_total, rtol=1e-12, atol=1e-12 * d**2)
 
 
 def test_P2_a_moving_floor_is_a_moving_block():
