@@ -140,9 +140,7 @@ def write_series(
     _collection(path, [], [])
     for i, result in enumerate(results):
         if times is not None and i >= len(times):
-            raise InputError(
-                f"times has {len(times)} entries, but there are more results than that."
-            )
+            raise InputError(f"times has {len(times)} entries, but there are more results than that.")
         step = path.with_name(f"{path.stem}_{i:04d}.vtu")
         files.append(write(step, result, stress=stress))
         factors.append(result.factor)

@@ -12,9 +12,7 @@ EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_example_keeps_its_promise(
-    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_example_keeps_its_promise(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The `error` that an example ends with is below the `tolerance` it states."""
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")

@@ -34,10 +34,8 @@ occ.synchronize()
 lug_curves = [tag for _, tag in gmsh.model.getBoundary(lug, oriented=False)]
 pin_curves = [tag for _, tag in gmsh.model.getBoundary([(2, pin)], oriented=False)]
 margin = 1.01 * hole
-hole_curves = [
-    c for c in lug_curves if along(c, lambda x0, y0, x1, y1: x1 < margin and y0 > -margin)
-]
-base_curves = [c for c in lug_curves if along(c, lambda x0, y0, x1, y1: y1 < 0.99 - shank)]
+hole_curves = [c for c in lug_curves if along(c, lambda x0, y0, x1, y1: x1 < margin and y0 > -margin)]
+base_curves = [c for c in lug_curves if along(c, lambda x0, y0, x1, y1: y1 < -0.99 * shank)]
 
 for dim, tags, name in [
     (2, [tag for _, tag in lug], "lug"),
