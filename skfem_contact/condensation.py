@@ -40,6 +40,8 @@ Mask = NDArray[np.bool_]
 FIXED = 1e-12
 # Pivot of a contact row (of unit diagonal) below which it depends on the others.
 DEPENDENT = 1e-6
+# Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
+BLOCK = 32
 
 
 class Condensed:
@@ -69,11 +71,11 @@ class Condensed:
             old = reuse[i] if len(reuse) else None
             mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
             self.parts.append(old or Substructure(body, stiffness[i], np.setdiff1d(mine, body.D)))
-        kept = [
-            part.kept + span.start for part, span in zip(self.parts, self.spans(), strict=True)
-        ]
+        kept = [part.kept + span.start for part, span in zip(self.parts, self.spans(), strict=True)]
         self.columns = np.concatenate(kept)
-        self.P = block_diag(*(part.springs for part in self.parts if len(part.kept)))
+        # of no parts at all, block_diag makes one row
+        springs = [part.springs for part in self.parts if len(part.kept)]
+        self.P = block_diag(*springs) if springs else np.zeros((0, 0))
 
     def spans(self) -> list[slice]:
         """DOFs of each body."""
@@ -93,21 +95,28 @@ class Condensed:
         ]
         return np.concatenate(pieces)
 
-    def load(self, f: Array, x: Array) -> Array:
-        """Loads condensed onto the contact DOFs."""
+    def load(self, f: Array, x: Array) -> tuple[Array, tuple[Array | None, ...]]:
+        """Loads condensed onto the contact DOFs, and what `recover` wants to know of them."""
         pieces = [
-            part.load(f[span], x[span])
-            for part, span in zip(self.parts, self.spans(), strict=True)
+            part.load(f[span], x[span]) for part, span in zip(self.parts, self.spans(), strict=True)
         ]
-        return np.concatenate(pieces)
+        return np.concatenate([piece[0] for piece in pieces]), tuple(p[1] for p in pieces)
 
-    def recover(self, u_c: Array, cases: Sequence[LoadCase]) -> Array:
-        """All displacements (n, r) from those of the contact DOFs (n_c, r)."""
-        f = np.column_stack([case.f for case in cases])
-        x = np.column_stack([case.x for case in cases])
-        u = np.empty_like(f)
-        for part, span, kept in zip(self.parts, self.spans(), self.kept_spans(), strict=True):
-            u[span] = part.recover(u_c[kept], f[span], x[span])
+    def recover(self, u_c: Array, loads: Sequence[Load], cases: Sequence[LoadCase]) -> list[Array]:
+        """All displacements, r arrays (n,), from those of the contact DOFs (n_c, r)."""
+        u = [np.array(case.x) for case in cases]
+        for k, (span, kept) in enumerate(zip(self.spans(), self.kept_spans(), strict=True)):
+            part = self.parts[k]
+            place = span.start + part.order
+            for first in range(0, len(u), BLOCK):
+                some = slice(first, first + BLOCK)
+                x = part.recover(
+                    u_c[kept, some],
+                    [load.components[k] for load in loads[some]],
+                    [(case.f[span], case.x[span]) for case in cases[some]],
+                )
+                for column, out in zip(np.ascontiguousarray(x.T), u[some], strict=True):
+                    out[place] = column
         return u
 
     def attach(
@@ -177,11 +186,11 @@ class PointRows(Rows):
 
     def load(self, case: LoadCase) -> Load:
         """A load case in the unknowns of the space."""
-        f_c = self.model.load(case.f, case.x)
+        f_c, components = self.model.load(case.f, case.x)
         h = self.A @ (self.FG.T @ f_c)
         force = h[: self.q] - self.A_zq @ self._rigid_solve(h[self.q :])
         gap0, slip0 = self.constant(case)
-        return Load(force, gap0, slip0, f_c)
+        return Load(force, gap0, slip0, f_c, components)
 
     def contact_dofs(self, loads: Sequence[Load], z: Array) -> Array:
         """Displacements of the contact DOFs (n_c, r) for r solutions (q, r) of the space."""
@@ -192,9 +201,9 @@ class PointRows(Rows):
         p = self.A @ np.concatenate([z, q]) - h
         return self.model.flexibility(f_c) + self.FG @ p
 
-    def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> Array:
-        """Displacements of all bodies (n, r)."""
-        return self.model.recover(self.contact_dofs(loads, z), cases)
+    def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> list[Array]:
+        """Displacements of all bodies, r arrays (n,)."""
+        return self.model.recover(self.contact_dofs(loads, z), loads, cases)
 
 
 class ContactDofRows(Rows):
@@ -222,17 +231,17 @@ class ContactDofRows(Rows):
 
     def load(self, case: LoadCase) -> Load:
         """A load case in the unknowns of the space."""
-        f_c = self.model.load(case.f, case.x)
+        f_c, components = self.model.load(case.f, case.x)
         gap0, slip0 = self.constant(case)
-        return Load(f_c, gap0, slip0, np.zeros(len(f_c)))
+        return Load(f_c, gap0, slip0, np.zeros(len(f_c)), components)
 
     def contact_dofs(self, loads: Sequence[Load], z: Array) -> Array:
         """The unknowns are the displacements of the contact DOFs already."""
         return z
 
-    def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> Array:
-        """Displacements of all bodies (n, r)."""
-        return self.model.recover(z, cases)
+    def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> list[Array]:
+        """Displacements of all bodies, r arrays (n,)."""
+        return self.model.recover(z, loads, cases)
 
 
 def _row_size(B: csr_matrix) -> Array:

@@ -75,12 +75,19 @@ class Response:
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """One load step in the unknowns of a space: forces and initial gaps and slips."""
+    """One load step in the unknowns of a space: forces and initial gaps and slips.
+
+    Attributes
+    ----------
+    components : tuple
+        What the bodies remember of the load, for the interior.
+    """
 
     force: Array
     gap0: Array
     slip0: Array
     prescribed: Array
+    components: tuple[Any, ...] = ()
 
 
 class Space(Protocol):
@@ -183,11 +190,13 @@ class PointSpace:
     def _response(
         self, conditions: Conditions, load: Load, z: Array, closed: Mask, slides: Mask
     ) -> Response:
-        p = self.S @ z - load.force
-        gap = load.gap0 + np.where(self.normal_rows >= 0, z[self.normal_rows], 0.0)
+        # a row of -1, one that can not change, finds the zero at the end
+        p = np.append(self.S @ z - load.force, 0.0)
+        moved = np.append(z, 0.0)
+        gap = load.gap0 + moved[self.normal_rows]
         gap[closed] = 0.0
         exists = self.tangential_rows >= 0
-        slip = load.slip0 + np.where(exists, z[self.tangential_rows], 0.0)
+        slip = load.slip0 + moved[self.tangential_rows]
         normal_force = np.where(closed, p[self.normal_rows], 0.0)
         sticking = np.where(conditions.stick[:, None] & exists, -p[self.tangential_rows], 0.0)
         sliding = friction_force(conditions, slip, normal_force)
@@ -207,9 +216,7 @@ def dense_solver(A: Array, symmetric: bool) -> Any:
         try:
             factor = cho_factor(A, lower=True, check_finite=False)
         except LinAlgError:
-            raise SingularMatrix(
-                "the matrix of the contact problem is not positive definite"
-            ) from None
+            raise SingularMatrix("the matrix of the contact problem is not positive definite") from None
         return lambda b: cho_solve(factor, b, check_finite=False)
     factor = lu_factor(A, check_finite=False)
     pivots = np.abs(np.diag(factor[0]))
@@ -263,8 +270,8 @@ class SparseSpace:
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Eliminate, reduce, solve, expand, and read the forces off the eliminated rows."""
         kin, t = self.kin, self.kin.tangents
-        closed = np.flatnonzero(conditions.closed)
-        # a slip that is prescribed on both sides is what it is: sticking has no say in it
+        # a gap or a slip that is prescribed on both sides is what it is: contact has no say in it
+        closed = np.flatnonzero(conditions.closed & self.can_close)
         sticks = np.repeat(conditions.stick, t) & self.can_slip
         tangential = np.flatnonzero(sticks)
         C = vstack([kin.B_n[closed], kin.B_t[tangential]]).tocsr()
@@ -292,6 +299,13 @@ class SparseSpace:
         return self._response(conditions, load, u, p, closed, tangential)
 
     @cached_property
+    def can_close(self) -> Mask:
+        """Rows of B_n that touch DOFs that are not prescribed, shape (m,)."""
+        free = np.ones(self.K.shape[0])
+        free[self.D] = 0.0
+        return np.asarray(abs(self.kin.B_n) @ free > FIXED)
+
+    @cached_property
     def can_slip(self) -> Mask:
         """Rows of B_t that touch DOFs that are not prescribed, shape (m (d-1),)."""
         free = np.ones(self.K.shape[0])
@@ -303,9 +317,7 @@ class SparseSpace:
     ) -> AffineConstraint:
         if not conditions.coupling.any():
             return trial
-        coupling = np.where(
-            (conditions.closed & ~conditions.stick)[:, None], conditions.coupling, 0.0
-        )
+        coupling = np.where((conditions.closed & ~conditions.stick)[:, None], conditions.coupling, 0.0)
         m, t = coupling.shape
         columns = np.arange(m * t)
         spread = csr_matrix((coupling.ravel(), (columns // t, columns)), shape=(m, m * t))
