@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.body import System
 from skfem_contact.contact import Contact
+from skfem_contact.diagnosis import check_pairing
 from skfem_contact.kinematics import Kinematics, initial_gap, join, kinematics, pair
 from skfem_contact.loads import LoadCase
 from skfem_contact.loops import State
@@ -56,11 +57,11 @@ class Placement:
 class Geometry:
     """Pairs all contacts, and pairs those that slide again where the bodies have moved."""
 
-    def __init__(
-        self, system: System, contacts: Sequence[Contact], parts: Sequence[slice]
-    ) -> None:
+    def __init__(self, system: System, contacts: Sequence[Contact], parts: Sequence[slice]) -> None:
         self.system, self.contacts, self.parts = system, tuple(contacts), tuple(parts)
         self.pairings: list[Pairing] = [pair(contact) for contact in contacts]
+        for contact, pairing in zip(contacts, self.pairings, strict=True):
+            check_pairing(contact, pairing)
         self._first = [
             kinematics(system, contact, pairing)
             for contact, pairing in zip(contacts, self.pairings, strict=True)
@@ -89,6 +90,7 @@ class Geometry:
                 moved.append(u[self.system.slice(primary.body)])
             motion = case.motion[i].as_argument()
             pairing = pair(contact, moved=moved, motion=None if len(moved) == 2 else motion)
+            check_pairing(contact, pairing)
             kin = kinematics(self.system, contact, pairing)
             gap = pairing.gap + self._offset(i) - case.interference[self.parts[i]]
             parts.append(replace(kin, gap0=gap))
@@ -101,9 +103,7 @@ class Geometry:
         both = np.isfinite(given) & np.isfinite(first.gap)
         return np.where(both, given - np.where(both, first.gap, 0.0), 0.0)
 
-    def case(
-        self, placement: Placement, case: LoadCase, last: State, before: LoadCase
-    ) -> LoadCase:
+    def case(self, placement: Placement, case: LoadCase, last: State, before: LoadCase) -> LoadCase:
         """Initial gaps and slips of a load case, seen from a placement."""
         if placement.u is None or not self.follows:
             return case

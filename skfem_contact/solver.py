@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from skfem_contact.body import Body, stack
 from skfem_contact.condensation import Condensed
 from skfem_contact.contact import Contact
+from skfem_contact.diagnosis import check_loads
 from skfem_contact.driver import Options
 from skfem_contact.errors import InputError, NoEquilibrium, NotConverged
 from skfem_contact.geometry import Geometry, Placement
@@ -119,9 +120,7 @@ class ContactSolver:
         self.motions = rigid_motions(self.system, self.kin, self._stiffness)
         self._model: Condensed | FullSystem | None = None
         self._base: Placement | None = None
-        self._stepper = Stepper(
-            self.interface, self.geometry, self._place, self.loop, self.options
-        )
+        self._stepper = Stepper(self.interface, self.geometry, self._place, self.loop, self.options)
 
     @property
     def model(self) -> Condensed | FullSystem:
@@ -291,6 +290,7 @@ class ContactSolver:
     ) -> ContactResult:
         begin = time.perf_counter()
         target = self._reader.case(settings)
+        check_loads(self.system, self.contacts, self.names, self.interface.parts, self.kin, target)
         if start is None:
             state = natural_state(self.kin, len(self.geometry.surface_dofs))
             case = self._reader.unloaded()
@@ -356,9 +356,7 @@ class ContactSolver:
 
     def _failure(self, attempt: Attempt, result: ContactResult) -> NoEquilibrium | NotConverged:
         if attempt.outcome.free is not None:
-            error = self._no_equilibrium(
-                attempt.outcome.free, "with the forces that contact can carry"
-            )
+            error = self._no_equilibrium(attempt.outcome.free, "with the forces that contact can carry")
             error.result = result
             return error
         return NotConverged(
@@ -427,8 +425,8 @@ class ContactSolver:
                     [r.case for r in group],
                     np.column_stack([r.recover.solution for r in group]),
                 )
-            for result, column in zip(group, u.T, strict=True):
-                result.__dict__["u"] = np.array(column)
+            for result, displacement in zip(group, u, strict=True):
+                result.__dict__["u"] = displacement
         return [r.u for r in results]
 
 
@@ -443,7 +441,7 @@ class Recovery:
 
     def __call__(self) -> Array:
         with single_threaded():
-            u: Array = self.rows.recover([self.load], [self.case], self.solution[:, None])[:, 0]
+            u: Array = self.rows.recover([self.load], [self.case], self.solution[:, None])[0]
         return u
 
 

@@ -1,0 +1,149 @@
+"""What is wrong with a contact problem and can be said before, or without, solving it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.body import System
+from skfem_contact.contact import Contact
+from skfem_contact.errors import ConstraintError, ContactWarning, InputError
+from skfem_contact.kinematics import Kinematics
+from skfem_contact.loads import LoadCase
+from skfem_contact.pairing import Pairing, diagnose
+from skfem_contact.surface import ContactSurface, place
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# A row (of unit vectors and weights) whose free coefficients are below this is prescribed.
+FIXED = 1e-12
+# Overlaps below this fraction of the bodies' extent are round-off of coordinates and values.
+ROUND_OFF = 1e-10
+# An overlap of this share of a body is no interference fit: small strains end long before.
+HUGE = 0.1
+
+
+def check_pairing(contact: Contact, pairing: Pairing) -> None:
+    """Refuse a contact none of whose points has a partner, or one too few for ``outside="error"``.
+
+    Raises
+    ------
+    InputError
+    """
+    lonely = ~pairing.paired
+    nobody = bool(lonely.all()) and contact.sliding == "small"
+    if not nobody and not (lonely.any() and contact.outside == "error"):
+        return
+    found = diagnose(pairing, contact.secondary, contact.primary)
+    missed = [line for line in found if not line.startswith("The primary surface")]
+    words = " ".join(missed).replace('They can never touch (outside="open"). ', "")
+    if contact.outside == "error" and not nobody:
+        words += ' They are an error because of outside="error"; outside="open" leaves them out.'
+    raise InputError(words)
+
+
+def prescribed_rows(B: Array, D: NDArray[np.intp]) -> Mask:
+    """Rows all of whose DOFs are prescribed: what they measure can not change."""
+    free = np.ones(B.shape[1])
+    free[D] = 0.0
+    return np.asarray(abs(B) @ free <= FIXED)
+
+
+def check_loads(
+    system: System,
+    contacts: Sequence[Contact],
+    names: Sequence[str],
+    parts: Sequence[slice],
+    kin: Kinematics,
+    case: LoadCase,
+) -> None:
+    """Say where prescribed displacements or an interference leave contact no right answer.
+
+    Warns
+    -----
+    ContactWarning
+        Prescribed displacements push points into one another; an overlap is huge.
+
+    Raises
+    ------
+    ConstraintError
+        Tied points whose relative displacement is prescribed otherwise.
+    """
+    x = np.zeros(system.n)
+    x[system.D] = case.x[system.D]
+    fixed = kin.paired & prescribed_rows(kin.B_n, system.D)
+    gap = np.where(fixed, np.where(fixed, case.gap0, 0.0) + kin.B_n @ x, np.inf)
+    small = ROUND_OFF * max(system.extent, float(np.max(np.abs(x), initial=0.0)))
+    for contact, name, part in zip(contacts, names, parts, strict=True):
+        if contact.tied:
+            _check_tied(system, contact, name, part, kin, case, x, small)
+        elif np.min(gap[part], initial=np.inf) < -small:
+            _warn_penetration(contact, name, gap[part], small)
+        _warn_overlap(contact, name, kin.gap0[part], case.interference[part])
+
+
+def _check_tied(
+    system: System,
+    contact: Contact,
+    name: str,
+    part: slice,
+    kin: Kinematics,
+    case: LoadCase,
+    x: Array,
+    small: float,
+) -> None:
+    """Tied points that are prescribed on both sides have to be prescribed alike."""
+    t = kin.tangents
+    jumps = [np.where(kin.paired, case.gap0, 0.0) + kin.B_n @ x, kin.B_t @ x]
+    for B, jump, per_point in ((kin.B_n, jumps[0], 1), (kin.B_t, jumps[1], t)):
+        rows = slice(part.start * per_point, part.stop * per_point)
+        fixed = prescribed_rows(B[rows], system.D) & np.repeat(kin.paired[part], per_point)
+        torn = np.flatnonzero(fixed & (np.abs(jump[rows]) > small))
+        if len(torn):
+            worst = torn[np.argmax(np.abs(jump[rows])[torn])] // per_point
+            raise ConstraintError(
+                f"contact '{name}' ties {len(torn)} points of surface {contact.secondary.label!r} "
+                "all of whose DOFs are prescribed, on both sides, with different displacements: "
+                f"they differ by {np.max(np.abs(jump[rows])[torn]):.6g} at point {worst} at "
+                f"{place(contact.secondary.points[worst])}. Prescribe one side only (D=...), or "
+                "both with the same x.",
+                torn // per_point,
+            )
+
+
+def _warn_penetration(contact: Contact, name: str, gap: Array, small: float) -> None:
+    worst = int(np.argmin(gap))
+    warnings.warn(
+        f"contact '{name}': prescribed displacements push {np.sum(gap < -small)} of {len(gap)} "
+        f"points of surface {contact.secondary.label!r} into {contact.primary.label!r}, deepest "
+        f"point {worst} at {place(contact.secondary.points[worst])} by {-gap[worst]:.6g}. Prescribed "
+        "displacements win: the overlap stays, and the force there is a reaction of D, not a "
+        "contact force. Leave these DOFs out of D, or correct x.",
+        ContactWarning,
+        stacklevel=5,
+    )
+
+
+def _warn_overlap(contact: Contact, name: str, gap: Array, interference: Array) -> None:
+    """Overlaps, by the meshes or an interference, as large as the bodies."""
+    deepest = max(float(np.max(-gap, initial=0.0)), float(np.max(interference, initial=0.0)))
+    sizes = [_extent(contact.secondary)]
+    if isinstance(contact.primary, ContactSurface):
+        sizes.append(_extent(contact.primary))
+    if deepest > HUGE * min(sizes):
+        warnings.warn(
+            f"contact '{name}' starts with an overlap of {deepest:.6g}, {deepest / min(sizes):.2g} "
+            f"times the extent of the smaller body ({min(sizes):.6g}). The answer is linear, but "
+            "strains of this size are not small. Usually a unit or the sign of interference is "
+            "wrong, or the primary surface is on the far side of its body.",
+            ContactWarning,
+            stacklevel=5,
+        )
+
+
+def _extent(surface: ContactSurface) -> float:
+    return float(np.ptp(surface.body.basis.mesh.p, axis=1).max())
