@@ -10,7 +10,7 @@ A scikit-fem script has bases, a stiffness and a load; five lines more and its b
 
 The modules stand in the order of the theory: `body`, `surface`, `pairing`, `mortar`, `obstacle`,
 `contact`, `kinematics`, `constraint`, `friction`, `rigid`, `linear`, `spaces`, `condensation`,
-`loops`, `result`, `solver`, `stress`, `io`, `plot`; closed forms are in `reference`.
+`loops`, `fields`, `result`, `solver`, `stress`, `io`, `plot`; closed forms are in `reference`.
 """
 
 from skfem_contact.body import Body, System, stack

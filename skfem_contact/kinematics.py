@@ -46,6 +46,10 @@ class Kinematics:
     points, normal : ndarray, shape (m, d)
     tangent : ndarray, shape (m, d-1, d)
     paired, tied : ndarray of bool, shape (m,)
+    heir : ndarray of int, shape (m,)
+        The point whose pressure and traction hold at each point: itself in general; see `carriers`.
+    action : ndarray, shape (m, d)
+        Where the force of each point acts on the secondary: its position in general.
     """
 
     B_n: csr_matrix
@@ -57,6 +61,8 @@ class Kinematics:
     tangent: Array
     paired: NDArray[np.bool_]
     tied: NDArray[np.bool_]
+    heir: NDArray[np.intp]
+    action: Array
 
     @property
     def m(self) -> int:
@@ -84,11 +90,55 @@ def pair(contact: Contact, *, moved: Sequence[Array] = (), motion: object = None
     if len(moved):
         secondary = secondary.moved(moved[0])
     if isinstance(primary, Obstacle):
-        return primary.pair(secondary, motion=motion)
+        pairing = primary.pair(secondary, motion=motion)
+        return _without_idle(contact, pairing)
     if len(moved):
         primary = primary.moved(moved[1])
-    search = dual_mortar if contact.method == "mortar" else node_to_segment
-    return search(secondary, primary, reach=contact.reach)
+    if contact.method == "mortar":
+        return dual_mortar(secondary, primary, reach=contact.reach)
+    return _without_idle(contact, node_to_segment(secondary, primary, reach=contact.reach))
+
+
+def _without_idle(contact: Contact, pairing: Pairing) -> Pairing:
+    """The pairing less points whose force has nothing to do with the pressure.
+
+    The end of a quadratic facet on the axis of symmetry has no area: its force vanishes with any
+    constant pressure, and the sign of what is left is not that of the pressure. Glued, it may stay.
+    """
+    idle = idle_points(contact.secondary)
+    if contact.tied or not (idle & pairing.paired).any():
+        return pairing
+    return replace(
+        pairing,
+        paired=pairing.paired & ~idle,
+        gap=np.where(idle, np.inf, pairing.gap),
+    )
+
+
+def idle_points(surface: ContactSurface) -> NDArray[np.bool_]:
+    """Points whose shape function has integral zero, shape (m,)."""
+    middle = np.zeros(len(surface.points))
+    np.maximum.at(middle, surface.facets, surface.area[surface.facets].max(axis=1)[:, None])
+    return np.asarray(surface.area <= 1e-10 * middle)
+
+
+def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
+    """The point whose pressure holds at each point, shape (m,).
+
+    It is the point itself, except that a node merged by `dual_mortar` takes that of its heir, and
+    one without area that of the middle of its facet.
+    """
+    heir: NDArray[np.intp] = np.arange(len(pairing.gap))
+    at = surface.facets
+    if at.shape[1] == 3:
+        middle = heir.copy()
+        middle[at[:, :2]] = at[:, 2:]
+        lonely = idle_points(surface) & ~pairing.paired
+        heir = np.where(lonely, middle, heir)
+    weights = csr_matrix(pairing.secondary_weights).tocoo()
+    lent = ~pairing.paired[weights.col] & (weights.row != weights.col)
+    heir[weights.col[lent]] = weights.row[lent]
+    return heir
 
 
 def initial_gap(contact: Contact, pairing: Pairing, interference: object = None) -> Array:
@@ -144,7 +194,15 @@ def kinematics(
         tangent=pairing.tangent,
         paired=np.array(pairing.paired),
         tied=np.full(m, contact.tied),
+        heir=carriers(secondary, pairing),
+        action=_action(pairing),
     )
+
+
+def _action(pairing: Pairing) -> Array:
+    """Where forces act: the weighted position of merged nodes, the point itself else."""
+    mean = pairing.secondary_weights @ pairing.points
+    return np.where(pairing.paired[:, None], mean, pairing.points)
 
 
 def join(parts: Sequence[Kinematics]) -> Kinematics:
@@ -153,11 +211,14 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
         raise InputError("There is no contact: give at least one Contact.")
     stacked = {
         name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("gap0", "area", "points", "normal", "tangent", "paired", "tied")
+        for name in ("gap0", "area", "points", "normal", "tangent", "paired", "tied", "action")
     }
+    first = np.cumsum([0, *(part.m for part in parts)])
+    heir = np.concatenate([k + part.heir for k, part in zip(first[:-1], parts, strict=True)])
     return Kinematics(
         B_n=csr_matrix(vstack([part.B_n for part in parts])),
         B_t=csr_matrix(vstack([part.B_t for part in parts])),
+        heir=heir,
         **stacked,
     )
 

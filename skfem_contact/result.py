@@ -13,10 +13,12 @@ from skfem_contact.body import System, suggest
 from skfem_contact.certificate import Certificate, certify
 from skfem_contact.contact import Contact
 from skfem_contact.errors import InputError
+from skfem_contact.fields import closed_area, displaced, edge_positions, interpolate
 from skfem_contact.interface import point_slices
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.loops import State
+from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
 
@@ -63,7 +65,13 @@ class ContactValues:
     tangential_force : ndarray, shape (m, d-1)
         Friction on the secondary along the tangents [force].
     area : ndarray, shape (m,)
-        Tributary area.
+        Tributary area; zero at points without one of their own, see `pressure`.
+    surface : ContactSurface
+        The secondary surface, undeformed.
+    heir : ndarray of int, shape (m,)
+        The point whose pressure and traction hold at each point; itself in general.
+    action : ndarray, shape (m, d)
+        Where the force of each point acts; its position in general.
     dissipation, dissipation_total : float
         Energy lost by friction in this step, and since the start of the history [energy].
     """
@@ -78,15 +86,28 @@ class ContactValues:
     normal_force: Array
     tangential_force: Array
     area: Array
+    surface: ContactSurface
+    heir: NDArray[np.intp]
+    action: Array
     dissipation: float
     dissipation_total: float
 
     @property
     def pressure(self) -> Array:
-        """Normal force over tributary area, not negative in compression, shape (m,) [stress]."""
-        return np.divide(
-            self.normal_force, self.area, out=np.zeros_like(self.area), where=self.area > 0
-        )
+        """Normal force over tributary area, not negative in compression, shape (m,) [stress].
+
+        With ``method="mortar"`` these are the coefficients of the multiplier; node by node, the
+        pressure that has these nodal forces to second order in the size of the facets, averaged
+        with the shape function of the node. Points without an area of their own have the value of
+        their `heir`: nodes merged by the mortar method, and the node of a quadratic facet that is
+        on the axis of symmetry.
+        """
+        return self._over_area(self.normal_force)
+
+    def _over_area(self, force: Array) -> Array:
+        area = self.area[self.heir].reshape(-1, *[1] * (force.ndim - 1))
+        force = force[self.heir]
+        return np.divide(force, area, out=np.zeros_like(force), where=area > 0)
 
     @property
     def forces(self) -> Array:
@@ -97,8 +118,7 @@ class ContactValues:
     @property
     def traction(self) -> Array:
         """Stress vector on the secondary, in global axes, shape (m, d) [stress]."""
-        area = np.where(self.area > 0, self.area, np.inf)[:, None]
-        return self.forces / area
+        return self._over_area(self.forces)
 
     @property
     def force(self) -> Array:
@@ -107,16 +127,62 @@ class ContactValues:
 
     def moment(self, about: ArrayLike = (0.0, 0.0)) -> float | Array:
         """Moment of the forces on the secondary about a point [force length]."""
-        arm = self.points - np.asarray(about, dtype=float)
+        arm = self.action - np.asarray(about, dtype=float)
         F = self.forces
         if self.points.shape[1] == 2:
             return float(np.sum(arm[:, 0] * F[:, 1] - arm[:, 1] * F[:, 0]))
         return np.cross(arm, F).sum(axis=0)
 
-    @property
+    @cached_property
+    def contact_edges(self) -> Array:
+        """Where contact ends, located within a facet, shape (k, d) [length]; in 2-D.
+
+        There ``gap**(2/3)``, extrapolated from the open side, vanishes; see `fields`. In the order
+        of the points; ends of the surface that are closed are no edges.
+        """
+        return edge_positions(self._placed, self.status != 0, self.gap)
+
+    @cached_property
     def contact_area(self) -> float:
-        """Sum of the tributary areas of the closed points."""
-        return float(self.area[self.status != 0].sum())
+        """Area in contact, in 2-D up to `contact_edges`; else that of the closed points [area]."""
+        if self.points.shape[1] != 2:
+            return float(self.area[self.status != 0].sum())
+        return closed_area(self._placed, self.status != 0, self.gap)
+
+    def interpolate(self, values: ArrayLike, points: ArrayLike) -> Array:
+        """A field over the points (``pressure``, ``traction``, ``slip``, ...) between them.
+
+        Parameters
+        ----------
+        values : ndarray, shape (m, ...)
+        points : ndarray, shape (p, d)
+            Positions on the secondary surface; others are projected onto it [length].
+
+        Returns
+        -------
+        ndarray, shape (p, ...)
+        """
+        values = np.asarray(values, dtype=float)
+        if values.shape[:1] != self.area.shape:
+            raise InputError(
+                f"values have shape {values.shape}, but contact {self.name!r} has "
+                f"{len(self.area)} points: give a value for each"
+            )
+        return interpolate(self._placed, values, np.asarray(points, dtype=float))
+
+    def integrate(self, values: ArrayLike) -> float | Array:
+        """Integral of a field over the points; of `traction` it is `force`, to round-off.
+
+        Parameters
+        ----------
+        values : ndarray, shape (m, ...)
+        """
+        total = np.tensordot(self.area, np.asarray(values, dtype=float), axes=1)
+        return float(total) if total.ndim == 0 else total
+
+    @property
+    def _placed(self) -> ContactSurface:
+        return displaced(self.surface, self.points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,17 +268,22 @@ class ContactResult:
             slip = (kin.B_t[rows] @ self.u).reshape(-1, t) + self.seen.slip0[part]
             slip = np.where(status[:, None] != 0, slip, 0.0)
             status = np.where(status != 0, 2, 0)
+        heir = kin.heir[part] - part.start
+        own = heir == np.arange(len(heir))
         return ContactValues(
             name=self.names[i],
             points=kin.points[part],
             normal=kin.normal[part],
             tangent=kin.tangent[part],
-            gap=self.gap[part],
-            slip=slip,
-            status=status,
+            gap=self.gap[part][heir],
+            slip=slip[heir],
+            status=status[heir],
             normal_force=state.normal_force[part],
             tangential_force=-state.tangential_force[part],
-            area=kin.area[part],
+            area=np.where(own, kin.area[part], 0.0),
+            surface=contact.secondary,
+            heir=heir,
+            action=kin.action[part],
             dissipation=float(self.dissipation_by_contact[i]),
             dissipation_total=float(self.dissipation_before[i] + self.dissipation_by_contact[i]),
         )
@@ -255,8 +326,11 @@ FORWARDED = frozenset(
     {
         "area",
         "contact_area",
+        "contact_edges",
         "force",
         "forces",
+        "integrate",
+        "interpolate",
         "moment",
         "normal",
         "normal_force",
