@@ -1,0 +1,109 @@
+"""Fields between the nodes of a contact surface: edges, areas, interpolation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import skfem as fem
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from skfem.models.elasticity import linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact.fields import Steps, closed_area, edge_positions, find_edges, interpolate
+
+ROUND_OFF = 1e-12
+
+
+def surface(x, element=None, measure=None):
+    """Top of a block with columns of nodes at `x`: its points run from right to left."""
+    mesh = fem.MeshQuad.init_tensor(np.asarray(x, float), np.array([0.0, 1.0])).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(element or fem.ElementQuad1()), intorder=4)
+    return sc.Body(basis, linear_elasticity(), measure=measure).surface("top")
+
+
+def opened(x, a):
+    """Closed up to |x| = a, then open like ``(|x| - a)**1.5``."""
+    gap = np.maximum(np.abs(x) - a, 0.0) ** 1.5
+    return gap == 0, gap
+
+
+@pytest.mark.parametrize("element", [fem.ElementQuad1(), fem.ElementQuad2()])
+@given(a=st.floats(0.3, 1.4))
+def test_edges_of_the_asymptotic_gap(element, a):
+    """A gap that opens by the law of smooth contact shows its edges exactly, on both sides."""
+    top = surface(np.linspace(-2, 2, 21), element)
+    closed, gap = opened(top.points[:, 0], a)
+    edges = edge_positions(top, closed, gap)
+    assert_allclose(edges, [[a, 1.0], [-a, 1.0]], atol=1e-9)
+    assert_allclose(closed_area(top, closed, gap), 2 * a, atol=1e-9)
+
+
+def test_graded_steps():
+    """The distance between nodes may vary: lengths count, not numbers of nodes."""
+    x = np.cumsum([0, 0.1, 0.3, 0.2, 0.5, 0.1, 0.4])
+    top = surface(x)
+    closed, gap = opened(top.points[:, 0], 0.25)
+    assert_allclose(edge_positions(top, closed, gap), [[0.25, 1.0]], atol=ROUND_OFF)
+
+
+@pytest.mark.parametrize(
+    ("gap", "part"),
+    [
+        ((0, 0.1, 1.0, 4.0**1.5), 1.0),  # heights 1 and 4 at 2 and 3: zero at 1.7, too far
+        ((0, 1.0, 5.0**1.5, 9.0**1.5), 0.75),  # heights 5 and 9 at 2 and 3
+        ((0, 1.0, 8.0), 1 - 1 / 3),  # two open points: heights 1 and 4 at 1 and 2
+        ((0, 1.0), 0.5),  # one open point: midway
+        ((0, np.inf, np.inf), 0.0),  # the other surface ends
+        ((0, 1.0, np.inf), 0.5),
+        ((0, 8.0, 1.0), 0.5),  # a gap that closes again says nothing about this edge
+        ((0, 1.0, 1.5, 2.0), -0.5),  # and never deeper than half a facet inside
+    ],
+)
+def test_fewer_points_than_the_rule_needs(gap, part):
+    """Where the gap does not tell, the edge is midway, or the last closed point."""
+    gap = np.array(gap)
+    x = np.arange(len(gap))
+    ones = np.ones(len(gap) - 1)
+    edges = find_edges(Steps(x[:-1], x[1:], ones, ones), x == 0, gap)
+    assert edges.inside == [0] and edges.outside == [1]
+    assert_allclose(edges.part, part, atol=ROUND_OFF)
+
+
+def test_closed_ends_are_no_edges():
+    """A surface that is closed all over has no edge of contact, and its whole area."""
+    top = surface([0, 0.3, 1.0])
+    closed = np.ones(3, dtype=bool)
+    assert edge_positions(top, closed, np.zeros(3)).shape == (0, 2)
+    assert_allclose(closed_area(top, closed, np.zeros(3)), 1.0)
+    assert closed_area(top, ~closed, np.ones(3)) == 0.0
+
+
+def test_area_carries_the_measure():
+    """A disc of radius a in axisymmetric contact has the area of a disc, but for its last facet."""
+    top = surface(np.linspace(0, 2, 41), measure=lambda x: 2 * np.pi * x[0])
+    for a in (1.0, 1.0125, 1.04):
+        closed, gap = opened(top.points[:, 0], a)
+        # the part of the last facet is taken with the measure at the facet's middle
+        assert_allclose(closed_area(top, closed, gap), np.pi * a**2, rtol=0.05**2 / 2)
+
+
+@pytest.mark.parametrize("element", [fem.ElementQuad1(), fem.ElementQuad2()])
+def test_interpolation_by_shape_functions(element):
+    """Between nodes a field is that of the element: linear, or quadratic."""
+    top = surface([0, 0.3, 0.5, 1.2], element)
+    x = np.linspace(0, 1.2, 17)
+    points = np.column_stack([x, np.ones_like(x)])
+    degree = top.facets.shape[1] - 1
+    values = np.column_stack([top.points[:, 0] ** degree, top.points[:, 0]])
+    assert_allclose(interpolate(top, values, points), np.column_stack([x**degree, x]), atol=1e-9)
+    # off the surface: the closest point of it
+    assert_allclose(interpolate(top, values[:, 1], points + [0.0, 0.2]), x, atol=1e-9)
+
+
+def test_interpolation_says_what_it_needs():
+    """Positions of the wrong shape are refused."""
+    top = surface([0, 1.0])
+    with pytest.raises(sc.InputError, match=r"positions \(p, 2\)"):
+        interpolate(top, np.zeros(2), np.zeros((4, 3)))
