@@ -1,0 +1,257 @@
+"""Several equilibria, none, or a continuum of them: N1 one contact node, N2 a jammed wedge."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfem as fem
+from enumeration import Problem as DenseProblem
+from enumeration import all_solutions
+from scenes import elastic
+
+import skfem_contact as sc
+from skfem_contact.reference import (
+    ONE_NODE_TRIANGLE,
+    critical_friction,
+    one_node_equilibria,
+    taper_force,
+    triangle_stiffness,
+)
+
+LOOPS = ("newton", "direct")
+LOADS = {"newton": 100, "direct": 25}  # random loads; `direct` takes its 150 iterations on some
+K = triangle_stiffness(ONE_NODE_TRIANGLE, 1.0, 0.3)
+THREE = (-1.75, -1.0)  # has three equilibria at mu = 2
+
+# One node and three numbers of a matrix: round-off, over forces and displacements of order one.
+EXACT = 1e-12
+# An answer is compared after division by a stiffness of 0.1 to 1, and by one less mu over its
+# critical value for the linear contraction of `direct`.
+
+
+def one_node(mu: float, loop: str = "newton", **options: int) -> tuple[sc.ContactSolver, np.ndarray]:
+    """A triangle with two clamped corners whose third stands on the plane y >= 0."""
+    mesh = fem.MeshTri(np.array(ONE_NODE_TRIANGLE).T, np.array([[0], [1], [2]]))
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementTriP1()))
+    held = np.unique(basis.nodal_dofs[:, 1:])
+    body = sc.Body(basis, elastic(1.0, 0.3), D=held, name="triangle")
+    edge = body.surface(np.flatnonzero((mesh.facets == [[0], [1]]).all(axis=0)))
+    law = sc.Coulomb(mu, stiffness=np.inf)
+    contact = sc.Contact(edge, sc.RigidPlane((0, 0), (0, 1)), friction=law)
+    # `direct` contracts linearly; this is where it stops, and how well its answers satisfy the law
+    settings = sc.Options(tolerance=1e-12, **options)
+    solver = sc.ContactSolver(body, contact, loop=loop, options=settings)
+    return solver, basis.nodal_dofs[:, 0]
+
+
+def load(solver: sc.ContactSolver, dofs: np.ndarray, f: tuple[float, float]) -> np.ndarray:
+    vector = np.zeros(solver.system.n)
+    vector[dofs] = f
+    return vector
+
+
+def law_holds(result: sc.ContactResult, dofs: np.ndarray, f: tuple[float, float], mu: float) -> bool:
+    """Whether displacement and force of the node are one of the equilibria, found branch by branch."""
+    u = result.u[dofs]
+    r = result.forces.sum(axis=0)
+    return any(
+        np.abs(u - known.u).max() < EXACT * 10 and np.abs(r - known.reaction).max() < EXACT * 10
+        for known in one_node_equilibria(K, f, mu)
+    )
+
+
+def test_n1_stiffness_is_that_of_the_finite_element() -> None:
+    """The closed-form stiffness of the free node is the one that scikit-fem assembles."""
+    solver, dofs = one_node(1.0)
+    own = solver.system.K.toarray()[np.ix_(dofs, dofs)]
+    assert np.abs(own - K).max() < EXACT
+
+
+def test_n1_enumeration_agrees_with_the_closed_form() -> None:
+    """Trying patterns finds the same three equilibria as solving the branches by hand."""
+    zero = np.zeros(1)
+    e = np.eye(2)
+    problem = DenseProblem(
+        K,
+        np.array(THREE),
+        zero[:0].astype(int),
+        np.zeros(2),
+        e[1:],
+        e[:1],
+        zero,
+        2.0,
+        np.inf,
+        zero,
+        zero,
+    )
+    found = sorted(tuple(s.u.round(10) + 0.0) for s in all_solutions(problem))
+    known = sorted(tuple(s.u.round(10) + 0.0) for s in one_node_equilibria(K, THREE, 2.0))
+    assert found == known
+    assert len(found) == 3
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+@pytest.mark.parametrize("steps", [1, 5])
+def test_n1_stick_is_the_branch_that_continues_the_unloaded_state(loop: str, steps: int) -> None:
+    """Of three equilibria a proportional load from zero reaches the sticking one."""
+    solver, dofs = one_node(2.0, loop)
+    f = load(solver, dofs, THREE)
+    *_, result = solver.history([{"f": k / steps * f} for k in range(1, steps + 1)])
+    node = int(np.argmin(result.gap))
+    assert result.status[node] == 1
+    assert np.abs(result.u[dofs]).max() < EXACT
+    assert law_holds(result, dofs, THREE, 2.0)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+@pytest.mark.parametrize("other", [(-0.5, 2.0), (-6.0, -1.0), (6.0, -1.0)])
+def test_n1_any_accepted_answer_is_one_of_the_three(loop: str, other: tuple[float, float]) -> None:
+    """Started on another branch, the loop may stay there, but the law holds to round-off."""
+    solver, dofs = one_node(2.0, loop)
+    guess = solver.solve(load(solver, dofs, other))
+    result = solver.solve(load(solver, dofs, THREE), guess=guess)
+    assert law_holds(result, dofs, THREE, 2.0)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+@pytest.mark.parametrize(
+    ("mu", "f", "status", "u"),
+    [
+        (1.0, (-1.75, -1.0), 0, (-3.05568975, 0.1955985)),
+        (1.0, (-0.9, -1.0), 1, (0.0, 0.0)),
+        (1.4, (-1.45, -1.0), 2, (-1.29396273, 0.0)),
+    ],
+)
+def test_n1_single_equilibria(
+    loop: str, mu: float, f: tuple[float, float], status: int, u: tuple[float, float]
+) -> None:
+    """Below the critical friction there is one equilibrium: open, sticking or slipping."""
+    solver, dofs = one_node(mu, loop)
+    result = solver.solve(load(solver, dofs, f))
+    assert np.abs(result.u[dofs] - u).max() < 5e-9  # the numbers have that many digits
+    assert law_holds(result, dofs, f, mu)
+    node = np.flatnonzero(np.abs(result.points).max(axis=1) == 0)[0]
+    assert result.status[node] == status
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+@pytest.mark.parametrize("share", [0.2, 0.9, 0.999])
+def test_n1_every_load_below_the_critical_friction(loop: str, share: float) -> None:
+    """Below the critical friction every load has one answer and the solver finds it."""
+    mu = share * critical_friction(K)
+    solver, dofs = one_node(mu, loop, max_cuts=0)
+    rng = np.random.default_rng(1)
+    for f in rng.standard_normal((LOADS[loop], 2)) * [2.0, 1.0]:
+        assert len(one_node_equilibria(K, f, mu)) == 1
+        assert law_holds(solver.solve(load(solver, dofs, f)), dofs, f, mu)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_n1_every_load_above_the_critical_friction(loop: str) -> None:
+    """Above it there are one to three answers for every load, and the solver finds one of them."""
+    solver, dofs = one_node(2.0, loop, max_cuts=0)
+    rng = np.random.default_rng(2)
+    counts = set()
+    for f in rng.standard_normal((LOADS[loop], 2)) * [2.0, 1.0]:
+        counts.add(len(one_node_equilibria(K, f, 2.0)))
+        assert law_holds(solver.solve(load(solver, dofs, f)), dofs, f, 2.0)
+    assert counts == {1, 3}
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_n1_loss_of_continuity_is_a_jump_to_separation(loop: str) -> None:
+    """A growing shear sticks up to mu times the pressure, then the node jumps open without slip."""
+    solver, dofs = one_node(2.0, loop)
+    shear = [-0.5, -1.0, -1.5, -1.9, -1.999, -2.001, -2.1]
+    steps = [{"f": load(solver, dofs, (f, -1.0))} for f in shear]
+    for f, result in zip(shear, solver.history(steps), strict=True):
+        node = np.flatnonzero(np.abs(result.points).max(axis=1) == 0)[0]
+        assert result.status[node] == (1 if f > -2.0 else 0)
+        assert law_holds(result, dofs, (f, -1.0), 2.0)
+
+
+def wedge(angle: float, mu: float, driven: bool) -> tuple[sc.ContactSolver, np.ndarray]:
+    """A wedge between two rigid flanks, driven in by its top; and the load of unit force on it."""
+    n, height = 6, 2.0
+    x, y = np.linspace(-1, 1, n + 1), np.linspace(0, height, n + 1)
+    mesh = fem.MeshQuad.init_tensor(x, y).with_defaults()
+    p = mesh.p.copy()
+    p[0] *= 1.0 + np.tan(angle) * p[1]
+    mesh = replace(mesh, doflocs=p)
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    if driven:
+        p = mesh.p  # all of the top but its two corners, which belong to the flanks
+        inner = np.flatnonzero((p[1] == height) & (np.abs(p[0]) < p[0].max() - 0.1))
+        held = np.unique(basis.nodal_dofs[:, inner])
+        body = sc.Body(basis, elastic(100.0, 0.3), D=held, name="wedge")
+        drive = np.zeros(basis.N)
+        drive[basis.nodal_dofs[1, inner]] = -1.0
+    else:
+        body = sc.Body(basis, elastic(100.0, 0.3), name="wedge")
+        on_top = fem.FacetBasis(mesh, basis.elem, facets="top")
+        width = 2 * (1 + np.tan(angle) * height)
+        drive = fem.LinearForm(lambda v, w: -v[1] / width).assemble(on_top)
+    c, s = np.cos(angle), np.sin(angle)
+    flanks = [("left", (-1.0, 0.0), (c, s)), ("right", (1.0, 0.0), (-c, s))]
+    contacts = [
+        sc.Contact(
+            body.surface(name),
+            sc.RigidPlane(point, normal, name=f"{name} flank"),
+            friction=sc.Coulomb(mu),
+            gap=0.0,
+            name=name,
+        )
+        for name, point, normal in flanks
+    ]
+    return sc.ContactSolver(body, contacts), drive
+
+
+def axial(result: sc.ContactResult) -> float:
+    """Force with which the flanks push the wedge out."""
+    return float(sum(result[name].force[1] for name in ("left", "right")))
+
+
+@pytest.mark.parametrize("loaded", ["in", "out"])
+def test_s4_wedge_ratio_is_exact_where_all_points_slip(loaded: str) -> None:
+    """Axial over normal force of a wedge follows from the angle and mu alone, in and out."""
+    angle, mu = np.radians(5.0), 0.15
+    solver, drive = wedge(angle, mu, driven=True)
+    way = [0.01] if loaded == "in" else [0.01, 0.008]
+    *_, result = solver.history([{"x": d * drive} for d in way])
+    assert all((result[name].status == 2).all() for name in ("left", "right"))
+    normal = result["left"].normal_force.sum()
+    sign = 1.0 if loaded == "in" else -1.0
+    expected = sign * taper_force(angle, mu, pull_out=loaded == "out")
+    # pure statics of a body of 49 nodes: round-off of the elimination
+    assert axial(result) / normal == pytest.approx(expected, rel=1e-10)
+
+
+def test_n2_a_jammed_wedge_keeps_the_stress_of_its_history() -> None:
+    """With tan(angle) < mu a wedge stays jammed after the force is gone, the tighter the more it
+    was; flanks without a history carry nothing."""
+    angle, mu = np.radians(5.0), 0.15
+    solver, drive = wedge(angle, mu, driven=False)
+    residual = []
+    for force in (1.0, 2.0):
+        loaded, free = solver.history([{"f": force * drive}, {"f": 0.0 * drive}])
+        assert free.certificate.worst < 1e-10  # equilibrium, Signorini and Coulomb to round-off
+        scale = loaded["left"].normal_force.sum()
+        assert abs(axial(free)) < 1e-10 * scale  # the two flanks balance without the force
+        residual.append(free["left"].normal_force.sum())
+        assert residual[-1] > 0.5 * scale  # it did not pop out
+    # without an initial gap everything is proportional to the history
+    assert residual[1] == pytest.approx(2 * residual[0], rel=1e-9)
+
+
+def test_n2_a_blunt_wedge_pops_out() -> None:
+    """With tan(angle) > mu the flanks let go: unloading, N follows F down along the ratio of
+    slipping out."""
+    angle, mu = np.radians(12.0), 0.15
+    solver, drive = wedge(angle, mu, driven=False)
+    results = list(solver.history([{"f": force * drive} for force in (1.0, 0.5, 0.1, 0.01)]))
+    last = results[-1]
+    assert all((last[name].status == 2).all() for name in ("left", "right"))
+    ratio = 2 * (np.sin(angle) - mu * np.cos(angle))
+    assert last["left"].normal_force.sum() == pytest.approx(0.01 / ratio, rel=1e-10)
