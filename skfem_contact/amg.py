@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import gmres
 
 from skfem_contact.backend import Backend, Factorisation, LinearSolveError, by_column
-from skfem_contact.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,10 @@ class AMG(Backend):
     ) -> Factorisation:
         from pyamg import smoothed_aggregation_solver
 
-        if not spd:
-            raise InputError("AMG() needs a symmetric positive definite matrix: use Direct().")
         A = sp.csr_matrix(A)
+        # slipping rows of the loop newton make A unsymmetric; its symmetric part preconditions it
         hierarchy = smoothed_aggregation_solver(
-            A,
+            A if spd else sp.csr_matrix(0.5 * (A + A.T)),
             B=None if modes is None else np.array(modes, dtype=float),
             strength=("symmetric", {"theta": 0.0}),
             presmoother=("gauss_seidel", {"sweep": "forward"}),
@@ -51,13 +50,15 @@ class AMG(Backend):
         )
         cycle = hierarchy.aspreconditioner(cycle="V")
 
+        method = _pcg if spd else _gmres
+
         def solve(b: np.ndarray) -> np.ndarray:
-            return _pcg(A, b, cycle, self.tol, self.max_iterations)
+            return method(A, b, cycle, self.tol, self.max_iterations)
 
         parts = [level.A for level in hierarchy.levels]
         parts += [part for level in hierarchy.levels[:-1] for part in (level.P, level.R)]
         memory = sum(part.data.nbytes + part.indices.nbytes + part.indptr.nbytes for part in parts)
-        return Factorisation("AMG + CG", memory, by_column(solve))
+        return Factorisation("AMG + CG" if spd else "AMG + GMRES", memory, by_column(solve))
 
 
 def _pcg(A: Any, b: np.ndarray, preconditioner: Any, tol: float, most: int) -> np.ndarray:
@@ -84,8 +85,28 @@ def _pcg(A: Any, b: np.ndarray, preconditioner: Any, tol: float, most: int) -> n
         z = preconditioner @ r
         rz, previous = r @ z, rz
         p = z + (rz / previous) * p
-    residual = float(np.linalg.norm(b - A @ x)) / norm
-    raise LinearSolveError(
+    raise _too_many(A, b, x, tol, iterations)
+
+
+def _gmres(A: Any, b: np.ndarray, preconditioner: Any, tol: float, most: int) -> np.ndarray:
+    """Preconditioned GMRES of SciPy for unsymmetric systems; the residual is measured."""
+    norm = float(np.linalg.norm(b))
+    if norm == 0.0:
+        return np.zeros_like(b)
+    restart = min(100, len(b))
+    x = np.zeros_like(b)
+    # SciPy stops by the preconditioned residual: go on from there until the true one is small
+    for _ in range(max(1, most // restart)):
+        dx, _ = gmres(A, b - A @ x, M=preconditioner, rtol=tol, restart=restart, maxiter=1)
+        x = x + dx
+        if np.linalg.norm(b - A @ x) <= tol * norm:
+            return x
+    raise _too_many(A, b, x, tol, most)
+
+
+def _too_many(A: Any, b: np.ndarray, x: np.ndarray, tol: float, iterations: int) -> LinearSolveError:
+    residual = float(np.linalg.norm(b - A @ x) / np.linalg.norm(b))
+    return LinearSolveError(
         f"AMG: the residual is {residual:.1e} of the load after {iterations} iterations, above "
         f"tol={tol:.1e}. Usually a rigid motion is left free, the modes are missing, or springs "
         "are much stiffer than the bodies. Try linear=Direct(), or AMG with a larger tol or "

@@ -51,6 +51,10 @@ __all__ = [
     "single_threaded",
 ]
 
+# Residual over load up to which a solver of the user's own is trusted: conjugate gradients of
+# skfem.utils leave some 1e-6 at their default tolerance.
+ACCEPTED = 1e-4
+
 
 @dataclass(frozen=True)
 class Direct(Backend):
@@ -127,7 +131,7 @@ class FromSolver(Backend):
     Parameters
     ----------
     solver : callable
-        Called with a csr_matrix and a vector. What it leaves as residual is its own business.
+        Called with a csr_matrix and a vector. A residual above 1e-4 of the load is refused.
 
     Examples
     --------
@@ -148,12 +152,29 @@ class FromSolver(Backend):
         name = getattr(self.solver, "__name__", type(self.solver).__name__)
 
         def solve(b: np.ndarray) -> np.ndarray:
-            x = np.asarray(self.solver(A, b), dtype=float)
+            try:
+                x = np.asarray(self.solver(A, b), dtype=float)
+            except ValueError as error:
+                raise LinearSolveError(
+                    f"The linear solver {name!r} failed: {error}. Some solvers of skfem.utils keep "
+                    "the preconditioner of the first matrix they saw, but every iteration has a "
+                    "matrix of its own: pass lambda A, b: solver_iter_pcg(...)(A, b), which makes "
+                    "a new one each time."
+                ) from error
             if x.shape != b.shape or not np.all(np.isfinite(x)):
                 what = "NaN or inf" if x.shape == b.shape else f"shape {x.shape} for {b.shape}"
                 raise LinearSolveError(
                     f"The linear solver {name!r} returned {what}. Usually the matrix is singular, "
                     "as a rigid motion is left free. Try linear=Direct(), which says where."
+                )
+            residual = float(np.linalg.norm(b - A @ x))
+            if residual > ACCEPTED * np.linalg.norm(b):
+                kind = "symmetric" if spd else "unsymmetric (slipping points of the loop newton)"
+                raise LinearSolveError(
+                    f"The linear solver {name!r} leaves {residual / np.linalg.norm(b):.1e} of the "
+                    f"load as residual; the matrix is {kind}. Try a smaller tolerance, "
+                    "loop='direct', whose matrices are symmetric, or linear=Direct().",
+                    residual / float(np.linalg.norm(b)),
                 )
             return x
 

@@ -246,7 +246,7 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     force_scale = max(force_scale, np.max(np.abs(response.tangential_force), initial=0.0))
     was_open = current.status == OPEN
     finite = np.isfinite(response.gap)
-    gap_scale = np.max(np.abs((response.gap[finite] - step.load.gap0[finite])), initial=0.0)
+    gap_scale = np.max(np.abs(response.gap[finite] - step.load.gap0[finite]), initial=0.0)
     penetrates = was_open & (response.gap < -ROUND_OFF * gap_scale) & step.paired
     pulls = ~was_open & (response.normal_force < -ROUND_OFF * force_scale) & ~step.tied
 

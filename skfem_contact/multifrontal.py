@@ -194,10 +194,45 @@ class MultifrontalCholesky:
         ndarray, shape (nk,) or (nk, r)
         """
         f = np.asarray(f, dtype=float)
-        x = self._ordered(f)
+        return self.eliminate(f)[self.fronts.start[-2] :].reshape(-1, *f.shape[1:])
+
+    def eliminate(self, f: np.ndarray) -> np.ndarray:
+        """The first half of `recover`, which is linear in the load: to be kept for many of them.
+
+        Parameters
+        ----------
+        f : ndarray, shape (n,) or (n, r)
+            Load [force].
+
+        Returns
+        -------
+        ndarray, shape (n, r)
+            In the order of elimination; its last rows are the reduced load.
+        """
+        x = self._ordered(np.asarray(f, dtype=float))
         with single_threaded():
             self._forward(x)
-        return x[self.fronts.start[-2] :].reshape(-1, *f.shape[1:])
+        return x
+
+    def substitute(self, u_keep: np.ndarray, eliminated: np.ndarray) -> np.ndarray:
+        """The second half of `recover`; overwrites `eliminated` with the displacements.
+
+        Parameters
+        ----------
+        u_keep : ndarray, shape (nk, r)
+            Displacement of the DOFs kept [length].
+        eliminated : ndarray, shape (n, r)
+            From `eliminate`, or a combination of such.
+
+        Returns
+        -------
+        ndarray, shape (n, r)
+            Displacements of the DOFs ``fronts.order``.
+        """
+        eliminated[self.fronts.start[-2] :] = u_keep
+        with single_threaded():
+            self._backward(eliminated)
+        return eliminated
 
     def recover(self, u_keep: np.ndarray, f: np.ndarray | None = None) -> np.ndarray:
         """All displacements that belong to those of the DOFs kept: ``K_ii u_i = f_i - K_ik u_k``.
@@ -215,16 +250,10 @@ class MultifrontalCholesky:
         """
         u_keep = np.asarray(u_keep, dtype=float)
         shape = (self.fronts.order.size, *u_keep.shape[1:])
-        with single_threaded():
-            if f is None:
-                x = np.zeros((shape[0], math.prod(shape[1:])))
-            else:
-                x = self._ordered(np.asarray(f, dtype=float))
-                self._forward(x)
-            x[self.fronts.start[-2] :] = u_keep.reshape(len(u_keep), x.shape[1])
-            self._backward(x)
+        flat = u_keep.reshape(len(u_keep), math.prod(shape[1:]))
+        x = np.zeros((shape[0], flat.shape[1])) if f is None else self.eliminate(f)
         u = np.empty_like(x)
-        u[self.fronts.order] = x
+        u[self.fronts.order] = self.substitute(flat, x)
         return u.reshape(shape)
 
     def _ordered(self, f: np.ndarray) -> np.ndarray:

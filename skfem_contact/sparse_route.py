@@ -69,6 +69,6 @@ class FullRows:
         """Displacements of all DOFs (n, r)."""
         return z
 
-    def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> Array:
+    def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> list[Array]:
         """The unknowns are the displacements already."""
-        return z
+        return [np.array(u) for u in z.T]

@@ -6,7 +6,7 @@ trailing block of the factors is S, and the same factors recover the interior.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -30,21 +30,26 @@ MOST_DIRECTIONS = 12
 class LoadSpan:
     """The few directions that the loads of a history span, and what follows from each of them.
 
-    Load steps are as a rule multiples and sums of few vectors. Each direction is condensed, and its
-    interior recovered, once; a load step then costs a few scalar products.
+    Load steps are as a rule multiples and sums of few vectors. The interior is eliminated once from
+    each direction; a load step then costs a few scalar products.
+
+    Parameters
+    ----------
+    factor : MultifrontalCholesky
     """
 
-    def __init__(self, n: int, kept: int) -> None:
-        self._basis = np.zeros((n, 0))
-        self._reduced = np.zeros((kept, 0))
-        self._interior = np.zeros((n, 0))
+    def __init__(self, factor: MultifrontalCholesky) -> None:
+        n = factor.fronts.order.size
+        self._factor, self._kept = factor, len(factor.keep)
+        self._directions = np.zeros((n, 0))
+        self._eliminated = np.zeros((n, 0))
 
-    def coefficients(self, b: Array) -> Array | None:
+    def components(self, b: Array) -> Array | None:
         """Components of a load along the directions; adds one where they do not span it.
 
         None where there are too many directions already.
         """
-        Q = self._basis
+        Q = self._directions
         c = Q.T @ b
         rest = b - Q @ c
         again = Q.T @ rest  # once more: the first pass leaves round-off of |b|
@@ -54,24 +59,22 @@ class LoadSpan:
             return c
         if Q.shape[1] >= MOST_DIRECTIONS:
             return None
-        self._basis = np.column_stack([Q, rest / size])
+        self._directions = np.column_stack([Q, rest / size])
+        new = self._factor.eliminate(self._directions[:, -1])
+        self._eliminated = np.column_stack([self._eliminated, new])
         return np.append(c, size)
 
-    def combine_reduced(self, c: Array, reduce: Callable[[Array], Array]) -> Array:
-        """The condensed load with these components."""
-        self._reduced = self._extended(self._reduced, reduce)
-        return self._reduced[:, : len(c)] @ c
+    def reduced(self, c: Array) -> Array:
+        """The load on the kept DOFs with these components."""
+        first = len(self._eliminated) - self._kept
+        return self._eliminated[first:, : len(c)] @ c
 
-    def combine_interior(self, c: Array, recover: Callable[[Array], Array]) -> Array:
-        """Displacements under this load with the kept DOFs held."""
-        self._interior = self._extended(self._interior, recover)
-        return self._interior[:, : len(c)] @ c
-
-    def _extended(self, known: Array, apply: Callable[[Array], Array]) -> Array:
-        count = known.shape[1]
-        if count == self._basis.shape[1]:
-            return known
-        return np.column_stack([known, apply(self._basis[:, count:])])
+    def eliminated(self, components: Sequence[Array]) -> Array:
+        """Loads with these components, the interior eliminated, (n, r)."""
+        C = np.zeros((self._eliminated.shape[1], len(components)))
+        for column, c in zip(C.T, components, strict=True):
+            column[: len(c)] = c
+        return self._eliminated @ C
 
 
 class Substructure:
@@ -100,7 +103,6 @@ class Substructure:
         self.anchors = anchors(body, wanted) if len(wanted) else wanted
         self.kept = np.union1d(wanted, self.anchors)
         self._K_fD = csr_matrix(K[self.free][:, body.D])
-        self._span = LoadSpan(len(self.free), len(self.kept))
 
     @cached_property
     def _factor(self) -> MultifrontalCholesky:
@@ -141,32 +143,50 @@ class Substructure:
         """Bytes of the factors."""
         return int(self._factor.memory)
 
-    def load(self, f: Array, x: Array) -> Array:
-        """Load on the kept DOFs, those of the interior and of prescribed DOFs included."""
+    @cached_property
+    def _span(self) -> LoadSpan:
+        return LoadSpan(self._factor)
+
+    @property
+    def order(self) -> Index:
+        """The DOFs in the order in which `recover` returns them: all but the prescribed ones."""
+        return np.asarray(self.free[self._factor.fronts.order])
+
+    def load(self, f: Array, x: Array) -> tuple[Array, Array | None]:
+        """Load on the kept DOFs, those of the interior and of prescribed DOFs included.
+
+        Returns
+        -------
+        reduced : ndarray, shape (n_c,)
+        components : ndarray or None
+            Along the directions known so far, for `recover`.
+        """
         if len(self.kept) == 0:  # no part in the contact problem: nothing to factorise yet
-            return np.zeros(0)
+            return np.zeros(0), None
         b = self._free_load(f, x)
-        c = self._span.coefficients(b)
+        c = self._span.components(b)
         if c is None:
-            return self._factor.reduce_load(b)
-        return self._span.combine_reduced(c, self._factor.reduce_load)
+            return self._factor.reduce_load(b), None
+        return self._span.reduced(c), c
 
-    def recover(self, kept: Array, f: Array, x: Array) -> Array:
-        """All displacements (n, r) from those of the kept DOFs (n_c, r)."""
-        u_free = self._factor.recover(kept)
-        for column, b in zip(u_free.T, self._free_load(f, x).T, strict=True):
-            c = self._span.coefficients(b)
+    def recover(
+        self, kept: Array, components: Sequence[Array | None], loads: Sequence[tuple[Array, Array]]
+    ) -> Array:
+        """Displacements of the DOFs `order` (n_f, r) from those of the kept ones (n_c, r).
+
+        Parameters
+        ----------
+        kept : ndarray, shape (n_c, r)
+        components : sequence of ndarray or None
+            From `load`.
+        loads : sequence of (f, x)
+        """
+        zero = np.zeros(0)
+        x = self._span.eliminated([zero if c is None else c for c in components])
+        for column, c, load in zip(x.T, components, loads, strict=True):
             if c is None:
-                column += self._interior(b[:, None])[:, 0]
-            else:
-                column += self._span.combine_interior(c, self._interior)
-        u = np.array(x, dtype=float)
-        u[self.free] = u_free
-        return u
-
-    def _interior(self, f: Array) -> Array:
-        """Displacements under a load with the kept DOFs held."""
-        return self._factor.recover(np.zeros((len(self.kept), f.shape[1])), f)
+                column[:] = self._factor.eliminate(self._free_load(*load))[:, 0]
+        return self._factor.substitute(kept, x)
 
     def _free_load(self, f: Array, x: Array) -> Array:
         return f[self.free] - self._K_fD @ x[self.body.D]
