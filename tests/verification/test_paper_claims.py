@@ -105,21 +105,26 @@ def bandwidth(A):
 
 
 def narrowest(A):
-    """Half bandwidth in breadth-first order from the best of some 40 nodes (Cuthill, McKee)."""
+    """Half bandwidth in breadth-first order from an end of the body (Gibbs, Poole, Stockmeyer).
+
+    The last node of one order is an end from which the next one starts.
+    """
     A = A.tocsr()
     A.eliminate_zeros()
     n, degree, best = A.shape[0], np.diff(A.indptr), A.shape[0]
     rows, columns = A.tocoo().row, A.tocoo().col
-    for start in range(0, n, max(1, n // 40)):
-        place, order = np.full(n, -1), [start]
-        place[start] = 0
-        for node in order:  # grows while it is read
-            near = A.indices[A.indptr[node] : A.indptr[node + 1]]
-            near = near[place[near] < 0]
-            near = near[np.argsort(degree[near], kind="stable")]
-            place[near] = len(order) + np.arange(len(near))
-            order.extend(near)
-        best = min(best, int(np.abs(place[rows] - place[columns]).max()))
+    for start in range(0, n, max(1, n // 10)):
+        for _ in range(4):
+            place, order = np.full(n, -1), [start]
+            place[start] = 0
+            for node in order:  # grows while it is read
+                near = A.indices[A.indptr[node] : A.indptr[node + 1]]
+                near = near[place[near] < 0]
+                near = near[np.argsort(degree[near], kind="stable")]
+                place[near] = len(order) + np.arange(len(near))
+                order.extend(near)
+            best = min(best, int(np.abs(place[rows] - place[columns]).max()))
+            start = order[-1]
     return best
 
 
@@ -169,9 +174,9 @@ def test_bandwidth_in_the_ordering_of_scipy(kind, n):
 @pytest.mark.parametrize("kind", ["Q1", "P1"])
 @pytest.mark.parametrize("n", [(8, 8), (12, 12), (8, 12)])
 def test_bandwidth_is_that_of_a_conforming_mesh(kind, n):
-    """Whatever node the ordering starts from, so does the narrowest band of either matrix."""
+    """Ordered from an end of the body, K_r has hardly a wider band than the conforming mesh."""
     K_r, merged = reduced_and_merged(n, kind)
-    # matching meshes: the interface nodes count one and a half times, the front is hardly longer
+    # matching meshes: a node of the interface has three DOFs in place of two, the front as many nodes
     limit = 1.15 if n[0] == n[1] else 1.5
     assert narrowest(K_r) <= limit * narrowest(merged)
 
