@@ -1,0 +1,173 @@
+"""Lemke's method against enumeration, and as starting values that are already the answer."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+import skfem as fem
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact import lemke as module
+from skfem_contact import stepping
+from skfem_contact.lemke import lemke
+
+
+def is_solution(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> bool:
+    """Whether both vectors are nonnegative and complementary, to round-off of the larger."""
+    w = M @ z + q
+    return bool(np.abs(np.minimum(w, z)).max() < 1e-9 * max(np.abs(z).max(), np.abs(q).max()))
+
+
+def exists(M: np.ndarray, q: np.ndarray) -> bool:
+    """Whether one of the 2^n complementary bases is feasible."""
+    n = len(q)
+    for basic in product((False, True), repeat=n):
+        on = np.array(basic)
+        A = np.where(on, -M, np.eye(n))
+        if abs(np.linalg.det(A)) > 1e-12 and np.linalg.solve(A, q).min() >= 0:
+            return True
+    return n == 0
+
+
+def coulomb(rng: np.random.Generator, m: int, mu: float) -> tuple[np.ndarray, np.ndarray]:
+    """A frictional contact problem with a random compliance between m points."""
+    B = rng.standard_normal((2 * m, 2 * m))
+    W = B @ B.T + 0.1 * np.eye(2 * m)
+    W_nn, W_nt, W_tt = W[:m, :m], W[:m, m:], W[m:, m:]
+    one, none = np.eye(m), np.zeros((m, m))
+    M = np.block(
+        [
+            [W_nn, -W_nt, W_nt, none],
+            [-W_nt.T, W_tt, -W_tt, one],
+            [W_nt.T, -W_tt, W_tt, one],
+            [mu * one, -one, -one, none],
+        ]
+    )
+    gap, slip = rng.standard_normal((2, m))
+    return M, np.concatenate([gap, -slip, slip, np.zeros(m)])
+
+
+def test_positive_definite_problems_are_solved() -> None:
+    """A positive definite matrix has one solution for every vector, and it is found."""
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        n = int(rng.integers(1, 30))
+        B = rng.standard_normal((n, n))
+        M, q = B @ B.T + 0.1 * np.eye(n), rng.standard_normal(n)
+        z = lemke(M, q)
+        assert z is not None
+        assert is_solution(M, q, z)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3, 2.0, 50.0])
+def test_friction_problems_are_solved_for_every_coefficient(mu: float) -> None:
+    """The copositive matrix of Coulomb friction never ends on a ray, however large mu is."""
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        M, q = coulomb(rng, int(rng.integers(1, 12)), mu)
+        z = lemke(M, q)
+        assert z is not None
+        assert is_solution(M, q, z)
+
+
+def test_a_problem_without_solution_ends_on_a_ray() -> None:
+    """Where no complementary basis is feasible, there is no answer instead of a wrong one."""
+    assert lemke(np.array([[-1.0]]), np.array([-1.0])) is None
+    rng = np.random.default_rng(2)
+    without = 0
+    for _ in range(200):
+        M, q = rng.standard_normal((3, 3)), rng.standard_normal(3)
+        z = lemke(M, q)
+        if z is not None:
+            assert is_solution(M, q, z)
+        without += not exists(M, q)
+        assert z is None or exists(M, q)
+    assert without > 10
+
+
+def test_degenerate_problem_with_many_ties() -> None:
+    """Points that all move alike and never touch: every ratio is tied, and the method still ends."""
+    rng = np.random.default_rng(3)
+    for m in (2, 5, 9):
+        M, q = coulomb(rng, m, 2.0)
+        q[:m] = 5.0
+        q[m : 2 * m], q[2 * m : 3 * m] = 1.0, -1.0
+        z = lemke(M, q)
+        assert z is not None
+        assert is_solution(M, q, z)
+        assert np.abs(z[:m]).max() < 1e-9  # no contact force
+
+
+def test_no_unknowns_and_no_violation() -> None:
+    """Nothing to do is no error."""
+    assert lemke(np.zeros((0, 0)), np.zeros(0)).shape == (0,)
+    assert (lemke(np.eye(2), np.array([1.0, 0.0])) == 0).all()
+
+
+def block(n: int = 8) -> sc.Body:
+    """A block pressed down and dragged along on one side of its top."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 2, n + 1), np.linspace(0, 1, 4)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    x = basis.project(lambda x: np.array([0.02 * x[0], -0.015 + 0.02 * x[0]]))
+    form = linear_elasticity(*lame_parameters(1.0, 0.3))
+    return sc.Body(basis, form, D="top", x=x, name="block")
+
+
+LAWS = [
+    sc.Coulomb(0.4, stiffness=np.inf),
+    sc.Coulomb(1.5, stiffness=np.inf),
+    sc.Coulomb(0.4, stiffness=0.7),
+    sc.Coulomb(0.4, cohesion=1e-4, stiffness=np.inf),
+    sc.Coulomb(0.8, tau_max=2e-3, stiffness=np.inf),
+    sc.Tresca(2e-3, stiffness=np.inf),
+    None,
+]
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_starting_values_are_the_answer(law: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Started by pivoting, the loop has nothing left to change, whatever the friction law."""
+    body = block()
+    contact = sc.Contact(body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=law)
+    usual = sc.ContactSolver(body, contact).solve()
+    assert {0, 2} <= set(usual.status.tolist())  # open and sliding at least
+    monkeypatch.setattr(stepping, "STARTS", ("pivoting", "pivoting"))
+    result = sc.ContactSolver(body, contact).solve()
+    assert result.iterations == 1
+    assert (result.status == usual.status).all()
+    # both are exact: round-off of one dense solve
+    assert np.abs(result.u - usual.u).max() < 1e-10 * np.abs(usual.u).max()
+
+
+def test_a_history_starts_from_the_state_of_friction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pivoting knows the friction of the step before: a reversed load ends where the loop ends."""
+    body = block()
+    contact = sc.Contact(
+        body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.4)
+    )
+    way = (1.0, 0.6, 0.9)
+    usual = list(sc.ContactSolver(body, contact).history(way))
+    monkeypatch.setattr(stepping, "STARTS", ("pivoting", "pivoting"))
+    for a, b in zip(usual, sc.ContactSolver(body, contact).history(way), strict=True):
+        assert np.abs(a.u - b.u).max() < 1e-10 * np.abs(a.u).max()
+        assert b.iterations <= a.iterations
+
+
+def test_what_the_method_does_not_cover_is_declined(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Too many points: no starting values, and the loop goes on with others."""
+    answers = []
+    own = stepping.lemke_guess
+    monkeypatch.setattr(stepping, "STARTS", ("pivoting", "pivoting"))
+    monkeypatch.setattr(module, "MOST_POINTS", 3)
+    monkeypatch.setattr(
+        stepping, "lemke_guess", lambda *args: answers.append(own(*args)) or answers[-1]
+    )
+    body = block()
+    contact = sc.Contact(
+        body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.4)
+    )
+    assert sc.ContactSolver(body, contact).solve().converged
+    assert answers == [None]
