@@ -283,6 +283,9 @@ def _slip_rule(
     unit = trial / np.where(size > 0, size, 1.0)[:, None]
     # where the slip turns back the point sticks first, or forward and backward slip alternate
     slips &= ~was_slip | (np.sum(unit * current.direction, axis=1) >= 0) | exact
+    # a coefficient of zero: no force can stick, not even the round-off of one
+    if force_scale > 0:
+        slips |= (step.limit(np.full_like(size, force_scale), response.slip) == 0) & step.frictional
     keep = exact & was_slip
     direction = np.where(keep[:, None], current.direction, unit)
     # a point that closes slips if it moves sideways by more than it sinks in allows: the trial
