@@ -91,7 +91,7 @@ def drive(
             break
         if iterate.converged:
             return Outcome(iterate, tuple(trace), True, f"converged in {len(trace)} iterations")
-        if iterate.held is not None:
+        if iterate.held is not None and iterate.residual <= tolerance:
             key = iterate.status.tobytes()
             if key in unheld:
                 message = "no equilibrium: nothing holds a rigid motion"

@@ -159,7 +159,8 @@ def direct(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
 def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> Iterator[Iterate]:
     """Solve for a set of statuses, let the answer correct the set, until it agrees."""
     current = guess
-    pace = Pace()
+    # the limits of `direct` settle over several iterations: until then its sets may well change
+    pace = Pace(patience=4 if coupled else 15)
     while True:
         status, held = hold(step, current)
         current = replace(current, status=status)
@@ -191,9 +192,9 @@ class Pace:
     solutions this ends; where it does not, the driver's count does.
     """
 
+    patience: int
     best: int = np.iinfo(int).max
-    patience: int = 4
-    left: int = 4
+    left: int = 0
     single: bool = False
 
     def note(self) -> str:

@@ -32,7 +32,7 @@ logger = logging.getLogger("skfem_contact")
 
 LOOPS = {"newton": loops.newton, "direct": loops.direct, "fictitious": loops.fictitious}
 # Where an attempt at a load step begins, in this order.
-STARTS = ("warm", "cold", "pivoting")
+STARTS = ("warm", "cold", "newton", "pivoting")
 ITERATIONS = {"newton": 80, "direct": 150, "fictitious": 2000}
 
 
@@ -103,7 +103,7 @@ class Stepper:
         """Go from a state under `case` to `target`; the last attempt says whether it arrived."""
         walk = Walk(state, case, np.zeros(len(self.interface.parts)))
         known = warm
-        starts = self._starts()[0 if known is not None else 1 :]
+        starts = [start for start in self._starts() if known is not None or start != "warm"]
         done, share = 0.0, 1.0
         smallest = 0.5**self.options.max_cuts
         while True:
@@ -130,9 +130,14 @@ class Stepper:
                 known, starts = walk.state, self._starts()
 
     def _starts(self) -> list[str]:
-        """Where attempts may begin; pivoting only on problems small enough for its tableau."""
+        """Where attempts may begin.
+
+        Newton only for the loop `direct`, whose lagged limits settle slowly near gross slip;
+        pivoting only on problems small enough for its tableau.
+        """
         few = len(self.interface.stiffness) <= MOST_POINTS
-        return [start for start in STARTS if few or start != "pivoting"]
+        useful = {"warm": True, "cold": True, "newton": self.loop == "direct", "pivoting": few}
+        return [start for start in STARTS if useful[start]]
 
     def _attempt(
         self,
@@ -209,21 +214,34 @@ class Stepper:
                 stiffness=interface.stiffness,
                 last=walk.state,
             )
-            guess = admissible(self._guess(start, known, step, kin), step)
+            guess, spent = self._guess(start, known, step, kin)
+            guess = admissible(guess, step)
             limit = options.max_iterations or ITERATIONS[self.loop]
             run = LOOPS[self.loop]
             outcome = drive(run, step, guess, options.tolerance, limit, callback)
+            outcome = replace(outcome, trace=(*spent, *outcome.trace))
             state = self._state(outcome, walk.state, placement, load, case)
         return Attempt(outcome, placement, load, case, seen, state, outcome.iterate.response.gap)
 
-    def _guess(self, start: str, known: State, step: Step, kin: Kinematics) -> Guess:
+    def _guess(
+        self, start: str, known: State, step: Step, kin: Kinematics
+    ) -> tuple[Guess, tuple[Record, ...]]:
+        """Starting values, and the iterations that another loop spent on them."""
         if start == "warm":
-            return as_guess(known)
+            return as_guess(known), ()
+        if start == "newton":
+            first = admissible(as_guess(known), step)
+            most = ITERATIONS["newton"]
+            found = drive(loops.newton, step, first, self.options.tolerance, most)
+            it, there = found.iterate, found.iterate.response
+            return Guess(
+                it.status, it.direction, there.normal_force, there.tangential_force, there.slip
+            ), found.trace
         if start == "pivoting":
-            found = lemke_guess(step, as_guess(known))
-            if found is not None:
-                return found
-        return self._cold(step, step.load.gap0, kin)
+            pivoted = lemke_guess(step, as_guess(known))
+            if pivoted is not None:
+                return pivoted, ()
+        return self._cold(step, step.load.gap0, kin), ()
 
     def _cold(self, step: Step, gap0: Array, kin: Kinematics) -> Guess:
         """Nothing known: points that touch are closed and stick; where few do, a nested start."""
