@@ -52,7 +52,9 @@ class ContactSurface:
         the normals to constrain along are `facet_node_normals`.
     facet_node_normals : ndarray, shape (nf, 2, d)
         Outward unit normals at start and end of each facet: averaged with the neighbour, but the
-        facet's own where the surface ends or turns by more than 45 degrees.
+        facet's own where the surface turns by more than 45 degrees, or ends. A curved surface that
+        ends on a line of symmetry (one component of its last node is prescribed) is averaged with
+        its mirror image.
     area : ndarray, shape (m,)
         Tributary areas: integrals of the shape functions times the `measure` of the body. They add
         up to the area of the surface. (The end of a quadratic facet on the axis of symmetry has
@@ -114,6 +116,11 @@ class ContactSurface:
         """Facets before and after each facet, shape (nf, 2); -1 where the surface ends."""
         return facet_neighbours(self.facets)
 
+    @property
+    def held(self) -> np.ndarray:
+        """Which components of each node are prescribed, shape (m, d)."""
+        return _held(self.body, self.dofs)
+
     @cached_property
     def end_normals(self) -> np.ndarray:
         """The facets' own outward unit normals at start and end, (nf, 2, d), not averaged."""
@@ -136,7 +143,7 @@ class ContactSurface:
                 f"{self.body.n} DOFs"
             )
         points = self.points + u[self.dofs]
-        return replace(self, points=points, **_geometry(points, self.facets))
+        return replace(self, points=points, **_geometry(points, self.facets, self.held))
 
 
 def extract_surface(
@@ -182,7 +189,7 @@ def extract_surface(
         facets=facets,
         area=_areas(points, facets, body.measure, label),
         mesh_facets=numbers,
-        **_geometry(points, facets),
+        **_geometry(points, facets, _held(body, dofs)),
     )
 
 
@@ -311,7 +318,33 @@ def _normals_at(
     return normal + 0.0, speed  # + 0.0 turns -0.0 into 0.0
 
 
-def _geometry(points: np.ndarray, facets: np.ndarray) -> dict[str, Any]:
+def _held(body: Body, dofs: np.ndarray) -> np.ndarray:
+    """Prescribed components, (m, d); a scalar field has no directions to hold."""
+    held = np.isin(dofs, body.D)
+    return held if dofs.shape[1] == body.dim else np.zeros((len(dofs), body.dim), dtype=bool)
+
+
+def _on_symmetry(
+    middle: np.ndarray, lengths: np.ndarray, facets: np.ndarray, held: np.ndarray, side: int
+) -> np.ndarray:
+    """Facets (nf,) of a curved surface that ends here on a line of symmetry.
+
+    There one component of the last node is prescribed, and the normal, continued from the middles
+    of the last two facets to the end, has none of it left. A straight inclined surface that ends
+    at a roller is not meant: its normal stays as it is.
+    """
+    before = facet_neighbours(facets)
+    inner = before[:, 1 - side]
+    here = held[facets[:, side]]
+    last = (before[:, side] < 0) & (inner >= 0) & (here.sum(axis=1) == 1)
+    last &= np.einsum("fd,fd->f", middle, middle[inner]) >= CORNER
+    share = (lengths / (lengths + lengths[inner]))[:, None]
+    ahead = middle + share * (middle - middle[inner])
+    left = np.abs(np.sum(ahead * here, axis=1)), np.abs(np.sum(middle * here, axis=1))
+    return np.asarray(last & (left[0] <= 0.5 * left[1]))
+
+
+def _geometry(points: np.ndarray, facets: np.ndarray, held: np.ndarray) -> dict[str, Any]:
     """Lengths and normals: what changes when the surface moves."""
     gauss, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
     lengths = _normals_at(points, facets, gauss)[1] @ weight
@@ -328,6 +361,13 @@ def _geometry(points: np.ndarray, facets: np.ndarray) -> dict[str, Any]:
         # exact on a circle, and of second order on any smooth curve
         mean = lengths[other, None] * ends[:, side] + lengths[:, None] * there
         averaged[smooth, side] = _unit(mean[smooth])
+
+    for side in (0, 1):
+        mirrored = _on_symmetry(own[:, 1], lengths, facets, held, side)
+        # the average with the mirror image, without which the end node would be constrained along
+        # the normal of a chord
+        image = np.where(held[facets[mirrored, side]], 0.0, ends[mirrored, side])
+        ends[mirrored, side] = averaged[mirrored, side] = _unit(image)
 
     total = np.zeros_like(points)
     np.add.at(total, facets[:, :2], lengths.min() / lengths[:, None, None] * ends)

@@ -69,9 +69,7 @@ def test_dofs_belong_to_the_points(mesh, element):
     surface = one.surface(None)
     u = one.dof_points[np.arange(one.n), one.dof_component]
     assert np.array_equal(u[surface.dofs], surface.points)
-    assert np.array_equal(
-        one.dof_component[surface.dofs], np.tile([0, 1], (len(u[surface.dofs]), 1))
-    )
+    assert np.array_equal(one.dof_component[surface.dofs], np.tile([0, 1], (len(u[surface.dofs]), 1)))
 
 
 @pytest.mark.parametrize("mesh, element", ALL[:-1])
@@ -91,10 +89,7 @@ def test_areas_are_loads_of_unit_pressure(mesh, element, measure):
 def test_areas_of_curved_facets_converge_to_the_circle():
     """The perimeter of quadratic facets is 2 pi with an error of fourth order."""
     errors = [
-        abs(
-            body(fem.MeshTri2.init_circle(k), fem.ElementTriP2()).surface(None).area.sum()
-            - 2 * np.pi
-        )
+        abs(body(fem.MeshTri2.init_circle(k), fem.ElementTriP2()).surface(None).area.sum() - 2 * np.pi)
         for k in (2, 3)
     ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.1)
@@ -258,3 +253,44 @@ def test_shape_functions_are_a_partition_with_the_right_derivatives(k):
     np.testing.assert_allclose(dN.sum(axis=1), 0.0, atol=1e-14)
     central = (facet_shapes(xi + h, k)[0] - facet_shapes(xi - h, k)[0]) / (2 * h)
     np.testing.assert_allclose(dN, central, atol=1e-9)  # round-off over the step
+
+
+def sector(element=None, squeeze=0.0):
+    """A quarter of a ring 1-2 with unequal facets; `squeeze` makes it a straight inclined strip."""
+    t = np.linspace(0, 1, 6) ** 1.3
+    flat = fem.MeshQuad.init_tensor(np.linspace(1, 2, 3), t).with_defaults()
+
+    def place(x):
+        angle = 0.5 * np.pi * x[1]
+        if squeeze:
+            return np.array([x[0] + squeeze * x[1], x[1]])
+        return np.array([x[0] * np.cos(angle), x[0] * np.sin(angle)])
+
+    mesh = type(flat)(place(flat.p), flat.t)
+    rim = np.intersect1d(flat.boundaries["right"], np.arange(mesh.nfacets))
+    basis = fem.Basis(mesh, fem.ElementVector(element or fem.ElementQuad1()))
+    ends = [basis.get_dofs(flat.boundaries[k]).all(c) for k, c in (("bottom", "u^2"), ("top", "u^1"))]
+    return Body(basis, sp.eye(basis.N), D=np.concatenate(ends)).surface(rim)
+
+
+def test_a_curved_surface_continues_beyond_a_line_of_symmetry():
+    """At rollers on both cuts of a quarter circle all nodal normals are radial, the end ones too."""
+    surface = sector()
+    radial = surface.points / np.linalg.norm(surface.points, axis=1, keepdims=True)
+    np.testing.assert_allclose(surface.normals[[0, -1]], radial[[0, -1]], atol=1e-12)
+    at_nodes = np.stack([radial[surface.facets[:, i]] for i in (0, 1)], axis=1)
+    # in between the average is of second order, (0.3 rad)² over some ten
+    np.testing.assert_allclose(surface.facet_node_normals, at_nodes, atol=0.01)
+    np.testing.assert_allclose(surface.facet_node_normals[0, 0], at_nodes[0, 0], atol=1e-12)
+    np.testing.assert_allclose(surface.facet_node_normals[-1, 1], at_nodes[-1, 1], atol=1e-12)
+    # moved as a whole, it still does
+    moved = surface.moved(np.zeros(surface.body.n))
+    np.testing.assert_array_equal(moved.facet_node_normals, surface.facet_node_normals)
+
+
+def test_a_straight_inclined_surface_keeps_its_normal_at_a_roller():
+    """A wedge that ends at a prescribed side is no curve: its end normals are those of the slope."""
+    surface = sector(squeeze=0.1)
+    normal = np.array([1.0, -0.1]) / np.hypot(1.0, 0.1)
+    np.testing.assert_allclose(surface.facet_node_normals, np.broadcast_to(normal, (5, 2, 2)))
+    np.testing.assert_allclose(surface.normals, np.broadcast_to(normal, (6, 2)))

@@ -197,6 +197,28 @@ def test_L2_numbers():
         assert_allclose(u_r[np.isclose(r, rim)], exact, rtol=1e-3)  # second order: 2 % / 16
 
 
+@pytest.mark.parametrize("method", ["node", "mortar"])
+@pytest.mark.parametrize("mu", [None, 0.3])
+def test_L2_quarter(mu, method):
+    """A quarter with rollers on its cuts is a quarter of the whole: its end nodes are like the rest."""
+    bodies = []
+    for a, b, name in ((1.0, 2.0, "inner"), (2.0, 3.0, "outer")):
+        basis = ring_basis(np.linspace(a, b, 7), np.linspace(0, np.pi / 2, 13))
+        D = [basis.get_dofs("start").all("u^2"), basis.get_dofs("end").all("u^1")]
+        bodies.append(sc.Body(basis, elastic(*STEEL), D=np.concatenate(D), name=name))
+    contact = sc.Contact(
+        bodies[0].surface("outer"),
+        bodies[1].surface("inner"),
+        interference=DELTA,
+        friction=None if mu is None else sc.Coulomb(mu),
+        method=method,
+    )
+    result = sc.ContactSolver(bodies, [contact]).solve()
+    whole = press_fit(48).solve()
+    assert_allclose(result.pressure, mean(whole), rtol=1e-9)
+    assert_allclose(result.tangential_force, 0.0, atol=1e-9 * result.normal_force.max())
+
+
 def quadratic_quarter(a, b, layers, n):
     """Nine-node quadrilaterals with curved sides on a quarter of a ring."""
     sides = {
