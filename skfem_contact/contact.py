@@ -105,7 +105,9 @@ class Contact:
             )
         for name in ("adjust", "reach"):
             value = getattr(self, name)
-            if value is not None and not value >= 0:
+            # no limit to `reach` is what it has without; every gap closed is never what is meant
+            endless = name == "adjust" and value == np.inf
+            if value is not None and (not value >= 0 or endless):
                 raise InputError(f"Contact: {name} = {value} has to be a length >= 0.")
 
     @property

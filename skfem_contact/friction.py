@@ -104,6 +104,14 @@ def _not_negative(name: str, value: ArrayLike, law: str) -> None:
         )
 
 
+def _not_infinite(name: str, value: ArrayLike, law: str) -> None:
+    if not np.isfinite(np.asarray(value, dtype=float)).all():
+        raise InputError(
+            f"{law}: {name} is infinite. For surfaces that never slip use Contact(tied=True), or "
+            f"a large finite {name} if they may separate."
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Coulomb(FrictionLaw):
     r"""Coulomb friction with adhesion and a shear cap: ``L = min(mu lambda + c A, tau_max A)``.
@@ -140,11 +148,8 @@ class Coulomb(FrictionLaw):
         super().__post_init__()
         for name in ("mu", "tau_max", "cohesion"):
             _not_negative(name, getattr(self, name), "Coulomb")
-        if not np.isfinite(np.asarray(self.mu, dtype=float)).all():
-            raise InputError(
-                "Coulomb: mu is infinite. For surfaces that never slip use Contact(tied=True), or "
-                "a large finite mu if they may separate."
-            )
+        for name in ("mu", "cohesion"):
+            _not_infinite(name, getattr(self, name), "Coulomb")
 
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         return np.minimum(self.mu * normal_force + self.cohesion * area, self._cap(area))
@@ -183,6 +188,7 @@ class Tresca(FrictionLaw):
         object.__setattr__(self, "stiffness", stiffness)
         self.__post_init__()
         _not_negative("limit", limit, "Tresca")
+        _not_infinite("limit", limit, "Tresca")
 
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         return self.k * area
