@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact import loops
+from skfem_contact.diagnosis import prescribed_rows
 from skfem_contact.driver import Options, Outcome, drive
 from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import Interface
@@ -202,15 +203,18 @@ class Stepper:
         with single_threaded():
             seen = self.geometry.case(placement, case, walk.state, walk.case)
             load = placement.rows.load(seen)
+            # where the gap is prescribed, D carries the force: there is no contact to model
+            able = interface.tied | ~prescribed_rows(kin.B_n, self.geometry.system.D)
+            paired = kin.paired & able
             step = Step(
                 space=placement.rows.space,
                 load=load,
                 motions=placement.motions,
                 area=kin.area,
-                paired=kin.paired,
-                tied=interface.tied & kin.paired,
+                paired=paired,
+                tied=interface.tied & paired,
                 laws=interface.laws,
-                frictional=interface.frictional & kin.paired,
+                frictional=interface.frictional & paired,
                 stiffness=interface.stiffness,
                 last=walk.state,
             )
