@@ -288,7 +288,9 @@ class Stepper:
         elastic = np.where(np.isfinite(G), (new.tangential_force - last.tangential_force) / G, 0.0)
         mean = 0.5 * (last.tangential_force + new.tangential_force)
         work = np.sum(mean * (new.slip - last.slip - elastic), axis=1)
-        work = np.where(self.interface.frictional & (new.status != OPEN), work, 0.0)
+        # a point that opens slides under a force that falls to zero, so it counts as well
+        touched = (new.status != OPEN) | (last.status != OPEN)
+        work = np.where(self.interface.frictional & touched, work, 0.0)
         return np.array([work[part].sum() for part in self.interface.parts])
 
 

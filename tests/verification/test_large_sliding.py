@@ -1,0 +1,227 @@
+"""Contact that travels: dragging, ironing, belts, wedges (finite sliding)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+from sliding_scenes import QUAD, belt, dragged_block, elastic, rectangle, travel
+
+import skfem_contact as sc
+from skfem_contact import reference
+
+MU = 0.3
+DISTANCES = np.linspace(0, 3, 31)  # 20 facets of the track are 2.75 long
+
+
+def saturated(results):
+    """The steps in which the whole block slips: all but the first, in which it begins to."""
+    return results[2:]
+
+
+def test_P9_block_on_a_rigid_track():
+    """On a rigid flat track the friction is mu P and the normal force P at every step."""
+    results = travel(dragged_block(rigid=True), DISTANCES)
+    force = np.array([r.force for r in saturated(results)])
+    # equilibrium and a flat rigid track: nothing but round-off
+    assert_allclose(force, np.tile([-MU, 1.0], (len(force), 1)), atol=1e-10)
+    assert all(r.certificate.worst < 1e-9 for r in results)
+
+
+@pytest.mark.parametrize("method", ["node", "mortar"])
+def test_P9_block_on_an_elastic_track(method):
+    """The law holds point by point; the resultant is mu P up to the tilt of the deformed frames."""
+    E = 1e3
+    results = travel(dragged_block(rigid=False, method=method, E=E), DISTANCES)
+    for r in saturated(results):
+        slips = r.status == 2
+        # every slipping point is on the friction cone: the loop's own tolerance is 1e-10
+        bound = MU * r.normal_force[slips]
+        assert_allclose(np.abs(r.tangential_force[slips, 0]), bound, atol=1e-8 * bound.max())
+        assert_allclose(r.force[1], 1.0, rtol=1e-9)  # vertical equilibrium
+        # frames tilt by the slope of the surface, of the order of the largest pressure over E
+        assert abs(-r.force[0] - MU) < 2 * r.pressure.max() / E
+    # the mean height goes up and down with the joints passed, whose facets are as long as the block's,
+    # and with the distance to the ends of the track; that nothing drifts is the next test but two
+    height = np.array([r.displacement("block")[1::2].mean() for r in saturated(results)])
+    assert np.ptp(height) < 0.02 * abs(height.mean())
+
+
+def ripple(method, steps=np.linspace(0, 1.1, 45)):
+    """Largest deviation of the friction resultant from its mean while joints are crossed."""
+    force = np.array(
+        [r.force[0] for r in saturated(travel(dragged_block(rigid=False, method=method), steps))]
+    )
+    return np.ptp(force) / abs(force.mean())
+
+
+def test_P9_ripple_is_small_for_both_methods():
+    """Passing joints, the friction force of node and mortar contact ripples by less than 0.5 %."""
+    # the size of the tilt of the frames, p/E = 1e-3 to 3e-3 at the edges of the block
+    assert ripple("node") < 5e-3
+    assert ripple("mortar") < 5e-3
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+def test_P9_joints_are_passed_exactly(rigid):
+    """Steps of one facet length, which put corners exactly onto joints, lose no node."""
+    facets = np.arange(-4, 33) / 8.0  # the block's own spacing: every node on a joint
+    distances = np.arange(0, 9) / 8.0
+    results = travel(dragged_block(rigid=rigid, facets=facets), distances)
+    assert all(r.kin.paired.all() for r in results)
+    assert_allclose([r.force[1] for r in results], 1.0, rtol=1e-9)
+
+
+def test_forward_and_back_returns_to_the_same_state():
+    """Dragged to and fro, the block comes back to the state of gross slip it has been in."""
+    there = np.linspace(0, 1, 11)
+    back = np.linspace(1, -0.2, 13)[1:]
+    results = travel(dragged_block(rigid=False), [*there, *back, *there[:6]])
+    first = next(r for r, d in zip(results, there, strict=False) if np.isclose(d, 0.5))
+    again = results[-1]
+    # both at 0.5 in gross slip to the right: the pairing is iterated to 1e-8
+    assert_allclose(again.normal_force, first.normal_force, atol=1e-6 * first.normal_force.max())
+    assert_allclose(again.tangential_force, first.tangential_force, atol=1e-6 * MU)
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0, 4.0])
+def test_S3_capstan(start):
+    """A belt slips where its tensions have the ratio of the thick-belt formula, wherever it starts."""
+    solver, steps, tension = belt(start)
+    *_, last = solver.history(steps)
+    assert np.all(last.status == 2)
+    expected = reference.capstan_ratio(MU, np.pi / 2, 0.02)
+    # 120 elements of 1.3 hundredths of the radius: facets and belt differ from circles by 1e-4
+    assert_allclose(tension(last), expected, rtol=3e-3)
+
+
+def test_S3_capstan_with_moving_pairing():
+    """A belt that is paired anew slips at the same ratio, up to its own rotation along the drum.
+
+    A linear body does not turn with the normals when it slides along by an angle delta: friction
+    then acts at tan(atan mu - delta), and the ratio falls by the factor exp(-(1 + mu^2) delta wrap).
+    """
+    ratios, turned = [], []
+    for E in (1e5, 1e6):
+        solver, steps, tension = belt(0.3, n=60, sliding="finite", E=E)
+        *_, last = solver.history(steps)
+        ratios.append(tension(last) / reference.capstan_ratio(MU, np.pi / 2, 0.02) - 1)
+        turned.append(last.slip.mean())
+    # between the slips of the two ends, 1.8 and 2.8 thousandths, lies the effective angle
+    assert_allclose(ratios, -(1 + MU**2) * np.array(turned) * np.pi / 2, rtol=0.1)
+    assert abs(ratios[1]) < 1e-3
+
+
+def disc_on_block(method, nx, *, rigid=False, smooth=True):
+    """Ironing: an elastic disc (or a rigid one) pressed into a block and dragged along it."""
+    block = sc.Body(
+        rectangle(np.linspace(0, 4, nx + 1), np.linspace(-1, 0, max(6, nx // 5) + 1)),
+        elastic(1e3),
+        D="bottom",
+        name="block",
+    )
+    tool = sc.RigidSphere((1.2, 1.0), 1.0, name="tool")
+    contact = sc.Contact(
+        block.surface("top"), tool, friction=sc.Coulomb(MU), sliding="finite", method=method
+    )
+    down = [{"motion": {"tool": (0.0, -0.02 * k / 4)}} for k in range(1, 5)]
+    along = [{"motion": {"tool": (0.04 * k, -0.02)}} for k in range(1, 26)]
+    solver = sc.ContactSolver([block], contact)
+    return np.array([r.force for r in solver.history([*down, *along])])[8:]
+
+
+def test_ironing_forces_converge():
+    """Vertical and horizontal force of ironing converge under refinement of the block."""
+    mean = np.array([disc_on_block("node", nx).mean(axis=0) for nx in (40, 80, 160)])
+    change = np.abs(np.diff(mean, axis=0)) / np.abs(mean[2])
+    # the normal force converges from one side; friction follows it, with the slopes at both ends of
+    # the contact, one facet wide, in it: of the order of a facet over the radius, squared
+    assert change[1, 1] < 0.5 * change[0, 1]
+    assert change[1, 0] < 3e-3
+    # on the block the disc presses down and drags to the right
+    assert mean[2, 1] < 0 < mean[2, 0]
+    assert_allclose(mean[2, 0] / -mean[2, 1], MU, rtol=0.05)  # plus a little ploughing
+
+
+def test_rigid_motion_of_everything_changes_nothing():
+    """X33: preloaded bodies that are moved together keep pressure and friction."""
+    top = rectangle(np.linspace(0.3, 0.7, 6), np.linspace(0, 0.4, 6))
+    low = rectangle(np.linspace(0, 1, 9), np.linspace(-0.5, 0, 6))
+
+    def prescribed(basis, tag):
+        D = basis.get_dofs(tag)
+        shift, press = np.zeros((2, basis.N))
+        shift[D.nodal["u^1"]] = 1.0
+        press[D.nodal["u^2"]] = 1.0
+        return D, shift, press
+
+    D_top, shift_top, press_top = prescribed(top, "top")
+    D_low, shift_low, _ = prescribed(low, "bottom")
+    a = sc.Body(low, elastic(1.0), D=D_low, name="low")
+    b = sc.Body(top, elastic(1.0), D=D_top, name="top")
+    contact = sc.Contact(
+        b.surface("bottom"), a.surface("top"), friction=sc.Coulomb(MU), sliding="finite"
+    )
+    solver = sc.ContactSolver([a, b], contact)
+    pressed = -0.01 * press_top + 0.002 * shift_top
+    steps = [{"x": {"top": pressed}}]
+    steps += [
+        {"x": {"top": pressed + 0.3 * k * shift_top, "low": 0.3 * k * shift_low}} for k in (1, 2, 3)
+    ]
+    first, *moved = solver.history(steps)
+    for r in moved:
+        scale = first.normal_force.max()
+        # a translation changes no frame and no gap: what is left is the tolerance of the pairing
+        assert_allclose(r.normal_force, first.normal_force, atol=1e-8 * scale)
+        assert_allclose(r.tangential_force, first.tangential_force, atol=1e-8 * scale)
+
+
+def test_P4_wedge_with_large_sliding():
+    """NAFEMS CGS-4: pushed up its slope by 0.2, the wedge needs G (t + mu)/(1 - mu t)."""
+    slope, G = 0.1, 10.0
+
+    def wedge(x0, x1, nx, ny, low):
+        mesh = fem.MeshQuad.init_tensor(np.linspace(x0, x1, nx + 1), np.linspace(0, 1, ny + 1))
+        x, s = mesh.p
+        ramp = 0.7 + slope * x
+        y = s * ramp if low else ramp + s * (2 - ramp)
+        left = mesh.facets_satisfying(lambda p: p[0] < x0 + 1e-9)
+        flat = {
+            "left": left,
+            "bottom": mesh.facets_satisfying(lambda p: p[1] < 1e-9),
+            "top": mesh.facets_satisfying(lambda p: p[1] > 1 - 1e-9),
+        }
+        return fem.Basis(fem.MeshQuad(np.array([x, y]), mesh.t).with_boundaries(flat), QUAD)
+
+    base_basis, top_basis = wedge(0, 6, 12, 3, True), wedge(1, 5, 9, 3, False)
+    base = sc.Body(base_basis, elastic(1.1e6, 0.0), D="bottom", name="base")
+    weight = fem.LinearForm(lambda v, w: -G / 4 * v[1]).assemble(top_basis.boundary("top"))
+    D = top_basis.get_dofs("left").nodal["u^1"]
+    x = np.zeros(top_basis.N)
+    x[D] = 0.2
+    top = sc.Body(top_basis, elastic(1.1e6, 0.0), f=weight, D=D, x=x, name="top")
+    contact = sc.Contact(
+        top.surface("bottom"), base.surface("top"), friction=sc.Coulomb(MU), sliding="finite"
+    )
+    *_, last = sc.ContactSolver([base, top], contact).history(
+        [{"x": {"top": k / 5}} for k in range(1, 6)]
+    )
+    push = -last.force[0]
+    # a stiff wedge on a straight slope: what is left is its tilt, of the order p/E
+    assert_allclose(push / G, (slope + MU) / (1 - MU * slope), rtol=1e-3)
+
+
+def test_energy_over_a_sliding_cycle():
+    """P10: over a closed cycle in gross slip the work of the drag is what friction dissipates."""
+    there = np.linspace(0, 0.4, 9)
+    path = [*there, *there[-2::-1], *there[1:]]
+    results = travel(dragged_block(rigid=True), path)
+    cycle = results[8:25]  # from 0.4 back to 0 and to 0.4 again
+    drag = np.array([r.force[0] for r in cycle])
+    moved = np.array(path[8:25])
+    work = -np.sum(0.5 * (drag[1:] + drag[:-1]) * np.diff(moved))
+    lost = cycle[-1].dissipation_total - cycle[0].dissipation_total
+    # trapezoidal work against trapezoidal dissipation, and the same elastic energy at both ends: all
+    # that is missing is the normal work of points that open and close at the reversals
+    assert_allclose(lost, work, rtol=2e-3)
