@@ -470,6 +470,8 @@ def test_P10_energy_is_conserved(G, loop):
     solver, step = energy_scene(sc.Coulomb(0.3, stiffness=G), loop)
     results = list(solver.history([step(*point) for point in PATH]))
     assert all((r.status != 0).all() for r in results)
+    if loop == "newton":  # 4 to 7; slips that turn back once cost 80 and a second start
+        assert max(r.iterations for r in results) <= 20
     assert any((r.status == 1).any() and (r.status == 2).any() for r in results)
     work, strain = energies(results, solver, loads_and_reactions)
     spring = [0.0] + [0.0 if np.isinf(G) else 0.5 * np.sum(r.tangential_force**2) / G for r in results]
