@@ -29,7 +29,8 @@ from skfem_contact.body import System
 from skfem_contact.kinematics import Kinematics, without_columns
 from skfem_contact.linear import Dense
 from skfem_contact.loads import LoadCase
-from skfem_contact.spaces import Load, PointSpace, SparseSpace
+from skfem_contact.points import PointSpace
+from skfem_contact.spaces import Load, SparseSpace
 from skfem_contact.substructure import Substructure
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.loops import OPEN, SLIP, STICK, Guess, Step
-from skfem_contact.spaces import PointSpace
+from skfem_contact.points import PointSpace
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import LinAlgError
 from scipy.spatial import cKDTree
 
 from skfem_contact.driver import drive
 from skfem_contact.loops import OPEN, STICK, Guess, Iterate, Loop, Step
-from skfem_contact.spaces import PointSpace
+from skfem_contact.points import PointSpace, Reduction
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -91,33 +91,16 @@ def _restrict(step: Step, keep: Mask) -> Level:
     if not isinstance(space, PointSpace):
         kept = replace(step, paired=step.paired & keep)
         return Level(kept, lambda z: np.zeros(0))
-    rows = np.concatenate([space.normal_rows[keep], space.tangential_rows[keep].ravel()])
-    rows = np.sort(rows[rows >= 0])
-    rest = np.setdiff1d(np.arange(len(space.S)), rows)
-    factor = cho_factor(space.S[np.ix_(rest, rest)], lower=True, check_finite=False)
-    if np.min(np.diag(factor[0])) < 1e-7 * np.max(np.diag(factor[0])):
+    reduction = Reduction(space, keep)
+    if not reduction.good:
         raise LinAlgError("the kept points do not hold the bodies")
-    coupling = space.S[np.ix_(rest, rows)]
-    solved = cho_solve(factor, np.column_stack([coupling, load.force[rest]]), check_finite=False)
-    S = space.S[np.ix_(rows, rows)] - coupling.T @ solved[:, :-1]
-    force = load.force[rows] - coupling.T @ solved[:, -1]
-
-    place = np.full(len(space.S) + 1, -1)
-    place[rows] = np.arange(len(rows))
-    coarse = PointSpace(
-        0.5 * (S + S.T),
-        np.where(keep, place[space.normal_rows], -1),
-        np.where(keep[:, None], place[space.tangential_rows], -1),
-    )
 
     def gaps(z: Array) -> Array:
-        full = np.zeros(len(space.S))
-        full[rows] = z
-        full[rest] = solved[:, -1] - solved[:, :-1] @ z
+        full = reduction.expand(z, load)
         moved = np.where(space.normal_rows >= 0, full[space.normal_rows], 0.0)
         return np.asarray(load.gap0 + moved)
 
-    new = replace(step, space=coarse, load=replace(load, force=force), paired=step.paired & keep)
+    new = replace(step, space=reduction.space, load=reduction.load(load), paired=step.paired & keep)
     return Level(new, gaps)
 
 

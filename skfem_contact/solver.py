@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -17,6 +18,7 @@ from skfem_contact.contact import Contact
 from skfem_contact.diagnosis import check_loads
 from skfem_contact.driver import Options
 from skfem_contact.errors import InputError, NoEquilibrium, NotConverged
+from skfem_contact.friction import FrictionLaw
 from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import contact_names, interface, point_slices
 from skfem_contact.kinematics import Kinematics, point_labels, secondary_dofs
@@ -202,6 +204,87 @@ class ContactSolver:
         from skfem_contact.report import dry_run  # it is about solvers, and stands after them
 
         return dry_run(self)
+
+    def prepare(self) -> ContactSolver:
+        """Do now what the first load step would do once: condense the bodies. Returns the solver."""
+        if self.geometry.follows:
+            self.model  # noqa: B018 (made when first asked for)
+        else:
+            self._place(None, None)
+        return self
+
+    def with_friction(
+        self, friction: FrictionLaw | None, contact: Contact | str | None = None
+    ) -> ContactSolver:
+        """A solver for another friction law that shares all that has been computed.
+
+        For parameter studies: pairing and condensation do not depend on the law. The two solvers
+        are independent otherwise; results of one may be the `start` of the other.
+
+        Parameters
+        ----------
+        friction : FrictionLaw or None
+        contact : Contact or str, optional
+            The contact that gets it, itself or by name; by default all but tied ones.
+
+        Notes
+        -----
+        From frictionless to frictional contact or back the contact points keep other DOFs, and the
+        new solver condenses for itself.
+
+        Examples
+        --------
+        A block pulled over a plane, with more and less friction:
+
+        >>> import numpy as np
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> from skfem.models.elasticity import linear_elasticity
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> move = basis.project(lambda x: np.stack([0.2 + 0 * x[0], -0.01 + 0 * x[0]]))
+        >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=move, name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1))
+        >>> rough = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.4))
+        >>> solver = sc.ContactSolver([block], [rough])
+        >>> for mu in (0.1, 0.2):
+        ...     force = solver.with_friction(sc.Coulomb(mu)).solve().force
+        ...     print(f"{-force[0] / force[1]:.9f}")
+        0.100000000
+        0.200000000
+        """
+        chosen = range(len(self.contacts)) if contact is None else [self._position(contact)]
+        contacts = list(self.contacts)
+        for i in chosen:
+            if contact is not None or not contacts[i].tied:
+                contacts[i] = replace(contacts[i], friction=friction)
+        twin = copy.copy(self)
+        twin.contacts = tuple(contacts)
+        twin._own_f, twin._stiffness = np.array(self._own_f), list(self._stiffness)
+        twin._reader = StepReader(self.system, twin.contacts, self.names, self.kin, twin._own_f)
+        twin.timings = {"setup": 0.0}
+        twin.interface = interface(twin.contacts, self.kin, twin._stiffness, self.loop)
+        if np.array_equal(twin.interface.slipping, self.interface.slipping):
+            self.prepare()
+            twin._model, twin._base = self._model, self._base
+        else:
+            twin._model, twin._base = None, None
+        twin._parts = list(twin._model.parts) if isinstance(twin._model, Condensed) else []
+        twin._stepper = Stepper(twin.interface, self.geometry, twin._place, self.loop, self.options)
+        return twin
+
+    def _position(self, contact: Contact | str) -> int:
+        if isinstance(contact, str) and contact in self.names:
+            return self.names.index(contact)
+        for i, own in enumerate(self.contacts):
+            if own is contact:
+                return i
+        known = ", ".join(map(repr, self.names))
+        raise InputError(
+            f"contact = {contact!r} is not one of this solver: it has {known}. Pass the name, or "
+            "the object the solver was made with."
+        )
 
     # -- solving ------------------------------------------------------------------------------
 

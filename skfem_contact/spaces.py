@@ -7,7 +7,7 @@ answer it, from large and sparse to small and dense, each exactly:
 `SparseSpace`   all DOFs, ``K_r = T'KT`` with the rows of the closed points eliminated;
                 the same over the contact DOFs alone, with the condensed S in place of K;
 `PointSpace`    the gaps and slips themselves as unknowns: a dense matrix of m d rows, where
-                eliminating a closed point is deleting its row and column.
+                eliminating a closed point is deleting its row and column (`skfem_contact.points`).
 """
 
 from __future__ import annotations
@@ -18,13 +18,11 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve, lu_factor, lu_solve
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.constraint import AffineConstraint, eliminate
 from skfem_contact.friction import tangential_matrix
 from skfem_contact.kinematics import Kinematics
-from skfem_contact.linear import SingularMatrix
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -98,131 +96,10 @@ class Space(Protocol):
         ...
 
 
-@dataclass(eq=False)
-class PointSpace:
-    r"""Gaps and slips as unknowns: ``S z = h + p`` with ``p = (lambda, -tau)``.
-
-    Parameters
-    ----------
-    S : ndarray, shape (q, q)
-        Stiffness against relative displacements of the points [force/length].
-    normal_rows : ndarray of int, shape (m,)
-        Row of z that is the gap of a point; -1 where the gap can not change.
-    tangential_rows : ndarray of int, shape (m, d-1)
-        The same for the slips; -1 where a slip is not modelled (no friction) or can not change.
-    """
-
-    S: Array
-    normal_rows: NDArray[np.intp]
-    tangential_rows: NDArray[np.intp]
-    _key: bytes = field(default=b"", repr=False)
-    _factor: Any = field(default=None, repr=False)
-
-    def solve(self, conditions: Conditions, load: Load) -> Response:
-        """Solve for the gaps and slips that the conditions leave free."""
-        z = np.zeros(len(self.S))
-        held = np.zeros(len(self.S), dtype=bool)
-        closed = conditions.closed & (self.normal_rows >= 0)
-        held[self.normal_rows[closed]] = True
-        z[self.normal_rows[closed]] = -load.gap0[closed]
-        stick = conditions.stick[:, None] & (self.tangential_rows >= 0)
-        held[self.tangential_rows[stick]] = True
-        z[self.tangential_rows[stick]] = (conditions.anchor - load.slip0)[stick]
-        free = np.flatnonzero(~held)
-        slides = conditions.closed & ~conditions.stick
-        coupled = slides & np.any(conditions.coupling != 0, axis=1) & (self.normal_rows >= 0)
-
-        h = load.force
-        rhs = h[free] - self.S[free] @ z
-        where = np.full(len(self.S), -1)
-        where[free] = np.arange(len(free))
-        self._friction_rhs(conditions, load, slides, coupled, z, where, rhs)
-        key = conditions.matrix_key()
-        if key != self._key or self._factor is None:
-            self._factor = self._factorize(conditions, slides, coupled, free, where)
-            self._key = key
-        z[free] = self._factor(rhs)
-        return self._response(conditions, load, z, closed, slides)
-
-    def _friction_rhs(
-        self,
-        conditions: Conditions,
-        load: Load,
-        slides: Mask,
-        coupled: Mask,
-        z: Array,
-        where: NDArray[np.intp],
-        rhs: Array,
-    ) -> None:
-        """Add the constant part of ``-tau`` on the rows of points that slide."""
-        for k in range(self.tangential_rows.shape[1]):
-            on = slides & (self.tangential_rows[:, k] >= 0)
-            row = where[self.tangential_rows[on, k]]
-            known = np.einsum("il,il->i", conditions.spring[on, k], load.slip0[on])
-            rhs[row] -= conditions.offset[on, k] + known
-            on &= coupled
-            row, normal = where[self.tangential_rows[on, k]], self.normal_rows[on]
-            rhs[row] -= conditions.coupling[on, k] * (self.S[normal] @ z - load.force[normal])
-
-    def _factorize(
-        self,
-        conditions: Conditions,
-        slides: Mask,
-        coupled: Mask,
-        free: NDArray[np.intp],
-        where: NDArray[np.intp],
-    ) -> Any:
-        A = self.S[np.ix_(free, free)]
-        t = self.tangential_rows.shape[1]
-        for k in range(t):
-            for j in range(t):
-                on = slides & (self.tangential_rows[:, k] >= 0) & (self.tangential_rows[:, j] >= 0)
-                row, column = (
-                    where[self.tangential_rows[on, k]],
-                    where[self.tangential_rows[on, j]],
-                )
-                A[row, column] += conditions.spring[on, k, j]
-            on = coupled & (self.tangential_rows[:, k] >= 0)
-            row, normal = where[self.tangential_rows[on, k]], self.normal_rows[on]
-            A[row] += conditions.coupling[on, k, None] * self.S[np.ix_(normal, free)]
-        return dense_solver(A, symmetric=not coupled.any())
-
-    def _response(
-        self, conditions: Conditions, load: Load, z: Array, closed: Mask, slides: Mask
-    ) -> Response:
-        # a row of -1, one that can not change, finds the zero at the end
-        p = np.append(self.S @ z - load.force, 0.0)
-        moved = np.append(z, 0.0)
-        gap = load.gap0 + moved[self.normal_rows]
-        gap[closed] = 0.0
-        exists = self.tangential_rows >= 0
-        slip = load.slip0 + moved[self.tangential_rows]
-        normal_force = np.where(closed, p[self.normal_rows], 0.0)
-        sticking = np.where(conditions.stick[:, None] & exists, -p[self.tangential_rows], 0.0)
-        sliding = friction_force(conditions, slip, normal_force)
-        tangential = np.where((slides[:, None]) & exists, sliding, sticking)
-        return Response(gap, slip, normal_force, tangential, z)
-
-
 def friction_force(conditions: Conditions, slip: Array, normal_force: Array) -> Array:
     """The linear friction law of the points that do not stick exactly."""
     elastic = np.einsum("ikl,il->ik", conditions.spring, slip)
     return conditions.offset + elastic + conditions.coupling * normal_force[:, None]
-
-
-def dense_solver(A: Array, symmetric: bool) -> Any:
-    """Factorise a dense matrix: Cholesky where it is symmetric, LU with a pivot check elsewhere."""
-    if symmetric:
-        try:
-            factor = cho_factor(A, lower=True, check_finite=False)
-        except LinAlgError:
-            raise SingularMatrix("the matrix of the contact problem is not positive definite") from None
-        return lambda b: cho_solve(factor, b, check_finite=False)
-    factor = lu_factor(A, check_finite=False)
-    pivots = np.abs(np.diag(factor[0]))
-    if len(pivots) and not pivots.min() > 1e-14 * np.abs(np.diag(A)).max():
-        raise SingularMatrix("the matrix of the contact problem is singular")
-    return lambda b: lu_solve(factor, b, check_finite=False)
 
 
 @dataclass(eq=False)

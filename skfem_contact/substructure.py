@@ -55,7 +55,7 @@ class LoadSpan:
         again = Q.T @ rest  # once more: the first pass leaves round-off of |b|
         c, rest = c + again, rest - Q @ again
         size = np.linalg.norm(rest)
-        if size <= 1e-15 * np.linalg.norm(b):
+        if size <= 4e-15 * np.linalg.norm(b):
             return c
         if Q.shape[1] >= MOST_DIRECTIONS:
             return None

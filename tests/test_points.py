@@ -1,0 +1,89 @@
+"""The dense contact problem, and its reduction to the points that matter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skfem_contact.points import PointSpace, Reduction
+from skfem_contact.spaces import Conditions, Load
+
+m = 60  # of them 10 closed: enough for the reduction to be worth its while
+
+
+@pytest.fixture
+def space() -> PointSpace:
+    rng = np.random.default_rng(1)
+    A = rng.standard_normal((2 * m, 2 * m))
+    return PointSpace(A @ A.T + m * np.eye(2 * m), np.arange(m), m + np.arange(m)[:, None])
+
+
+def load(seed: int = 2) -> Load:
+    rng = np.random.default_rng(seed)
+    gap0, slip0 = rng.uniform(0.1, 1.0, m), rng.standard_normal((m, 1))
+    return Load(rng.standard_normal(2 * m), gap0, slip0, np.zeros(0))
+
+
+def conditions(closed: np.ndarray, *, mu: float = 0.3) -> Conditions:
+    """The first half of the closed points sticks, the others slip."""
+    rng = np.random.default_rng(3)
+    mask, stick = np.zeros(m, dtype=bool), np.zeros(m, dtype=bool)
+    mask[closed], stick[closed[: len(closed) // 2]] = True, True
+    slides = (mask & ~stick)[:, None]
+    return Conditions(
+        mask,
+        stick,
+        rng.standard_normal((m, 1)),
+        np.where(slides[:, None], 0.7, 0.0),
+        np.where(slides, 0.1, 0.0),
+        np.where(slides, mu, 0.0),
+    )
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_reduction_changes_nothing(space: PointSpace, mu: float) -> None:
+    """With far points eliminated, all gaps, slips and forces are those of the whole problem."""
+    case, here = conditions(np.arange(20, 30), mu=mu), load()
+    z, p = space.unknowns(case, here)
+    response = space.solve(case, here)
+    assert space._reduction is not None
+    assert space._reduction.keep.sum() < m / 2
+    # the matrix is well conditioned: round-off
+    assert_allclose(response.solution, z, atol=1e-13 * abs(z).max())
+    force = np.where(case.closed, p[:m], 0.0)
+    assert_allclose(response.normal_force, force, atol=1e-12 * abs(p).max())
+
+
+def test_reduction_follows_the_zone(space: PointSpace) -> None:
+    """Points that close outside the zone kept, and zones that shrink, are met by a new reduction."""
+    for closed in (np.arange(10), np.arange(8), np.arange(40, 55), np.arange(3)):
+        case, here = conditions(closed), load(len(closed))
+        z, _ = space.unknowns(case, here)
+        assert_allclose(space.solve(case, here).solution, z, atol=1e-13 * abs(z).max())
+        assert space._reduction is not None
+        assert space._reduction.keep[closed].all()
+    assert space._reduction.keep.sum() < 15
+
+
+def test_one_reduction_serves_many_loads(space: PointSpace) -> None:
+    """As long as the zone does not grow, nothing is eliminated again."""
+    space.solve(conditions(np.arange(10)), load(1))
+    first = space._reduction
+    for seed in range(2, 6):
+        case, here = conditions(np.arange(seed, 10)), load(seed)
+        z, _ = space.unknowns(case, here)
+        assert_allclose(space.solve(case, here).solution, z, atol=1e-13 * abs(z).max())
+    assert space._reduction is first
+
+
+def test_far_points_that_hold_nothing(space: PointSpace) -> None:
+    """Where the bodies move freely without the points kept, the whole problem is solved."""
+    # one rigid motion along all gaps: S has it as its null space
+    rigid = np.concatenate([np.ones(m), np.zeros(m)]) / np.sqrt(m)
+    S = space.S - np.outer(space.S @ rigid, rigid @ space.S) / (rigid @ space.S @ rigid)
+    floating = PointSpace(S, space.normal_rows, space.tangential_rows)
+    few = np.zeros(m, dtype=bool)
+    assert not Reduction(floating, few).good
+    few[:2] = True
+    assert Reduction(floating, few).good

@@ -1,0 +1,79 @@
+"""One condensation for many friction laws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem.models.elasticity import linear_elasticity
+
+import skfem_contact as sc
+
+
+def scene(friction: Any, **settings: Any) -> sc.ContactSolver:
+    """A block on a block, its top moved down and sideways."""
+    element = fem.ElementVector(fem.ElementQuad1())
+    low = fem.Basis(fem.MeshQuad().refined(3).with_defaults(), element, intorder=2)
+    mesh = fem.MeshQuad().refined(2).scaled((0.5, 0.5)).translated((0.2, 1.0)).with_defaults()
+    top = fem.Basis(mesh, element, intorder=2)
+    move = top.project(lambda x: np.stack([0.01 + 0 * x[0], -0.01 + 0 * x[0]]))
+    a = sc.Body(low, linear_elasticity(), D="bottom", name="low")
+    b = sc.Body(top, linear_elasticity(), D="top", x=move, name="top")
+    contact = sc.Contact(
+        b.surface("bottom"), a.surface("top"), friction=friction, name="faces", **settings
+    )
+    return sc.ContactSolver([a, b], [contact])
+
+
+@pytest.mark.parametrize("law", [sc.Coulomb(0.1), sc.Coulomb(0.8), sc.Tresca(0.001)])
+def test_another_law_gives_what_a_new_solver_gives(law: sc.FrictionLaw) -> None:
+    """A shared condensation changes nothing, and the first solver keeps its own law."""
+    first = scene(sc.Coulomb(0.4))
+    before = first.solve().traction
+    found, fresh = first.with_friction(law).solve(), scene(law).solve()
+    # the same arithmetic on the same numbers, but for the zone that is kept
+    assert_allclose(found.u, fresh.u, atol=1e-13)
+    assert_allclose(found.traction, fresh.traction, atol=1e-12)
+    assert_array_equal(first.solve().traction, before)
+
+
+def test_condensation_is_shared() -> None:
+    """The twin condenses nothing, also when it is made before the first solve."""
+    first = scene(sc.Coulomb(0.4))
+    twin = first.with_friction(sc.Coulomb(0.2))
+    assert twin.model is first.model
+    assert "condensation" not in twin.timings
+
+
+def test_without_friction() -> None:
+    """Friction can be taken away; other DOFs then matter, and the answer is that of a new solver."""
+    found, fresh = scene(sc.Coulomb(0.4)).with_friction(None).solve(), scene(None).solve()
+    assert_allclose(found.u, fresh.u, atol=1e-13)
+    assert abs(found.force[0]) == 0.0
+
+
+def test_update_of_one_leaves_the_other() -> None:
+    """A body that becomes softer in the twin stays what it is in the first solver."""
+    first = scene(sc.Coulomb(0.4))
+    before = first.solve().u
+    twin = first.with_friction(sc.Coulomb(0.4), "faces")
+    twin.update("top", K=0.5 * first.system.bodies[1].K)
+    assert abs(twin.solve().u - before).max() > 1e-4
+    assert_array_equal(first.solve().u, before)
+
+
+def test_history_goes_on_with_another_law() -> None:
+    """A result of one solver is the start of its twin: friction that rises later changes nothing."""
+    first = scene(sc.Coulomb(0.4))
+    last = first.solve()
+    rougher = first.with_friction(sc.Coulomb(0.9)).solve(start=last)
+    assert_allclose(rougher.traction, last.traction, atol=1e-12)
+
+
+def test_unknown_contact_is_named() -> None:
+    """The message lists the contacts there are."""
+    with pytest.raises(sc.InputError, match=r"'sides' is not one of this solver: it has 'faces'"):
+        scene(sc.Coulomb(0.4)).with_friction(sc.Coulomb(0.1), "sides")
