@@ -104,7 +104,7 @@ class PointSpace:
         self, conditions: Conditions, load: Load, slides: Mask, coupled: Mask, rhs: Array
     ) -> None:
         """Add the constant part of ``-tau`` on the rows of points that slide."""
-        normal_force = -rhs[self.normal_rows]  # as far as it follows from what is held
+        normal_force = -np.append(rhs, 0.0)[self.normal_rows]  # as far as it follows from what is held
         for k in range(self.tangential_rows.shape[1]):
             on = slides & (self.tangential_rows[:, k] >= 0)
             known = np.einsum("il,il->i", conditions.spring[on, k], load.slip0[on])
