@@ -7,6 +7,7 @@ import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -156,8 +157,8 @@ class ContactSolver:
             rows = model.attach(
                 self.kin if kin is None else kin,
                 self.interface.slipping,
-                secondary_dofs(self.system, self.contacts),
-                self._labels(),
+                self._prefer,
+                self._labels,
             )
         spent = time.perf_counter() - start
         self.timings["contact problem"] = self.timings.get("contact problem", 0.0) + spent
@@ -166,6 +167,11 @@ class ContactSolver:
             return self._base
         return Placement(kin, rows, self.motions.seen_by(kin), u)
 
+    @cached_property
+    def _prefer(self) -> NDArray[np.bool_]:
+        return secondary_dofs(self.system, self.contacts)
+
+    @cached_property
     def _labels(self) -> list[str]:
         parts = self.interface.parts
         sizes = [part.stop - part.start for part in parts]
@@ -187,8 +193,12 @@ class ContactSolver:
         if free.shape[1] and not self.geometry.follows:
             raise self._no_equilibrium(free, "even with every contact point closed")
 
-    def _no_equilibrium(self, free: Array, when: str) -> NoEquilibrium:
-        bodies, motion = self.motions.describe(free[:, 0])
+    def _no_equilibrium(self, free: Array, when: str, f: Array | None = None) -> NoEquilibrium:
+        moves = free[:, 0]
+        if f is not None:  # of several free motions the one that the load drives
+            driven = free @ (free.T @ (self.motions.modes.T @ f))
+            moves = driven if driven.any() else moves
+        bodies, motion = self.motions.describe(moves)
         names = " and ".join(f"'{name}'" for name in bodies)
         verb = "is" if len(bodies) == 1 else "are together"
         return NoEquilibrium(
@@ -439,7 +449,8 @@ class ContactSolver:
 
     def _failure(self, attempt: Attempt, result: ContactResult) -> NoEquilibrium | NotConverged:
         if attempt.outcome.free is not None:
-            error = self._no_equilibrium(attempt.outcome.free, "with the forces that contact can carry")
+            free, f = attempt.outcome.free, attempt.case.f
+            error = self._no_equilibrium(free, "with the forces that contact can carry", f)
             error.result = result
             return error
         return NotConverged(
