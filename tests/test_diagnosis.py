@@ -1,0 +1,399 @@
+"""A problem set up wrongly says so: every kind of mistake, and the words that the user reads."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+import numpy as np
+import pytest
+import skfem as fem
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+
+STIFFNESS = linear_elasticity(*lame_parameters(1.0, 0.3))
+FLOOR = sc.RigidPlane((0, 0), (0, 1), name="floor")
+
+
+def block(name, x=(0.0, 1.0), y=(0.0, 1.0), n=4, *, E=1.0, D=None, f=None, move=None):
+    """A rectangle with sides named left, right, bottom, top; `f` a force, `move` a displacement."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(*x, n + 1), np.linspace(*y, n + 1)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    load, values = None, None
+    if f is not None:
+        load = np.zeros(basis.N)
+        load[basis.nodal_dofs] = np.reshape(f, (2, 1)) / mesh.p.shape[1]
+    if move is not None:
+        values = np.zeros(basis.N)
+        values[basis.nodal_dofs] = np.reshape(move, (2, 1))
+    return sc.Body(basis, linear_elasticity(*lame_parameters(E, 0.3)), load, D, values, name=name)
+
+
+def pair(**settings):
+    """A punch pressed by 1 % onto a table."""
+    table = block("table", y=(-1.0, 0.0), D="bottom")
+    punch = block("punch", D="top", move=(0.0, -0.01))
+    contact = sc.Contact(punch.surface("bottom"), table.surface("top"), name="joint", **settings)
+    return sc.ContactSolver([table, punch], [contact])
+
+
+def on_floor(body, **settings):
+    return sc.ContactSolver(body, sc.Contact(body.surface("bottom"), FLOOR, name="joint", **settings))
+
+
+# -- bodies that are not held ----------------------------------------------------------------
+
+
+def test_a_motion_left_free_is_named():
+    """A frictionless block on a floor slides: the body and its motion are named before solving."""
+    solver = on_floor(block("punch", f=(0.0, -1e-3)))
+    with pytest.raises(
+        sc.NoEquilibrium, match=r"Body 'punch' is free to move: translation along x, even with every"
+    ) as raised:
+        solver.solve()
+    assert raised.value.bodies == ("punch",) and raised.value.motion == "translation along x"
+
+
+def test_bodies_free_together_are_named_together():
+    """Two glued blocks that nothing holds move as one."""
+    low, up = block("low"), block("up", y=(1.0, 2.0), f=(0.0, -1e-3))
+    glue = sc.Contact(up.surface("bottom"), low.surface("top"), tied=True)
+    with pytest.raises(sc.NoEquilibrium, match=r"Body 'low' and 'up' are together free to move"):
+        sc.ContactSolver([low, up], glue).solve()
+
+
+def test_all_points_open_under_force():
+    """A punch pulled off by a force flies away; the last state is in the exception."""
+    solver = on_floor(block("punch", f=(0.0, 1e-3)), friction=sc.Coulomb(0.3))
+    with pytest.raises(
+        sc.NoEquilibrium, match=r"'punch' .*: translation along y.*with the forces"
+    ) as raised:
+        solver.solve()
+    assert raised.value.result is not None and not raised.value.result.converged
+    assert not solver.solve(throw=False).converged
+
+
+# -- pairing ----------------------------------------------------------------------------------
+
+
+def wide(**settings):
+    table = block("table", y=(-1.0, 0.0), D="bottom")
+    punch = block("punch", x=(0.0, 2.0), D="top", move=(0.0, -0.01))
+    contact = sc.Contact(punch.surface("bottom"), table.surface("top"), name="joint", **settings)
+    return sc.ContactSolver([table, punch], [contact])
+
+
+OVERHANG = (
+    r"2 of 5 points of surface 'punch/bottom' project outside surface 'table/top'; the farthest, point "
+    r"\d at \(2, 0\), misses by 1 \(4 facet lengths\)"
+)
+
+
+def test_points_outside_are_a_line_of_the_dry_run():
+    """An overhang is reported with count, farthest point and distance, and solved as open."""
+    solver = wide()
+    assert re.search(OVERHANG + r"\. They can never touch \(outside=\"open\"\)", str(solver))
+    result = solver.solve()
+    assert np.isinf(result.gap[result.points[:, 0] > 1]).all()
+    assert result.normal_force[result.points[:, 0] > 1].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+def test_points_outside_are_an_error_if_asked(sliding):
+    """outside="error" turns the same sentence into an error."""
+    with pytest.raises(
+        sc.InputError, match=OVERHANG + r"\. If they should.*because of outside=\"error\""
+    ):
+        wide(outside="error", sliding=sliding)
+    assert pair(outside="error").solve().converged
+
+
+def test_points_that_slide_out_are_an_error_if_asked():
+    """With finite sliding the points are watched on their way."""
+    table = block("table", y=(-1.0, 0.0), D="bottom")
+    punch = block("punch", x=(0.1, 0.6), y=(0.0, 0.5), D="top", move=(0.0, -0.01))
+    contact = sc.Contact(
+        punch.surface("bottom"), table.surface("top"), sliding="finite", outside="error", name="joint"
+    )
+    solver = sc.ContactSolver([table, punch], [contact], options=sc.Options(max_travel=10.0))
+    along = [np.where(punch.dof_component == 0, s, punch.x) for s in (0.0, 0.3, 0.6)]
+    run = solver.history({"x": {"punch": x}} for x in along)
+    assert next(run).converged and next(run).converged
+    with pytest.raises(sc.InputError, match=r"points of surface 'punch/bottom' project outside"):
+        next(run)
+
+
+def test_surfaces_that_do_not_meet():
+    """Surfaces that face the same way, and surfaces out of reach, have no point with a partner."""
+    table, punch = block("table", y=(-1.0, 0.0), D="bottom"), block("punch", D="top")
+    same = sc.Contact(punch.surface("top"), table.surface("top"))
+    with pytest.raises(
+        sc.InputError, match=r"None of the 5 points of surface 'punch/top' .*face the same way"
+    ):
+        sc.ContactSolver([table, punch], same)
+    far = block("far", y=(3.0, 4.0), D="top")
+    away = sc.Contact(far.surface("bottom"), table.surface("top"), reach=0.5)
+    with pytest.raises(sc.InputError, match=r"None of the 5 points .*closest point is 3.* `reach`"):
+        sc.ContactSolver([table, far], away)
+
+
+def test_an_obstacle_is_never_secondary():
+    """Secondary and primary swapped for an obstacle: said so."""
+    punch = block("punch", D="top")
+    with pytest.raises(sc.InputError, match="secondary is an obstacle .*swap the two"):
+        sc.Contact(FLOOR, punch.surface("bottom"))
+    with pytest.raises(sc.InputError, match="primary is a str"):
+        sc.Contact(punch.surface("bottom"), "floor")
+
+
+def test_empty_and_degenerate_surfaces():
+    """A surface without facets, an unknown name, a facet without length."""
+    body = block("punch", D="top")
+    with pytest.raises(
+        sc.InputError, match=r"has no facets: no facet midpoint .* from \(0, 0\) to \(1, 1\)"
+    ):
+        body.surface(lambda x: x[0] > 9)
+    with pytest.raises(sc.InputError, match="'botom' not found in the mesh; did you mean 'bottom'"):
+        body.surface("botom")
+    p = body.basis.mesh.p.copy()
+    low = np.flatnonzero(p[1] == 0)
+    p[:, low[1]] = p[:, low[0]]
+    flat = sc.Body(fem.Basis(fem.MeshQuad(p, body.basis.mesh.t), body.basis.elem), body.K, name="flat")
+    with pytest.raises(sc.InputError, match=r"1 facets have no length, the first is mesh facet"):
+        flat.surface(body.basis.mesh.boundaries["bottom"])
+
+
+# -- prescribed DOFs against contact ------------------------------------------------------------
+
+
+def test_prescribed_overlaps_are_warned_about():
+    """Contact nodes prescribed into the floor: count, place and depth are named."""
+    body = block("punch", D=["top", "bottom"], move=(0.0, -0.02))
+    with pytest.warns(
+        sc.ContactWarning, match=r"push 5 of 5 points of surface 'punch/bottom' into 'floor'.* by 0\.02"
+    ):
+        result = on_floor(body).solve()
+    assert result.converged
+
+
+@pytest.mark.parametrize("move", [(0.0, -0.02), (0.02, 0.0)], ids=["normal", "tangential"])
+@pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["auto", "sparse"])
+def test_torn_ties_are_an_error(linear, move):
+    """Tied nodes prescribed differently on both sides have no right answer."""
+    low, up = (
+        block("low", y=(-1.0, 0.0), D=["bottom", "top"]),
+        block("up", D=["top", "bottom"], move=move),
+    )
+    tie = sc.Contact(up.surface("bottom"), low.surface("top"), tied=True, name="glue")
+    solver = sc.ContactSolver([low, up], tie, linear=linear)
+    with pytest.raises(
+        sc.ConstraintError, match=r"'glue' ties 5 points .*differ by 0\.02 at point \d at"
+    ):
+        solver.solve()
+
+
+def test_huge_interference_is_warned_about():
+    """An overlap as large as the body is no press fit; a tenth of a per cent is."""
+    with pytest.warns(
+        sc.ContactWarning, match=r"'joint' starts with an overlap of 0\.5, 0\.5 times the extent"
+    ):
+        pair(interference=0.5).solve()
+    pair(interference=1e-3).solve()
+    with pytest.warns(sc.ContactWarning, match=r"starts with an overlap of 2, 2 times"):
+        list(pair().history([{"interference": {"joint": 2.0}}]))
+
+
+# -- what is no number, shape, type or name -----------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"K": "nan"},
+            r"K of body 'b' holds NaN or infinite numbers: 1 of \d+ entries, the first in row",
+        ),
+        ({"K": np.eye(3)}, r"K of body 'b' has shape \(3, 3\), its basis has 50 DOFs"),
+        ({"K": lambda u, v, w: 0}, r"is a function, .*BilinearForm"),
+        ({"f": np.full(50, np.inf)}, r"f of body 'b' holds NaN or infinite numbers: 50 of 50"),
+        ({"f": np.zeros(7)}, r"f of body 'b' has shape \(7,\), its basis has 50 DOFs"),
+        ({"x": np.full(50, np.nan)}, r"x of body 'b' holds NaN or infinite numbers"),
+        ({"x": np.zeros(50), "D": None}, r"x of body 'b' prescribes values, but D does not say"),
+        ({"D": "topp"}, r"D of body 'b': boundary 'topp' not found .*did you mean 'top'"),
+        ({"D": [999]}, r"D of body 'b' has numbers from 999 to 999"),
+    ],
+)
+def test_bodies_of_wrong_data(change, message):
+    """Wrong shapes, NaN and unknown names are refused where they are given, with the body's name."""
+    good = block("b", D="top")
+    data = {"K": good.K.copy(), "f": None, "D": "top", "x": None} | change
+    if isinstance(data["K"], str):
+        data["K"] = good.K.copy()
+        data["K"].data[3] = np.nan
+    with pytest.raises(sc.InputError, match=message):
+        sc.Body(good.basis, data["K"], data["f"], data["D"], data["x"], name="b")
+
+
+def test_wrong_elements_and_meshes():
+    """Elements without nodal values, and NaN coordinates, are named."""
+    mesh = fem.MeshTri().refined(1)
+    basis = fem.Basis(mesh, fem.ElementTriArgyris())
+    with pytest.raises(
+        sc.InputError, match="uses ElementTriArgyris: contact needs elements whose DOFs"
+    ):
+        sc.Body(basis, np.eye(basis.N))
+
+
+@pytest.mark.parametrize("what", ["gap", "interference"])
+def test_fields_of_wrong_data(what):
+    """Gaps and interferences of wrong length or not finite are refused by name."""
+    with pytest.raises(sc.InputError, match=rf"{what} of contact .* has NaN or infinite values"):
+        pair(**{what: np.nan})
+    with pytest.raises(
+        sc.InputError, match=rf"{what} of contact .* shape \(3,\), but there are 5 contact"
+    ):
+        pair(**{what: np.zeros(3)})
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        ({"force": {}}, r"a load step names \['force'\]; it may name \['f', 'x'"),
+        ("twice", r"a load step is 'twice': it has to be a number"),
+        (np.nan, r"a load step is nan: give a finite factor"),
+        ({"f": {"puch": 1.0}}, r"there is no body 'puch'; did you mean 'punch'"),
+        ({"f": {"punch": np.zeros(3)}}, r"f of body 'punch' has shape \(3,\), but 50 DOFs"),
+        ({"x": {"punch": np.full(50, np.nan)}}, r"x of body 'punch' has NaN or infinite"),
+        ({"x": np.zeros(7)}, r"x of all bodies has shape \(7,\), but 100 DOFs"),
+        (
+            {"interference": {"jiont": 1.0}},
+            r"interference: there is no contact 'jiont'; did you mean 'joint'",
+        ),
+        ({"interference": 1.0}, r"interference in a load step has to be a dict by name"),
+        ({"motion": {"floor": (0, 1)}}, r"motion: there is no obstacle 'floor'"),
+    ],
+)
+def test_steps_of_wrong_data(step, message):
+    """A load step that names something unknown, or gives it a wrong shape, is refused by name."""
+    with pytest.raises(sc.InputError, match=message):
+        list(pair().history([step]))
+
+
+@pytest.mark.parametrize("motion", [(0, 0, 0, 1), "up", (np.nan, 0)])
+def test_motions_of_wrong_data(motion):
+    """The motion of an obstacle is a translation, or one with an angle and a centre."""
+    solver = on_floor(block("punch", D="top"))
+    with pytest.raises(sc.InputError, match=r"motion of 'joint' is"):
+        list(solver.history([{"motion": {"floor": motion}}]))
+
+
+def test_names_of_results():
+    """Contacts and attributes that a result does not have: close matches, and what it has."""
+    solver = pair()
+    result = solver.solve()
+    with pytest.raises(sc.InputError, match="there is no contact 'jonit'; did you mean 'joint'"):
+        result["jonit"]
+    with pytest.raises(AttributeError, match="no attribute 'presure'"):
+        result.presure  # noqa: B018
+    other = pair().contacts[0]
+    with pytest.raises(sc.InputError, match="not one of those of the solver: pass the same object"):
+        result[other]
+    body = block("punch", D="top")
+    sides = [sc.Contact(body.surface(s), FLOOR) for s in ("bottom", "left")]
+    many = sc.ContactSolver(body, sides).solve()
+    with pytest.raises(AttributeError, match=r"'pressure' belongs to a contact and there are 2"):
+        many.pressure  # noqa: B018
+
+
+def test_settings_of_contacts_and_solvers():
+    """Tied and friction, unknown options, no contact, foreign surfaces, twice the same name."""
+    body, stranger = block("punch", D="top"), block("stranger", D="top")
+    surface = body.surface("bottom")
+    with pytest.raises(sc.InputError, match="tied=True and friction=.* exclude each other"):
+        sc.Contact(surface, FLOOR, tied=True, friction=sc.Coulomb(0.3))
+    with pytest.raises(
+        sc.InputError, match=r"friction = 0\.3 is not a friction law; write friction=Coulomb"
+    ):
+        sc.Contact(surface, FLOOR, friction=0.3)
+    with pytest.raises(sc.InputError, match="method = 'morta' is not one of"):
+        sc.Contact(surface, FLOOR, method="morta")
+    with pytest.raises(sc.InputError, match="There is no contact: give at least one"):
+        sc.ContactSolver(body, [])
+    with pytest.raises(sc.InputError, match=r"not one of the stacked bodies \(stranger\)"):
+        sc.ContactSolver(stranger, sc.Contact(surface, FLOOR))
+    with pytest.raises(sc.InputError, match="two contacts are called 'joint'"):
+        sc.ContactSolver(body, [sc.Contact(surface, FLOOR, name="joint") for _ in range(2)])
+    with pytest.raises(sc.InputError, match="loop = 'newtn' is not one of"):
+        sc.ContactSolver(body, sc.Contact(surface, FLOOR), loop="newtn")
+    with pytest.raises(sc.InputError, match="linear = 'direct' is neither 'auto' nor 'condensed'"):
+        sc.ContactSolver(body, sc.Contact(surface, FLOOR), linear="direct").solve()
+    with pytest.raises(sc.InputError, match="start has 5 contact points and 50 DOFs, this solver 9"):
+        fine = block("punch", n=8, D="top")
+        on_floor(fine).solve(start=on_floor(body).solve())
+
+
+# -- loops that do not end -----------------------------------------------------------------------
+
+
+def test_no_convergence_is_an_error_that_carries_its_state():
+    """A loop that runs out of iterations raises with the last state; throw=False returns it."""
+    body = block("punch", D="top", move=(0.05, -0.01))
+    contact = sc.Contact(body.surface("bottom"), FLOOR, friction=sc.Coulomb(0.3))
+    options = sc.Options(max_iterations=1, max_cuts=0)
+    solver = sc.ContactSolver(body, contact, loop="fictitious", options=options)
+    with pytest.raises(
+        sc.NotConverged, match=r"'fictitious' did not converge: no convergence in 1 iterations"
+    ) as raised:
+        solver.solve()
+    assert not raised.value.result.converged
+    assert raised.value.result.certificate.worst > 1e-10
+    kept = solver.solve(throw=False)
+    assert not kept.converged and "no convergence" in kept.message
+    assert str(kept).startswith("Contact result: no convergence")
+
+
+def test_progress_needs_tqdm(monkeypatch):
+    """Without tqdm the progress bar is refused, naming the extra that brings it."""
+    monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    with pytest.raises(sc.InputError, match=r"needs tqdm.*skfem-contact\[progress\]"):
+        list(pair().history([1.0], progress=True))
+    monkeypatch.undo()
+    pytest.importorskip("tqdm")
+    assert len(list(pair().history([0.5, 1.0], progress=True))) == 2
+
+
+# -- the dry run ----------------------------------------------------------------------------------
+
+
+def test_dry_run_says_what_is_modelled():
+    """print(solver): sizes, what is free to move, gaps and overlaps, and the better secondary side."""
+    table = block("table", y=(-1.0, 0.0), D="bottom", n=8)
+    punch = block("punch", y=(0.0, 1.0), f=(0.0, -1e-3), n=4, E=100.0)
+    shape = np.array([-0.01, 0.0, 0.0, 0.02, 0.03])
+    contact = sc.Contact(
+        punch.surface("bottom"), table.surface("top"), friction=sc.Coulomb(0.3), gap=shape, name="joint"
+    )
+    text = str(sc.ContactSolver([table, punch], [contact]))
+    for words in (
+        "body table: 162 DOFs, 18 prescribed, MeshQuad1, 64 elements",
+        "free without contact and friction: punch: translation along x",
+        "joint: punch/bottom on table/top",
+        "friction Coulomb(stiffness=None, mu=0.3",
+        "5 of 5 points have a partner",
+        "2 open (largest 0.03), 2 closed, 1 overlap (deepest 0.01)",
+        "'table/top' is finer than the secondary one, 'punch/bottom': facets of 0.125 against 0.25",
+        "the secondary side is 100 times stiffer than the primary",
+        "212 DOFs -> 20 contact DOFs -> 10 gaps and slips of 5 points (",
+    ):
+        assert words in text, words
+
+
+def test_dry_run_of_other_kinds():
+    """Ties, frictionless contact on obstacles, and the sparse route are described as what they are."""
+    assert "tied (node): gaps and slips are zero, also in tension" in str(pair(tied=True))
+    body = block("punch", D="top")
+    text = str(sc.ContactSolver(body, sc.Contact(body.surface("bottom"), FLOOR), linear=sc.Direct()))
+    assert "no rigid motion is free: supports alone hold all bodies" in text
+    assert "method node by node; frictionless: nothing tangential is modelled" in text
+    assert "linear solver Direct(method='auto') on all 50 DOFs" in text
