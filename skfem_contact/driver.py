@@ -50,7 +50,7 @@ class Options:
     max_iterations: int | None = None
     max_cuts: int = 6
     max_candidates: int = 8000
-    placement_tolerance: float = 1e-8
+    placement_tolerance: float = 1e-6
     max_placements: int = 20
     max_travel: float = 1.0
 

@@ -52,8 +52,9 @@ class State:
     normal_force : ndarray, shape (m,)
     reference : ndarray, shape (m, d-1)
         Slip at which the point closed [length].
-    surface : ndarray
-        Displacements of the surfaces that slide far; empty for small sliding [length].
+    surface, trend : ndarray
+        Displacements of the surfaces that slide far, and their change in the last load step: where
+        the pairing of the next one begins. Empty for small sliding [length].
     """
 
     status: NDArray[np.intp]
@@ -62,6 +63,7 @@ class State:
     normal_force: Array
     reference: Array
     surface: Array
+    trend: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,6 +71,7 @@ class Walk:
     dissipation: Array
     trace: list[Record] = field(default_factory=list)
     cuts: int = 0
+    share: float = 1.0  # of the step that is attempted next
 
 
 @dataclass(eq=False)
@@ -109,7 +110,7 @@ class Stepper:
         smallest = 0.5**self.options.max_cuts
         while True:
             aim = min(1.0, done + share)
-            here = case.towards(target, aim)
+            here, walk.share = case.towards(target, aim), aim - done
             attempt = self._attempt(walk, here, starts[0], known or walk.state, callback)
             walk.trace.extend(attempt.outcome.trace)
             if attempt.good:
@@ -152,7 +153,7 @@ class Stepper:
         geometry, options = self.geometry, self.options
         if not geometry.follows:
             return self._solve(walk, case, self.place(None, None), start, known, callback)
-        u = geometry.spread(walk.state.surface)
+        u = geometry.spread(walk.state.surface + walk.share * walk.state.trend)
         placement = self.place(geometry.at(u, case), u)
         trace: tuple[Record, ...] = ()
         for _ in range(options.max_placements):
@@ -224,7 +225,7 @@ class Stepper:
             run = LOOPS[self.loop]
             outcome = drive(run, step, guess, options.tolerance, limit, callback)
             outcome = replace(outcome, trace=(*spent, *outcome.trace))
-            state = self._state(outcome, walk.state, placement, load, case)
+            state = self._state(outcome, walk, placement, load, case)
         return Attempt(outcome, placement, load, case, seen, state, outcome.iterate.response.gap)
 
     def _guess(
@@ -260,9 +261,9 @@ class Stepper:
         return nested_guess(exact, guess, loops.newton, kin.points, self.options.tolerance)
 
     def _state(
-        self, outcome: Outcome, last: State, placement: Placement, load: Any, case: LoadCase
+        self, outcome: Outcome, walk: Walk, placement: Placement, load: Any, case: LoadCase
     ) -> State:
-        it = outcome.iterate
+        it, last = outcome.iterate, walk.state
         opened = (it.status == OPEN)[:, None]
         response = it.response
         surface = last.surface
@@ -277,6 +278,7 @@ class Stepper:
             np.where(opened[:, 0], 0.0, response.normal_force),
             np.where(opened, response.slip, last.reference),
             surface,
+            (surface - last.surface) / walk.share,
         )
 
     def _dissipation(self, last: State, new: State) -> Array:
@@ -297,7 +299,8 @@ class Stepper:
 def natural_state(kin: Kinematics, surface: int) -> State:
     """Before any load: nothing is known to touch, no slip, no friction."""
     zero = np.zeros((kin.m, kin.tangents))
-    return State(np.zeros(kin.m, dtype=int), zero, zero, np.zeros(kin.m), zero, np.zeros(surface))
+    none = np.zeros(surface)
+    return State(np.zeros(kin.m, dtype=int), zero, zero, np.zeros(kin.m), zero, none, none)
 
 
 def as_guess(state: State) -> Guess:
