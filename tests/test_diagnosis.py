@@ -141,7 +141,7 @@ def test_surfaces_that_do_not_meet():
 def test_an_obstacle_is_never_secondary():
     """Secondary and primary swapped for an obstacle: said so."""
     punch = block("punch", D="top")
-    with pytest.raises(sc.InputError, match="secondary is an obstacle .*swap the two"):
+    with pytest.raises(sc.InputError, match=r"secondary is an obstacle .*swap the two"):
         sc.Contact(FLOOR, punch.surface("bottom"))
     with pytest.raises(sc.InputError, match="primary is a str"):
         sc.Contact(punch.surface("bottom"), "floor")
@@ -310,7 +310,7 @@ def test_settings_of_contacts_and_solvers():
     """Tied and friction, unknown options, no contact, foreign surfaces, twice the same name."""
     body, stranger = block("punch", D="top"), block("stranger", D="top")
     surface = body.surface("bottom")
-    with pytest.raises(sc.InputError, match="tied=True and friction=.* exclude each other"):
+    with pytest.raises(sc.InputError, match=r"tied=True and friction=.* exclude each other"):
         sc.Contact(surface, FLOOR, tied=True, friction=sc.Coulomb(0.3))
     with pytest.raises(
         sc.InputError, match=r"friction = 0\.3 is not a friction law; write friction=Coulomb"
