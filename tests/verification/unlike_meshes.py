@@ -66,6 +66,7 @@ class UnlikeBlocks:
     ----------
     h : size of the upper elements in the zone of contact
     ratio : size of the lower elements over that of the upper ones
+    fine, depth : half width and depth of the zone of small elements
     """
 
     h: float
@@ -74,7 +75,8 @@ class UnlikeBlocks:
     ratio: float = 0.77
     kind: str = "Q1"
     law: sc.FrictionLaw | None = None
-    fine: float = 1.5
+    fine: float = 1.2
+    depth: float = 0.4
     H: float = 20.0
     width: float = 2.0
     nu: float = 0.3
@@ -94,7 +96,7 @@ class UnlikeBlocks:
         self.solver = sc.ContactSolver([upper, lower], [self.contact], **self.settings)
 
     def _body(self, h: float, name: str, side: int) -> sc.Body:
-        x, y = graded(h, self.fine, self.width * self.H), graded(h, self.fine, self.H)
+        x, y = graded(h, self.fine, self.width * self.H), graded(h, self.depth, self.H)
         x = np.concatenate([-x[:0:-1], x])
         basis = rectangle(self.kind, x, y if side > 0 else -y[::-1])
         D = basis.get_dofs("top" if side > 0 else "bottom")
