@@ -8,9 +8,20 @@ A scikit-fem script has bases, a stiffness and a load; five lines more and its b
     result = sc.ContactSolver([block, punch], [contact]).solve()
     print(result)
 
-The modules stand in the order of the theory: `body`, `surface`, `pairing`, `mortar`, `obstacle`,
-`contact`, `kinematics`, `constraint`, `friction`, `rigid`, `linear`, `spaces`, `condensation`,
-`loops`, `fields`, `result`, `solver`, `stress`, `io`, `plot`; closed forms are in `reference`.
+The modules stand in the order of the theory, and each imports only from those above it:
+
+* what the user gives: `errors`, `inputs`, `selection`, `body`, `surface`;
+* what meets what: `search`, `pairing`, `strips`, `segmentation`, `dual`, `mortar`, `obstacle`;
+* the contact conditions: `friction`, `contact`, `loads`, `kinematics`, `diagnosis`, `interface`,
+  `rigid`, `pivoting`, `constraint`;
+* linear algebra: `threads`, `singular`, `ordering`, `fronts`, `multifrontal`, `backend`, `amg`,
+  `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
+* iterations: `loops`, `geometry`, `lemke`;
+* answers: `fields`, `certificate`, `result`;
+* the way through a load history: `driver`, `nested`, `stepping`, `steps`, `solver`;
+* what is shown: `report`, `stress`, `io`, `plot`.
+
+Closed forms to compare with are in `reference`, which needs none of these.
 """
 
 from skfem_contact.body import Body, System, stack
