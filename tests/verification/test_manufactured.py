@@ -139,6 +139,8 @@ def test_M1_resultants(kind):
         # resultants are reactions, quadratic in h; the Lamé constants and widths are of order one
         assert_allclose(result.force[1], N, rtol=1.5 / n**2)
         assert_allclose(-result.force[0], T, rtol=1.5 / n**2)
+        # equilibrium, the law, and the balance with what the plane takes
+        assert result.certificate.worst <= 1e-11
 
 
 def test_M1_dissipation():
@@ -181,6 +183,27 @@ def test_M1_does_not_depend_on_the_algorithm(settings):
     # the loop "direct" sticks with 1e3 times the diagonal of K: one thousandth of the slip
     scale = UPPER.slip([1.0]) * (1e-3 if "loop" in settings else 1e-8)
     assert_allclose(other.u, once.u, atol=scale)
+
+
+def test_slip_that_is_prescribed_is_no_contradiction():
+    """A block dragged by its side slips where its nodes are held, on both linear routes alike."""
+    basis = block_basis(np.linspace(0, 1, 7), np.linspace(0, 1, 7))
+    down = basis.get_dofs("top").all("u^2")
+    across = basis.get_dofs("left").all("u^1")
+    x = np.zeros(basis.N)
+    x[down], x[across] = -0.01, 1e-3
+    block = sc.Body(basis, elastic(1.0, 0.3), D=np.concatenate([down, across]), x=x, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    contact = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.9))
+    results = [
+        sc.ContactSolver([block], [contact], linear=linear).solve() for linear in ("auto", sc.Direct())
+    ]
+    corner = np.argmin(results[0].points[:, 0])
+    for result in results:
+        # the tangent is (-1, 0); the motion is the support's, and so is the force that it takes
+        assert_allclose(result.slip[corner], -1e-3, rtol=1e-12)
+        assert result.certificate.worst <= 1e-10
+    assert_allclose(results[1].u, results[0].u, atol=1e-10 * 0.01)
 
 
 # -- two deformable squares ------------------------------------------------------------------------
