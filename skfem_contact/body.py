@@ -237,9 +237,7 @@ class Body:
             return self._motions
         return tuple(f"{name} of part {i + 1}" for i in range(count) for name in self._motions)
 
-    def surface(
-        self, where: Any, nodes: bool = False, *, name: str | None = None
-    ) -> ContactSurface:
+    def surface(self, where: Any, nodes: bool = False, *, name: str | None = None) -> ContactSurface:
         """Part of the boundary that may come into contact.
 
         Parameters

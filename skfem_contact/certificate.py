@@ -65,9 +65,7 @@ class Certificate:
     @property
     def worst(self) -> float:
         """The largest of the numbers that have to be round-off."""
-        names = (
-            "equilibrium penetration complementarity tension friction force_balance moment_balance"
-        )
+        names = "equilibrium penetration complementarity tension friction force_balance moment_balance"
         return float(np.nanmax([getattr(self, name) for name in names.split()]))
 
     def __str__(self) -> str:
@@ -80,10 +78,7 @@ def certify(result: ContactResult) -> Certificate:
     kin, state, system = result.kin, result.state, result.system
     u, f = result.u, result.case.f
     internal = np.concatenate(
-        [
-            K @ u[system.slice(body)]
-            for body, K in zip(system.bodies, result.stiffness, strict=True)
-        ]
+        [K @ u[system.slice(body)] for body, K in zip(system.bodies, result.stiffness, strict=True)]
     )
     contact = kin.B_n.T @ state.normal_force - kin.B_t.T @ state.tangential_force.ravel()
     residual = internal - f - contact
@@ -131,9 +126,7 @@ def _friction_excess(result: ContactResult) -> float:
     return worst
 
 
-def _balance(
-    result: ContactResult, external: Array, scale: float
-) -> tuple[float, float, float, float]:
+def _balance(result: ContactResult, external: Array, scale: float) -> tuple[float, float, float, float]:
     """Resultant and moment of loads, reactions and obstacle forces over all bodies."""
     system, kin = result.system, result.kin
     component = np.concatenate([b.dof_component for b in system.bodies])

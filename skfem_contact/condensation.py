@@ -23,22 +23,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, block_diag, cho_factor, cho_solve, lu_factor, lu_solve
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.body import System
 from skfem_contact.kinematics import Kinematics, without_columns
 from skfem_contact.linear import Dense
 from skfem_contact.loads import LoadCase
 from skfem_contact.points import PointSpace
-from skfem_contact.spaces import Load, SparseSpace
+from skfem_contact.spaces import FIXED, Load, SparseSpace
 from skfem_contact.substructure import Substructure
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-# A row whose free coefficients are below this is prescribed: its largest coefficient was one.
-FIXED = 1e-12
 # Pivot of a contact row (of unit diagonal) below which it depends on the others.
 DEPENDENT = 1e-6
 # Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
@@ -95,6 +93,15 @@ class Condensed:
             for part, span in zip(self.parts, self.kept_spans(), strict=True)
         ]
         return np.concatenate(pieces)
+
+    def row_flexibility(self, rows: csr_matrix) -> Array:
+        """Sparse rows over the contact DOFs times ``F``, (r, n_c) -> (r, n_c)."""
+        rows = rows.tocsc()
+        pieces = [
+            csr_matrix(rows[:, span]) @ part.flexibility
+            for part, span in zip(self.parts, self.kept_spans(), strict=True)
+        ]
+        return np.concatenate(pieces, axis=1)
 
     def load(self, f: Array, x: Array) -> tuple[Array, tuple[Array | None, ...]]:
         """Loads condensed onto the contact DOFs, and what `recover` wants to know of them."""
@@ -165,11 +172,10 @@ class PointRows(Rows):
         normal = np.flatnonzero(kin.paired & (_row_size(kin.B_n) > FIXED))
         may_slip = np.repeat(kin.paired & slipping, t)
         tangential = np.flatnonzero(may_slip & (_row_size(kin.B_t) > FIXED))
-        B = np.concatenate([kin.B_n[normal].toarray(), kin.B_t[tangential].toarray()])
-        self.q = len(B)
-        self.G = np.concatenate([B, model.P.T])
-        self.FG = model.flexibility(self.G.T)
-        self.A = _inverse(csr_matrix(self.G) @ self.FG)
+        G = vstack([kin.B_n[normal], kin.B_t[tangential], csr_matrix(model.P.T)]).tocsr()
+        self.q = len(normal) + len(tangential)
+        self.GF = model.row_flexibility(G)
+        self.A = _inverse(G @ self.GF.T)
         A_qq = self.A[self.q :, self.q :] - np.eye(len(self.A) - self.q)
         self.A_zq = self.A[: self.q, self.q :]
         self.rigid = lu_factor(A_qq, check_finite=False)
@@ -188,7 +194,7 @@ class PointRows(Rows):
     def load(self, case: LoadCase) -> Load:
         """A load case in the unknowns of the space."""
         f_c, components = self.model.load(case.f, case.x)
-        h = self.A @ (self.FG.T @ f_c)
+        h = self.A @ (self.GF @ f_c)
         force = h[: self.q] - self.A_zq @ self._rigid_solve(h[self.q :])
         gap0, slip0 = self.constant(case)
         return Load(force, gap0, slip0, f_c, components)
@@ -196,11 +202,11 @@ class PointRows(Rows):
     def contact_dofs(self, loads: Sequence[Load], z: Array) -> Array:
         """Displacements of the contact DOFs (n_c, r) for r solutions (q, r) of the space."""
         f_c = np.column_stack([load.prescribed for load in loads])
-        h = self.A @ (self.FG.T @ f_c)
+        h = self.A @ (self.GF @ f_c)
         q = self._rigid_solve(h[self.q :] - self.A_zq.T @ z)
         # A [z; q] - h is the force on all rows, the springs on the anchors included
         p = self.A @ np.concatenate([z, q]) - h
-        return self.model.flexibility(f_c) + self.FG @ p
+        return self.model.flexibility(f_c) + self.GF.T @ p
 
     def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> list[Array]:
         """Displacements of all bodies, r arrays (n,)."""

@@ -90,9 +90,7 @@ class Contact:
         }
         for name, allowed in choices.items():
             if getattr(self, name) not in allowed:
-                raise InputError(
-                    f"Contact: {name} = {getattr(self, name)!r} is not one of {allowed}."
-                )
+                raise InputError(f"Contact: {name} = {getattr(self, name)!r} is not one of {allowed}.")
         if self.friction is not None and not isinstance(self.friction, FrictionLaw):
             raise InputError(
                 f"Contact: friction = {self.friction!r} is not a friction law; write "

@@ -14,13 +14,12 @@ from skfem_contact.errors import ConstraintError, ContactWarning, InputError
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.pairing import Pairing, diagnose
+from skfem_contact.spaces import FIXED
 from skfem_contact.surface import ContactSurface, place
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# A row (of unit vectors and weights) whose free coefficients are below this is prescribed.
-FIXED = 1e-12
 # Overlaps below this fraction of the bodies' extent are round-off of coordinates and values.
 ROUND_OFF = 1e-10
 # An overlap of this share of a body is no interference fit: small strains end long before.

@@ -13,6 +13,8 @@ from skfem_contact.result import Record
 
 logger = logging.getLogger("skfem_contact")
 
+UNHELD = "no equilibrium: nothing holds a rigid motion"
+
 
 @dataclass(frozen=True)
 class Options:
@@ -74,13 +76,18 @@ def drive(
     tolerance: float,
     limit: int,
     callback: Callable[[Record], object] | None = None,
+    patience: int | None = None,
 ) -> Outcome:
     """Run a loop until it converges, stalls, finds no equilibrium, or exceeds its count.
 
-    A `StopIteration` raised by `callback` ends the run where it stands, as in SciPy.
+    A `StopIteration` raised by `callback` ends the run where it stands, as in SciPy. With `patience`
+    it ends after so many iterations in which neither fewer points changed than ever before nor the
+    law came twice as close to being satisfied.
     """
     trace: list[Record] = []
     unheld: set[bytes] = set()
+    suspect: np.ndarray | None = None
+    progress = Progress()
     message = f"no convergence in {limit} iterations"
     for iterate in loop(step, guess, tolerance):
         record = _record(len(trace) + 1, step, iterate)
@@ -91,11 +98,14 @@ def drive(
             break
         if iterate.converged:
             return Outcome(iterate, tuple(trace), True, f"converged in {len(trace)} iterations")
-        if iterate.held is not None and iterate.residual <= tolerance:
+        if iterate.held is not None:
             key = iterate.status.tobytes()
             if key in unheld:
-                message = "no equilibrium: nothing holds a rigid motion"
-                return Outcome(iterate, tuple(trace), False, message, iterate.held)
+                # the same set needs the same help again: nothing else holds the body. While the
+                # limits of the loop `direct` still move this is a suspicion only
+                suspect = iterate.held
+                if iterate.residual <= tolerance:
+                    return Outcome(iterate, tuple(trace), False, UNHELD, suspect)
             unheld.add(key)
         if callback is not None:
             try:
@@ -105,9 +115,30 @@ def drive(
                 return Outcome(iterate, tuple(trace), False, last, stopped=True)
         if len(trace) >= limit:
             break
+        if patience is not None and progress.stalled(record, patience):
+            message = f"no progress in {patience} iterations"
+            break
     last = f"{record.changes} points still change and the friction law is violated by "
     last += f"{record.residual:.1e} of the largest force"
-    return Outcome(iterate, tuple(trace), False, f"{message}; {last}")
+    return Outcome(iterate, tuple(trace), False, f"{message}; {last}", suspect)
+
+
+@dataclass
+class Progress:
+    """The best a run has come to, and how long ago."""
+
+    changes: int = np.iinfo(int).max
+    residual: float = np.inf
+    waited: int = 0
+
+    def stalled(self, record: Record, patience: int) -> bool:
+        """Whether the last improvement is too long ago."""
+        self.waited += 1
+        if record.changes < self.changes or record.residual < 0.5 * self.residual:
+            self.changes = min(self.changes, record.changes)
+            self.residual = min(self.residual, record.residual)
+            self.waited = 0
+        return self.waited >= patience
 
 
 def _record(number: int, step: Step, iterate: Iterate) -> Record:

@@ -134,9 +134,7 @@ def analyse(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> Fronts:
     return Fronts(order, position, start, parent, first, border, keys, target, panel, schedule)
 
 
-def lower_entries(
-    K: Any, position: np.ndarray, end: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def lower_entries(K: Any, position: np.ndarray, end: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Stored entries on or below the diagonal in the columns of the reordered matrix before `end`.
 
     Returns the mask that selects them, their rows and their columns.

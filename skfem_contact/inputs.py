@@ -69,8 +69,7 @@ def check_basis(basis: Any, whose: str) -> None:
         )
     if element.dim != mesh.dim():
         raise InputError(
-            f"{whose} has {element.dim} components in {mesh.dim()}-D; use "
-            "skfem.ElementVector(element)"
+            f"{whose} has {element.dim} components in {mesh.dim()}-D; use skfem.ElementVector(element)"
         )
     if basis.nelems != mesh.nelements:
         raise InputError(
@@ -104,9 +103,7 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> csr_matrix:
         raise InputError(f"K of {whose} has entries of type {K.dtype}, contact needs real numbers")
     matrix = csr_matrix(K, dtype=np.float64)
     if not matrix.has_canonical_format:
-        matrix = (
-            matrix.copy()
-        )  # summing duplicates works in place, and the matrix may be the user's
+        matrix = matrix.copy()  # summing duplicates works in place, and the matrix may be the user's
         matrix.sum_duplicates()
     matrix = csr32(matrix)
     rows = np.repeat(np.arange(basis.N), np.diff(matrix.indptr))
@@ -139,14 +136,11 @@ def _vector(values: Any, basis: Any, what: str, used: Any = True) -> np.ndarray:
     array = np.asarray(values)
     if array.shape != (basis.N,):
         raise InputError(
-            f"{what} has shape {array.shape}, its basis has {basis.N} DOFs; it belongs to another "
-            "basis"
+            f"{what} has shape {array.shape}, its basis has {basis.N} DOFs; it belongs to another basis"
         )
     if array.dtype.kind not in "fiub":
         raise InputError(f"{what} has entries of type {array.dtype}, contact needs real numbers")
-    array = array.astype(
-        np.float64
-    )  # a copy: what the user does to the vector later stays outside
+    array = array.astype(np.float64)  # a copy: what the user does to the vector later stays outside
     _check_finite(np.where(used, array, 0.0), what, np.arange(len(array)), "DOF")
     return array
 

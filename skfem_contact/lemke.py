@@ -131,9 +131,7 @@ def lemke_guess(step: Step, current: Guess) -> Guess | None:
     guess: Guess | None = None
     for _ in range(SWEEPS):
         slope = step.slope(force, current.slip)[problem.friction]
-        cohesion = (
-            step.limit(force, current.slip)[problem.friction] - slope * force[problem.friction]
-        )
+        cohesion = step.limit(force, current.slip)[problem.friction] - slope * force[problem.friction]
         z = _solve(problem, slope, cohesion)
         if z is None:
             return guess

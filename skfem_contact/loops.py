@@ -258,9 +258,7 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     status = np.where(slips, SLIP, STICK)
     status = np.where(was_open & ~penetrates | pulls, OPEN, status)
     status = np.where(step.tied & step.paired, STICK, status)
-    return Guess(
-        status, direction, response.normal_force, response.tangential_force, response.slip
-    )
+    return Guess(status, direction, response.normal_force, response.tangential_force, response.slip)
 
 
 def _slip_rule(
@@ -311,9 +309,7 @@ def disagreement(current: Guess, proposal: Guess) -> Mask:
     return (current.status != proposal.status) | (turned & (proposal.status == SLIP))
 
 
-def law_residual(
-    step: Step, status: NDArray[np.intp], direction: Array, response: Response
-) -> float:
+def law_residual(step: Step, status: NDArray[np.intp], direction: Array, response: Response) -> float:
     """Largest distance of a slipping point's friction force from the law, over the largest force."""
     scale = np.max(np.abs(response.normal_force), initial=0.0)
     scale = max(scale, np.max(np.abs(response.tangential_force), initial=0.0))

@@ -164,16 +164,12 @@ def _facet_bases(surface: ContactSurface, quadrature: Quadrature) -> tuple[Array
     nf, k = surface.facets.shape
     N = quadrature.secondary_shape
     q = len(N)
-    collect = csr_matrix(
-        (quadrature.weight, (quadrature.secondary_facet, np.arange(q))), shape=(nf, q)
-    )
+    collect = csr_matrix((quadrature.weight, (quadrature.secondary_facet, np.arange(q))), shape=(nf, q))
     products = (N[:, :, None] * N[:, None, :]).reshape(q, k * k)
     mass = np.asarray(collect @ products).reshape(nf, k, k)
     A, share, heir = np.zeros_like(mass), np.zeros((nf, k)), np.tile(np.arange(k), (nf, 1))
     covered = np.unique(quadrature.secondary_facet)
-    A[covered], share[covered], heir[covered] = dual_basis(
-        mass[covered], facet_areas(surface)[covered]
-    )
+    A[covered], share[covered], heir[covered] = dual_basis(mass[covered], facet_areas(surface)[covered])
     return A, share, heir
 
 

@@ -22,6 +22,7 @@ from scipy.linalg import LinAlgError
 from scipy.spatial import cKDTree
 
 from skfem_contact.driver import drive
+from skfem_contact.linear import SingularMatrix
 from skfem_contact.loops import OPEN, STICK, Guess, Iterate, Loop, Step
 from skfem_contact.points import PointSpace, Reduction
 
@@ -66,7 +67,10 @@ def nested_guess(step: Step, guess: Guess, loop: Loop, points: Array, tolerance:
         allowed = level.step.paired
         status = np.where(allowed | step.tied, guess.status, OPEN)
         start = replace(guess, status=status, direction=guess.direction * allowed[:, None])
-        outcome = drive(loop, level.step, start, tolerance, ATTEMPTS)
+        try:
+            outcome = drive(loop, level.step, start, tolerance, ATTEMPTS)
+        except SingularMatrix:  # only a start: the next level begins without this one
+            continue
         logger.debug("nested start on %d points: %s", allowed.sum(), outcome.message)
         guess = _refine(outcome.iterate, level)
     return guess

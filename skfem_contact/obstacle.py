@@ -330,15 +330,11 @@ class LevelSet(Obstacle):
         on_surface = np.abs(self._value(y)) <= 1e-9 * size * steep
         across = y - x + multiplier[:, None] * gradient
         # central differences give normals with some nine digits
-        stationary = np.linalg.norm(across, axis=1) <= 1e-7 * (
-            size + np.linalg.norm(y - x, axis=1)
-        )
+        stationary = np.linalg.norm(across, axis=1) <= 1e-7 * (size + np.linalg.norm(y - x, axis=1))
         return y, on_surface & stationary
 
 
-def _central(
-    function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float
-) -> np.ndarray:
+def _central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float) -> np.ndarray:
     """Derivatives (m, k, d) of a function (m, d) -> (m, k) by central differences."""
     shifts = step * np.eye(x.shape[1])
     return np.stack([(function(x + h) - function(x - h)) / (2 * step) for h in shifts], axis=2)
@@ -371,9 +367,7 @@ def _motion(motion: Any, dim: int) -> tuple[np.ndarray, np.ndarray]:
         angle, centre = float(motion[1]), np.asarray(motion[2], dtype=float)
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         if centre.shape != (dim,):
-            raise InputError(
-                f"centre of the motion has shape {centre.shape}, not ({dim},); {usage}"
-            )
+            raise InputError(f"centre of the motion has shape {centre.shape}, not ({dim},); {usage}")
         shift = np.asarray(motion[0], dtype=float) + centre - turn @ centre
     if shift.shape != (dim,) or not (np.isfinite(shift).all() and np.isfinite(turn).all()):
         raise InputError(f"motion={motion!r} in {dim}-D; {usage}")
@@ -383,9 +377,7 @@ def _motion(motion: Any, dim: int) -> tuple[np.ndarray, np.ndarray]:
 def _place(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
     array = np.array(value, dtype=float)
     if array.shape not in ((2,), (3,)) or not np.isfinite(array).all():
-        raise InputError(
-            f"{what}={value!r} of {obstacle.label!r} is not a finite point in 2-D or 3-D"
-        )
+        raise InputError(f"{what}={value!r} of {obstacle.label!r} is not a finite point in 2-D or 3-D")
     return array
 
 
@@ -409,6 +401,4 @@ def _radius(value: Any, obstacle: Obstacle) -> float:
 
 def _same_dimension(surface: ContactSurface, dim: int, obstacle: Obstacle) -> None:
     if surface.dim != dim:
-        raise InputError(
-            f"surface {surface.label!r} is {surface.dim}-D, {obstacle.label!r} is {dim}-D"
-        )
+        raise InputError(f"surface {surface.label!r} is {surface.dim}-D, {obstacle.label!r} is {dim}-D")

@@ -141,9 +141,7 @@ def _edges(A: Any, node: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray
     return key // max(1, count), key % max(1, count)
 
 
-def _halves(
-    nodes: np.ndarray, box: np.ndarray, centres: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _halves(nodes: np.ndarray, box: np.ndarray, centres: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sort the nodes of each box along its longest side and cut in the middle.
 
     Returns the nodes in their new order and the half ``2 * box + (0 or 1)`` of each. Nodes that

@@ -121,9 +121,7 @@ def node_to_segment(
     >>> from skfem_contact.body import Body
     >>> def square(side, x, y):
     ...     mesh = fem.MeshQuad().scaled(side).translated((x, y)).with_defaults()
-    ...     return Body(
-    ...         fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1())), linear_elasticity()
-    ...     )
+    ...     return Body(fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1())), linear_elasticity())
     >>> pairing = node_to_segment(
     ...     square(1.0, 1.0, 4.5).surface("bottom"), square(4.0, 0.0, 0.0).surface("top")
     ... )
@@ -302,9 +300,7 @@ def _judge(
     apart = x - foot
     distance = np.linalg.norm(apart, axis=1)
     height = np.einsum("pd,pd->p", apart, interpolated_normals(primary, facet, xi))
-    facing = (
-        np.einsum("pd,pd->p", secondary.normals[point], primary.facet_normals[facet]) < -FACING
-    )
+    facing = np.einsum("pd,pd->p", secondary.normals[point], primary.facet_normals[facet]) < -FACING
     above_facet = over <= END * primary.lengths[facet]
 
     # beyond an end: the vertex is the closest point only if it is that of the next facet, too
@@ -348,9 +344,7 @@ def _overhang(
     near = near.reshape(len(point), few)
     apart = secondary.points[point][:, None] - vertex[near]
     normal = primary.end_normals[facet, side][near]
-    outward = (
-        np.where(side == 1, 1.0, -1.0)[:, None] * tangents(primary.end_normals[facet, side])[:, 0]
-    )
+    outward = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(primary.end_normals[facet, side])[:, 0]
     along = np.einsum("pkd,pkd->pk", apart, outward[near])
     height = np.einsum("pkd,pkd->pk", apart, normal)
     faces = np.einsum("pd,pkd->pk", secondary.normals[point], primary.facet_normals[facet][near])
@@ -411,9 +405,7 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
     return lines
 
 
-def _say_beyond(
-    pairing: Pairing, secondary: ContactSurface, primary: Any, beyond: np.ndarray
-) -> str:
+def _say_beyond(pairing: Pairing, secondary: ContactSurface, primary: Any, beyond: np.ndarray) -> str:
     worst = int(np.argmax(np.where(beyond, pairing.miss, -1.0)))
     miss = pairing.miss[worst]
     facets = ""

@@ -67,16 +67,12 @@ class RigidMotions:
         u = self.modes @ combination
         scale = np.max(np.abs(u))
         bodies, motions = [], []
-        for body, name, part in zip(
-            self.system.bodies, self.system.names, self._parts(u), strict=True
-        ):
+        for body, name, part in zip(self.system.bodies, self.system.names, self._parts(u), strict=True):
             if np.max(np.abs(part)) > 1e-6 * scale:
                 bodies.append(name)
                 motions.append(_motion_words(body.rigid_modes, body.rigid_mode_names, part))
         same = len(set(motions)) == 1
-        words = (
-            motions[0] if same else "; ".join(map(": ".join, zip(bodies, motions, strict=True)))
-        )
+        words = motions[0] if same else "; ".join(map(": ".join, zip(bodies, motions, strict=True)))
         return tuple(bodies), words
 
     def _parts(self, u: Array) -> list[Array]:
@@ -90,9 +86,7 @@ def _motion_words(modes: Array, names: tuple[str, ...], u: Array) -> str:
     return " with ".join(np.array(names)[share > 1e-3 * share.max()])
 
 
-def rigid_motions(
-    system: System, kin: Kinematics, stiffness: Sequence[csr_matrix]
-) -> RigidMotions:
+def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matrix]) -> RigidMotions:
     """Find the rigid motions that neither prescribed DOFs nor the stiffness resist."""
     blocks = []
     for body, K in zip(system.bodies, stiffness, strict=True):

@@ -196,9 +196,7 @@ def _project(nodes: Array, normals: Array, y: Array) -> Array:
     return xi
 
 
-def _meet(
-    secondary: ContactSurface, primary: ContactSurface, e: Index, f: Index, xi: Array
-) -> Array:
+def _meet(secondary: ContactSurface, primary: ContactSurface, e: Index, f: Index, xi: Array) -> Array:
     """Coordinate on primary facets of the points that the normals at ``xi`` meet; (q,)."""
     x, normal = _position(secondary, e, xi)
     along = turned(normal)

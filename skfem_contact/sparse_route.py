@@ -30,9 +30,7 @@ class FullSystem:
         self.points = np.concatenate([body.dof_points for body in system.bodies])
         self.modes = dense_block_diag(*(body.rigid_modes for body in system.bodies))
 
-    def attach(
-        self, kin: Kinematics, slipping: Mask, prefer: Mask, labels: Sequence[str]
-    ) -> FullRows:
+    def attach(self, kin: Kinematics, slipping: Mask, prefer: Mask, labels: Sequence[str]) -> FullRows:
         """The contact problem for one pairing."""
         return FullRows(self, kin, slipping, prefer, labels)
 

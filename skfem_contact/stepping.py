@@ -34,6 +34,8 @@ logger = logging.getLogger("skfem_contact")
 LOOPS = {"newton": loops.newton, "direct": loops.direct, "fictitious": loops.fictitious}
 # Where an attempt at a load step begins, in this order.
 STARTS = ("warm", "cold", "newton", "pivoting")
+# Iterations without progress after which an attempt is given up; `fictitious` only creeps.
+PATIENCE = {"newton": 30, "direct": 30, "fictitious": None}
 ITERATIONS = {"newton": 80, "direct": 150, "fictitious": 2000}
 
 
@@ -166,9 +168,7 @@ class Stepper:
             new = geometry.at(u, case)
             mismatch = geometry.mismatch(placement, new, attempt.state)
             if mismatch <= options.placement_tolerance:
-                gap = np.where(
-                    geometry.finite & (attempt.state.status == OPEN), new.gap0, attempt.gap
-                )
+                gap = np.where(geometry.finite & (attempt.state.status == OPEN), new.gap0, attempt.gap)
                 return self._travelled(walk, replace(attempt, mismatch=mismatch, gap=gap))
             start, known = "warm", attempt.state
             placement = self.place(new, u)
@@ -177,17 +177,13 @@ class Stepper:
 
     def _travelled(self, walk: Walk, attempt: Attempt) -> Attempt:
         """Refuse a step in which a point slid over more than its share of facets."""
-        closed = (
-            (attempt.state.status != OPEN) & (walk.state.status != OPEN) & self.geometry.finite
-        )
+        closed = (attempt.state.status != OPEN) & (walk.state.status != OPEN) & self.geometry.finite
         slid = np.linalg.norm(attempt.state.slip - walk.state.slip, axis=1)
         for contact, part in zip(self.interface.contacts, self.interface.parts, strict=True):
             furthest = np.max(slid[part][closed[part]], initial=0.0)
             allowed = self.options.max_travel * np.mean(contact.secondary.lengths)
             if furthest > allowed:
-                words = (
-                    f"a point slid by {furthest:.3g}, more than max_travel allows ({allowed:.3g})"
-                )
+                words = f"a point slid by {furthest:.3g}, more than max_travel allows ({allowed:.3g})"
                 return replace(attempt, failure=words)
         return attempt
 
@@ -223,17 +219,20 @@ class Stepper:
             guess = admissible(guess, step)
             limit = options.max_iterations or ITERATIONS[self.loop]
             run = LOOPS[self.loop]
-            outcome = drive(run, step, guess, options.tolerance, limit, callback)
-            outcome = replace(outcome, trace=(*spent, *outcome.trace))
+            patience = PATIENCE[self.loop]
+            outcome = drive(run, step, guess, options.tolerance, limit, callback, patience)
+            if spent and spent.free is not None and not outcome.converged:
+                outcome = replace(outcome, free=spent.free)  # its limits do not lag
+            outcome = replace(outcome, trace=(*(spent.trace if spent else ()), *outcome.trace))
             state = self._state(outcome, walk, placement, load, case)
         return Attempt(outcome, placement, load, case, seen, state, outcome.iterate.response.gap)
 
     def _guess(
         self, start: str, known: State, step: Step, kin: Kinematics
-    ) -> tuple[Guess, tuple[Record, ...]]:
-        """Starting values, and the iterations that another loop spent on them."""
+    ) -> tuple[Guess, Outcome | None]:
+        """Starting values, and how another loop came to them."""
         if start == "warm":
-            return as_guess(known), ()
+            return as_guess(known), None
         if start == "newton":
             first = admissible(as_guess(known), step)
             most = ITERATIONS["newton"]
@@ -241,12 +240,12 @@ class Stepper:
             it, there = found.iterate, found.iterate.response
             return Guess(
                 it.status, it.direction, there.normal_force, there.tangential_force, there.slip
-            ), found.trace
+            ), found
         if start == "pivoting":
             pivoted = lemke_guess(step, as_guess(known))
             if pivoted is not None:
-                return pivoted, ()
-        return self._cold(step, step.load.gap0, kin), ()
+                return pivoted, None
+        return self._cold(step, step.load.gap0, kin), None
 
     def _cold(self, step: Step, gap0: Array, kin: Kinematics) -> Guess:
         """Nothing known: points that touch are closed and stick; where few do, a nested start."""

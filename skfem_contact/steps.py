@@ -130,9 +130,7 @@ class StepReader:
                 if contact.rigid and name in (obstacles[i], self.names[i])
             ]
             if not meant:
-                known = [
-                    o or self.names[i] for i, o in enumerate(obstacles) if self.contacts[i].rigid
-                ]
+                known = [o or self.names[i] for i, o in enumerate(obstacles) if self.contacts[i].rigid]
                 raise InputError(
                     f"motion: there is no obstacle {name!r}{suggest(name, known, 'obstacles')}"
                 )

@@ -172,9 +172,7 @@ def torque_capacity(mu: float, pressure: float, Rc: float) -> float:
     return 2 * math.pi * mu * pressure * Rc**2
 
 
-def ring_twist(
-    torque: float, Ri: float, Rc: float, Ro: float, G_inner: float, G_outer: float
-) -> float:
+def ring_twist(torque: float, Ri: float, Rc: float, Ro: float, G_inner: float, G_outer: float) -> float:
     """Angle of the bore against the outer rim under a torque, nothing slipping [rad].
 
     ``T/(4π) [(1/Ri² - 1/Rc²)/G_inner + (1/Rc² - 1/Ro²)/G_outer]``, T per unit thickness.

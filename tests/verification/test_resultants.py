@@ -87,13 +87,6 @@ def test_P3_resultant_on_the_incline():
     assert_allclose(normal, [-1.2e5, 2.0784e5], rtol=4e-5)  # as printed, cut after five digits
 
 
-NEAR_LIMIT = pytest.mark.xfail(
-    raises=sc.NotConverged,
-    strict=True,
-    reason="direct: limits of the last iterate do not settle a millionth below mu N; newton does",
-)
-
-
 @pytest.mark.parametrize("angle", [0.0, 30.0, 270.0])
 @pytest.mark.parametrize(
     ("margin", "loop"),
@@ -101,7 +94,7 @@ NEAR_LIMIT = pytest.mark.xfail(
         (1e-2, "newton"),
         (1e-6, "newton"),
         (1e-2, "direct"),
-        pytest.param(1e-6, "direct", marks=NEAR_LIMIT),
+        (1e-6, "direct"),
     ],
 )
 def test_P3_free_pad_holds_to_the_limit(margin, angle, loop):
