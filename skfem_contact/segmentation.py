@@ -26,6 +26,7 @@ continuous normal field.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +121,7 @@ def area_element(surface: ContactSurface, facet: Index, xi: Array) -> Array:
     return stretch if measure is None else stretch * measure(_combine(N, nodes).T)
 
 
+@lru_cache
 def _gauss(n: int) -> tuple[Array, Array]:
     """Gauss points and weights on [0, 1]."""
     at, w = np.polynomial.legendre.leggauss(n)
@@ -187,9 +189,11 @@ def _project(nodes: Array, normals: Array, y: Array) -> Array:
         value, slope = lateral(now, at)
         low, high = np.where(value > 0, now, low), np.where(value > 0, high, now)
         new = now - value / np.where(slope < 0, slope, -np.inf)
-        new = np.where((slope < 0) & (new >= low) & (new <= high), new, 0.5 * (low + high))
+        newton = (slope < 0) & (new >= low) & (new <= high)
+        new = np.where(newton, new, 0.5 * (low + high))
         xi[at] = new
-        moving = np.abs(new - now) > 1e-15
+        # Newton squares its error; to wait until nothing moves is to watch round-off
+        moving = np.abs(new - now) > np.where(newton, 1e-9, 1e-15)
         at, low, high = at[moving], low[moving], high[moving]
         if not len(at):
             break
