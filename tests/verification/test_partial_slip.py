@@ -203,7 +203,9 @@ def fretting(N, x, n=24):
         state = cattaneo_mindlin(scene.exact, MU, Q, after=(x * MU * scene.P,))
         assert abs(stick_half_width(results[k]) - state.c) <= scene.h
         if k == start + n // 2:
-            assert traction_error(results[k], state) < 0.1  # a self-balanced rest, of two signs
+            # a small self-balanced rest, of two signs: measured by full sliding, as in H4
+            error = traction_error(results[k], state) * share_of_full_sliding(state)
+            assert error < 0.7 * scene.h
     assert np.mean([r.iterations for r in results]) < 3
     return reported / exact, implicit / exact
 
@@ -275,10 +277,11 @@ def test_newton_from_a_cold_start_at_any_resolution(N):
     result, d = free.press(P, 1.0)
     assert result.iterations <= 12
     held = Blocks(1 / N, parabola, fine=1.3, law=sc.Coulomb(0.0), pushed=False, **graded)
-    without = held.solver.solve(x=held.lowered(d, shift=1e-3))
-    assert without.iterations <= 12
-    assert not without.tangential_force.any()  # mu = 0 is no friction, not round-off of it
-    assert not (without.status == 1).any()
+    for shift in (0.0, 1e-3):
+        without = held.solver.solve(x=held.lowered(d, shift=shift))
+        assert without.iterations <= 12
+        assert not without.tangential_force.any()  # mu = 0 is no friction, not round-off of it
+        assert not (without.status == 1).any()
     for mu in (0.1, 0.5, 1.0):
         scene = Scene(N, mu, d=d, **graded)
         for x in (0.5, 0.95):
