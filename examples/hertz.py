@@ -11,8 +11,8 @@ r"""A steel cylinder pressed on a steel block: Hertz' line contact, on two meshe
     /////////////////////////
 
 Hertz' bodies are half planes. These are eight half widths deep, and clamped, which adds C P/(E* H²) to
-the curvature of each body; the reference takes that in. The pressure of the finite elements
-differs from it by less than 1 % in the mean square.
+the curvature of each body; the reference takes that in. The largest pressure agrees with it to 0.2 %
+(half planes would be off by 0.4 %), and the pressure everywhere to 1 % in the mean square.
 
 Run ``python examples/hertz.py [folder]``: report, a file for ParaView, and a picture.
 """
@@ -83,14 +83,16 @@ exact = hertz_line(P, R, E_star, added_curvature=added)
 
 x, p = result.points[:, 0], result.pressure
 difference = result.integrate((p - exact.pressure(x)) ** 2)
-error = np.sqrt(difference / result.integrate(exact.pressure(x) ** 2))
-tolerance = 1e-2
+off = np.sqrt(difference / result.integrate(exact.pressure(x) ** 2))
+off_peak = abs(p.max() / exact.p0 - 1)
+error = max(off_peak / 2e-3, off / 1e-2)  # in units of what is promised above
+tolerance = 1.0
 left, right = np.sort(result.contact_edges[:, 0])
 print(f"\nforce {P:.1f} N/mm        finite elements      Hertz    on half planes")
 half_plane = hertz_line(P, R, E_star)
 print(f"largest pressure [MPa] {p.max():14.2f} {exact.p0:12.2f} {half_plane.p0:12.2f}")
 print(f"half width [mm]        {(right - left) / 2:14.4f} {exact.a:12.4f} {half_plane.a:12.4f}")
-print(f"pressure differs by {error:.2%} in the mean square")
+print(f"largest pressure differs by {off_peak:.2%}, pressure by {off:.2%} in the mean square")
 
 
 # %% Write and plot
