@@ -61,7 +61,7 @@ class ContactValues:
     status : ndarray of int, shape (m,)
         0 open, 1 stick, 2 slip. Closed points of a frictionless contact are 2.
     normal_force : ndarray, shape (m,)
-        Compressive force [force].
+        Compressive force [force]; for a tied scalar field, the flow into the secondary.
     tangential_force : ndarray, shape (m, d-1)
         Friction on the secondary along the tangents [force].
     area : ndarray, shape (m,)
@@ -124,6 +124,11 @@ class ContactValues:
     def force(self) -> Array:
         """Resultant on the secondary body, shape (d,) [force]."""
         return self.forces.sum(axis=0)
+
+    @property
+    def force_on_primary(self) -> Array:
+        """Resultant on the other side, a body or a rigid obstacle, shape (d,) [force]."""
+        return -self.force
 
     def moment(self, about: ArrayLike = (0.0, 0.0)) -> float | Array:
         """Moment of the forces on the secondary about a point [force length]."""
@@ -328,6 +333,7 @@ FORWARDED = frozenset(
         "contact_area",
         "contact_edges",
         "force",
+        "force_on_primary",
         "forces",
         "integrate",
         "interpolate",
