@@ -104,12 +104,20 @@ def _linear_words(solver: ContactSolver) -> str:
     rows = points + kin.tangents * int((solver.interface.slipping & kin.paired).sum())
     dofs = len(np.setdiff1d(np.union1d(kin.B_n.indices, kin.B_t.indices), solver.system.D))
     if solver._condensed():
-        megabytes = 8e-6 * (2 * dofs**2 + 3 * rows**2)
+        dense = 8e-6 * (2 * dofs**2 + 3 * rows**2)
+        factors = 1e-6 * sum(size.memory for size in solver.sizes().values())
         return (
             f"condensed: {solver.system.n} DOFs -> {dofs} contact DOFs -> {rows} gaps and slips "
-            f"of {points} points ({megabytes:.3g} MB for the dense matrices)"
+            f"of {points} points; {factors:.3g} MB for the factors, {dense:.3g} MB for the dense matrices"
         )
-    return f"linear solver {solver.linear!r} on all {solver.system.n} DOFs in every iteration"
+    why = (
+        "as chosen"
+        if not isinstance(solver.linear, str)
+        else (
+            f"because {dofs} contact DOFs are more than max_candidates = {solver.options.max_candidates}"
+        )
+    )
+    return f"linear solver {solver.linear!r} on all {solver.system.n} DOFs in every iteration, {why}"
 
 
 def _free_words(solver: ContactSolver) -> str:

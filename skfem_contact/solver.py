@@ -25,6 +25,7 @@ from skfem_contact.interface import contact_names, interface, point_slices
 from skfem_contact.kinematics import Kinematics, point_labels, secondary_dofs
 from skfem_contact.linear import single_threaded
 from skfem_contact.loads import LoadCase
+from skfem_contact.multifrontal import Estimate
 from skfem_contact.result import ContactResult, Record
 from skfem_contact.rigid import rigid_motions
 from skfem_contact.sparse_route import FullSystem
@@ -140,6 +141,18 @@ class ContactSolver:
                     self._model = FullSystem(self.system, self._stiffness, self.linear)
             self.timings["condensation"] = time.perf_counter() - start
         return self._model
+
+    def sizes(self) -> dict[str, Estimate]:
+        """What the factorisation of each body in contact will take, before anything is computed."""
+        wanted = np.union1d(self._touched(), self.geometry.surface_dofs)
+        out = {}
+        for i, (body, name) in enumerate(zip(self.system.bodies, self.system.names, strict=True)):
+            span = self.system.slice(body)
+            mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
+            mine = np.setdiff1d(mine, body.D)
+            if len(mine):
+                out[name] = Substructure(body, self._stiffness[i], mine).estimate()
+        return out
 
     def _touched(self) -> NDArray[np.intp]:
         """DOFs that occur in the rows of points with a partner."""

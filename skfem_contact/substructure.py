@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.body import Body
 from skfem_contact.errors import InputError
-from skfem_contact.multifrontal import MultifrontalCholesky
+from skfem_contact.multifrontal import Estimate, MultifrontalCholesky, estimate
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -116,6 +116,12 @@ class Substructure:
                 f"({error}). Usually a material parameter is negative or zero, nodes belong to no "
                 "element, or K is not that of an elastic body."
             ) from None
+
+    def estimate(self) -> Estimate:
+        """Size of the factorisation, before it is computed."""
+        K_ff = csr_matrix(self.K[self.free][:, self.free])
+        place = np.searchsorted(self.free, self.kept)
+        return estimate(K_ff, self.body.dof_points[self.free], place)
 
     @property
     def S(self) -> Array:
