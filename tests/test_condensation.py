@@ -1,0 +1,174 @@
+"""The condensed routes against the sparse one: same answer, and cheaper ways to reach it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact.condensation import ContactDofRows, PointRows
+
+MESH = {"Q1": (fem.MeshQuad, fem.ElementQuad1), "P1": (fem.MeshTri, fem.ElementTriP1)}
+
+
+def block(name, x, y, n, *, kind="Q1", E=1.0, D=None, move=(0.0, 0.0), push=(0.0, 0.0)):
+    mesh_type, element = MESH[kind]
+    mesh = mesh_type.init_tensor(np.linspace(*x, n[0] + 1), np.linspace(*y, n[1] + 1)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(element()))
+    u, f = np.zeros(basis.N), np.zeros(basis.N)
+    u[basis.nodal_dofs] = np.reshape(move, (2, 1))
+    f[basis.nodal_dofs] = np.reshape(push, (2, 1)) / mesh.p.shape[1]
+    K = linear_elasticity(*lame_parameters(E, 0.3))
+    return sc.Body(basis, K, f, D, None if D is None else u, name=name)
+
+
+def scene(kind="Q1", floating=False, linear="auto", method="node", mu=0.3):
+    """A punch with an overhang on a block: open, sticking and slipping points, or a free punch."""
+    low = block("low", (0, 2), (-1, 0), (10, 4), kind=kind, D="bottom")
+    if floating:
+        up = block("up", (0.5, 1.7), (0, 0.6), (7, 3), kind=kind, E=3.0, push=(1e-3, -8e-3))
+    else:
+        up = block("up", (0.5, 1.7), (0, 0.6), (7, 3), kind=kind, E=3.0, D="top", move=(0.004, -0.01))
+    contact = sc.Contact(
+        up.surface("bottom"),
+        low.surface("top"),
+        friction=None if mu is None else sc.Coulomb(mu),
+        method=method,
+        name="joint",
+        gap=lambda x: 0.03 * (x[0] - 0.9) ** 2,
+    )
+    return sc.ContactSolver([low, up], [contact], linear=linear)
+
+
+@pytest.mark.parametrize("kind", MESH)
+@pytest.mark.parametrize("floating", [False, True], ids=["held", "floating"])
+@pytest.mark.parametrize(("method", "mu"), [("node", 0.3), ("mortar", 0.3)])
+def test_condensed_and_sparse_routes_agree(kind, floating, method, mu):
+    """Gaps and slips, or all DOFs as unknowns: the same displacements and forces along a path."""
+    settings = {"kind": kind, "floating": floating, "method": method, "mu": mu}
+    dense, sparse = scene(**settings), scene(**settings, linear=sc.Direct())
+    assert isinstance(dense._place(None, None).rows, PointRows)
+    for a, b in zip(dense.history([0.5, 1.0, 0.3]), sparse.history([0.5, 1.0, 0.3]), strict=True):
+        # round-off times the condition number of the bodies
+        assert_allclose(a.u, b.u, atol=1e-9 * np.abs(b.u).max())
+        assert_allclose(a.forces, b.forces, atol=1e-9 * np.abs(b.forces).max())
+        assert_array_equal(a.status, b.status)
+        assert a.certificate.worst < 1e-10
+
+
+def test_update_of_one_body_is_a_new_solver():
+    """A new stiffness and load of one body give what a solver made with them gives."""
+    solver = scene(floating=True)
+    solver.solve()
+    kept = solver.model.parts[0]
+    stiffer = linear_elasticity(*lame_parameters(7.0, 0.2))
+    load = 1.5 * solver.system.bodies[1].f
+    solver.update("up", K=stiffer, f=load)
+    low, up = solver.system.bodies
+    new = sc.Body(up.basis, stiffer, load, name="up")
+    contact = sc.Contact(
+        new.surface("bottom"),
+        low.surface("top"),
+        friction=sc.Coulomb(0.3),
+        gap=lambda x: 0.03 * (x[0] - 0.9) ** 2,
+    )
+    result, fresh = solver.solve(), sc.ContactSolver([low, new], [contact]).solve()
+    assert_allclose(result.u, fresh.u, atol=1e-12 * np.abs(fresh.u).max())
+    assert_allclose(result.forces, fresh.forces, atol=1e-11 * np.abs(fresh.forces).max())
+    assert result.certificate.worst < 1e-10  # measured with the new stiffness
+    assert solver.model.parts[0] is kept  # the other body is not condensed again
+    solver.update(low, f=low.f)
+    assert_allclose(solver.solve().u, fresh.u, atol=1e-12 * np.abs(fresh.u).max())
+
+
+def test_updates_are_checked():
+    """What is no stiffness of this body is refused, and the solver stays as it was."""
+    solver = scene()
+    before = solver.solve().u
+    with pytest.raises(sc.InputError, match=r"K of body 'up' has shape \(3, 3\)"):
+        solver.update("up", K=np.eye(3))
+    with pytest.raises(sc.InputError, match="there is no body 'upp'; did you mean 'up'"):
+        solver.update("upp", K=np.eye(3))
+    assert_allclose(solver.solve().u, before, atol=1e-15)
+
+
+@pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["auto", "sparse"])
+def test_many_displacements_at_once_are_those_one_by_one(linear):
+    """Recovering many results in one go gives each its own displacements, in order."""
+    factors = np.linspace(0.1, 1.0, 40)
+    alone = [r.u for r in scene(linear=linear).history(factors)]
+    solver = scene(linear=linear)
+    results = list(solver.history(factors))
+    some = results[3].u.copy()  # recovered before
+    together = solver.recover(results)
+    for a, b, result in zip(together, alone, results, strict=True):
+        assert_allclose(a, b, atol=1e-13 * np.abs(b).max())
+        assert result.u is a
+    assert_allclose(together[3], some, atol=0)
+
+
+def corner(linear="auto", mu=None, D=None):
+    """A block in a corner: its corner node is in two contacts, whose rows meet two DOFs."""
+    D = "top" if D else None
+    body = block("block", (0, 1), (0, 1), (4, 4), D=D, push=(-1e-3, -2e-3))
+    law = None if mu is None else sc.Coulomb(mu)
+    floor, wall = sc.RigidPlane((0, 0), (0, 1)), sc.RigidPlane((0, 0), (1, 0))
+    contacts = [
+        sc.Contact(body.surface("bottom"), floor, friction=law, name="floor"),
+        sc.Contact(body.surface("left"), wall, friction=law, name="wall"),
+    ]
+    return sc.ContactSolver(body, contacts, linear=linear)
+
+
+def chain(linear="auto", mu=0.2):
+    """Both lips of a joint secondary of one another: every row is there twice."""
+    low = block("low", (0, 1), (-1, 0), (4, 3), D="bottom")
+    up = block("up", (0, 1), (0, 1), (4, 3), D="top", move=(0.0, -0.01))
+    a, b = up.surface("bottom"), low.surface("top")
+    law = None if mu is None else sc.Coulomb(mu)
+    contacts = [
+        sc.Contact(a, b, friction=law, name="there"),
+        sc.Contact(b, a, friction=law, name="back"),
+    ]
+    return sc.ContactSolver([low, up], contacts, linear=linear)
+
+
+@pytest.mark.parametrize(
+    ("make", "mu"), [(corner, 0.3), (chain, None), (chain, 0.2)], ids=["corner", "chain", "chain-mu"]
+)
+def test_rows_that_depend_on_each_other(make, mu):
+    """Corners with friction and doubled rows are solved on contact DOFs, as by the sparse route."""
+    dense, sparse = make(mu=mu), make(mu=mu, linear=sc.Direct())
+    assert isinstance(dense._place(None, None).rows, ContactDofRows)
+    a, b = dense.solve(), sparse.solve()
+    assert_allclose(a.u, b.u, atol=1e-9 * np.abs(b.u).max())
+    total = [sum(v.forces.sum(axis=0) for v in r.values) for r in (a, b)]
+    assert_allclose(total[0], total[1], atol=1e-9 * max(np.abs(v.forces).max() for v in b.values))
+    assert a.certificate.worst < 1e-10
+
+
+def test_frictionless_corners():
+    """Without friction a corner node has one row per direction, and both walls their force."""
+    held = corner(D=True)
+    assert isinstance(held._place(None, None).rows, PointRows)
+    for solver in (corner(), corner(linear=sc.Direct())):
+        result = solver.solve()
+        assert_allclose(result["floor"].force, [0, 2e-3], atol=1e-14)
+        assert_allclose(result["wall"].force, [1e-3, 0], atol=1e-14)
+
+
+def test_the_route_follows_the_number_of_candidates():
+    """Above max_candidates "auto" takes the sparse route; "condensed" never does."""
+    plain = scene()
+    many = sc.ContactSolver(
+        plain.system.bodies, plain.contacts, options=sc.Options(max_candidates=3), linear="auto"
+    )
+    assert plain._condensed() and not many._condensed()
+    forced = sc.ContactSolver(
+        plain.system.bodies, plain.contacts, options=sc.Options(max_candidates=3), linear="condensed"
+    )
+    assert forced._condensed()
+    assert_allclose(many.solve().u, plain.solve().u, atol=1e-11)

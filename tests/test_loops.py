@@ -1,0 +1,184 @@
+"""The nonlinear loops on two or three springs, where every answer can be written down."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from skfem_contact import Coulomb, Options
+from skfem_contact.driver import drive
+from skfem_contact.loops import (
+    OPEN,
+    SLIP,
+    STICK,
+    Anderson,
+    Guess,
+    Step,
+    direct,
+    fictitious,
+    hold,
+    newton,
+    propose,
+)
+from skfem_contact.points import PointSpace
+from skfem_contact.rigid import RigidMotions
+from skfem_contact.spaces import Conditions, Load
+from skfem_contact.stepping import natural_state
+
+LOOPS = {"newton": newton, "direct": direct, "fictitious": fictitious}
+K_N, K_T, MU = 4.0, 3.0, 0.5
+
+
+def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False):
+    """Separate points on springs K_N and K_T under given forces (positive normal presses)."""
+    normal, tangential = np.atleast_1d(normal).astype(float), np.atleast_1d(tangential).astype(float)
+    m = len(normal)
+    space = PointSpace(
+        np.diag(np.r_[np.full(m, K_N), np.full(m, K_T)]), np.arange(m), m + np.arange(m)[:, None]
+    )
+    load = Load(np.r_[-normal, tangential], np.full(m, gap), np.zeros((m, 1)), np.zeros(0))
+    none = np.zeros((0, 0))
+    still = natural_state(SimpleNamespace(m=m, tangents=1), 0)
+    return Step(
+        space=space,
+        load=load,
+        motions=RigidMotions(np.zeros((2 * m, 0)), np.zeros((m, 0)), np.zeros((m, 1, 0)), none),
+        area=np.ones(m),
+        paired=np.ones(m, dtype=bool),
+        tied=np.full(m, tied),
+        laws=() if tied else ((slice(0, m), Coulomb(MU)),),
+        frictional=np.full(m, not tied),
+        stiffness=np.full(m, stiffness),
+        last=last or still,
+    )
+
+
+def cold(one):
+    m = len(one.area)
+    zero = np.zeros((m, 1))
+    return Guess(np.full(m, STICK if one.tied.any() else OPEN), zero, np.zeros(m), zero, zero)
+
+
+def run(loop, one, limit=400):
+    stiff = loop == "fictitious" and np.isinf(one.stiffness).all()
+    one = replace(one, stiffness=np.full(len(one.area), 10 * K_T)) if stiff else one
+    return drive(LOOPS[loop], one, cold(one), Options().tolerance, limit)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_points_open_stick_and_slip(loop):
+    """Pulled, pushed a little, and pushed beyond mu N: open, stick, slip, each on its own."""
+    outcome = run(loop, step([-1.0, 2.0, 2.0, 2.0], [0.5, 0.5, 3.0, -3.0]))
+    assert outcome.converged
+    found = outcome.iterate.response
+    assert_array_equal(outcome.iterate.status, [OPEN, STICK, SLIP, SLIP])
+    assert_allclose(found.normal_force, [0, 2, 2, 2], atol=1e-12)
+    spring = 10 * K_T / (11 * K_T) if loop == "fictitious" else 1.0  # in series with K_T
+    assert_allclose(found.tangential_force[:, 0], [0, 0.5 * spring, 1.0, -1.0], atol=1e-9)
+    assert_allclose(
+        found.slip[:, 0], [0.5 / K_T, 0.5 * (1 - spring) / K_T, 2 / K_T, -2 / K_T], atol=1e-9
+    )
+    assert_allclose(found.gap, [1 / K_N, 0, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_gaps_close_when_they_are_used_up(loop):
+    """A point with a gap is pressed only with what its spring leaves over."""
+    outcome = run(loop, step([1.0, 3.0], [0.0, 0.0], gap=0.5))
+    assert_array_equal(outcome.iterate.status, [OPEN, STICK])
+    assert_allclose(outcome.iterate.response.normal_force, [0.0, 3.0 - 0.5 * K_N], atol=1e-12)
+
+
+@pytest.mark.parametrize("loop", ["newton", "direct"])
+def test_friction_remembers_the_last_step(loop):
+    """Unloaded after slip, a point sticks where it is, and its friction turns round."""
+    first = run(loop, step(2.0, 3.0)).iterate
+    response = first.response
+    last = replace(
+        step(0.0, 0.0).last,
+        status=first.status,
+        slip=response.slip,
+        tangential_force=response.tangential_force,
+        normal_force=response.normal_force,
+    )
+    back = run(loop, step(2.0, 1.5, last=last)).iterate
+    assert_array_equal(back.status, [STICK])
+    assert_allclose(back.response.slip, response.slip)
+    assert_allclose(back.response.tangential_force, 1.5 - K_T * response.slip)
+    reverse = run(loop, step(2.0, 0.0, last=last)).iterate
+    assert_array_equal(reverse.status, [SLIP])
+    assert_allclose(reverse.response.tangential_force, -1.0)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_tied_points_hold_in_tension(loop):
+    """A tied point carries tension and shear without limit."""
+    outcome = run(loop, step(-2.0, 50.0, tied=True))
+    assert_allclose(outcome.iterate.response.normal_force, [-2.0])
+    assert_allclose(outcome.iterate.response.tangential_force, [[50.0]])
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_loops_keep_nothing(loop):
+    """The same step solved twice, with another in between, gives the same numbers."""
+    one, other = step([2.0, 1.0], [3.0, 0.1]), step([-1.0, 5.0], [0.0, 9.0])
+    first, _, second = run(loop, one), run(loop, other), run(loop, one)
+    assert len(first.trace) == len(second.trace)
+    assert_array_equal(
+        first.iterate.response.tangential_force, second.iterate.response.tangential_force
+    )
+
+
+def test_proposals_follow_signorini():
+    """A closed point in tension opens, an open one that penetrates closes, and nothing is mutated."""
+    one = step([-1.0, 2.0], [0.0, 0.0])
+    status = np.array([STICK, OPEN])
+    guess = replace(cold(one), status=status)
+    free = np.zeros((2, 1))
+    held = Conditions(status != OPEN, status == STICK, free, np.zeros((2, 1, 1)), free, free)
+    response = one.space.solve(held, one.load)
+    proposal = propose(one, guess, response)
+    assert_array_equal(proposal.status, [OPEN, STICK])
+    assert_array_equal(guess.status, [STICK, OPEN])
+
+
+def test_holding_keeps_just_enough_points():
+    """A body free to move up and along keeps the points nearest to contact, no more than it needs."""
+    one = step([1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
+    load = replace(one.load, gap0=np.array([0.3, 0.1, 0.2]))
+    modes = np.zeros((6, 2))
+    normal, tangential = np.tile([1.0, 0.0], (3, 1)), np.tile([[0.0, 1.0]], (3, 1, 1))
+    one = replace(one, load=load, motions=RigidMotions(modes, normal, tangential, None))
+    status, held = hold(one, cold(one))
+    assert_array_equal(status, [OPEN, STICK, OPEN])
+    assert_array_equal(held.points, [False, True, False])
+    assert held.motion.shape == (2, 2)
+
+
+def test_driver_counts_and_stops():
+    """The driver stops at its limit, and at the word of the callback, and says which."""
+    one = step([2.0], [3.0])
+    outcome = drive(newton, one, cold(one), 1e-10, 1)
+    assert not outcome.converged and "no convergence in 1 iterations" in outcome.message
+    seen = []
+
+    def stop(record):
+        seen.append(record)
+        raise StopIteration
+
+    outcome = drive(newton, one, cold(one), 1e-10, 50, stop)
+    assert outcome.stopped and len(seen) == 1 and "stopped by the callback" in outcome.message
+
+
+def test_anderson_solves_linear_fixed_points():
+    """On a linear map of n unknowns mixing ends after n + 1 steps, where iteration would not."""
+    rng = np.random.default_rng(1)
+    A, b = np.eye(3) - np.diag([0.01, 0.5, 1.6]), rng.standard_normal(3)
+    x, mixing = np.zeros((3, 1)), Anderson()
+    for _ in range(6):
+        x = mixing.advance(x, A @ x + b[:, None])
+    assert_allclose(x[:, 0], np.linalg.solve(np.eye(3) - A, b), rtol=1e-8)

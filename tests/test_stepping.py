@@ -1,0 +1,179 @@
+"""Load histories: what a step remembers, how it is cut, and what a guess may not do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact import stepping
+from skfem_contact.loops import SLIP, STICK
+from skfem_contact.stepping import as_guess
+
+
+def scene(**settings):
+    """A block on a floor, held and moved at its top, with friction."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 7), np.linspace(0, 0.5, 4)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    x = np.zeros(basis.N)
+    x[basis.nodal_dofs] = [[0.01], [-0.01]]
+    body = sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), D="top", x=x, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    contact = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="joint")
+    return sc.ContactSolver(body, contact, **settings), body
+
+
+def failing(monkeypatch, refuses):
+    """Make every attempt fail for which `refuses(number of the attempt)` says so."""
+    real, count = stepping.drive, [0]
+
+    def drive(*arguments):
+        outcome = real(*arguments)
+        count[0] += 1
+        if refuses(count[0]):
+            return replace(outcome, converged=False, message="refused by the test")
+        return outcome
+
+    monkeypatch.setattr(stepping, "drive", drive)
+    return count
+
+
+def test_a_failed_step_is_cut_and_recovered(monkeypatch):
+    """Half a step and then the rest end where the whole step would, with the dissipation of both."""
+    solver, _ = scene()
+    halves = list(solver.history([0.5, 1.0]))
+    starts = len(solver._stepper._starts()) - 1  # the first step of a history has no warm start
+    failing(monkeypatch, lambda count: count <= starts)
+    [result] = list(scene()[0].history([1.0]))
+    assert result.converged and "step cut 1 times" in result.message
+    assert_allclose(result.u, halves[-1].u, atol=1e-14)
+    assert_allclose(result.dissipation, sum(r.dissipation for r in halves), rtol=1e-12)
+    assert result.factor == 1.0
+
+
+def test_cutting_ends(monkeypatch):
+    """A step that fails however small is given up after max_cuts, and says how often it was cut."""
+    count = failing(monkeypatch, lambda count: True)
+    solver, _ = scene(options=sc.Options(max_cuts=2))
+    with pytest.raises(sc.NotConverged, match=r"refused by the test, step cut 2 times"):
+        solver.solve()
+    assert count[0] <= 3 * len(stepping.STARTS)
+
+
+def test_results_already_yielded_are_kept(monkeypatch):
+    """A history that fails half-way has yielded the steps before."""
+    solver, _ = scene(options=sc.Options(max_cuts=0))
+    first = list(solver.history([0.3, 0.6]))
+    count = failing(monkeypatch, lambda count: count > 2)
+    run, seen = scene(options=sc.Options(max_cuts=0))[0].history([0.3, 0.6, 0.9]), []
+    with pytest.raises(sc.NotConverged):
+        for result in run:
+            seen.append(result)
+    assert len(seen) == 2 and count[0] >= 3
+    assert_allclose(seen[1].u, first[1].u, atol=1e-15)
+
+
+def test_the_callback_stops():
+    """StopIteration in the callback ends the solve where it stands; other exceptions pass."""
+    solver, _ = scene()
+    records = []
+
+    def stop(record):
+        records.append(record)
+        raise StopIteration
+
+    result = solver.solve(callback=stop, throw=False)
+    assert not result.converged and "stopped by the callback" in result.message
+    assert len(records) == 1 == result.iterations
+    with pytest.raises(sc.NotConverged, match="stopped by the callback"):
+        solver.solve(callback=stop)
+
+    def fail(record):
+        raise KeyError(record.iteration)
+
+    with pytest.raises(KeyError):
+        solver.solve(callback=fail)
+
+
+def test_a_guess_is_never_part_of_the_answer():
+    """From any other state as a guess, the answer is that without one."""
+    solver, body = scene()
+    plain = solver.solve()
+    others = [solver.solve(x=scale * body.x) for scale in (-1.0, 0.1, 3.0)]
+    pushed = solver.solve(x=np.where(body.dof_component == 0, -5 * body.x, body.x))
+    for guess in (*others, pushed, plain):
+        result = solver.solve(guess=guess)
+        assert_allclose(result.u, plain.u, atol=1e-13)
+        assert_array_equal(result.status, plain.status)
+        assert_allclose(result.dissipation, plain.dissipation, rtol=1e-10)
+
+
+def test_a_start_is_part_of_the_answer():
+    """The state that a step starts from is remembered by friction."""
+    solver, body = scene()
+    pushed = solver.solve(x=np.where(body.dof_component == 0, 3 * body.x, body.x))
+    after = solver.solve(start=pushed)
+    assert np.abs(after.u - solver.solve().u).max() > 1e-3 * np.abs(after.u).max()
+
+
+def test_steps_keep_what_they_do_not_name():
+    """A dict replaces what it names; loads, displacements, interference and motion else stay."""
+    solver, body = scene()
+    f = np.zeros(body.n)
+    f[body.basis.get_dofs("left").all("u^1")] = 1e-4
+    steps = [
+        {"x": {"block": 1.0}},
+        {"f": {"block": f}},
+        {"interference": {"joint": 1e-3}},
+        {"motion": {"floor": (0.0, -1e-3)}},
+        {"x": {"block": 0.5}},
+    ]
+    cases = [result.case for result in solver.history(steps)]
+    assert_array_equal(cases[0].x, body.x)
+    assert_array_equal(cases[1].x, body.x)
+    for case in cases[1:]:
+        assert_array_equal(case.f, f)
+    assert_array_equal(cases[2].gap0, -1e-3)
+    # the floor falls by as much as the interference was
+    assert_allclose(cases[3].gap0, 0.0, atol=1e-18)
+    assert_allclose(cases[4].gap0, 0.0, atol=1e-18)
+    assert_array_equal(cases[4].x, 0.5 * body.x)
+    # a number is a factor on the bodies' own f and x again, and leaves the rest
+    [*_, last] = solver.history([*steps, 0.7])
+    assert_allclose(last.case.x, 0.7 * body.x)
+    assert not last.case.f.any() and last.factor == 0.7
+
+
+def test_histories_start_anew():
+    """Two histories of the same solver know nothing of one another."""
+    solver, _ = scene()
+    first, again = (list(solver.history([0.4, 1.0, 0.2])) for _ in range(2))
+    for a, b in zip(first, again, strict=True):
+        assert_allclose(a.u, b.u, atol=1e-15)
+
+
+def test_loads_may_come_in_every_form():
+    """A dict by name, a factor by name and a stacked vector are the same load."""
+    solver, body = scene()
+    x = 0.5 * body.x
+    answers = [solver.solve(x=given).u for given in (x, {"block": x}, {"block": 0.5})]
+    for u in answers[1:]:
+        assert_allclose(u, answers[0], atol=1e-15)
+
+
+def test_starting_values_from_a_state():
+    """Slipping points without friction force start as sticking: they have no direction."""
+    solver, _ = scene()
+    state = solver.solve().state
+    bare = replace(state, tangential_force=np.zeros_like(state.tangential_force))
+    assert SLIP in state.status
+    guess = as_guess(bare)
+    assert SLIP not in guess.status and not guess.direction.any()
+    assert_array_equal(guess.status[state.status == SLIP], STICK)
+    size = np.linalg.norm(as_guess(state).direction, axis=1)
+    assert_allclose(size[state.status == SLIP], 1.0)
