@@ -117,7 +117,7 @@ def _linear_words(solver: ContactSolver) -> str:
             f"because {dofs} contact DOFs are more than max_candidates = {solver.options.max_candidates}"
         )
     )
-    return f"linear solver {solver.linear!r} on all {solver.system.n} DOFs in every iteration, {why}"
+    return f"linear solver {solver._backend!r} on all {solver.system.n} DOFs in every iteration, {why}"
 
 
 def _free_words(solver: ContactSolver) -> str:

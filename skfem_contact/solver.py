@@ -23,7 +23,7 @@ from skfem_contact.friction import FrictionLaw
 from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import contact_names, interface, point_slices
 from skfem_contact.kinematics import Kinematics, point_labels, secondary_dofs
-from skfem_contact.linear import single_threaded
+from skfem_contact.linear import Direct, single_threaded
 from skfem_contact.loads import LoadCase
 from skfem_contact.multifrontal import Estimate
 from skfem_contact.result import ContactResult, Record
@@ -138,7 +138,7 @@ class ContactSolver:
                     self._model = Condensed(self.system, self._stiffness, wanted, self._parts)
                     self._parts = list(self._model.parts)
                 else:
-                    self._model = FullSystem(self.system, self._stiffness, self.linear)
+                    self._model = FullSystem(self.system, self._stiffness, self._backend)
             self.timings["condensation"] = time.perf_counter() - start
         return self._model
 
@@ -153,6 +153,11 @@ class ContactSolver:
             if len(mine):
                 out[name] = Substructure(body, self._stiffness[i], mine).estimate()
         return out
+
+    @property
+    def _backend(self) -> Any:
+        """The solver of the sparse route; "auto" has come to it by the number of candidates."""
+        return Direct() if isinstance(self.linear, str) else self.linear
 
     def _touched(self) -> NDArray[np.intp]:
         """DOFs that occur in the rows of points with a partner."""
