@@ -70,6 +70,7 @@ class Certificate:
 
     def __str__(self) -> str:
         pairs = [(f.name.replace("_", " "), getattr(self, f.name)) for f in fields(self)]
+        pairs = [(name, value) for name, value in pairs if not np.isnan(value)]
         return "\n".join(f"  {name:<16s} {value:9.1e}" for name, value in pairs)
 
 
@@ -216,4 +217,4 @@ def _largest(*arrays: Array) -> float:
 
 
 def _ratio(value: float, scale: float) -> float:
-    return float(value / scale) if scale > 0 else float(value)
+    return (float(value / scale) if scale > 0 else float(value)) + 0.0  # no negative zeros

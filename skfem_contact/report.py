@@ -108,14 +108,12 @@ def _linear_words(solver: ContactSolver) -> str:
         factors = 1e-6 * sum(size.memory for size in solver.sizes().values())
         return (
             f"condensed: {solver.system.n} DOFs -> {dofs} contact DOFs -> {rows} gaps and slips "
-            f"of {points} points; {factors:.3g} MB for the factors, {dense:.3g} MB for the dense matrices"
+            f"of {points} points; {factors:.3g} MB for the factors, {dense:.3g} MB of dense matrices"
         )
     why = (
         "as chosen"
         if not isinstance(solver.linear, str)
-        else (
-            f"because {dofs} contact DOFs are more than max_candidates = {solver.options.max_candidates}"
-        )
+        else (f"because {dofs} contact DOFs exceed max_candidates = {solver.options.max_candidates}")
     )
     return f"linear solver {solver._backend!r} on all {solver.system.n} DOFs in every iteration, {why}"
 
@@ -147,7 +145,7 @@ def _gap_words(solver: ContactSolver, part: slice) -> list[str]:
         touching = int(np.sum(gap == 0.0))
         lines.append(
             f"initial gaps: {int(np.sum(gap > 0))} open (largest {max(gap.max(), 0.0):.6g}), "
-            f"{touching} closed, {int(np.sum(gap < 0))} overlap (deepest {max(-gap.min(), 0.0):.6g})"
+            f"{touching} closed, {int(np.sum(gap < 0))} overlap (deepest {max(-gap.min(), 0.0) + 0.0:.6g})"
         )
     return lines
 

@@ -384,7 +384,7 @@ def test_dry_run_says_what_is_modelled():
         "2 open (largest 0.03), 2 closed, 1 overlap (deepest 0.01)",
         "'table/top' is finer than the secondary one, 'punch/bottom': facets of 0.125 against 0.25",
         "the secondary side is 100 times stiffer than the primary",
-        "212 DOFs -> 20 contact DOFs -> 10 gaps and slips of 5 points (",
+        "212 DOFs -> 20 contact DOFs -> 10 gaps and slips of 5 points; ",
     ):
         assert words in text, words
 
