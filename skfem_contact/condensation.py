@@ -26,12 +26,12 @@ from scipy.linalg import LinAlgError, block_diag, cho_factor, cho_solve, lu_fact
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.body import System
-from skfem_contact.kinematics import Kinematics, without_columns
+from skfem_contact.kinematics import FIXED, Kinematics, without_columns
 from skfem_contact.linear import Dense
 from skfem_contact.loads import LoadCase
 from skfem_contact.points import PointSpace
-from skfem_contact.spaces import FIXED, Load, SparseSpace
-from skfem_contact.substructure import Substructure
+from skfem_contact.spaces import Load, SparseSpace
+from skfem_contact.substructure import Components, Substructure
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -103,7 +103,7 @@ class Condensed:
         ]
         return np.concatenate(pieces, axis=1)
 
-    def load(self, f: Array, x: Array) -> tuple[Array, tuple[Array | None, ...]]:
+    def load(self, f: Array, x: Array) -> tuple[Array, tuple[Components | None, ...]]:
         """Loads condensed onto the contact DOFs, and what `recover` wants to know of them."""
         pieces = [
             part.load(f[span], x[span]) for part, span in zip(self.parts, self.spans(), strict=True)

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from skfem_contact.body import System
 from skfem_contact.contact import Contact
 from skfem_contact.errors import ConstraintError, ContactWarning, InputError
-from skfem_contact.kinematics import Kinematics
+from skfem_contact.kinematics import FIXED, Kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.pairing import Pairing, diagnose
-from skfem_contact.spaces import FIXED
 from skfem_contact.surface import ContactSurface, place
 
 Array = NDArray[np.float64]

@@ -28,6 +28,10 @@ from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
 
+# A row (of unit vectors and weights) whose free coefficients are below this is prescribed: nearly
+# matching mortar meshes leave some 1e-8 on a line of symmetry, and 1/1e-8 squared in the stiffness.
+FIXED = 1e-6
+
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:

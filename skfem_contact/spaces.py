@@ -22,14 +22,10 @@ from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.constraint import AffineConstraint, eliminate
 from skfem_contact.friction import tangential_matrix
-from skfem_contact.kinematics import Kinematics
+from skfem_contact.kinematics import FIXED, Kinematics
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# A row (of unit vectors and weights) whose free coefficients are below this is prescribed: nearly
-# matching mortar meshes leave some 1e-8 on a line of symmetry, and 1/1e-8 squared in the stiffness.
-FIXED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
