@@ -6,7 +6,7 @@ trailing block of the factors is S, and the same factors recover the interior.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from skfem_contact.multifrontal import Estimate, MultifrontalCholesky, estimate
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Components = tuple[Array, Array]
 
 # Ratio of singular values of the rigid modes on some DOFs above which these hold the body firmly.
 HELD = 1e-2
@@ -31,21 +32,27 @@ class LoadSpan:
     """The few directions that the loads of a history span, and what follows from each of them.
 
     Load steps are as a rule multiples and sums of few vectors. The interior is eliminated once from
-    each direction; a load step then costs a few scalar products.
+    each direction; a load step then costs a few scalar products. Forces and prescribed displacements
+    have each their own: in a sum, the larger would hide the digits of the other.
 
     Parameters
     ----------
     factor : MultifrontalCholesky
+    size : int
+        Of the vectors that are combined.
+    as_force : callable
+        Turns such a vector into a load on the DOFs of the factor.
     """
 
-    def __init__(self, factor: MultifrontalCholesky) -> None:
-        n = factor.fronts.order.size
-        self._factor, self._kept = factor, len(factor.keep)
-        self._directions = np.zeros((n, 0))
-        self._eliminated = np.zeros((n, 0))
+    def __init__(
+        self, factor: MultifrontalCholesky, size: int, as_force: Callable[[Array], Array]
+    ) -> None:
+        self._factor, self._as_force = factor, as_force
+        self._directions = np.zeros((size, 0))
+        self._eliminated = np.zeros((factor.fronts.order.size, 0))
 
     def components(self, b: Array) -> Array | None:
-        """Components of a load along the directions; adds one where they do not span it.
+        """Components of a vector along the directions; adds one where they do not span it.
 
         None where there are too many directions already.
         """
@@ -60,13 +67,13 @@ class LoadSpan:
         if Q.shape[1] >= MOST_DIRECTIONS:
             return None
         self._directions = np.column_stack([Q, rest / size])
-        new = self._factor.eliminate(self._directions[:, -1])
+        new = self._factor.eliminate(self._as_force(self._directions[:, -1]))
         self._eliminated = np.column_stack([self._eliminated, new])
         return np.append(c, size)
 
     def reduced(self, c: Array) -> Array:
         """The load on the kept DOFs with these components."""
-        first = len(self._eliminated) - self._kept
+        first = len(self._eliminated) - len(self._factor.keep)
         return self._eliminated[first:, : len(c)] @ c
 
     def eliminated(self, components: Sequence[Array]) -> Array:
@@ -150,45 +157,53 @@ class Substructure:
         return int(self._factor.memory)
 
     @cached_property
-    def _span(self) -> LoadSpan:
-        return LoadSpan(self._factor)
+    def _forces(self) -> LoadSpan:
+        return LoadSpan(self._factor, len(self.free), lambda f: f)
+
+    @cached_property
+    def _moves(self) -> LoadSpan:
+        return LoadSpan(self._factor, len(self.body.D), lambda x: -(self._K_fD @ x))
 
     @property
     def order(self) -> Index:
         """The DOFs in the order in which `recover` returns them: all but the prescribed ones."""
         return np.asarray(self.free[self._factor.fronts.order])
 
-    def load(self, f: Array, x: Array) -> tuple[Array, Array | None]:
+    def load(self, f: Array, x: Array) -> tuple[Array, Components | None]:
         """Load on the kept DOFs, those of the interior and of prescribed DOFs included.
 
         Returns
         -------
         reduced : ndarray, shape (n_c,)
-        components : ndarray or None
+        components : pair of ndarray, or None
             Along the directions known so far, for `recover`.
         """
         if len(self.kept) == 0:  # no part in the contact problem: nothing to factorise yet
             return np.zeros(0), None
-        b = self._free_load(f, x)
-        c = self._span.components(b)
-        if c is None:
-            return self._factor.reduce_load(b), None
-        return self._span.reduced(c), c
+        force = self._forces.components(f[self.free])
+        move = self._moves.components(x[self.body.D])
+        if force is None or move is None:
+            return self._factor.reduce_load(self._free_load(f, x)), None
+        return self._forces.reduced(force) + self._moves.reduced(move), (force, move)
 
     def recover(
-        self, kept: Array, components: Sequence[Array | None], loads: Sequence[tuple[Array, Array]]
+        self,
+        kept: Array,
+        components: Sequence[Components | None],
+        loads: Sequence[tuple[Array, Array]],
     ) -> Array:
         """Displacements of the DOFs `order` (n_f, r) from those of the kept ones (n_c, r).
 
         Parameters
         ----------
         kept : ndarray, shape (n_c, r)
-        components : sequence of ndarray or None
+        components : sequence of pairs or None
             From `load`.
         loads : sequence of (f, x)
         """
-        zero = np.zeros(0)
-        x = self._span.eliminated([zero if c is None else c for c in components])
+        known = [(np.zeros(0), np.zeros(0)) if c is None else c for c in components]
+        x = self._forces.eliminated([c[0] for c in known])
+        x += self._moves.eliminated([c[1] for c in known])
         for column, c, load in zip(x.T, components, loads, strict=True):
             if c is None:
                 column[:] = self._factor.eliminate(self._free_load(*load))[:, 0]
