@@ -75,9 +75,9 @@ def interface(
     parts = point_slices(contacts)
     m = kin.m
     frictional, tied, G = np.zeros(m, dtype=bool), np.zeros(m, dtype=bool), np.full(m, np.inf)
-    diagonal = np.concatenate([K.diagonal() for K in stiffness])
     own = np.zeros(m)
-    if kin.tangents:
+    if kin.tangents and np.isfinite(STIFFNESS[loop]):
+        diagonal = np.concatenate([K.diagonal() for K in stiffness])
         own = compliance_scale(kin.B_t, diagonal).reshape(m, -1).min(axis=1)
     typical = np.median(own[own > 0]) if (own > 0).any() else 1.0
     laws = []
