@@ -16,7 +16,7 @@ The modules stand in the order of the theory, and each imports only from those a
   `rigid`, `pivoting`, `constraint`;
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `multifrontal`, `backend`, `amg`,
   `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
-* iterations: `loops`, `geometry`, `lemke`;
+* iterations: `loops`, `geometry`, `anderson`, `lemke`;
 * answers: `fields`, `certificate`, `result`;
 * the way through a load history: `driver`, `nested`, `stepping`, `steps`, `solver`;
 * what is shown: `report`, `stress`, `io`, `plot`.

@@ -28,7 +28,8 @@ class Options:
         Per attempt of a load step; by default 80 for `newton`, 150 for `direct` and 2000 for
         `fictitious`, whose convergence is linear.
     max_cuts : int
-        How often a load step that fails may be halved.
+        How often in a row a load step that fails may be cut: halved, or to the share that
+        `max_travel` tells, which does not count towards the smallest share ``0.5**max_cuts``.
     max_candidates : int
         Largest number of contact DOFs for which the dense contact problem is formed when
         ``linear="auto"``.
@@ -40,7 +41,8 @@ class Options:
         How often a load step may be paired anew before it is cut.
     max_travel : float
         With ``sliding="finite"``: how far a closed point may slide in one step, in facet lengths of
-        its own surface; steps that exceed it are cut.
+        its own surface; steps that exceed it are cut to the share that the distance tells, and
+        substeps grow and shrink with it. ``inf`` for steps as given.
 
     Examples
     --------
@@ -97,7 +99,9 @@ def drive(
             message = "the linear solve returned numbers that are not finite"
             break
         if iterate.converged:
-            return Outcome(iterate, tuple(trace), True, f"converged in {len(trace)} iterations")
+            plural = "" if len(trace) == 1 else "s"
+            words = f"converged in {len(trace)} iteration{plural}"
+            return Outcome(iterate, tuple(trace), True, words)
         if iterate.held is not None:
             key = iterate.status.tobytes()
             if key in unheld:

@@ -277,7 +277,7 @@ class ContactResult:
         own = heir == np.arange(len(heir))
         return ContactValues(
             name=self.names[i],
-            points=kin.points[part],
+            points=contact.secondary.points,  # those of kin have moved, where contact slides far
             normal=kin.normal[part],
             tangent=kin.tangent[part],
             gap=self.gap[part][heir],

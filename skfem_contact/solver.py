@@ -450,7 +450,7 @@ class ContactSolver:
             gap=attempt.gap,
             mismatch=attempt.mismatch,
             converged=attempt.good,
-            message=message + (f", step cut {walk.cuts} times" if walk.cuts else ""),
+            message=message + walk.words,
             iterations=len(walk.trace),
             trace=tuple(walk.trace),
             timings={**self.timings, "loop": seconds},

@@ -2,7 +2,9 @@
 
 A step is tried whole, from the last state's contact zone; if that fails, from a cold (nested)
 start, then from complementary pivoting (Lemke's method); if all fail it is halved. Where contact
-slides far, every attempt is solved again on the pairing of its own answer until the two agree.
+slides far, every attempt is solved again on the pairing of its own answer until the two agree
+(a fixed point, which secants reach in half the rounds); and if a point slid too far in it, the step
+is cut to the share that the distance tells.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact import loops
+from skfem_contact.anderson import Anderson
 from skfem_contact.diagnosis import prescribed_rows
 from skfem_contact.driver import Options, Outcome, drive
 from skfem_contact.geometry import Geometry, Placement
@@ -38,6 +41,12 @@ STARTS = ("warm", "cold", "newton", "pivoting")
 PATIENCE = {"newton": 30, "direct": 30, "fictitious": None}
 ITERATIONS = {"newton": 80, "direct": 150, "fictitious": 2000}
 
+# What a step is cut to, of the distance that points may slide; and from which multiple of it on the
+# first round, on a pairing that is only predicted, is believed.
+AIM, FAR = 0.95, 1.3
+# A point that slides over just one facet per step does so up to this.
+ROUND_OFF = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
@@ -52,6 +61,7 @@ class Attempt:
     gap: Array
     mismatch: float = 0.0
     failure: str = ""
+    travel: float = 0.0  # of the point that slid furthest, over what is allowed
 
     @property
     def good(self) -> bool:
@@ -73,7 +83,15 @@ class Walk:
     dissipation: Array
     trace: list[Record] = field(default_factory=list)
     cuts: int = 0
+    substeps: int = 1
     share: float = 1.0  # of the step that is attempted next
+
+    @property
+    def words(self) -> str:
+        """How the step was cut, for messages."""
+        if not self.cuts:
+            return ""
+        return f", step cut {self.cuts} times, substep {self.substeps}"
 
 
 @dataclass(eq=False)
@@ -108,7 +126,7 @@ class Stepper:
         walk = Walk(state, case, np.zeros(len(self.interface.parts)))
         known = warm
         starts = [start for start in self._starts() if known is not None or start != "warm"]
-        done, share = 0.0, 1.0
+        done, share, fails = 0.0, 1.0, 0
         smallest = 0.5**self.options.max_cuts
         while True:
             aim = min(1.0, done + share)
@@ -120,15 +138,25 @@ class Stepper:
                 walk.state, walk.case, done = attempt.state, here, aim
                 if done >= 1.0:
                     return attempt, walk
-                known, starts = walk.state, self._starts()
-                share = min(2 * share, 1.0 - done)
+                known, starts, fails = walk.state, self._starts(), 0
+                walk.substeps += 1
+                share = min(grown(share, attempt.travel), 1.0 - done)
+            elif attempt.outcome.free is not None and starts[0] == "pivoting":
+                return attempt, walk  # complete for friction in 2-D: smaller steps end there as well
+            elif attempt.outcome.free is not None and "pivoting" in starts:
+                starts = ["pivoting"]
             elif len(starts) > 1 and not attempt.failure and not attempt.stopped:
                 starts.pop(0)  # before cutting: begin elsewhere
-            elif share <= smallest or attempt.stopped:
+            elif share <= smallest or fails >= self.options.max_cuts or attempt.stopped:
                 return attempt, walk
             else:
-                share *= 0.5
+                shorter = 0.5
+                if attempt.travel > 1.0:  # no fault of the step's but its size: measured, not tried
+                    shorter = AIM / attempt.travel
+                    smallest *= shorter
+                share *= shorter
                 walk.cuts += 1
+                fails += 1
                 reason = attempt.failure or attempt.outcome.message
                 logger.info("step cut to %.4g of its size: %s", share, reason)
                 known, starts = walk.state, self._starts()
@@ -158,34 +186,50 @@ class Stepper:
         u = geometry.spread(walk.state.surface + walk.share * walk.state.trend)
         placement = self.place(geometry.at(u, case), u)
         trace: tuple[Record, ...] = ()
-        for _ in range(options.max_placements):
+        secant = Anderson()
+        for number in range(options.max_placements):
             attempt = self._solve(walk, case, placement, start, known, callback)
             trace += attempt.outcome.trace
             attempt = replace(attempt, outcome=replace(attempt.outcome, trace=trace))
             if not attempt.good:
                 return attempt
-            u = geometry.spread(attempt.state.surface)
-            new = geometry.at(u, case)
-            mismatch = geometry.mismatch(placement, new, attempt.state)
+            attempt = self._travelled(walk, attempt, 1.0 if number else FAR)
+            if attempt.failure:
+                return attempt
+            there = geometry.spread(attempt.state.surface)
+            u = secant.next(u, there)
+            next_kin = geometry.at(u, case)
+            mismatch = geometry.mismatch(placement, next_kin, attempt.state)
             if mismatch <= options.placement_tolerance:
-                gap = np.where(geometry.finite & (attempt.state.status == OPEN), new.gap0, attempt.gap)
-                return self._travelled(walk, replace(attempt, mismatch=mismatch, gap=gap))
+                # so far only the next pairing is alike: what counts is that of the answer itself
+                own = geometry.at(there, case) if number else next_kin
+                mismatch = geometry.mismatch(placement, own, attempt.state)
+                if mismatch <= options.placement_tolerance:
+                    return self._settled(walk, attempt, own, mismatch)
             start, known = "warm", attempt.state
-            placement = self.place(new, u)
+            placement = self.place(next_kin, u)
         words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e})"
         return replace(attempt, mismatch=mismatch, failure=words)
 
-    def _travelled(self, walk: Walk, attempt: Attempt) -> Attempt:
-        """Refuse a step in which a point slid over more than its share of facets."""
+    def _settled(self, walk: Walk, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
+        """The attempt whose pairing is that of its own answer, with the gaps of that."""
+        gap = np.where(self.geometry.finite & (attempt.state.status == OPEN), own.gap0, attempt.gap)
+        return self._travelled(walk, replace(attempt, mismatch=mismatch, gap=gap), 1.0)
+
+    def _travelled(self, walk: Walk, attempt: Attempt, limit: float) -> Attempt:
+        """Measure how far points slid, over what is allowed; refuse what is beyond a limit."""
         closed = (attempt.state.status != OPEN) & (walk.state.status != OPEN) & self.geometry.finite
         slid = np.linalg.norm(attempt.state.slip - walk.state.slip, axis=1)
+        travel = 0.0
         for contact, part in zip(self.interface.contacts, self.interface.parts, strict=True):
             furthest = np.max(slid[part][closed[part]], initial=0.0)
-            allowed = self.options.max_travel * np.mean(contact.secondary.lengths)
-            if furthest > allowed:
-                words = f"a point slid by {furthest:.3g}, more than max_travel allows ({allowed:.3g})"
-                return replace(attempt, failure=words)
-        return attempt
+            travel = max(
+                travel, furthest / (self.options.max_travel * np.mean(contact.secondary.lengths))
+            )
+        failure = attempt.failure
+        if travel > max(limit, 1.0 + ROUND_OFF):
+            failure = f"a point slid {travel:.3g} times as far as max_travel allows"
+        return replace(attempt, failure=failure, travel=float(travel))
 
     def _solve(
         self,
@@ -293,6 +337,11 @@ class Stepper:
         touched = (new.status != OPEN) | (last.status != OPEN)
         work = np.where(self.interface.frictional & touched, work, 0.0)
         return np.array([work[part].sum() for part in self.interface.parts])
+
+
+def grown(share: float, travel: float) -> float:
+    """The share to try after a success: twice as much, but no further than points may slide."""
+    return share * min(2.0, AIM / travel if travel > 0 else 2.0)
 
 
 def natural_state(kin: Kinematics, surface: int) -> State:
