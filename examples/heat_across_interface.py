@@ -18,7 +18,7 @@ is linear in each part, so the answer is known,
     q = (100 - 20) / (1/k_copper + 1/k_steel),      T = 20 + q/k_steel  at the interface.
 
 Expected: with ``method="mortar"`` temperatures and flux are exact to round-off (1e-12), although the
-meshes do not match; node by node the flux is off by some percent.
+meshes do not match; node by node the flux is off by a fifth in places.
 """
 
 # %% numbers
@@ -80,6 +80,6 @@ for method in list(errors):
     errors[method + " flux"] = worst
 
 # %% the promise of the first lines
-assert errors["node flux"] > 0.01
+assert 0.15 < errors["node flux"] < 0.25
 error = max(errors["mortar"], errors["mortar flux"])
 print(f"error {error:.1e}")

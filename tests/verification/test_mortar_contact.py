@@ -18,6 +18,7 @@ from numpy.testing import assert_allclose
 from scenes import elastic
 from scipy.sparse import bmat, vstack
 from scipy.sparse.linalg import spsolve
+from skfem.helpers import ddot, sym_grad
 from unlike_meshes import QUADRATIC, rectangle
 
 import skfem_contact as sc
@@ -238,8 +239,43 @@ def test_X21_no_force_beyond_the_end(kind, method, end):
     beyond = end + (0.2 if method == "mortar" else 1e-6)
     assert_allclose(result.normal_force[result.points[:, 0] > beyond], 0.0, atol=0)
     forces = lower.K @ result.displacement("low")
-    assert_allclose(forces[lower.surface("top").dofs[:, 1]].sum(), f.sum(), rtol=EXACT)
+    surface = lower.surface("top")
+    received = forces[surface.dofs[:, 1]]
+    assert_allclose(received.sum(), f.sum(), rtol=EXACT)
+    # merged rows act on two nodes: the moment is that which the other surface feels
+    assert_allclose(result.moment(), -surface.points[:, 0] @ received, atol=EXACT * P)
     assert result.certificate.worst < EXACT
+
+
+@pytest.mark.parametrize(("kind", "method"), [("P2", "mortar"), ("Q2", "mortar"), ("Q2", "node")])
+def test_P1_on_the_axis_of_symmetry(kind, method):
+    """Where a quadratic node has no area, pressure and area are right all the same."""
+    p = 0.01
+
+    def ring(x):
+        return 2 * np.pi * x[0]
+
+    @fem.BilinearForm
+    def form(u, v, w):  # E = 1, nu = 0
+        eu, ev = sym_grad(u), sym_grad(v)
+        return ring(w.x) * (ddot(eu, ev) + u[0] * v[0] / w.x[0] ** 2)
+
+    low = rectangle(kind, [0, 0.5, 1] if method == "mortar" else [0, 0.3, 1], [-1, 0])
+    top = rectangle(kind, [0, 0.3, 1], [0, 1])
+    bodies = []
+    for basis, end in ((low, "bottom"), (top, "top")):
+        x = np.zeros(basis.N)
+        down = basis.get_dofs(end).all("u^2")
+        x[down] = -p * basis.doflocs[1, down]
+        D = np.concatenate([down, basis.get_dofs("left").all("u^1")])
+        bodies.append(sc.Body(basis, form, D=D, x=x, measure=ring, name=end))
+    contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"), method=method)
+    result = sc.ContactSolver(bodies, [contact]).solve()
+    assert_allclose(result.pressure, p, rtol=1e-9)
+    assert (result.status == 2).all()
+    assert_allclose(result.area.sum(), np.pi, rtol=1e-12)
+    assert_allclose(result.integrate(result.pressure), np.pi * p, rtol=1e-9)
+    assert_allclose(result.contact_area, np.pi, rtol=1e-12)
 
 
 # -- the saddle point ------------------------------------------------------------------------------
