@@ -17,8 +17,8 @@ The modules stand in the order of the theory, and each imports only from those a
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `multifrontal`, `backend`, `amg`,
   `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
 * iterations: `loops`, `geometry`, `anderson`, `lemke`;
-* answers: `fields`, `certificate`, `result`;
-* the way through a load history: `driver`, `nested`, `stepping`, `steps`, `solver`;
+* answers: `fields`, `rotation`, `certificate`, `result`;
+* the way through a load history: `driver`, `nested`, `stepping`, `steps`, `checkpoint`, `solver`;
 * what is shown: `report`, `stress`, `io`, `plot`.
 
 Closed forms to compare with are in `reference`, which needs none of these.
@@ -26,6 +26,7 @@ Closed forms to compare with are in `reference`, which needs none of these.
 
 from skfem_contact.body import Body, System, stack
 from skfem_contact.certificate import Certificate
+from skfem_contact.checkpoint import SavedState, save_state
 from skfem_contact.constraint import AffineConstraint, condense, eliminate
 from skfem_contact.contact import Contact
 from skfem_contact.driver import Options
@@ -73,6 +74,7 @@ __all__ = [
     "RigidCylinder",
     "RigidPlane",
     "RigidSphere",
+    "SavedState",
     "System",
     "Tresca",
     "condense",
@@ -82,6 +84,7 @@ __all__ = [
     "plot_contact",
     "plot_deformed",
     "plot_history",
+    "save_state",
     "stack",
     "von_mises",
     "write",

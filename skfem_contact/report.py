@@ -25,6 +25,9 @@ def report(result: ContactResult) -> str:
         lines[0] += f" (load factor {result.factor:g})"
     for values in result.values:
         lines += ["", *_contact_lines(result, values)]
+    if result.rotations:
+        turned = ", ".join(f"{name} {angle:.2g} rad" for name, angle in result.rotations.items())
+        lines += ["", f"rotation of the contact surfaces (linear bodies follow to 0.1): {turned}"]
     lines += ["", "Certificate (dimensionless; round-off where everything holds)"]
     certificate = result.certificate
     lines += str(certificate).splitlines()

@@ -18,6 +18,7 @@ from skfem_contact.interface import point_slices
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.loops import State
+from skfem_contact.rotation import rigid_rotations
 from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
@@ -207,6 +208,8 @@ class ContactResult:
         Seconds by stage.
     factor : float or None
         The number of the load step, where it was one.
+    settings : Settings
+        The loads in force, from which the next step of a history begins.
     """
 
     system: System
@@ -227,6 +230,7 @@ class ContactResult:
     dissipation_by_contact: Array
     dissipation_before: Array
     recover: Any = field(repr=False)
+    settings: Any = field(repr=False)
     factor: float | None = None
 
     @cached_property
@@ -302,6 +306,14 @@ class ContactResult:
     def dissipation_total(self) -> float:
         """Energy lost by friction since the start of the history, all contacts [energy]."""
         return float(self.dissipation_before.sum() + self.dissipation_by_contact.sum())
+
+    @cached_property
+    def rotations(self) -> dict[str, float]:
+        """Mean rotation of the surfaces that slide far, by body [rad]; empty for small sliding.
+
+        Linear bodies are good for rotations well below 0.1 rad.
+        """
+        return rigid_rotations(self.system, self.contacts, self.state.surface)
 
     @cached_property
     def certificate(self) -> Certificate:

@@ -8,12 +8,14 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.body import Body, stack
+from skfem_contact.checkpoint import SavedState, load_state
 from skfem_contact.condensation import Condensed
 from skfem_contact.contact import Contact
 from skfem_contact.diagnosis import check_loads
@@ -28,6 +30,7 @@ from skfem_contact.loads import LoadCase
 from skfem_contact.multifrontal import Estimate
 from skfem_contact.result import ContactResult, Record
 from skfem_contact.rigid import rigid_motions
+from skfem_contact.rotation import warn_of_rotation
 from skfem_contact.sparse_route import FullSystem
 from skfem_contact.stepping import LOOPS, Attempt, Stepper, Walk, natural_state
 from skfem_contact.steps import Settings, StepReader
@@ -321,8 +324,8 @@ class ContactSolver:
         f: Any = None,
         x: Any = None,
         *,
-        start: ContactResult | None = None,
-        guess: ContactResult | None = None,
+        start: ContactResult | SavedState | None = None,
+        guess: ContactResult | SavedState | None = None,
         callback: Callable[[Record], object] | None = None,
         throw: bool = True,
     ) -> ContactResult:
@@ -333,8 +336,8 @@ class ContactSolver:
         f, x : dict by body name, or ndarray (n,), optional
             Load [force] and prescribed displacements [length]; by default the bodies' own.
         start : ContactResult, optional
-            The state to continue from; friction remembers it. It may come from another solver over
-            the same bodies and contacts.
+            The state to continue from, or one from `load_state`; friction remembers it, obstacles
+            and interferences stay. It may come from another solver over the same bodies and contacts.
         guess : ContactResult, optional
             Starting values only.
         callback : callable, optional
@@ -348,6 +351,9 @@ class ContactSolver:
             Carrying the last result.
         """
         own = self._reader.initial()
+        if start is not None:  # obstacles stay where the state before has them
+            kept = start.settings
+            own = replace(own, interference=kept.interference, motion=kept.motion)
         settings = replace(
             own,
             f=self._reader.vector("f", f, own.f, self._own_f),
@@ -360,7 +366,7 @@ class ContactSolver:
         self,
         steps: Iterable[Any],
         *,
-        start: ContactResult | None = None,
+        start: ContactResult | SavedState | None = None,
         progress: bool = False,
     ) -> Iterator[ContactResult]:
         """Solve load steps one after the other, each from the state of the one before.
@@ -373,7 +379,8 @@ class ContactSolver:
             own), ``interference`` (by contact name), ``motion`` (by obstacle name: total translation
             (d,), or (translation, angle, centre)). What a step does not name stays as it was.
         start : ContactResult, optional
-            The state to continue from.
+            The state to continue from, or one from `load_state`; what the steps do not name stays
+            as it is there.
         progress : bool
             Show a progress bar; needs tqdm (the extra ``progress``).
 
@@ -381,9 +388,15 @@ class ContactSolver:
         ------
         ContactResult
             One per step. A step that does not converge is cut and recovered; the substeps are not
-            yielded, their dissipation is summed.
+            yielded, their dissipation is summed. If a step fails for good, all results before it
+            have been yielded: the history can go on from the last of them.
+
+        Warns
+        -----
+        ContactWarning
+            A body has turned by more than linear elasticity follows.
         """
-        settings = self._reader.initial()
+        settings = self._reader.initial() if start is None else start.settings
         before = start
         for step in _with_progress(steps, progress):
             settings = self._reader.read(step, settings)
@@ -394,8 +407,8 @@ class ContactSolver:
     def _step(
         self,
         settings: Settings,
-        start: ContactResult | None,
-        guess: ContactResult | None,
+        start: ContactResult | SavedState | None,
+        guess: ContactResult | SavedState | None,
         callback: Callable[[Record], object] | None,
         throw: bool,
     ) -> ContactResult:
@@ -413,14 +426,41 @@ class ContactSolver:
             state, case, target, None if warm is None else warm.state, callback
         )
         result = self._result(attempt, walk, start, settings, time.perf_counter() - begin)
+        warn_of_rotation(result.rotations)
         if result.converged or not throw:
             return result
         raise self._failure(attempt, result)
 
-    def _check_start(self, start: ContactResult) -> None:
-        if start.kin.m != self.kin.m or start.system.n != self.system.n:
+    def load_state(self, path: str | Path) -> SavedState:
+        """A state written by `save_state`, as the ``start`` of ``solve`` or ``history``.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Raises
+        ------
+        InputError
+            If the file is none of `save_state`, or of other bodies and contacts.
+
+        Examples
+        --------
+        A history writes a checkpoint per step, and another one goes on from it::
+
+            for result in solver.history(steps):
+                sc.save_state("last.npz", result)
+
+            start = solver.load_state("last.npz")
+            for result in solver.history(rest_of_the_steps, start=start):
+                ...
+        """
+        return load_state(path, self.system.n, self.interface.parts)
+
+    def _check_start(self, start: ContactResult | SavedState) -> None:
+        m, n = len(start.state.status), len(start.case.f)
+        if m != self.kin.m or n != self.system.n:
             raise InputError(
-                f"start has {start.kin.m} contact points and {start.system.n} DOFs, this solver "
+                f"start has {m} contact points and {n} DOFs, this solver "
                 f"{self.kin.m} and {self.system.n}. A state can be carried over only between "
                 "solvers of the same bodies and contacts, in the same order."
             )
@@ -429,7 +469,7 @@ class ContactSolver:
         self,
         attempt: Attempt,
         walk: Walk,
-        start: ContactResult | None,
+        start: ContactResult | SavedState | None,
         settings: Settings,
         seconds: float,
     ) -> ContactResult:
@@ -462,6 +502,7 @@ class ContactSolver:
                 case,
                 attempt.outcome.iterate.response.solution,
             ),
+            settings=settings,
             factor=settings.factor,
         )
 
