@@ -123,6 +123,9 @@ def dual_mortar(
     W_m.eliminate_zeros()
     miss, nearest = _overhang(secondary, primary, paired, reach)
     gap = np.sum(normal * (W_s @ secondary.points - W_m @ primary.points), axis=1)
+    # coordinates have 16 digits; whether touching surfaces are closed is not for the last to say
+    scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
+    gap[np.abs(gap) <= _ROUND_OFF * scale] = 0.0
     return Pairing(
         points=secondary.points,
         normal=normal,

@@ -233,6 +233,10 @@ class ContactResult:
     settings: Any = field(repr=False)
     factor: float | None = None
 
+    def __post_init__(self) -> None:
+        # points without a multiplier of their own show the gap of the point that has it
+        object.__setattr__(self, "gap", self.gap[self.kin.heir])
+
     @cached_property
     def u(self) -> Array:
         """Displacements of all bodies, shape (n,) [length]; recovered when first asked for."""

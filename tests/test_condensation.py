@@ -74,6 +74,7 @@ def test_update_of_one_body_is_a_new_solver():
         low.surface("top"),
         friction=sc.Coulomb(0.3),
         gap=lambda x: 0.03 * (x[0] - 0.9) ** 2,
+        method="node",
     )
     result, fresh = solver.solve(), sc.ContactSolver([low, new], [contact]).solve()
     assert_allclose(result.u, fresh.u, atol=1e-12 * np.abs(fresh.u).max())

@@ -372,7 +372,12 @@ def test_dry_run_says_what_is_modelled():
     punch = block("punch", y=(0.0, 1.0), f=(0.0, -1e-3), n=4, E=100.0)
     shape = np.array([-0.01, 0.0, 0.0, 0.02, 0.03])
     contact = sc.Contact(
-        punch.surface("bottom"), table.surface("top"), friction=sc.Coulomb(0.3), gap=shape, name="joint"
+        punch.surface("bottom"),
+        table.surface("top"),
+        friction=sc.Coulomb(0.3),
+        gap=shape,
+        method="node",
+        name="joint",
     )
     text = str(sc.ContactSolver([table, punch], [contact]))
     for words in (
@@ -391,7 +396,9 @@ def test_dry_run_says_what_is_modelled():
 
 def test_dry_run_of_other_kinds():
     """Ties, frictionless contact on obstacles, and the sparse route are described as what they are."""
-    assert "tied (node): gaps and slips are zero, also in tension" in str(pair(tied=True))
+    assert "tied (node): gaps and slips are zero, also in tension" in str(
+        pair(tied=True, method="node")
+    )
     body = block("punch", D="top")
     text = str(sc.ContactSolver(body, sc.Contact(body.surface("bottom"), FLOOR), linear=sc.Direct()))
     assert "no rigid motion is free: supports alone hold all bodies" in text

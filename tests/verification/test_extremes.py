@@ -459,11 +459,12 @@ def junction(*, mu=None, order=(0, 1, 2), linear="auto", n=3):
         u = field(basis, lambda x: [-strain[0] * x[0], -strain[1] * x[1]])
         bodies.append(sc.Body(basis, elastic(1.0, 0.3), D=D, x=u, name=name))
     base, west, east = bodies
-    law = None if mu is None else sc.Coulomb(mu)
+    # all four surfaces meet in one point, where forces are not unique: node by node they are uniform
+    settings = {"friction": None if mu is None else sc.Coulomb(mu), "method": "node"}
     contacts = [
-        sc.Contact(west.surface("bottom"), base.surface("top"), friction=law, name="west on base"),
-        sc.Contact(east.surface("bottom"), base.surface("top"), friction=law, name="east on base"),
-        sc.Contact(west.surface("right"), east.surface("left"), friction=law, name="west on east"),
+        sc.Contact(west.surface("bottom"), base.surface("top"), name="west on base", **settings),
+        sc.Contact(east.surface("bottom"), base.surface("top"), name="east on base", **settings),
+        sc.Contact(west.surface("right"), east.surface("left"), name="west on east", **settings),
     ]
     return sc.ContactSolver([bodies[i] for i in order], contacts, linear=linear), strain
 

@@ -135,7 +135,7 @@ def reduced_and_merged(n, kind):
         basis = block_basis(even(k, 0.0, 4.0), even(k, float(i)), kind=kind)
         D = "bottom" if i == 0 else "top"
         bodies.append(sc.Body(basis, elastic(1.0, 0.3), D=D, name=f"block {i}"))
-    contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"))
+    contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"), method="node")
     system = sc.stack(bodies)
     rows = sc.contact_rows(system, contact)
     K_r, *_ = sc.condense(system.K, system.f, rows, D=system.D, x=system.x)
