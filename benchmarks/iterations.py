@@ -1,0 +1,57 @@
+"""Newton iterations from a cold start, and per increment of a load history, over mesh and friction.
+
+    python benchmarks/iterations.py [--quick]
+
+Cold: the whole pressing in one step, nothing known before. With friction, pressing and pushing to
+0.5 mu P in one step as well. Then the history of `cases.py`: 10 increments of pressing, 20 of
+pushing, 20 back.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from cases import Case, Scene
+
+import skfem_contact as sc
+
+POINTS = (15, 30, 60, 120, 240)
+FRICTION = (0.0, 0.1, 0.5, 1.0)
+
+
+def count(points: int, mu: float) -> dict[str, Any]:
+    """Iterations on one mesh with one coefficient."""
+    scene = Scene(Case("iterations", 0, mu=mu, thin=True), 1 / points)
+    solver = sc.ContactSolver(scene.bodies, [scene.contact()])
+    cold = solver.solve(x=scene.lowered(1))
+    row = {"points": points, "mu": mu, "dofs": solver.system.n, "cold": cold.iterations}
+    if mu:
+        push = scene.pushed(0.5 * mu * float(cold.normal_force.sum()))
+        row["cold, pushed"] = solver.solve(f=push, x=scene.lowered(1)).iterations
+    iterations = [result.iterations for result in scene.run(solver)]
+    row["average"] = sum(iterations) / len(iterations)
+    row["most"] = max(iterations)
+    return row
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="up to 60 points per half width")
+    meshes = POINTS[:3] if parser.parse_args().quick else POINTS
+    rows = [count(points, mu) for points in meshes for mu in FRICTION]
+    path = Path(__file__).parent / "results" / "iterations.json"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    print("| points per half width | mu | DOFs | cold | cold, pushed | average | most |")
+    print("|" + " --- |" * 7)
+    for row in rows:
+        cells = [row["points"], row["mu"], f"{row['dofs']:,}", row["cold"]]
+        cells += [row.get("cold, pushed", "-"), f"{row['average']:.1f}", row["most"]]
+        print("| " + " | ".join(map(str, cells)) + " |")
+
+
+if __name__ == "__main__":
+    main()
