@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import skfem as fem
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from skfem.models.elasticity import linear_elasticity
@@ -31,6 +31,7 @@ def opened(x, a):
 
 @pytest.mark.parametrize("element", [fem.ElementQuad1(), fem.ElementQuad2()])
 @given(a=st.floats(0.3, 1.4))
+@settings(deadline=None)
 def test_edges_of_the_asymptotic_gap(element, a):
     """A gap that opens by the law of smooth contact shows its edges exactly, on both sides."""
     top = surface(np.linspace(-2, 2, 21), element)
