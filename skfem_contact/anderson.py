@@ -40,6 +40,11 @@ class Anderson:
         self._values: list[Array] = []
         self._residuals: list[Array] = []
 
+    @property
+    def active(self) -> bool:
+        """Whether there is more than one pair to combine."""
+        return len(self._values) > 1
+
     def next(self, u: Array, value: Array) -> Array:
         """The next argument, after ``value = G(u)``."""
         self._values = [*self._values, value][-self.depth - 1 :]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.errors import InputError
 from skfem_contact.loads import LoadCase, Motion
-from skfem_contact.loops import State
+from skfem_contact.states import State
 from skfem_contact.steps import Settings
 
 if TYPE_CHECKING:

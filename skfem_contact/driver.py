@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skfem_contact.loops import OPEN, SLIP, STICK, Guess, Iterate, Step
 from skfem_contact.result import Record
+from skfem_contact.states import OPEN, SLIP, STICK, Guess, Iterate, Step
 
 logger = logging.getLogger("skfem_contact")
 

@@ -25,9 +25,9 @@ from skfem_contact.contact import Contact
 from skfem_contact.diagnosis import check_pairing
 from skfem_contact.kinematics import Kinematics, initial_gap, join, kinematics, pair
 from skfem_contact.loads import LoadCase
-from skfem_contact.loops import State
 from skfem_contact.pairing import Pairing
 from skfem_contact.rigid import RigidMotions
+from skfem_contact.states import State
 from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
@@ -113,8 +113,7 @@ class Geometry:
         slip0 = last.slip - (kin.B_t @ u_n).reshape(last.slip.shape)
         for i, part in enumerate(self.parts):
             if self.contacts[i].rigid:
-                step = case.motion[i].shift(kin.points[part])
-                step = step - before.motion[i].shift(kin.points[part])
+                step = case.motion[i].slid(before.motion[i], kin.points[part])
                 slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], step)
         slip0 = np.where(finite[:, None], slip0, case.slip0)
         return replace(case, gap0=gap0, slip0=slip0)

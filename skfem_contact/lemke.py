@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.loops import OPEN, SLIP, STICK, Guess, Step
 from skfem_contact.points import PointSpace
+from skfem_contact.states import OPEN, SLIP, STICK, Guess, Step
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -146,9 +146,10 @@ def _gap_words(solver: ContactSolver, part: slice) -> list[str]:
     lines = [f"{len(gap)} of {total} points have a partner"]
     if len(gap):
         touching = int(np.sum(gap == 0.0))
+        widest, deepest = max(gap.max(), 0.0), max(-gap.min(), 0.0) + 0.0
         lines.append(
-            f"initial gaps: {int(np.sum(gap > 0))} open (largest {max(gap.max(), 0.0):.6g}), "
-            f"{touching} closed, {int(np.sum(gap < 0))} overlap (deepest {max(-gap.min(), 0.0) + 0.0:.6g})"
+            f"initial gaps: {int(np.sum(gap > 0))} open (largest {widest:.6g}), "
+            f"{touching} closed, {int(np.sum(gap < 0))} overlap (deepest {deepest:.6g})"
         )
     return lines
 

@@ -17,8 +17,8 @@ from skfem_contact.fields import closed_area, displaced, edge_positions, interpo
 from skfem_contact.interface import point_slices
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase
-from skfem_contact.loops import State
 from skfem_contact.rotation import rigid_rotations
+from skfem_contact.states import State
 from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]

@@ -27,9 +27,9 @@ from skfem_contact.kinematics import Kinematics
 from skfem_contact.lemke import MOST_POINTS, lemke_guess
 from skfem_contact.linear import single_threaded
 from skfem_contact.loads import LoadCase
-from skfem_contact.loops import OPEN, SLIP, STICK, Guess, State, Step
 from skfem_contact.nested import nested_guess
 from skfem_contact.result import Record
+from skfem_contact.states import OPEN, SLIP, STICK, Guess, State, Step
 
 Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
@@ -44,6 +44,9 @@ ITERATIONS = {"newton": 80, "direct": 150, "fictitious": 2000}
 # What a step is cut to, of the distance that points may slide; and from which multiple of it on the
 # first round, on a pairing that is only predicted, is believed.
 AIM, FAR = 0.95, 1.3
+# Round from which on a point that has left the primary surface is not taken back in the same step:
+# at its very end there is no pairing that is that of its own answer.
+EDGE = 5
 # A point that slides over just one facet per step does so up to this.
 ROUND_OFF = 1e-9
 
@@ -186,7 +189,7 @@ class Stepper:
         u = geometry.spread(walk.state.surface + walk.share * walk.state.trend)
         placement = self.place(geometry.at(u, case), u)
         trace: tuple[Record, ...] = ()
-        secant = Anderson()
+        secant, lost = Anderson(), np.zeros(len(geometry.finite), dtype=bool)
         for number in range(options.max_placements):
             attempt = self._solve(walk, case, placement, start, known, callback)
             trace += attempt.outcome.trace
@@ -198,11 +201,13 @@ class Stepper:
                 return attempt
             there = geometry.spread(attempt.state.surface)
             u = secant.next(u, there)
-            next_kin = geometry.at(u, case)
+            next_kin = without_points(geometry.at(u, case), lost)
+            if number >= EDGE:
+                lost = lost | (placement.kin.paired & ~next_kin.paired)
             mismatch = geometry.mismatch(placement, next_kin, attempt.state)
             if mismatch <= options.placement_tolerance:
                 # so far only the next pairing is alike: what counts is that of the answer itself
-                own = geometry.at(there, case) if number else next_kin
+                own = without_points(geometry.at(there, case), lost) if number else next_kin
                 mismatch = geometry.mismatch(placement, own, attempt.state)
                 if mismatch <= options.placement_tolerance:
                     return self._settled(walk, attempt, own, mismatch)
@@ -342,6 +347,13 @@ class Stepper:
 def grown(share: float, travel: float) -> float:
     """The share to try after a success: twice as much, but no further than points may slide."""
     return share * min(2.0, AIM / travel if travel > 0 else 2.0)
+
+
+def without_points(kin: Kinematics, lost: NDArray[np.bool_]) -> Kinematics:
+    """The pairing with some points open for good."""
+    if not lost.any():
+        return kin
+    return replace(kin, paired=kin.paired & ~lost, gap0=np.where(lost, np.inf, kin.gap0))
 
 
 def natural_state(kin: Kinematics, surface: int) -> State:

@@ -10,23 +10,14 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skfem_contact import Coulomb, Options
+from skfem_contact.anderson import Anderson
 from skfem_contact.driver import drive
-from skfem_contact.loops import (
-    OPEN,
-    SLIP,
-    STICK,
-    Anderson,
-    Guess,
-    Step,
-    direct,
-    fictitious,
-    hold,
-    newton,
-    propose,
-)
+from skfem_contact.loops import direct, fictitious, newton
 from skfem_contact.points import PointSpace
 from skfem_contact.rigid import RigidMotions
+from skfem_contact.rules import hold, propose
 from skfem_contact.spaces import Conditions, Load
+from skfem_contact.states import OPEN, SLIP, STICK, Guess, Step
 from skfem_contact.stepping import natural_state
 
 LOOPS = {"newton": newton, "direct": direct, "fictitious": fictitious}
@@ -178,7 +169,7 @@ def test_anderson_solves_linear_fixed_points():
     """On a linear map of n unknowns mixing ends after n + 1 steps, where iteration would not."""
     rng = np.random.default_rng(1)
     A, b = np.eye(3) - np.diag([0.01, 0.5, 1.6]), rng.standard_normal(3)
-    x, mixing = np.zeros((3, 1)), Anderson()
+    x, mixing = np.zeros(3), Anderson()
     for _ in range(6):
-        x = mixing.advance(x, A @ x + b[:, None])
-    assert_allclose(x[:, 0], np.linalg.solve(np.eye(3) - A, b), rtol=1e-8)
+        x = mixing.next(x, A @ x + b)
+    assert_allclose(x, np.linalg.solve(np.eye(3) - A, b), rtol=1e-8)

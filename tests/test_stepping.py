@@ -12,7 +12,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact import stepping
-from skfem_contact.loops import SLIP, STICK
+from skfem_contact.states import SLIP, STICK
 from skfem_contact.stepping import as_guess
 
 

@@ -1,0 +1,143 @@
+"""The rules by which points change: Signorini's conditions and the friction law, point by point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.spaces import Response
+from skfem_contact.states import OPEN, SLIP, STICK, Guess, Step
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
+# Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
+ROUND_OFF = 1e-11
+
+
+def propose(step: Step, current: Guess, response: Response) -> Guess:
+    """The set that the answer asks for: Signorini's conditions and the friction law, point by point."""
+    force_scale = np.max(np.abs(response.normal_force), initial=0.0)
+    force_scale = max(force_scale, np.max(np.abs(response.tangential_force), initial=0.0))
+    was_open = current.status == OPEN
+    finite = np.isfinite(response.gap)
+    gap_scale = np.max(np.abs(response.gap[finite] - step.load.gap0[finite]), initial=0.0)
+    penetrates = was_open & (response.gap < -ROUND_OFF * gap_scale) & step.paired
+    pulls = ~was_open & (response.normal_force < -ROUND_OFF * force_scale) & ~step.tied
+
+    limit = step.limit(response.normal_force, response.slip)
+    slips, direction = _slip_rule(step, current, response, limit, force_scale, penetrates)
+    status = np.where(slips, SLIP, STICK)
+    status = np.where(was_open & ~penetrates | pulls, OPEN, status)
+    status = np.where(step.tied & step.paired, STICK, status)
+    return Guess(status, direction, response.normal_force, response.tangential_force, response.slip)
+
+
+def _slip_rule(
+    step: Step,
+    current: Guess,
+    response: Response,
+    limit: Array,
+    force_scale: float,
+    closes: Mask,
+) -> tuple[Mask, Array]:
+    """Which points slip that are closed or just close, and in which direction friction then acts."""
+    exact = np.isinf(step.stiffness)
+    trial = np.where(exact[:, None], response.tangential_force, step.trial(response.slip))
+    size = np.linalg.norm(trial, axis=1)
+    beyond = size > limit + ROUND_OFF * force_scale
+    was_slip = current.status == SLIP
+    # an exactly sticking point has no trial force while it slips: it goes on slipping as long as
+    # the slip of this step follows the friction
+    step_slip = response.slip - step.last.slip
+    slip_scale = np.max(np.abs(step_slip), initial=0.0)
+    forward = np.sum(step_slip * current.direction, axis=1) >= -ROUND_OFF * slip_scale
+    slips = np.where(exact & was_slip, forward, beyond) & step.frictional
+    unit = trial / np.where(size > 0, size, 1.0)[:, None]
+    # where the slip turns back the point sticks first, or forward and backward slip alternate
+    slips &= ~was_slip | (np.sum(unit * current.direction, axis=1) >= 0) | exact
+    # a coefficient of zero: no force can stick, not even the round-off of one
+    if force_scale > 0:
+        slips |= (step.limit(np.full_like(size, force_scale), response.slip) == 0) & step.frictional
+    keep = exact & was_slip
+    direction = np.where(keep[:, None], current.direction, unit)
+    # a point that closes slips if it moves sideways by more than it sinks in allows: the trial
+    # force r (s - s_n) against the limit under the trial pressure -r g (Alart and Curnier, 1991),
+    # with an r that makes the largest slip the largest force. If it stuck, it could be in tension,
+    # open, and close again without end
+    r = force_scale / slip_scale if slip_scale > 0 else 0.0
+    distance = np.linalg.norm(step_slip, axis=1)
+    pressed = step.limit(-r * np.where(closes, response.gap, 0.0), response.slip)
+    sideways = closes & step.frictional & (r * distance > pressed)
+    along = step_slip / np.where(distance > 0, distance, 1.0)[:, None]
+    slips = np.where(current.status == OPEN, sideways, slips)
+    direction = np.where(sideways[:, None], along, direction)
+    return slips, np.where(slips[:, None], direction, 0.0)
+
+
+def disagreement(current: Guess, proposal: Guess) -> Mask:
+    """Points whose status or slip direction changes."""
+    turned = np.sum(np.abs(current.direction - proposal.direction), axis=1) > 1.0
+    return (current.status != proposal.status) | (turned & (proposal.status == SLIP))
+
+
+def law_residual(step: Step, status: NDArray[np.intp], direction: Array, response: Response) -> float:
+    """Largest distance of a slipping point's friction force from the law, over the largest force."""
+    scale = np.max(np.abs(response.normal_force), initial=0.0)
+    scale = max(scale, np.max(np.abs(response.tangential_force), initial=0.0))
+    if scale == 0.0:
+        return 0.0
+    limit = step.limit(response.normal_force, response.slip)
+    slips = (status == SLIP) & (response.normal_force >= 0)
+    error = np.abs(response.tangential_force - limit[:, None] * direction)
+    return float(np.max(error[slips], initial=0.0) / scale)
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Points kept closed or sticking because a body would be free without them."""
+
+    points: Mask
+    motion: Array
+
+
+def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
+    """Keep just so many points closed and sticking that no rigid motion is free.
+
+    A body that only contact and friction hold makes the matrix singular while all its points are
+    open or all slip, even if the answer is neither. The points nearest to what is needed are kept:
+    those farthest below their friction limit, then those with the smallest gap. If the answer goes
+    on contradicting them, there is no equilibrium; the driver says so.
+    """
+    status, motions = current.status, step.motions
+    if motions.k == 0:
+        return status, None
+    holds = step.frictional | step.tied
+    free = motions.free(status != OPEN, (status == STICK) & holds)
+    if free.shape[1] == 0:
+        return status, None
+    status, first = status.copy(), free
+    points = np.zeros(len(status), dtype=bool)
+    limit = step.limit(current.normal_force, current.slip)
+    excess = np.linalg.norm(current.tangential_force, axis=1) - limit
+    order = np.concatenate([_by(excess, status == SLIP), _by(step.load.gap0, status == OPEN)])
+    for i in order:
+        if free.shape[1] == 0:
+            break
+        if not step.paired[i]:
+            continue
+        resists = np.abs(motions.normal[i] @ free).max(initial=0.0) > 1e-6
+        turns = holds[i] and np.abs(motions.tangential[i] @ free).max(initial=0.0) > 1e-6
+        if (status[i] == OPEN and resists) or turns:
+            status[i] = STICK
+            points[i] = True
+            free = motions.free(status != OPEN, (status == STICK) & holds)
+    return status, Held(points, first)
+
+
+def _by(value: Array, mask: Mask) -> NDArray[np.intp]:
+    chosen = np.flatnonzero(mask)
+    return chosen[np.argsort(value[chosen], kind="stable")]

@@ -1,0 +1,124 @@
+"""What the nonlinear loops pass around: states between load steps, steps, guesses and iterates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.friction import FrictionLaw
+from skfem_contact.rigid import RigidMotions
+from skfem_contact.spaces import Load, Response, Space
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+OPEN, STICK, SLIP = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """What friction remembers of the last load step; the path dependence lives here.
+
+    Attributes
+    ----------
+    status : ndarray of int, shape (m,)
+    slip : ndarray, shape (m, d-1)
+        Relative tangential displacement since the undeformed state [length].
+    tangential_force : ndarray, shape (m, d-1)
+        Force that resists the slip; zero at open points [force].
+    normal_force : ndarray, shape (m,)
+    reference : ndarray, shape (m, d-1)
+        Slip at which the point closed [length].
+    surface, trend : ndarray
+        Displacements of the surfaces that slide far, and their change in the last load step: where
+        the pairing of the next one begins. Empty for small sliding [length].
+    """
+
+    status: NDArray[np.intp]
+    slip: Array
+    tangential_force: Array
+    normal_force: Array
+    reference: Array
+    surface: Array
+    trend: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One load step as a loop sees it: a linear world, a load, the laws and the history."""
+
+    space: Space
+    load: Load
+    motions: RigidMotions
+    area: Array
+    paired: Mask
+    tied: Mask
+    laws: tuple[tuple[slice, FrictionLaw], ...]
+    frictional: Mask
+    stiffness: Array
+    last: State
+
+    def limit(self, normal_force: Array, slip: Array) -> Array:
+        """Friction bound of every point; zero where there is no law."""
+        return self._law("limit", np.maximum(normal_force, 0.0), slip)
+
+    def slope(self, normal_force: Array, slip: Array) -> Array:
+        """Derivative of the bound by the normal force."""
+        return self._law("slope", np.maximum(normal_force, 0.0), slip)
+
+    def _law(self, method: str, normal_force: Array, slip: Array) -> Array:
+        out = np.zeros_like(normal_force)
+        counted = slip - self.last.reference
+        for part, law in self.laws:
+            out[part] = getattr(law, method)(normal_force[part], self.area[part], counted[part])
+        return out
+
+    def trial(self, slip: Array) -> Array:
+        """Elastic predictor ``tau_n + G (s - s_n)`` of points with a finite stiffness."""
+        G = np.where(np.isfinite(self.stiffness), self.stiffness, 0.0)[:, None]
+        return self.last.tangential_force + G * (slip - self.last.slip)
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """One iterate of a loop.
+
+    Attributes
+    ----------
+    status : ndarray of int, shape (m,)
+        The set that was solved for: 0 open, 1 stick, 2 slip.
+    direction : ndarray, shape (m, d-1)
+        Unit friction direction of slipping points.
+    response : Response
+    changes : int
+        Points whose status or slip direction the iterate itself contradicts.
+    residual : float
+        Largest violation of the friction law, relative to the largest contact force.
+    converged : bool
+    note : str
+        What the loop did besides its rule: damping, a point held, acceleration.
+    held : ndarray
+        Combination of rigid modes that only a held point resists, shape (k, j).
+    """
+
+    status: NDArray[np.intp]
+    direction: Array
+    response: Response
+    changes: int
+    residual: float
+    converged: bool
+    note: str = ""
+    held: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """Starting values of a loop; never part of the answer."""
+
+    status: NDArray[np.intp]
+    direction: Array
+    normal_force: Array
+    tangential_force: Array
+    slip: Array
