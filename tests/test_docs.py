@@ -1,0 +1,47 @@
+"""The pages of the documentation name what exists, and leave out nothing that is public."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from functools import reduce
+from pathlib import Path
+
+import pytest
+
+import skfem_contact as sc
+
+DOCS = Path(__file__).parents[1] / "docs"
+MODULES = {path.stem for path in Path(sc.__file__).parent.glob("*.py")} - {"__init__"}
+
+
+def code_names(page: str) -> list[tuple[str, str]]:
+    """All code spans ``module.name`` of a page whose module is one of the package."""
+    found = re.findall(r"`([a-z_]+)\.([A-Za-z_][\w.]*)`", (DOCS / page).read_text(encoding="utf-8"))
+    return sorted({(module, name) for module, name in found if module in MODULES and name != "py"})
+
+
+@pytest.mark.parametrize(("module", "name"), code_names("theory.md"))
+def test_function_beside_an_equation_exists(module: str, name: str) -> None:
+    """Every function that stands beside an equation of the theory is there under that name."""
+    assert reduce(getattr, name.split("."), importlib.import_module(f"skfem_contact.{module}"))
+
+
+def test_theory_names_functions() -> None:
+    """The names above are found, so that their test can not pass on an empty list."""
+    assert len(code_names("theory.md")) > 40
+
+
+def test_reference_is_complete() -> None:
+    """Every public name has its entry in the reference."""
+    pages = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "reference").glob("*.md"))
+    entries = set(re.findall(r"^::: skfem_contact\.(?:\w+\.)*(\w+)$", pages, flags=re.MULTILINE))
+    assert set(sc.__all__) <= entries, sorted(set(sc.__all__) - entries)
+
+
+def test_files_that_pages_name_exist() -> None:
+    """Scripts, tests and modules named in the pages are in the repository."""
+    pattern = r"`((?:examples|tests|benchmarks|skfem_contact)/[\w/]+\.\w+)`"
+    for page in DOCS.rglob("*.md"):
+        for path in re.findall(pattern, page.read_text(encoding="utf-8")):
+            assert (DOCS.parent / path).exists(), f"{page.name}: {path}"
