@@ -19,12 +19,30 @@ class Motion:
     centre: Array
 
     def towards(self, other: Motion, share: float) -> Motion:
-        """The motion on the straight way to another one about the same centre."""
+        """The motion on the straight way to another one: steady turn, steady path of its centre."""
+        here = self.about(other.centre)
         return Motion(
-            self.translation + share * (other.translation - self.translation),
-            self.angle + share * (other.angle - self.angle),
+            here.translation + share * (other.translation - here.translation),
+            here.angle + share * (other.angle - here.angle),
             other.centre,
         )
+
+    def about(self, centre: Array) -> Motion:
+        """The same motion as a turn about another centre."""
+        return Motion(self.shift(centre[None])[0], self.angle, centre)
+
+    def slid(self, before: Motion, points: Array) -> Array:
+        """How far the obstacle's surface has moved along at points where it is now, (m, d).
+
+        Linear in the turn: over a point of contact the surface of a spinning roller passes with the
+        length of the arc.
+        """
+        step = np.tile(self.translation - before.about(self.centre).translation, (len(points), 1))
+        turn = self.angle - before.angle
+        if turn:
+            arm = points - self.centre - self.translation
+            step += turn * np.column_stack([-arm[:, 1], arm[:, 0]])
+        return step
 
     def shift(self, points: Array) -> Array:
         """Displacement of the obstacle at some points, shape (m, d)."""
