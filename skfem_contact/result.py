@@ -74,7 +74,10 @@ class ContactValues:
     action : ndarray, shape (m, d)
         Where the force of each point acts; its position in general.
     dissipation, dissipation_total : float
-        Energy lost by friction in this step, and since the start of the history [energy].
+        Energy lost by friction in this step, and since the start of the history [energy]. The mean
+        of the forces at both ends of a step times the slip, which closes the energy balance with
+        the trapezoidal work of the loads; a step that turns gross sliding round in one go counts
+        as nothing, so take several.
     """
 
     name: str
