@@ -130,7 +130,7 @@ class Stepper:
         known = warm
         starts = [start for start in self._starts() if known is not None or start != "warm"]
         done, share, fails = 0.0, 1.0, 0
-        smallest = 0.5**self.options.max_cuts
+        smallest, follows = 0.5**self.options.max_cuts, self.geometry.follows
         while True:
             aim = min(1.0, done + share)
             here, walk.share = case.towards(target, aim), aim - done
@@ -144,9 +144,10 @@ class Stepper:
                 known, starts, fails = walk.state, self._starts(), 0
                 walk.substeps += 1
                 share = min(grown(share, attempt.travel), 1.0 - done)
-            elif attempt.outcome.free is not None and starts[0] == "pivoting":
-                return attempt, walk  # complete for friction in 2-D: smaller steps end there as well
-            elif attempt.outcome.free is not None and "pivoting" in starts:
+            elif attempt.outcome.free is not None and "pivoting" in starts and not follows:
+                # complete for friction in 2-D on a given pairing: smaller steps would end there too
+                if starts == ["pivoting"]:
+                    return attempt, walk
                 starts = ["pivoting"]
             elif len(starts) > 1 and not attempt.failure and not attempt.stopped:
                 starts.pop(0)  # before cutting: begin elsewhere
