@@ -1,0 +1,111 @@
+r"""A belt around a pulley: the capstan formula, and how slip creeps in from the tight end.
+
+              ____
+            /      \          belt of thickness R/50 on a rigid drum, wrapped by 180 degrees,
+           |  drum  |         Coulomb friction 0.3; tension 1 on the slack side
+           |        |
+           |        |         the tight side is pulled by a stiff spring until the whole belt
+     1     v        v   T     slips
+
+Hung over the drum, the belt has slipped a little towards both sides, and its tension is least in
+between. Pulled on one side, slip creeps in from there; the tension of what slips grows with the angle
+as exp(lambda phi), a little slower than Euler's exp(mu phi), because
+friction acts on the face of the belt and tension in its middle. When all of it slips the ratio of the
+tensions agrees with the formula for thick belts within 0.1 %.
+
+Run ``python examples/belt.py [folder]``: the ratio, and a picture of the tension along the belt.
+"""
+
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import skfem as fem
+from scipy.sparse import csr_matrix
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact.reference import capstan_ratio
+
+out = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "out"
+out.mkdir(parents=True, exist_ok=True)
+
+# %% Numbers (lengths over the radius of the drum)
+mu, wrap, thickness, E = 0.3, np.pi, 0.02, 1e5
+
+# %% The belt: a strip of elements bent around the drum
+strip = fem.MeshQuad.init_tensor(np.linspace(0, wrap, 201), np.linspace(1, 1 + thickness, 4))
+ends = {
+    "slack": strip.facets_satisfying(lambda x: x[0] < 1e-9),
+    "tight": strip.facets_satisfying(lambda x: x[0] > wrap - 1e-9),
+    "inside": strip.facets_satisfying(lambda x: x[1] < 1 + 1e-9),
+}
+angle, radius = strip.p
+bent = fem.MeshQuad(np.array([radius * np.cos(angle), radius * np.sin(angle)]), strip.t)
+basis = fem.Basis(bent.with_boundaries(ends), fem.ElementVector(fem.ElementQuad1()), intorder=4)
+
+# both ends hang straight down
+down = fem.LinearForm(lambda v, w: -v[1] / thickness)
+slack, tight = (down.assemble(basis.boundary(end)) for end in ("slack", "tight"))
+
+# a stiff spring at the tight end, whose other end is moved: so the tension there is an answer
+spring = 0.1 * E
+column = csr_matrix(tight[:, None])
+elastic = linear_elasticity(*lame_parameters(E, 0.0)).assemble(basis)
+belt = sc.Body(basis, csr_matrix(elastic + spring * (column @ column.T)), f=slack, name="belt")
+
+# %% Contact with the drum; the chords of the mesh touch it
+drum = sc.RigidSphere((0, 0), 1.0, name="drum")
+contact = sc.Contact(belt.surface("inside"), drum, friction=sc.Coulomb(mu), adjust=1e-3)
+solver = sc.ContactSolver([belt], [contact])
+print(solver)
+
+# %% Pull
+pulled = np.linspace(50, 300, 16) / E
+results = list(solver.history({"f": {"belt": slack + spring * d * tight}} for d in pulled))
+print(results[-1])
+
+
+def tension(result):
+    """Angles and tension along the belt: moments about the axis of the drum."""
+    points, friction = result.points, result.tangential_force[:, 0]
+    place = np.arctan2(points[:, 1], points[:, 0])
+    order = np.argsort(place)
+    # friction acts at the radius one, tension at the middle of the belt
+    grown = -np.cumsum(friction[order]) / (1 + thickness / 2)
+    return place[order], 1 + grown
+
+
+pull = np.array([spring * (d - tight @ r.u) for d, r in zip(pulled, results, strict=True)])
+ratio, expected = pull[-1], capstan_ratio(mu, wrap, thickness)
+error, tolerance = abs(ratio / expected - 1), 1e-3
+print(f"ratio of the tensions {ratio:.5f}; thick belt {expected:.5f}, thin {np.exp(mu * wrap):.5f}")
+
+# %% Picture
+figure, (along, history) = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
+shown = [k for k in (1, 3, 5, 7) if pull[k] < 0.99 * ratio] + [len(results) - 1]
+for k, shade in zip(shown, plt.cm.viridis(np.linspace(0.9, 0.1, len(shown))), strict=True):
+    place, T = tension(results[k])
+    along.plot(np.degrees(place), T, color=shade, label=f"pulled with {pull[k]:.2f}")
+phi = np.linspace(0, wrap, 100)
+along.plot(
+    np.degrees(phi),
+    [capstan_ratio(mu, p, thickness) for p in phi],
+    "k:",
+    lw=2,
+    label="thick-belt formula",
+)
+along.set(xlabel="angle from the slack end [degrees]", ylabel="tension over that of the slack end")
+along.legend(frameon=False)
+history.plot(1e3 * pulled, pull, "o-", ms=3, color="#20618d", label="tension of the tight end")
+history.axhline(expected, color="k", ls=":", label="thick-belt formula")
+history.axhline(np.exp(mu * wrap), color="gray", ls="--", lw=1, label="Euler, exp(mu phi)")
+history.set(xlabel="end of the spring moved by [1e-3 R]", ylim=(0, None))
+history.legend(frameon=False, loc="lower right")
+for axes in (along, history):
+    axes.spines[["top", "right"]].set_visible(False)
+figure.savefig(out / "belt.png", dpi=90)
+
+# %% The sentence of the docstring
+assert error < tolerance
