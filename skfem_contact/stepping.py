@@ -44,6 +44,8 @@ ITERATIONS = {"newton": 80, "direct": 150, "fictitious": 2000}
 # What a step is cut to, of the distance that points may slide; and from which multiple of it on the
 # first round, on a pairing that is only predicted, is believed.
 AIM, FAR = 0.95, 1.3
+# Rounds of plain repetition, which suffice where pressures are small against the modulus.
+PLAIN = 3
 # Round from which on a point that has left the primary surface is not taken back in the same step:
 # at its very end there is no pairing that is that of its own answer.
 EDGE = 5
@@ -187,7 +189,8 @@ class Stepper:
         geometry, options = self.geometry, self.options
         if not geometry.follows:
             return self._solve(walk, case, self.place(None, None), start, known, callback)
-        u = geometry.spread(walk.state.surface + walk.share * walk.state.trend)
+        at = walk.state.surface + walk.share * walk.state.trend
+        u = geometry.spread(at)
         placement = self.place(geometry.at(u, case), u)
         trace: tuple[Record, ...] = ()
         secant, lost = Anderson(), np.zeros(len(geometry.finite), dtype=bool)
@@ -200,16 +203,20 @@ class Stepper:
             attempt = self._travelled(walk, attempt, 1.0 if number else FAR)
             if attempt.failure:
                 return attempt
-            there = geometry.spread(attempt.state.surface)
-            u = secant.next(u, there)
+            there = attempt.state.surface
+            plain = number < PLAIN
+            at = there if plain else secant.next(at, there)
+            u = geometry.spread(at)
             next_kin = without_points(geometry.at(u, case), lost)
             if number >= EDGE:
                 lost = lost | (placement.kin.paired & ~next_kin.paired)
             mismatch = geometry.mismatch(placement, next_kin, attempt.state)
             if mismatch <= options.placement_tolerance:
                 # so far only the next pairing is alike: what counts is that of the answer itself
-                own = without_points(geometry.at(there, case), lost) if number else next_kin
-                mismatch = geometry.mismatch(placement, own, attempt.state)
+                own = next_kin
+                if not plain:
+                    own = without_points(geometry.at(geometry.spread(there), case), lost)
+                    mismatch = geometry.mismatch(placement, own, attempt.state)
                 if mismatch <= options.placement_tolerance:
                     return self._settled(walk, attempt, own, mismatch)
             start, known = "warm", attempt.state

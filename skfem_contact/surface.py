@@ -116,7 +116,7 @@ class ContactSurface:
         """Facets before and after each facet, shape (nf, 2); -1 where the surface ends."""
         return facet_neighbours(self.facets)
 
-    @property
+    @cached_property
     def held(self) -> np.ndarray:
         """Which components of each node are prescribed, shape (m, d)."""
         return _held(self.body, self.dofs)
@@ -143,7 +143,9 @@ class ContactSurface:
                 f"{self.body.n} DOFs"
             )
         points = self.points + u[self.dofs]
-        return replace(self, points=points, **_geometry(points, self.facets, self.held))
+        return replace(
+            self, points=points, **_geometry(points, self.facets, self.held, self.neighbours)
+        )
 
 
 def extract_surface(
@@ -189,7 +191,7 @@ def extract_surface(
         facets=facets,
         area=_areas(points, facets, body.measure, label),
         mesh_facets=numbers,
-        **_geometry(points, facets, _held(body, dofs)),
+        **_geometry(points, facets, _held(body, dofs), facet_neighbours(facets)),
     )
 
 
@@ -325,7 +327,12 @@ def _held(body: Body, dofs: np.ndarray) -> np.ndarray:
 
 
 def _on_symmetry(
-    middle: np.ndarray, lengths: np.ndarray, facets: np.ndarray, held: np.ndarray, side: int
+    middle: np.ndarray,
+    lengths: np.ndarray,
+    facets: np.ndarray,
+    held: np.ndarray,
+    before: np.ndarray,
+    side: int,
 ) -> np.ndarray:
     """Facets (nf,) of a curved surface that ends here on a line of symmetry.
 
@@ -333,7 +340,6 @@ def _on_symmetry(
     of the last two facets to the end, has none of it left. A straight inclined surface that ends
     at a roller is not meant: its normal stays as it is.
     """
-    before = facet_neighbours(facets)
     inner = before[:, 1 - side]
     here = held[facets[:, side]]
     last = (before[:, side] < 0) & (inner >= 0) & (here.sum(axis=1) == 1)
@@ -344,14 +350,15 @@ def _on_symmetry(
     return np.asarray(last & (left[0] <= 0.5 * left[1]))
 
 
-def _geometry(points: np.ndarray, facets: np.ndarray, held: np.ndarray) -> dict[str, Any]:
+def _geometry(
+    points: np.ndarray, facets: np.ndarray, held: np.ndarray, neighbours: np.ndarray
+) -> dict[str, Any]:
     """Lengths and normals: what changes when the surface moves."""
     gauss, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
     lengths = _normals_at(points, facets, gauss)[1] @ weight
     own = _normals_at(points, facets, np.array([0.0, 0.5, 1.0]))[0]
     ends = own[:, [0, 2]]
 
-    neighbours = facet_neighbours(facets)
     averaged = ends.copy()
     for side in (0, 1):
         other = neighbours[:, side]
@@ -363,7 +370,7 @@ def _geometry(points: np.ndarray, facets: np.ndarray, held: np.ndarray) -> dict[
         averaged[smooth, side] = _unit(mean[smooth])
 
     for side in (0, 1):
-        mirrored = _on_symmetry(own[:, 1], lengths, facets, held, side)
+        mirrored = _on_symmetry(own[:, 1], lengths, facets, held, neighbours, side)
         # the average with the mirror image, without which the end node would be constrained along
         # the normal of a chord
         image = np.where(held[facets[mirrored, side]], 0.0, ends[mirrored, side])
