@@ -212,9 +212,7 @@ def test_contradictory_rows_are_named():
     C = [[1, -1, 0, 0], [0, 0, 1, 1], [2, -2, 0, 0]]
     with pytest.raises(ConstraintError, match=r"row 2 asks for 0\.4, but with row 0 it is 0\.2"):
         eliminate(C, [0.1, 0.0, 0.4], prefer=np.array([1, 0, 0, 0], bool))
-    with pytest.raises(
-        ConstraintError, match=r"tip.*toe.*Usually a node is constrained twice"
-    ) as e:
+    with pytest.raises(ConstraintError, match=r"tip.*toe.*Usually a node is constrained twice") as e:
         eliminate(C, [0.1, 0.0, 0.4], labels=["toe", "heel", "tip"])
     assert sorted(e.value.rows) == [0, 2]
     with pytest.raises(ConstraintError, match="point 0"):

@@ -90,9 +90,7 @@ def test_solution(backend, dim, columns):
     assert factor.memory >= 0 and factor.name
 
 
-@pytest.mark.parametrize(
-    "backend", [Direct(), Dense(), FromSolver(solver_direct_scipy())], ids=str
-)
+@pytest.mark.parametrize("backend", [Direct(), Dense(), FromSolver(solver_direct_scipy())], ids=str)
 def test_unsymmetric(backend):
     """With spd=False the direct backends solve unsymmetric systems."""
     K, points = body()

@@ -146,9 +146,7 @@ def test_whole_facet_has_textbook_basis(k):
 @pytest.mark.parametrize(("k", "bound"), [(2, 6), (3, 16)])
 def test_weights_stay_bounded(k, bound):
     """However a facet is cut, ``int |phi_i| / int phi_i``, which bounds the weights, is small."""
-    width, start = (
-        a.ravel() for a in np.meshgrid(np.linspace(1e-3, 1, 100), np.linspace(0, 1, 30))
-    )
+    width, start = (a.ravel() for a in np.meshgrid(np.linspace(1e-3, 1, 100), np.linspace(0, 1, 30)))
     at, w = np.polynomial.legendre.leggauss(40)
     xi = (start * (1 - width))[:, None] + width[:, None] * 0.5 * (at + 1)
     N = np.stack([np.broadcast_to(f(xi), xi.shape) for f in line_shapes(k)], axis=2)
@@ -499,9 +497,7 @@ def test_patch_test_with_overhang(kind, x_low, x_top):
     f_s, f_p = traction_load(s, stress), traction_load(p, stress)
     lo, hi = max(x_low[0], x_top[0]), min(x_low[-1], x_top[-1])
     for surface, f, sign in ((s, f_s, 1.0), (p, f_p, -1.0)):
-        f[surface.dofs[:, 1]] += (
-            sign * pressure * (surface.area - covered_integrals(surface, lo, hi))
-        )
+        f[surface.dofs[:, 1]] += sign * pressure * (surface.area - covered_integrals(surface, lo, hi))
     u, found = held_together(s, p, pairing, f_s, f_p)
     assert_allclose(found, pressure, rtol=1e-9)
     # the uniform state is there in the displacements too: twice the energy of plane strain

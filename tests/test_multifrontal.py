@@ -61,9 +61,7 @@ def schur(K: sp.csr_matrix, keep: np.ndarray) -> np.ndarray:
     dense = K.toarray()
     inside = np.setdiff1d(np.arange(len(dense)), keep)
     K_ik = dense[np.ix_(inside, keep)]
-    return dense[np.ix_(keep, keep)] - K_ik.T @ np.linalg.solve(
-        dense[np.ix_(inside, inside)], K_ik
-    )
+    return dense[np.ix_(keep, keep)] - K_ik.T @ np.linalg.solve(dense[np.ix_(inside, inside)], K_ik)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -244,9 +242,7 @@ def test_runs_are_the_borders(name):
         for begin, end in pairwise(cuts):
             run = target[begin:end]
             assert_array_equal(run, np.arange(run[0], run[0] + run.size))
-            assert (run[0] < pivots[fronts.parent[front]]) == (
-                run[-1] < pivots[fronts.parent[front]]
-            )
+            assert (run[0] < pivots[fronts.parent[front]]) == (run[-1] < pivots[fronts.parent[front]])
 
 
 def test_fill_in_grows_as_nested_dissection_has_it():

@@ -121,9 +121,7 @@ OBSTACLES = [
     RigidCylinder((0.2, -2.5), 1.4),
     RigidSphere((0.1, 0.1), 1.5, hollow=True),
     LevelSet(lambda x: (x[0] - 0.2) ** 2 + 2 * (x[1] + 2.5) ** 2 - 2),
-    LevelSet(
-        lambda x: x[1] + 1.3 + 0.1 * x[0] ** 2, lambda x: np.stack([0.2 * x[0], 1.0 + 0 * x[1]])
-    ),
+    LevelSet(lambda x: x[1] + 1.3 + 0.1 * x[0] ** 2, lambda x: np.stack([0.2 * x[0], 1.0 + 0 * x[1]])),
 ]
 
 

@@ -115,9 +115,7 @@ def test_feet_on_curved_facets_minimise_the_distance():
             def distance(s, corners=corners, point=point):
                 return np.linalg.norm(facet_shapes(np.array(s), 3)[0] @ corners - point)
 
-            found = minimize_scalar(
-                distance, bounds=(0, 1), method="bounded", options={"xatol": 1e-10}
-            )
+            found = minimize_scalar(distance, bounds=(0, 1), method="bounded", options={"xatol": 1e-10})
             assert distance(xi[f]) <= found.fun * (1 + 1e-12)
 
 
@@ -138,9 +136,7 @@ def test_gaps_to_a_circle_converge(quadratic, order):
 def test_normals_are_continuous_along_a_smooth_surface():
     """Sliding along a disc the normal turns steadily, at most 1.5 times as fast as the point."""
     disc = body(fem.MeshTri.init_circle(3)).surface(None)
-    ring = fem.MeshTri.init_circle(
-        7
-    )  # its own boundary, turned inside out, is a very fine secondary
+    ring = fem.MeshTri.init_circle(7)  # its own boundary, turned inside out, is a very fine secondary
     outer = body(ring.scaled(1.05)).surface(None)
     inward = outer.__class__(**{**vars(outer), "normals": -outer.normals})
     pairing = node_to_segment(inward, disc)
@@ -155,9 +151,7 @@ def test_matching_curved_surfaces_have_the_averaged_normals():
     disc = body(fem.MeshTri.init_circle(3)).surface(None)
     random = np.random.default_rng(1)
     noisy = disc.points * (1 + 1e-12 * random.standard_normal(disc.points.shape))
-    inward = disc.__class__(
-        **{**vars(disc), "normals": -disc.normals, "points": noisy, "body": None}
-    )
+    inward = disc.__class__(**{**vars(disc), "normals": -disc.normals, "points": noisy, "body": None})
     pairing = node_to_segment(inward, disc)
     np.testing.assert_allclose(pairing.normal, disc.points, atol=1e-10)  # equal chords: the radius
     np.testing.assert_allclose(pairing.gap, 0, atol=1e-11)
@@ -325,9 +319,7 @@ def test_diagnosis_of_swapped_and_distant_surfaces():
     top, bottom = lower.surface("top"), upper.surface("bottom")
 
     def said(secondary, primary, **options):
-        return " ".join(
-            diagnose(node_to_segment(secondary, primary, **options), secondary, primary)
-        )
+        return " ".join(diagnose(node_to_segment(secondary, primary, **options), secondary, primary))
 
     assert "'b/top' finds a partner on 'a/top': the two face the same way" in said(
         upper.surface("top"), top

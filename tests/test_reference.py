@@ -87,9 +87,7 @@ def test_point_pressure_presses_the_surface_into_the_sphere():
     assert math.isclose(middle, POINT.approach, rel_tol=1e-9)
     # edge: chords through the edge point, (1/πE*) ∫ dφ ∫ p ds, with p on a chord a semi-ellipse
     # of height p0 cos φ and half length a cos φ
-    edge = quad(
-        lambda phi: POINT.p0 * a * math.pi / 2 * math.cos(phi) ** 2, -math.pi / 2, math.pi / 2
-    )
+    edge = quad(lambda phi: POINT.p0 * a * math.pi / 2 * math.cos(phi) ** 2, -math.pi / 2, math.pi / 2)
     assert math.isclose(edge[0] / (math.pi * E_star), a**2 / (2 * POINT.R), rel_tol=1e-9)
 
 
@@ -101,9 +99,7 @@ def log_potential(traction, a, E_star, x, breaks=()):
         s = a * math.sin(t)
         return float(traction(s)) * a * math.cos(t) * math.log(max(abs(x - s), 1e-300))
 
-    parts = (
-        quad(integrand, *map(math.asin, np.divide(e, a)), limit=200)[0] for e in pairwise(edges)
-    )
+    parts = (quad(integrand, *map(math.asin, np.divide(e, a)), limit=200)[0] for e in pairwise(edges))
     return -2 / (math.pi * E_star) * sum(parts)
 
 
@@ -207,9 +203,7 @@ def test_block_coefficient_is_the_far_field_of_a_layer():
     for base in ("fixed", "roller"):
         nodes, weights = np.polynomial.legendre.leggauss(40)
         xi = 6 * (nodes + 1)
-        layer = 6 * sum(
-            w * x * (1 - compliance(x, base)) for x, w in zip(xi, weights, strict=True)
-        )
+        layer = 6 * sum(w * x * (1 - compliance(x, base)) for x, w in zip(xi, weights, strict=True))
         # beyond xi = 12 the integrand is below 1e-8
         assert math.isclose(ref.block_coefficient(base, nu), 2 / math.pi * layer, rel_tol=1e-6)
 
@@ -221,9 +215,7 @@ def test_finite_block_lowers_the_half_width():
     plain = ref.hertz_line(1000.0, 100.0, E_star)
     added = ref.block_curvature(1000.0, H, E, nu, width=2.0)
     block = ref.hertz_line(1000.0, 100.0, E_star, added_curvature=added)
-    factor = (
-        1 + ref.block_coefficient("fixed", nu, 2.0) * math.pi / 4 * (plain.a / H) ** 2
-    ) ** -0.5
+    factor = (1 + ref.block_coefficient("fixed", nu, 2.0) * math.pi / 4 * (plain.a / H) ** 2) ** -0.5
     assert math.isclose(block.a / plain.a, factor, rel_tol=1e-12)
     assert math.isclose(block.p0 / plain.p0, 1 / factor, rel_tol=1e-12)
 
@@ -254,9 +246,7 @@ def test_partial_slip_carries_the_force_within_the_cone(contact, path):
     )
 
 
-@pytest.mark.parametrize(
-    ("contact", "exponent"), [(LINE, 1 / 2), (POINT, 1 / 3), (QUARTIC, 1 / 4)]
-)
+@pytest.mark.parametrize(("contact", "exponent"), [(LINE, 1 / 2), (POINT, 1 / 3), (QUARTIC, 1 / 4)])
 def test_stick_zone_shrinks_by_the_root_of_the_profile(contact, exponent):
     """First loading c/a = (1-x)^n, reversal (1 - dQ/2muP)^n."""
     mu, full = 0.3, 0.3 * contact.P
@@ -313,9 +303,7 @@ def test_fretting_dissipation_of_the_line_is_traction_times_slip(x):
     assert math.isclose(W, 4 * work, rel_tol=1e-7)
     # the forces act on distant points: at a distance L the loop is larger by (a/L)²; its area is
     # the small difference (x³/12) of large numbers
-    loops = [
-        masing(lambda Q, L=L: ref.tangential_shift_line(LINE, mu, Q, L), Q0) for L in (1e4, 1e6)
-    ]
+    loops = [masing(lambda Q, L=L: ref.tangential_shift_line(LINE, mu, Q, L), Q0) for L in (1e4, 1e6)]
     np.testing.assert_allclose(loops, W, rtol=1e-6)
 
 
@@ -324,9 +312,7 @@ def test_fretting_dissipation_has_no_seam_and_the_known_ends():
     h = ref.hertz_line(1.0, 1.0, 1.0)
     below, above = (ref.fretting_dissipation_line(h, 1.0, x) for x in (0.1 * (1 - 1e-9), 0.1))
     assert math.isclose(below, above, rel_tol=1e-8)
-    assert math.isclose(
-        ref.fretting_dissipation_line(h, 1.0, 1e-7), 4 / math.pi / 6e21, rel_tol=1e-6
-    )
+    assert math.isclose(ref.fretting_dissipation_line(h, 1.0, 1e-7), 4 / math.pi / 6e21, rel_tol=1e-6)
     assert math.isclose(ref.fretting_dissipation_line(h, 1.0, 1.0), 2 / math.pi, rel_tol=1e-12)
 
 
@@ -340,9 +326,7 @@ def test_mindlin_dissipation_is_the_masing_loop(x):
     expected = masing(lambda Q: ref.mindlin_shift(POINT, mu, Q, S), Q0)
     assert math.isclose(W, expected, rel_tol=1e-6)
     # the initial slope is S/(8 a)
-    assert math.isclose(
-        ref.mindlin_shift(POINT, mu, 1e-9, S), S / (8 * POINT.a) * 1e-9, rel_tol=1e-6
-    )
+    assert math.isclose(ref.mindlin_shift(POINT, mu, 1e-9, S), S / (8 * POINT.a) * 1e-9, rel_tol=1e-6)
 
 
 def test_mindlin_initial_compliance_is_a_uniform_shift_of_the_circle():
@@ -570,9 +554,7 @@ def test_persson_pressure_balances_the_load_and_vanishes_at_the_edge():
         )[0]  # fmt: skip
         assert math.isclose(vertical, 3.0, rel_tol=1e-8)
         assert float(ref.persson_pressure(eps, eps, 3.0, 2.0)) == 0
-        assert math.isclose(
-            ref.persson_half_angle(ref.persson_load_number(eps)), eps, rel_tol=1e-10
-        )
+        assert math.isclose(ref.persson_half_angle(ref.persson_load_number(eps)), eps, rel_tol=1e-10)
 
 
 @pytest.mark.parametrize("b", [0.3, 0.6, None])
