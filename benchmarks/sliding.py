@@ -1,0 +1,121 @@
+"""Dragging at 100 000 DOFs: 200 increments of finite sliding against one linear solve.
+
+A block is pressed onto a longer one and dragged over 40 of its facets, in 200 increments; both are
+meshes of Q1 elements with some 100 000 DOFs together. The yardstick is one linear solve of the same
+two meshes glued where they stand (``tied=True``), with the best of this library's own backends, and
+with ``skfem.solve`` (SuperLU) on the same matrix.
+
+Run ``OPENBLAS_NUM_THREADS=1 python benchmarks/sliding.py [increments] [dofs]``.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import skfem as fem
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+
+ELEMENT = fem.ElementVector(fem.ElementQuad1())
+E, MU, PRESS = 1e3, 0.3, 1e-3
+
+
+def bodies(dofs: float) -> tuple[sc.Body, sc.Body, float]:
+    """A block (1 x 1) on a track (3 x 1), and the facet length of the block."""
+    n = round(np.sqrt(dofs / 8))
+    elastic = linear_elasticity(*lame_parameters(E, 0.3))
+
+    def rectangle(x: np.ndarray, y: np.ndarray) -> fem.Basis:
+        return fem.Basis(fem.MeshQuad.init_tensor(x, y).with_defaults(), ELEMENT, intorder=2)
+
+    upper = rectangle(np.linspace(0.5, 1.5, n + 1), np.linspace(0, 1, n + 1))
+    # not the same spacing: nodes meet facets anywhere
+    lower = rectangle(np.linspace(0, 3, round(2.9 * n) + 1), np.linspace(-1, 0, n + 1))
+    held = upper.get_dofs("top")
+    move, press = np.zeros((2, upper.N))
+    move[held.nodal["u^1"]], press[held.nodal["u^2"]] = 1.0, -PRESS
+    block = sc.Body(upper, elastic, D=held, x=press, name="block")
+    block.__dict__["drag"] = move
+    track = sc.Body(lower, elastic, D="bottom", name="track")
+    return block, track, 1.0 / n
+
+
+def linear_solve(block: sc.Body, track: sc.Body) -> dict[str, float]:
+    """Seconds of one solve of the glued bodies, by backend, without assembling them."""
+    system = sc.stack([block, track])
+    tie = sc.Contact(block.surface("bottom"), track.surface("top"), tied=True)
+    rows = sc.contact_rows(system, tie)
+    seconds = {}
+    for name in ("skfem.solve", "own"):
+        begin = time.perf_counter()
+        if name == "own":
+            sc.ContactSolver([block, track], tie).solve().u  # noqa: B018 (recovers the interior)
+        else:
+            fem.solve(*sc.condense(system.K, system.f, rows, D=system.D, x=system.x))
+        seconds[name] = time.perf_counter() - begin
+    return seconds
+
+
+def drag(block: sc.Body, track: sc.Body, h: float, increments: int, method: str) -> dict[str, float]:
+    """Seconds of a whole history, set-up included, and what it did."""
+    begin = time.perf_counter()
+    contact = sc.Contact(
+        block.surface("bottom"),
+        track.surface("top"),
+        friction=sc.Coulomb(MU),
+        sliding="finite",
+        method=method,
+    )
+    solver = sc.ContactSolver([block, track], contact)
+    down = block.x
+    path = np.linspace(0, 40 * h, increments + 1)[1:]
+    results = list(solver.history({"x": {"block": down + s * block.__dict__["drag"]}} for s in path))
+    seconds = time.perf_counter() - begin
+    force = results[-1].force
+    return {
+        "seconds": seconds,
+        "iterations": sum(r.iterations for r in results),
+        "substeps": sum(1 + int("cut" in r.message) for r in results),
+        "friction over normal force": -force[0] / force[1],
+        "placement": max(r.mismatch for r in results),
+        **{f"timing {k}": v for k, v in solver.timings.items()},
+    }
+
+
+def main() -> None:
+    increments = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    dofs = float(sys.argv[2]) if len(sys.argv) > 2 else 1e5
+    block, track, h = bodies(dofs)
+    print(f"{block.n + track.n} DOFs, {increments} increments")
+    linear = linear_solve(block, track)
+    table: dict[str, object] = {
+        "dofs": block.n + track.n,
+        "increments": increments,
+        "linear": linear,
+        "machine": f"{platform.machine()}, Python {platform.python_version()}",
+    }
+    for name, seconds in linear.items():
+        print(f"one linear solve, {name:12s} {seconds:8.2f} s")
+    for method in ("node", "mortar"):
+        run = drag(block, track, h, increments, method)
+        run |= {f"over {name}": run["seconds"] / seconds for name, seconds in linear.items()}
+        table[method] = run
+        print(
+            f"dragging, {method:22s} {run['seconds']:8.2f} s = "
+            + ", ".join(f"{run['seconds'] / s:.1f} x {name}" for name, s in linear.items())
+        )
+        print("   ", {k: round(v, 6) for k, v in run.items()})
+    if increments == 200:
+        out = Path(__file__).parent / "results" / "sliding.json"
+        out.parent.mkdir(exist_ok=True)
+        out.write_text(json.dumps(table, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
