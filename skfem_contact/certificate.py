@@ -1,7 +1,8 @@
 r"""The certificate: how well an answer satisfies the equations, measured from the answer itself.
 
 All numbers are dimensionless. Forces are divided by the largest force in the problem (load, contact
-or reaction), lengths by the extent of the bodies.
+or reaction), lengths by the extent of the bodies. Where a body moves rigidly, all forces are
+round-off and nothing to divide by: the scale is at least `FLOOR` of the terms that cancel in ``K u``.
 """
 
 from __future__ import annotations
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from skfem_contact.result import ContactResult
 
 Array = NDArray[np.float64]
+
+#: Forces below this part of the terms of ``K u`` are no scale: their own round-off is 1e-10 of it.
+FLOOR = 1e-6
 
 
 @dataclass(frozen=True)
@@ -81,12 +85,18 @@ def certify(result: ContactResult) -> Certificate:
     internal = np.concatenate(
         [K @ u[system.slice(body)] for body, K in zip(system.bodies, result.stiffness, strict=True)]
     )
+    terms = [
+        abs(K) @ np.abs(u[system.slice(body)])
+        for body, K in zip(system.bodies, result.stiffness, strict=True)
+    ]
+    floor = FLOOR * _largest(*terms)
     contact = kin.B_n.T @ state.normal_force - kin.B_t.T @ state.tangential_force.ravel()
     residual = internal - f - contact
     reactions = np.zeros(system.n)
     reactions[system.D] = residual[system.D]
     residual[system.D] = 0.0
     force = _largest(f, contact, reactions, state.normal_force, state.tangential_force)
+    force = max(force, floor)
     length = system.extent
     gap = result.kin.B_n @ u + result.seen.gap0
     gap = np.where(kin.paired, gap, np.inf)
@@ -94,8 +104,9 @@ def certify(result: ContactResult) -> Certificate:
     closed = (state.status != 0) & kin.paired
     overlap = np.where(bilateral, np.abs(gap), np.maximum(-gap, 0.0))
     total = max(float(np.abs(part).sum()) for part in (f, reactions, contact))
+    total = max(total, floor)
     balance, moment, across, normal = _balance(result, f + reactions, total * length)
-    limit_excess = _friction_excess(result)
+    limit_excess = _friction_excess(result, floor)
     return Certificate(
         equilibrium=_ratio(np.max(np.abs(residual), initial=0.0), force),
         penetration=_ratio(np.max(overlap[kin.paired], initial=0.0), length),
@@ -112,7 +123,7 @@ def certify(result: ContactResult) -> Certificate:
     )
 
 
-def _friction_excess(result: ContactResult) -> float:
+def _friction_excess(result: ContactResult, floor: float) -> float:
     state, worst = result.state, 0.0
     for contact, part in zip(result.contacts, result.slices(), strict=True):
         if contact.friction is None:
@@ -123,7 +134,7 @@ def _friction_excess(result: ContactResult) -> float:
         limit = np.where(state.status[part] != 0, limit, 0.0)
         size = np.linalg.norm(state.tangential_force[part], axis=1)
         scale = _largest(state.normal_force[part], state.tangential_force[part])
-        worst = max(worst, _ratio(np.max(size - limit, initial=0.0), scale))
+        worst = max(worst, _ratio(np.max(size - limit, initial=0.0), max(scale, floor)))
     return worst
 
 

@@ -126,3 +126,15 @@ def test_records_are_lines_of_the_log(result):
     assert len(result.trace) == result.iterations
     assert str(result.trace[0]).split()[:3] == ["1", "open", str(result.trace[0].open)]
     assert result.trace[-1].changes == 0
+
+
+def test_certificate_of_a_body_moved_as_a_whole():
+    """A body carried along without strain has round-off for forces: no scale for its certificate."""
+    body = block("block", (0, 1), D="top", move=(0.3, 0.2))
+    contact = sc.Contact(
+        body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.5)
+    )
+    moved = sc.ContactSolver(body, contact).solve()
+    assert np.all(moved.status == 0)
+    # round-off of K u, over the millionth part of its terms that stands in for a force
+    assert moved.certificate.worst < 1e-8
