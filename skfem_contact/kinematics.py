@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, diags, vstack
 
-from skfem_contact.body import Body, System
+from skfem_contact.body import System
 from skfem_contact.contact import Contact, field_values
+from skfem_contact.arguments import check_kind, members, numbers
 from skfem_contact.errors import InputError
 from skfem_contact.mortar import dual_mortar
 from skfem_contact.obstacle import Obstacle
@@ -179,13 +180,7 @@ def kinematics(
     weights = [(pairing.secondary_weights, secondary, 1.0)]
     if isinstance(contact.primary, ContactSurface):
         weights.append((pairing.primary_weights, contact.primary, -1.0))
-    rows = [
-        sum(
-            sign * _spread(system, surface, W, frame[:, k], pairing.paired)
-            for W, surface, sign in weights
-        )
-        for k in range(frame.shape[1])
-    ]
+    rows = [_spread(system, weights, frame[:, k], pairing.paired) for k in range(frame.shape[1])]
     m, n = len(pairing.gap), system.n
     B_t = _interleave(rows[1:]) if len(rows) > 1 else csr_matrix((0, n))
     return Kinematics(
@@ -290,10 +285,17 @@ def contact_rows(
     >>> bool(abs(u[a.surface("top").dofs[:, 1]] - 0.05).max() < 1e-12)
     True
     """
-    contacts = [contacts] if isinstance(contacts, Contact) else list(contacts)
+    check_kind(system, System, "system", "make it by stack(bodies)")
+    contacts = members(contacts, Contact, "contacts", "make each by Contact(surface, other, ...)")
     parts = [kinematics(system, contact, pair(contact)) for contact in contacts]
     kin = join(parts)
-    held = kin.paired if closed is None else kin.paired & np.asarray(closed, dtype=bool)
+    held = kin.paired
+    if closed is not None:
+        usage = f"give one bool for each of the {kin.m} points"
+        mask = numbers(closed, "closed", usage)
+        if mask.shape != (kin.m,):
+            raise InputError(f"closed has shape {mask.shape}; {usage}.")
+        held = held & (mask != 0)
     tangential = np.repeat(held & kin.tied, kin.tangents)
     names = np.concatenate([point_labels(c, p.m) for c, p in zip(contacts, parts, strict=True)])
     return ConstraintRows(
@@ -321,31 +323,43 @@ def secondary_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.bo
 
 def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
     """The same rows restricted to some DOFs."""
+    place = np.full(kin.B_n.shape[1], -1)
+    place[columns] = np.arange(len(columns))
     return replace(
         kin,
-        B_n=csr_matrix(kin.B_n.tocsc()[:, columns]),
-        B_t=csr_matrix(kin.B_t.tocsc()[:, columns]),
+        B_n=_with_columns(kin.B_n, place, len(columns)),
+        B_t=_with_columns(kin.B_t, place, len(columns)),
     )
+
+
+def _with_columns(B: csr_matrix, place: NDArray[np.intp], count: int) -> csr_matrix:
+    """Columns moved to their new place, and left out where that is negative.
+
+    By hand, because slicing in SciPy goes over all columns of all bodies, for every new pairing.
+    """
+    column = place[B.indices]
+    keep = column >= 0
+    start = np.concatenate([[0], np.cumsum(keep)])[B.indptr]
+    return csr_matrix((B.data[keep], column[keep], start), shape=(B.shape[0], count))
 
 
 def _spread(
     system: System,
-    surface: ContactSurface,
-    W: csr_matrix,
+    sides: Sequence[tuple[csr_matrix, ContactSurface, float]],
     direction: Array,
     paired: NDArray[np.bool_],
 ) -> csr_matrix:
-    """Rows ``direction . (W u_surface)`` over all DOFs, zero where a point is not paired."""
-    body: Body = surface.body
-    offset = system.offsets[system.index(body)]
-    W = csr_matrix(W).tocoo()
-    keep = paired[W.row]
-    row, node, value = W.row[keep], W.col[keep], W.data[keep]
-    c = surface.dofs.shape[1]
-    data = (value[:, None] * direction[row]).ravel()
-    columns = (offset + surface.dofs[node]).ravel()
-    shape = (len(paired), system.n)
-    spread = csr_matrix((data, (np.repeat(row, c), columns)), shape=shape)
+    """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired."""
+    entries = []
+    for weights, surface, sign in sides:
+        W = csr_matrix(weights).tocoo()
+        keep = paired[W.row]
+        row, node, value = W.row[keep], W.col[keep], sign * W.data[keep]
+        columns = system.offsets[system.index(surface.body)] + surface.dofs[node]
+        rows = np.repeat(row, surface.dofs.shape[1])
+        entries.append(((value[:, None] * direction[row]).ravel(), rows, columns.ravel()))
+    data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
+    spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
     spread.sum_duplicates()
     spread.eliminate_zeros()
     return spread
