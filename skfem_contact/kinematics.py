@@ -20,7 +20,6 @@ from scipy.sparse import csr_matrix, diags, vstack
 
 from skfem_contact.body import System
 from skfem_contact.contact import Contact, field_values
-from skfem_contact.arguments import check_kind, members, numbers
 from skfem_contact.errors import InputError
 from skfem_contact.mortar import dual_mortar
 from skfem_contact.obstacle import Obstacle
@@ -285,17 +284,10 @@ def contact_rows(
     >>> bool(abs(u[a.surface("top").dofs[:, 1]] - 0.05).max() < 1e-12)
     True
     """
-    check_kind(system, System, "system", "make it by stack(bodies)")
-    contacts = members(contacts, Contact, "contacts", "make each by Contact(surface, other, ...)")
+    contacts = [contacts] if isinstance(contacts, Contact) else list(contacts)
     parts = [kinematics(system, contact, pair(contact)) for contact in contacts]
     kin = join(parts)
-    held = kin.paired
-    if closed is not None:
-        usage = f"give one bool for each of the {kin.m} points"
-        mask = numbers(closed, "closed", usage)
-        if mask.shape != (kin.m,):
-            raise InputError(f"closed has shape {mask.shape}; {usage}.")
-        held = held & (mask != 0)
+    held = kin.paired if closed is None else kin.paired & np.asarray(closed, dtype=bool)
     tangential = np.repeat(held & kin.tied, kin.tangents)
     names = np.concatenate([point_labels(c, p.m) for c, p in zip(contacts, parts, strict=True)])
     return ConstraintRows(
