@@ -17,6 +17,8 @@ from scipy.sparse import block_diag, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from skfem.assembly import CellBasis
 
+from skfem_contact import arguments
+from skfem_contact.arguments import check_name
 from skfem_contact.errors import InputError
 from skfem_contact.inputs import (
     check_basis,
@@ -103,8 +105,7 @@ class Body:
         measure: Callable[[np.ndarray], np.ndarray] | None = None,
         name: str | None = None,
     ) -> None:
-        if name is not None and not isinstance(name, str):
-            raise InputError(f"name={name!r} is not a string")
+        check_name(name, "name of a body")
         whose = f"body {name!r}" if name else "a body"
         check_basis(basis, whose)
         if measure is not None and not callable(measure):
@@ -364,12 +365,10 @@ def stack(bodies: Body | Sequence[Body]) -> System:
     >>> system.names, system.n, system.slice("body 2")
     (('punch', 'body 2'), 16, slice(8, 16, None))
     """
-    members = (bodies,) if isinstance(bodies, Body) else tuple(bodies)
+    members = tuple(arguments.members(bodies, Body, "bodies", "make each by Body(basis, K, ...)"))
     if not members:
-        raise InputError("there are no bodies to stack")
+        raise InputError("there are no bodies to stack: give at least one Body")
     for i, body in enumerate(members):
-        if not isinstance(body, Body):
-            raise InputError(f"bodies[{i}] is a {type(body).__name__}, not a Body")
         if any(body is other for other in members[:i]):
             raise InputError(f"{body!r} is given twice; two equal bodies need two Body objects")
     names = tuple(body.name or f"body {i + 1}" for i, body in enumerate(members))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arguments import shown
 from skfem_contact.errors import InputError
 from skfem_contact.loads import LoadCase, Motion
 from skfem_contact.states import State
@@ -63,7 +64,9 @@ def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
     Path
         Of the file written.
     """
-    path = Path(path)
+    path = _path(path)
+    if not hasattr(result, "state") or not hasattr(result, "settings"):
+        raise InputError(f"save_state: result is {shown(result)}, not what solve(...) returned")
     path = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
     case, settings = result.case, result.settings
     data: dict[str, Any] = {"format": FORMAT}
@@ -83,6 +86,13 @@ def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
     return path
 
 
+def _path(path: Any) -> Path:
+    try:
+        return Path(path)
+    except TypeError:
+        raise InputError(f"path is {shown(path)}; give the name of a file, or a Path") from None
+
+
 def load_state(path: str | Path, n: int, points: tuple[slice, ...]) -> SavedState:
     """Read a state back; see `ContactSolver.load_state`.
 
@@ -99,8 +109,8 @@ def load_state(path: str | Path, n: int, points: tuple[slice, ...]) -> SavedStat
     InputError
         If the file is none of `save_state`, or of other bodies and contacts.
     """
-    path = Path(path)
-    if not path.exists():
+    path = _path(path)
+    if not path.is_file():
         raise InputError(f"there is no file {str(path)!r} to load a state from")
     with np.load(path, allow_pickle=False) as file:
         data = dict(file)

@@ -25,6 +25,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from skfem_contact.arguments import shown
 from skfem_contact.errors import ConstraintError, InputError
 from skfem_contact.pivoting import FloatArray, IntArray, find_pivots, row_maximum
 
@@ -244,8 +245,11 @@ def eliminate(
     k, n = C.shape
     D = _dofs(D, n)
     prefer = None if prefer is None else _mask(prefer, n)
-    if not (callable(labels) or labels is None or len(labels) == k):
-        raise InputError(f"labels has {len(labels)} names for {k} rows.")
+    listed = isinstance(labels, list | tuple) or (isinstance(labels, np.ndarray) and labels.ndim == 1)
+    named = callable(labels) or labels is None or (listed and len(labels) == k)
+    if not named:
+        has = f"has {len(labels)} names" if listed else f"is {shown(labels)}"  # type: ignore[arg-type]
+        raise InputError(f"labels {has} for {k} rows: give one name for each of them.")
     if not 0.0 <= scale < np.inf:
         raise InputError(f"scale = {scale}, but it is a length: zero or positive.")
     u_D = np.zeros(n)
@@ -331,11 +335,15 @@ def condense(
     >>> solve(*condense(K, np.array([0.0, 0.0, 1.0]), ([[-0.5, 1.0, -0.5]], [0.0])))
     array([1., 2., 3.])
     """
-    K = sp.csr_matrix(K)
+    K = _matrix("K", K)
     n = K.shape[0]
     if not np.isfinite(K.data).all():
         raise InputError("K has NaN or inf entries. Check the form it is assembled from.")
     rows = (sp.csr_matrix((0, n)), np.zeros(0)) if rows is None else rows
+    if not (isinstance(rows, tuple) and len(rows) == 2) and not (
+        hasattr(rows, "C") and hasattr(rows, "b")
+    ):
+        raise InputError(f"rows is {shown(rows)}; give contact_rows(...), or a pair (C, b)")
     C, b = rows if isinstance(rows, tuple) else (rows.C, rows.b)
     options = {name: getattr(rows, name) for name in OPTIONS if hasattr(rows, name)}
     constraint = eliminate(C, b, D, x, **options)
@@ -464,7 +472,7 @@ def _contradiction(
 
 def _rows(C: Any, b: ArrayLike) -> tuple[sp.csr_matrix, FloatArray]:
     """Constraint rows in memory of their own, without duplicate entries and explicit zeros."""
-    C = sp.csr_matrix(C)
+    C = _matrix("C", C)
     if np.iscomplexobj(C.data):
         raise InputError("C is complex; constraint rows have to be real.")
     C = _int32(C.astype(np.float64))  # copies
@@ -480,22 +488,41 @@ def _rows(C: Any, b: ArrayLike) -> tuple[sp.csr_matrix, FloatArray]:
     return C, b.astype(np.float64)
 
 
+def _matrix(name: str, value: Any) -> sp.csr_matrix:
+    try:
+        matrix = sp.csr_matrix(value)
+        if matrix.dtype.kind in "fiubc":
+            return matrix
+    except (TypeError, ValueError, IndexError, AttributeError):
+        pass
+    raise InputError(f"{name} is {shown(value)}; give a sparse matrix or an array of numbers")
+
+
 def _vector(name: str, v: ArrayLike, n: int, at: IntArray | None = None) -> NDArray[Any]:
     """The vector `v` of shape (n,), or its entries `at`; finite, not copied."""
-    array = np.asarray(v)
+    array = _array(name, v)
     if array.shape != (n,):
         raise InputError(f"{name} has shape {array.shape}, but ({n},) is needed.")
+    if array.dtype.kind not in "fiubc":
+        raise InputError(f"{name} has entries of type {array.dtype}, but numbers are needed.")
     if at is not None:
         array = array[at]
     wrong = np.flatnonzero(~np.isfinite(array))
     if len(wrong):
         entry = int(wrong[0] if at is None else at[wrong[0]])
-        raise InputError(f"{name} has NaN or inf in entry {entry}.")
+        raise InputError(f"{name} has NaN or inf in entry {entry}: finite numbers are needed.")
     return array
 
 
+def _array(name: str, value: Any) -> NDArray[Any]:
+    try:
+        return np.asarray(value)
+    except ValueError:  # nested to different depths
+        raise InputError(f"{name} is {shown(value)}, which is no array: its parts differ.") from None
+
+
 def _mask(prefer: ArrayLike, n: int) -> NDArray[np.bool_]:
-    mask = np.asarray(prefer)
+    mask = _array("prefer", prefer)
     if mask.shape != (n,) or mask.dtype != bool:
         raise InputError(
             f"prefer has shape {mask.shape} and type {mask.dtype}; give a mask, one bool for each"
@@ -510,7 +537,7 @@ def _dofs(D: Any, n: int) -> IntArray:
         return np.arange(0)
     dofs = np.arange(0)
     for part in D.values() if isinstance(D, dict) else (D,):
-        numbers = np.asarray(part.flatten() if hasattr(part, "flatten") else part)
+        numbers = _array("D", part.flatten() if hasattr(part, "flatten") else part)
         if numbers.dtype == bool and numbers.shape == (n,):
             numbers = np.flatnonzero(numbers)
         if numbers.size and not np.issubdtype(numbers.dtype, np.integer):

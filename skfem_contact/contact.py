@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arguments import check_name, check_switch, number, numbers, shown
 from skfem_contact.errors import InputError
 from skfem_contact.friction import FrictionLaw
 from skfem_contact.obstacle import Obstacle
@@ -91,8 +92,11 @@ class Contact:
             "sliding": ("small", "finite"),
         }
         for name, allowed in choices.items():
-            if getattr(self, name) not in allowed:
-                raise InputError(f"Contact: {name} = {getattr(self, name)!r} is not one of {allowed}.")
+            value = getattr(self, name)
+            if not isinstance(value, str) or value not in allowed:
+                raise InputError(f"Contact: {name} = {shown(value)} is not one of {allowed}.")
+        check_switch(self.tied, "Contact: tied")
+        check_name(self.name, "Contact: name")
         if self.friction is not None and not isinstance(self.friction, FrictionLaw):
             raise InputError(
                 f"Contact: friction = {self.friction!r} is not a friction law; write "
@@ -105,9 +109,11 @@ class Contact:
             )
         for name in ("adjust", "reach"):
             value = getattr(self, name)
+            if value is None and name == "reach":
+                continue
+            length = number(value, f"Contact: {name}", "give a length >= 0")
             # no limit to `reach` is what it has without; every gap closed is never what is meant
-            endless = name == "adjust" and value == np.inf
-            if value is not None and (not value >= 0 or endless):
+            if not length >= 0 or (name == "adjust" and length == np.inf):
                 raise InputError(f"Contact: {name} = {value} has to be a length >= 0.")
 
     def _check_sides(self) -> None:
@@ -138,9 +144,11 @@ class Contact:
 
 def field_values(field: Field, points: Array, what: str) -> Array:
     """A number, array or callable of component-first positions as one value per point."""
-    values = field(points.T) if callable(field) else np.asarray(field, dtype=float)
+    given = field(points.T) if callable(field) else field
+    usage = "give one number, one value per point, or a callable of component-first positions x"
+    values = numbers(given, what, usage)
     try:
-        values = np.broadcast_to(np.asarray(values, dtype=float), (len(points),))
+        values = np.broadcast_to(values, (len(points),))
     except ValueError:
         raise InputError(
             f"{what} has shape {np.shape(values)}, but there are {len(points)} contact points. "

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skfem_contact.arguments import number
+from skfem_contact.errors import InputError
 from skfem_contact.result import Record
 from skfem_contact.states import OPEN, SLIP, STICK, Guess, Iterate, Step
 
@@ -57,6 +59,17 @@ class Options:
     placement_tolerance: float = 1e-6
     max_placements: int = 20
     max_travel: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if name == "max_iterations" and value is None:
+                continue
+            whole = name.startswith("max_") and name != "max_travel"
+            usage = f"give a {'whole number' if whole else 'number'} >= 0"
+            found = number(value, f"Options: {name}", usage)
+            endless = whole and (found == np.inf or found != np.floor(found))
+            if not found >= 0 or endless or isinstance(value, bool | np.bool_):
+                raise InputError(f"Options: {name} = {value!r} is out of range; {usage}.")
 
 
 @dataclass(frozen=True, eq=False)

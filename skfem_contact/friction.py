@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import block_diag, csr_matrix, diags
 
+from skfem_contact.arguments import number, numbers
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
@@ -59,7 +60,8 @@ class FrictionLaw:
     stiffness: float | None = None
 
     def __post_init__(self) -> None:
-        if self.stiffness is not None and not self.stiffness > 0:
+        what, usage = f"{type(self).__name__}: stiffness", "give a force per length, or inf"
+        if self.stiffness is not None and not number(self.stiffness, what, usage) > 0:
             raise InputError(
                 f"{type(self).__name__}: stiffness = {self.stiffness} is not positive. It is the "
                 "force per slip of a sticking point; leave it out for the automatic one, or give "
@@ -96,7 +98,11 @@ class FrictionLaw:
 
 
 def _not_negative(name: str, value: ArrayLike, law: str) -> None:
-    array = np.asarray(value, dtype=float)
+    usage = "give one number, or one per contact point"
+    array = numbers(value, f"{law}: {name}", usage)
+    if array.ndim > 1 or (array.ndim == 1 and (array.size == 0 or name == "tau_max")):
+        kind = "one number" if name == "tau_max" else "one number, or one per contact point"
+        raise InputError(f"{law}: {name} has shape {array.shape}; it has to be {kind}.")
     if np.isnan(array).any() or (array < 0).any():
         raise InputError(
             f"{law}: {name} = {value!r} is negative or not a number. It bounds the size of the "
@@ -160,7 +166,7 @@ class Coulomb(FrictionLaw):
 
     def _cap(self, area: Array) -> Array:
         # inf * 0 is nan: an area of zero has no cap either
-        return np.full_like(area, np.inf) if np.isinf(self.tau_max) else self.tau_max * area
+        return np.full_like(area, np.inf) if self.tau_max == np.inf else self.tau_max * area
 
 
 @dataclass(frozen=True, eq=False, init=False)

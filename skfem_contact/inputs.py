@@ -12,6 +12,7 @@ import skfem
 from scipy.sparse import csr_matrix, issparse
 from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 
+from skfem_contact.arguments import shown
 from skfem_contact.errors import ContactWarning, InputError
 
 #: Lagrange elements whose DOFs are values at the nodes of the mesh: only these have contact nodes.
@@ -37,7 +38,7 @@ def suggest(name: str, known: Iterable[str], what: str) -> str:
     >>> suggest("botom", ["bottom", "top"], "boundaries")
     "; did you mean 'bottom'? Known boundaries: 'bottom', 'top'"
     """
-    known = sorted(known)
+    known, name = sorted(known), str(name)
     if not known:
         return f"; there are no {what} with a name"
     close = difflib.get_close_matches(name, known, n=3)
@@ -133,7 +134,10 @@ def load_of(f: Any, basis: Any, whose: str) -> np.ndarray:
 def _vector(values: Any, basis: Any, what: str, used: Any = True) -> np.ndarray:
     if callable(values):
         raise InputError(f"{what} is a function; assemble a skfem.LinearForm or pass a vector")
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError:  # nested to different depths
+        raise InputError(f"{what} is {shown(values)}, not a vector of {basis.N} numbers") from None
     if array.shape != (basis.N,):
         raise InputError(
             f"{what} has shape {array.shape}, its basis has {basis.N} DOFs; it belongs to another basis"
@@ -176,7 +180,10 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
         if any(isinstance(part, str) for part in D):
             return _union([prescribed_dofs(part, basis, whose) for part in D])
         D = list(D)
-    numbers = np.atleast_1d(np.asarray(D))
+    try:
+        numbers = np.atleast_1d(np.asarray(D))
+    except ValueError:  # nested to different depths
+        raise InputError(f"D of {whose} is {shown(D)}, not DOF numbers or boundary names") from None
     if numbers.dtype == bool and numbers.shape == (basis.N,):
         return np.flatnonzero(numbers)
     if numbers.size and (numbers.dtype.kind not in "iu" or numbers.ndim != 1):

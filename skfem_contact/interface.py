@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.contact import Contact
 from skfem_contact.errors import InputError
-from skfem_contact.friction import FrictionLaw
+from skfem_contact.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.kinematics import Kinematics, compliance_scale
 
 Array = NDArray[np.float64]
@@ -68,6 +68,20 @@ def contact_names(contacts: Sequence[Contact]) -> tuple[str, ...]:
     return names
 
 
+def _check_law(law: FrictionLaw, m: int, label: str) -> None:
+    """Parameters given point by point have to be as many as there are points."""
+    if not isinstance(law, Coulomb | Tresca):
+        return  # what a user's own law keeps is its own affair
+    for name in ("mu", "cohesion", "k", "stiffness"):
+        size = np.shape(getattr(law, name, 0.0))
+        if size not in ((), (1,), (m,)):
+            raise InputError(
+                f"contact '{label}': {name} of its {type(law).__name__} law has shape {size}, but "
+                f"the contact has {m} points; give one number, or one per point of the secondary "
+                "surface."
+            )
+
+
 def interface(
     contacts: tuple[Contact, ...], kin: Kinematics, stiffness: Sequence[csr_matrix], loop: str
 ) -> Interface:
@@ -91,6 +105,7 @@ def interface(
                 f"contact '{contact.label}': a scalar field has no tangential direction, so there "
                 "is no friction; leave friction out."
             )
+        _check_law(law, part.stop - part.start, contact.label)
         laws.append((part, law))
         frictional[part] = True
         default = STIFFNESS[loop] * np.where(own[part] > 0, own[part], typical)

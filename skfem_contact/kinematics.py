@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, diags, vstack
 
+from skfem_contact.arguments import check_kind, members, numbers
 from skfem_contact.body import System
 from skfem_contact.contact import Contact, field_values
 from skfem_contact.errors import InputError
@@ -284,10 +285,17 @@ def contact_rows(
     >>> bool(abs(u[a.surface("top").dofs[:, 1]] - 0.05).max() < 1e-12)
     True
     """
-    contacts = [contacts] if isinstance(contacts, Contact) else list(contacts)
+    check_kind(system, System, "system", "make it by stack(bodies)")
+    contacts = members(contacts, Contact, "contacts", "make each by Contact(surface, other, ...)")
     parts = [kinematics(system, contact, pair(contact)) for contact in contacts]
     kin = join(parts)
-    held = kin.paired if closed is None else kin.paired & np.asarray(closed, dtype=bool)
+    held = kin.paired
+    if closed is not None:
+        usage = f"give one bool for each of the {kin.m} points"
+        mask = numbers(closed, "closed", usage)
+        if mask.shape != (kin.m,):
+            raise InputError(f"closed has shape {mask.shape}; {usage}.")
+        held = held & (mask != 0)
     tangential = np.repeat(held & kin.tied, kin.tangents)
     names = np.concatenate([point_labels(c, p.m) for c, p in zip(contacts, parts, strict=True)])
     return ConstraintRows(

@@ -79,7 +79,7 @@ class Direct(Backend):
     method: str = "auto"
 
     def __post_init__(self) -> None:
-        if self.method not in ("auto", "multifrontal", "superlu"):
+        if not isinstance(self.method, str) or self.method not in ("auto", "multifrontal", "superlu"):
             raise InputError(
                 f"Direct(method={self.method!r}): known are 'auto', 'multifrontal' and 'superlu'."
             )

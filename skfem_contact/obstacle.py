@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, identity
 
+from skfem_contact.arguments import check_kind, check_name, check_switch, number, numbers
 from skfem_contact.errors import InputError
 from skfem_contact.pairing import FACING, Pairing, tangents
 from skfem_contact.surface import ContactSurface
@@ -52,6 +53,7 @@ class Obstacle(ABC):
             `primary_weights` has no columns. Nodes that look away from the obstacle are not paired
             (a plane takes every node).
         """
+        check_kind(surface, ContactSurface, "surface", "take one by body.surface('name')")
         if motion is not None:
             return self.moved(motion).pair(surface)
         points, m = surface.points, len(surface.points)
@@ -161,6 +163,7 @@ class RigidCylinder(Obstacle):
 
     def __post_init__(self) -> None:
         centre = _place(self.centre, "centre", self)
+        check_switch(self.hollow, "RigidCylinder: hollow")
         object.__setattr__(self, "centre", centre)
         object.__setattr__(self, "radius", _radius(self.radius, self))
         if (self.axis is None) != (len(centre) == 2):
@@ -205,6 +208,7 @@ class RigidSphere(Obstacle):
     name: str | None = None
 
     def __post_init__(self) -> None:
+        check_switch(self.hollow, "RigidSphere: hollow")
         object.__setattr__(self, "centre", _place(self.centre, "centre", self))
         object.__setattr__(self, "radius", _radius(self.radius, self))
 
@@ -247,15 +251,18 @@ class LevelSet(Obstacle):
     name: str | None = None
 
     def __post_init__(self) -> None:
+        check_name(self.name, "name of a LevelSet")
         for key in ("function", "gradient"):
             value = getattr(self, key)
             if not (callable(value) or (key == "gradient" and value is None)):
-                raise InputError(f"{key} of {self.label!r} is a {type(value).__name__}")
+                raise InputError(
+                    f"{key} of {self.label!r} is a {type(value).__name__}, not a function of the "
+                    "component-first position, as in lambda x: x[1] - x[0] ** 2"
+                )
 
     def moved(self, motion: Any) -> LevelSet:
         """Return the obstacle after a rigid motion, see `Obstacle.moved`."""
-        dim = len(motion[0]) if np.ndim(motion[0]) else len(motion)
-        turn, shift = _motion(motion, dim)
+        turn, shift = _motion(motion, 2)
         function, gradient = self.function, self.gradient
 
         def back(x: np.ndarray) -> np.ndarray:
@@ -279,7 +286,8 @@ class LevelSet(Obstacle):
         return gap, normal, converged & (steep > 0) & facing & (gap >= -0.5 * size)
 
     def _value(self, x: np.ndarray) -> np.ndarray:
-        value = np.asarray(self.function(x.T), dtype=float)
+        usage = "it must return one finite number for each position"
+        value = numbers(self.function(x.T), f"what the function of {self.label!r} returned", usage)
         if value.shape != (len(x),) or not np.isfinite(value).all():
             raise InputError(
                 f"function of {self.label!r} returned an array of shape {value.shape} with "
@@ -291,7 +299,8 @@ class LevelSet(Obstacle):
     def _gradient(self, x: np.ndarray, size: float) -> np.ndarray:
         if self.gradient is None:
             return _central(lambda p: self._value(p)[:, None], x, STEP[0] * size)[:, 0]
-        gradient = np.asarray(self.gradient(x.T), dtype=float)
+        usage = "it must return as many numbers as the positions have"
+        gradient = numbers(self.gradient(x.T), f"what the gradient of {self.label!r} returned", usage)
         if gradient.shape != x.T.shape or not np.isfinite(gradient).all():
             raise InputError(
                 f"gradient of {self.label!r} returned an array of shape {gradient.shape} with "
@@ -358,24 +367,36 @@ def _motion(motion: Any, dim: int) -> tuple[np.ndarray, np.ndarray]:
         "a motion is a translation of shape (d,), or in 2-D (translation, angle, centre), total, "
         "with the angle in radians"
     )
-    if np.ndim(motion[0]) == 0:
-        shift = np.asarray(motion, dtype=float)
+    if not isinstance(motion, tuple | list) or not motion or _flat(motion[0]):
+        shift = numbers(motion, "motion", usage)
         turn = np.eye(dim)
     else:
         if len(motion) != 3 or dim != 2:
             raise InputError(f"motion of {len(motion)} parts in {dim}-D; {usage}")
-        angle, centre = float(motion[1]), np.asarray(motion[2], dtype=float)
+        angle = number(motion[1], "angle of the motion", usage)
+        centre = numbers(motion[2], "centre of the motion", usage)
+        first = numbers(motion[0], "translation of the motion", usage)
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         if centre.shape != (dim,):
             raise InputError(f"centre of the motion has shape {centre.shape}, not ({dim},); {usage}")
-        shift = np.asarray(motion[0], dtype=float) + centre - turn @ centre
+        if first.shape != (dim,):
+            raise InputError(
+                f"translation of the motion has shape {first.shape}, not ({dim},); {usage}"
+            )
+        shift = first + centre - turn @ centre
     if shift.shape != (dim,) or not (np.isfinite(shift).all() and np.isfinite(turn).all()):
         raise InputError(f"motion={motion!r} in {dim}-D; {usage}")
     return turn, shift
 
 
+def _flat(part: Any) -> bool:
+    """Whether a part of a motion is a number, so that the whole is a translation."""
+    return not isinstance(part, tuple | list) and np.ndim(part) == 0
+
+
 def _place(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
-    array = np.array(value, dtype=float)
+    check_name(obstacle.name, f"name of a {type(obstacle).__name__}")
+    array = numbers(value, f"{what} of {obstacle.label!r}", "give 2 or 3 finite coordinates")
     if array.shape not in ((2,), (3,)) or not np.isfinite(array).all():
         raise InputError(f"{what}={value!r} of {obstacle.label!r} is not a finite point in 2-D or 3-D")
     return array
@@ -390,7 +411,7 @@ def _direction(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
 
 
 def _radius(value: Any, obstacle: Obstacle) -> float:
-    radius = float(value)
+    radius = number(value, f"radius of {obstacle.label!r}", "give a length > 0")
     if not 0 < radius < np.inf:
         raise InputError(
             f"radius={value!r} of {obstacle.label!r} must be positive and finite"

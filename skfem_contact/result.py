@@ -262,6 +262,8 @@ class ContactResult:
                 return self.names.index(key)
             raise InputError(f"there is no contact {key!r}{suggest(key, self.names, 'contacts')}")
         if isinstance(key, int):
+            if not -len(self.names) <= key < len(self.names):
+                raise InputError(f"there is no contact number {key}, only {len(self.names)} from 0 on")
             return range(len(self.names))[key]
         for i, contact in enumerate(self.contacts):
             if contact is key:

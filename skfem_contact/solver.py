@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arguments import check_kind, members, shown
 from skfem_contact.body import Body, stack
 from skfem_contact.checkpoint import SavedState, load_state
 from skfem_contact.condensation import Condensed
@@ -93,12 +94,15 @@ class ContactSolver:
         options: Options | None = None,
     ) -> None:
         start = time.perf_counter()
-        if loop not in LOOPS:
+        if not isinstance(loop, str) or loop not in LOOPS:
             raise InputError(f"loop = {loop!r} is not one of {tuple(LOOPS)}.")
+        if options is not None:
+            check_kind(options, Options, "options", "give Options(tolerance=...) and the like")
         self.options = options or Options()
         self.loop, self.linear = loop, linear
-        self.system = stack([bodies] if isinstance(bodies, Body) else list(bodies))
-        self.contacts = tuple([contacts] if isinstance(contacts, Contact) else contacts)
+        self.system = stack(bodies)
+        usage = "make each by Contact(surface, other, ...)"
+        self.contacts = tuple(members(contacts, Contact, "contacts", usage))
         self.names = contact_names(self.contacts)
         self._stiffness = [body.K for body in self.system.bodies]
         self._check()
@@ -350,6 +354,8 @@ class ContactSolver:
         NotConverged, NoEquilibrium
             Carrying the last result.
         """
+        for what, given in (("start", start), ("guess", guess)):
+            self._check_start(given, what)
         own = self._reader.initial()
         if start is not None:  # obstacles stay where the state before has them
             kept = start.settings
@@ -396,8 +402,13 @@ class ContactSolver:
         ContactWarning
             A body has turned by more than linear elasticity follows.
         """
+        self._check_start(start, "start")
         settings = self._reader.initial() if start is None else start.settings
         before = start
+        if not isinstance(steps, Iterable) or getattr(steps, "shape", None) == ():
+            raise InputError(
+                f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
+            )
         for step in _with_progress(steps, progress):
             settings = self._reader.read(step, settings)
             before = self._step(settings, before, None, None, True)
@@ -419,7 +430,6 @@ class ContactSolver:
             state = natural_state(self.kin, len(self.geometry.surface_dofs))
             case = self._reader.unloaded()
         else:
-            self._check_start(start)
             state, case = start.state, start.case
         warm = guess or start
         attempt, walk = self._stepper.advance(
@@ -456,11 +466,15 @@ class ContactSolver:
         """
         return load_state(path, self.system.n, self.interface.parts)
 
-    def _check_start(self, start: ContactResult | SavedState) -> None:
+    def _check_start(self, start: ContactResult | SavedState | None, what: str) -> None:
+        if start is None:
+            return
+        usage = "give what solve(...) returned, or load_state(...)"
+        check_kind(start, (ContactResult, SavedState), what, usage)
         m, n = len(start.state.status), len(start.case.f)
         if m != self.kin.m or n != self.system.n:
             raise InputError(
-                f"start has {m} contact points and {n} DOFs, this solver "
+                f"{what} has {m} contact points and {n} DOFs, this solver "
                 f"{self.kin.m} and {self.system.n}. A state can be carried over only between "
                 "solvers of the same bodies and contacts, in the same order."
             )
@@ -568,7 +582,7 @@ class ContactSolver:
         -------
         list of ndarray, shape (n,)
         """
-        results = list(results)
+        results = members(results, ContactResult, "results", "give results of this solver")
         waiting = [r for r in results if "u" not in r.__dict__]
         for rows in {id(r.recover.rows): r.recover.rows for r in waiting}.values():
             group = [r for r in waiting if r.recover.rows is rows]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arguments import numbers, shown
 from skfem_contact.body import System, suggest
 from skfem_contact.contact import Contact, field_values
 from skfem_contact.errors import InputError
@@ -75,9 +76,9 @@ class StepReader:
             )
         try:
             factor = float(step)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InputError(
-                f"a load step is {step!r}: it has to be a number (the factor on the bodies' own f "
+                f"a load step is {shown(step)}: it has to be a number (the factor on the bodies' own f "
                 "and x) or a dict with some of the keys " + ", ".join(KEYS)
             ) from None
         if not np.isfinite(factor):
@@ -99,11 +100,12 @@ class StepReader:
         out = np.array(before)
         for name, value in given.items():
             part = self.system.slice(name)
-            if np.ndim(value) == 0:  # a number is a factor on the body's own
-                out[part] = _checked(value, None, f"{what} of body {name!r}") * own[part]
+            given_part = _checked(value, None, f"{what} of body {name!r}")
+            if given_part.ndim == 0:  # a number is a factor on the body's own
+                out[part] = given_part * own[part]
             else:
                 size = part.stop - part.start
-                out[part] = _checked(value, size, f"{what} of body {name!r}")
+                out[part] = _checked(given_part, size, f"{what} of body {name!r}")
         return out
 
     def _interference(self, given: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -167,7 +169,8 @@ def read_motion(motion: Any, d: int, name: str) -> Motion:
     """A translation (d,), or (translation, angle, centre)."""
     angle, centre = 0.0, np.zeros(d)
     translation = np.zeros(d) if motion is None else motion
-    if isinstance(motion, tuple | list) and len(motion) == 3 and np.ndim(motion[0]) == 1:
+    parts = isinstance(motion, tuple | list) and len(motion) == 3
+    if parts and (isinstance(motion[0], tuple | list) or np.ndim(motion[0]) == 1):
         translation, angle, centre = motion
     try:
         out = Motion(
@@ -186,7 +189,7 @@ def read_motion(motion: Any, d: int, name: str) -> Motion:
 
 
 def _checked(value: Any, size: int | None, what: str) -> Array:
-    array = np.asarray(value, dtype=float)
+    array = numbers(value, what, "give a vector, or a number as a factor on the body's own")
     if size is not None and array.shape != (size,):
         raise InputError(
             f"{what} has shape {array.shape}, but {size} DOFs belong to it. Usually the vector was "

@@ -11,6 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from skfem_contact.arguments import check_name, numbers
 from skfem_contact.errors import InputError
 from skfem_contact.selection import name_of, place, select_facets
 
@@ -134,7 +135,7 @@ class ContactSurface:
         u : ndarray, shape (n,)
             Displacement of the body [length].
         """
-        u = np.asarray(u, dtype=float)
+        u = numbers(u, f"the displacement of surface {self.label!r}", "give the body's vector")
         if self.dofs.shape[1] != self.dim:
             raise InputError(f"surface {self.label!r} belongs to a scalar field, it can not move")
         if u.shape != (self.body.n,):
@@ -155,6 +156,7 @@ def extract_surface(
     basis, mesh = body.basis, body.basis.mesh
     if body.dim != 2:
         raise InputError(f"surfaces of {body.dim}-D bodies are not implemented yet; only 2-D")
+    check_name(name, "name of a surface")
     name = name or name_of(where)
     label = f"{body.name}/{name}" if body.name else name
     numbers = select_facets(mesh, where, nodes, label)
@@ -400,7 +402,14 @@ def _areas(points: np.ndarray, facets: np.ndarray, measure: Any, label: str) -> 
     density = _normals_at(points, facets, gauss)[1] * weight
     if measure is not None:
         x = np.einsum("qk,fkd->dfq", N, points[facets])
-        factor = np.broadcast_to(np.asarray(measure(x), dtype=float), x.shape[1:])
+        usage = "return one positive number for each position, as in lambda x: 2 * np.pi * x[0]"
+        factor = numbers(measure(x), f"measure on surface {label!r}", usage)
+        if factor.shape not in ((), x.shape[1:]):
+            raise InputError(
+                f"measure on surface {label!r} has shape {factor.shape} for positions of shape "
+                f"{x.shape}; {usage}"
+            )
+        factor = np.broadcast_to(factor, x.shape[1:])
         if not np.all(np.isfinite(factor)) or factor.min() < 0 or factor.max() <= 0:
             raise InputError(
                 f"measure is {factor.min():.3g} to {factor.max():.3g} on surface {label!r}; a "
