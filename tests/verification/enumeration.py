@@ -1,6 +1,7 @@
 """All solutions of a small 2-D contact problem with Coulomb friction, by trying every pattern.
 
-Every point is open, sticks, or slips one way or the other: 4^m patterns, each a linear problem.
+Every point is open, sticks, or slips one way or the other: 4^m patterns, each a linear problem. With
+a cap on the friction force a point slips on the cone or at the cap: 6^m patterns.
 A pattern whose answer contradicts none of its own inequalities is a solution, and there are no
 others. Nothing of the package is used: dense matrices, forces as unknowns.
 """
@@ -12,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-OPEN, STICK, FORWARD, BACKWARD = range(4)
+OPEN, STICK, FORWARD, BACKWARD, CAPPED_FORWARD, CAPPED_BACKWARD = range(6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,8 @@ class Problem:
     G: float  # tangential stiffness of sticking points, inf: exact
     slip_before: np.ndarray  # (m,)
     tau_before: np.ndarray  # (m,)
+    cohesion: np.ndarray | float = 0.0  # (m,) force that friction bears without pressure
+    cap: np.ndarray | float = np.inf  # (m,) largest friction force, all finite or all infinite
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,10 @@ def all_solutions(problem: Problem, tolerance: float = 1e-9) -> list[Solution]:
     free = np.setdiff1d(np.arange(n), p.D)
     K = p.K[np.ix_(free, free)]
     B = np.concatenate([p.B_n, -p.B_t])[:, free]
-    values, vectors = np.linalg.eigh(K)
+    # scaled by the diagonal: a body that is softer by many powers of ten is not a rigid motion
+    size = 1.0 / np.sqrt(np.diag(K))
+    values, vectors = np.linalg.eigh(K * np.outer(size, size))
+    vectors = size[:, None] * vectors
     rigid = values < 1e-10 * values[-1]
     R = vectors[:, rigid]
     flexible = (vectors[:, ~rigid] / values[~rigid]) @ vectors[:, ~rigid].T
@@ -73,21 +79,25 @@ def all_solutions(problem: Problem, tolerance: float = 1e-9) -> list[Solution]:
         soft = stiff / p.G
         slip, slip_rhs = slip - soft * tau, slip_rhs - soft * p.tau_before
     zero = np.zeros(m)
+    cohesion, cap = zero + p.cohesion, zero + p.cap
+    capped = bool(np.isfinite(cap).all())
     left = np.stack(
         [
             np.stack([lam, tau], 1),
             np.stack([gap, slip], 1),
             np.stack([gap, tau - p.mu * lam], 1),
             np.stack([gap, tau + p.mu * lam], 1),
-        ],
+        ]
+        + 2 * capped * [np.stack([gap, tau], 1)],
         1,
     )  # point, state, equation, unknown
     right = np.stack(
         [np.stack([zero, zero], 1), np.stack([gap_rhs, slip_rhs], 1)]
-        + 2 * [np.stack([gap_rhs, zero], 1)],
+        + [np.stack([gap_rhs, sign * cohesion], 1) for sign in (1, -1)]
+        + capped * [np.stack([gap_rhs, sign * cap], 1) for sign in (1, -1)],
         1,
     )
-    patterns = np.array(list(product(range(4), repeat=m)))
+    patterns = np.array(list(product(range(left.shape[1]), repeat=m)))
     pick = np.arange(m)
     A = left[pick, patterns].reshape(len(patterns), 2 * m, -1)
     A = np.concatenate([A, np.broadcast_to(balance, (len(A), *balance.shape))], 1)
@@ -104,9 +114,14 @@ def all_solutions(problem: Problem, tolerance: float = 1e-9) -> list[Solution]:
     if np.isfinite(p.G):
         plastic = plastic - (tau - p.tau_before) / p.G
     opened, sticks = patterns == OPEN, patterns == STICK
-    way = np.where(patterns == FORWARD, 1.0, -1.0)
+    way = np.where(np.isin(patterns, (FORWARD, CAPPED_FORWARD)), 1.0, -1.0)
+    cone = p.mu * lam + cohesion
     room = np.where(opened, stiff * gap, lam)  # all have to be >= 0, in units of force
-    room2 = np.where(sticks, p.mu * lam - np.abs(tau), way * stiff * plastic)
+    room2 = np.where(sticks, np.minimum(cone, cap) - np.abs(tau), way * stiff * plastic)
+    if capped:
+        over = np.where(patterns >= CAPPED_FORWARD, cone - cap, np.inf)
+        under = np.where(np.isin(patterns, (FORWARD, BACKWARD)), cap - cone, np.inf)
+        room2 = np.minimum(room2, np.minimum(over, under))
     room2 = np.where(opened, np.inf, room2)
     scale = np.max(np.abs(y[:, : 2 * m]), axis=1, initial=0.0) + stiff * np.max(np.abs(z), axis=1)
     scale = np.where(scale > 0, scale, 1.0)
