@@ -60,8 +60,9 @@ def _slip_rule(
     # where the slip turns back the point sticks first, or forward and backward slip alternate
     slips &= ~was_slip | (np.sum(unit * current.direction, axis=1) >= 0) | exact
     # a coefficient of zero: no force can stick, not even the round-off of one
-    if force_scale > 0:
-        slips |= (step.limit(np.full_like(size, force_scale), response.slip) == 0) & step.frictional
+    probe = np.full_like(size, force_scale if force_scale > 0 else 1.0)
+    smooth = (step.limit(probe, response.slip) == 0) & step.frictional
+    slips |= smooth
     keep = exact & was_slip
     direction = np.where(keep[:, None], current.direction, unit)
     # a point that closes slips if it moves sideways by more than it sinks in allows: the trial
@@ -71,7 +72,7 @@ def _slip_rule(
     r = force_scale / slip_scale if slip_scale > 0 else 0.0
     distance = np.linalg.norm(step_slip, axis=1)
     pressed = step.limit(-r * np.where(closes, response.gap, 0.0), response.slip)
-    sideways = closes & step.frictional & (r * distance > pressed)
+    sideways = closes & step.frictional & ((r * distance > pressed) | smooth)
     along = step_slip / np.where(distance > 0, distance, 1.0)[:, None]
     slips = np.where(current.status == OPEN, sideways, slips)
     direction = np.where(sideways[:, None], along, direction)

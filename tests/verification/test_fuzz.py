@@ -32,6 +32,11 @@ def test_bodies_without_stress_are_certified(seed):
     assert set(kinds(seed)) <= {"right", "right, not enumerated", "refused"}
 
 
+def test_smooth_point_that_closes_does_not_stick():
+    """With mu = 0 a point that closed while no force acted stuck, pulled, opened, without end."""
+    assert kinds(9694) == ["right"] * 3
+
+
 @pytest.mark.xfail(reason="no loop is complete for a capped law that alone holds a body", strict=True)
 def test_body_held_by_capped_friction_alone():
     """An equilibrium in which some points slip at the cap and others stick should be found."""
