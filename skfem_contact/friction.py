@@ -68,6 +68,11 @@ class FrictionLaw:
                 "inf for exact sticking."
             )
 
+    @property
+    def is_linear(self) -> bool:
+        """Whether the bound is a linear function of the normal force alone."""
+        return False
+
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         """The friction bound L of each point.
 
@@ -157,6 +162,10 @@ class Coulomb(FrictionLaw):
         for name in ("mu", "cohesion"):
             _not_infinite(name, getattr(self, name), "Coulomb")
 
+    @property
+    def is_linear(self) -> bool:
+        return bool(np.all(np.isinf(self.tau_max)))
+
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         return np.minimum(self.mu * normal_force + self.cohesion * area, self._cap(area))
 
@@ -195,6 +204,10 @@ class Tresca(FrictionLaw):
         self.__post_init__()
         _not_negative("limit", limit, "Tresca")
         _not_infinite("limit", limit, "Tresca")
+
+    @property
+    def is_linear(self) -> bool:
+        return True
 
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         return self.k * area

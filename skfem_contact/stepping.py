@@ -132,7 +132,9 @@ class Stepper:
         known = warm
         starts = [start for start in self._starts() if known is not None or start != "warm"]
         done, share, fails = 0.0, 1.0, 0
-        smallest, follows = 0.5**self.options.max_cuts, self.geometry.follows
+        smallest = 0.5**self.options.max_cuts
+        linear = all(law.is_linear for _, law in self.interface.laws)
+        complete = linear and not self.geometry.follows
         while True:
             aim = min(1.0, done + share)
             here, walk.share = case.towards(target, aim), aim - done
@@ -146,8 +148,8 @@ class Stepper:
                 known, starts, fails = walk.state, self._starts(), 0
                 walk.substeps += 1
                 share = min(grown(share, attempt.travel), 1.0 - done)
-            elif attempt.outcome.free is not None and "pivoting" in starts and not follows:
-                # complete for friction in 2-D on a given pairing: smaller steps would end there too
+            elif attempt.outcome.free is not None and "pivoting" in starts and complete:
+                # for linear laws in 2-D and a given pairing: smaller steps would end there too
                 if starts == ["pivoting"]:
                     return attempt, walk
                 starts = ["pivoting"]

@@ -37,7 +37,6 @@ def test_smooth_point_that_closes_does_not_stick():
     assert kinds(9694) == ["right"] * 3
 
 
-@pytest.mark.xfail(reason="no loop is complete for a capped law that alone holds a body", strict=True)
 def test_body_held_by_capped_friction_alone():
     """An equilibrium in which some points slip at the cap and others stick should be found."""
     assert "missed" not in kinds(2247)
