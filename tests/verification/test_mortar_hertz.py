@@ -45,8 +45,8 @@ def scene(points, law=None, **settings):
 
 
 @lru_cache
-def hertz(points, method, kind="Q1", ratio=2 / 3, H=20.0):
-    blocks, P, exact = scene(points, method=method, kind=kind, ratio=ratio, H=H)
+def hertz(points, method, kind="Q1", ratio=2 / 3, H=20.0, growth=1.15):
+    blocks, P, exact = scene(points, method=method, kind=kind, ratio=ratio, H=H, growth=growth)
     return blocks.press(P, 1.0)[0], exact
 
 
@@ -67,14 +67,16 @@ POINTS = (8.5, 16.5, 32.5, 48.5)
 @pytest.mark.parametrize("ratio", [2 / 3, 4 / 3])
 def test_H1_mortar_converges_and_node_to_segment_does_not(ratio):
     """L2 error of the Hertz pressure: mortar of order 1 and below 1 %, node-to-segment stays."""
-    mortar = [pressure_error(*hertz(n, "mortar", ratio=ratio)) for n in POINTS]
+    # a mesh refines only where it does so everywhere: with elements that grow by 15 % beyond the
+    # contact on every mesh, the error of that part stays and the orders fall to 0.8
+    growth = [1.15 ** (POINTS[0] / n) for n in POINTS]
+    found = [hertz(n, "mortar", ratio=ratio, growth=g) for n, g in zip(POINTS, growth, strict=True)]
+    mortar = [pressure_error(*f) for f in found]
     node = [pressure_error(*hertz(n, "node", ratio=ratio)) for n in POINTS]
-    # measured .25 and .37 % with 32 points: what matching meshes have, .29 % with 30
+    # measured .22 and .33 % with 32 points: what matching meshes have, .29 % with 30
     assert mortar[2] < 5e-3
-    # order 1 is what the square root at the edge allows on uniform meshes; measured .84 to .98, the
-    # least between the finest two, where the finite depth of the blocks begins to show
-    assert (orders(POINTS, mortar) > 0.8).all()
-    assert np.log(mortar[0] / mortar[3]) / np.log(POINTS[3] / POINTS[0]) > 0.9
+    # order 1 is what the square root at the edge allows on uniform meshes; measured 1.03 to 1.07
+    assert (orders(POINTS, mortar) > 1.0).all()
     assert min(node) > 0.04
     assert node[3] > 0.8 * node[0]
 

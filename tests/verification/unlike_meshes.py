@@ -67,6 +67,7 @@ class UnlikeBlocks:
     h : size of the upper elements in the zone of contact
     ratio : size of the lower elements over that of the upper ones
     fine, depth : half width and depth of the zone of small elements
+    growth : of the elements beyond, from one to the next
     """
 
     h: float
@@ -80,6 +81,7 @@ class UnlikeBlocks:
     H: float = 20.0
     width: float = 2.0
     nu: float = 0.3
+    growth: float = 1.15
     settings: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -96,7 +98,8 @@ class UnlikeBlocks:
         self.solver = sc.ContactSolver([upper, lower], [self.contact], **self.settings)
 
     def _body(self, h: float, name: str, side: int) -> sc.Body:
-        x, y = graded(h, self.fine, self.width * self.H), graded(h, self.depth, self.H)
+        x = graded(h, self.fine, self.width * self.H, self.growth)
+        y = graded(h, self.depth, self.H, self.growth)
         x = np.concatenate([-x[:0:-1], x])
         basis = rectangle(self.kind, x, y if side > 0 else -y[::-1])
         D = basis.get_dofs("top" if side > 0 else "bottom")
