@@ -164,7 +164,7 @@ class Coulomb(FrictionLaw):
 
     @property
     def is_linear(self) -> bool:
-        return bool(np.all(np.isinf(self.tau_max)))
+        return bool(np.all(np.isinf(np.asarray(self.tau_max, dtype=float))))
 
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         return np.minimum(self.mu * normal_force + self.cohesion * area, self._cap(area))
