@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.body import System
 from skfem_contact.contact import Contact
-from skfem_contact.diagnosis import check_pairing
+from skfem_contact.diagnosis import check_pairing, prescribed_rows
 from skfem_contact.kinematics import Kinematics, initial_gap, join, kinematics, pair
 from skfem_contact.loads import LoadCase
 from skfem_contact.pairing import Pairing
@@ -31,6 +32,7 @@ from skfem_contact.states import State
 from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,11 @@ class Placement:
     motions: RigidMotions
     u: Array | None
 
+    @cached_property
+    def able(self) -> Mask:
+        """Points whose gap can change: where it is prescribed, D carries the force instead."""
+        return ~prescribed_rows(self.kin.B_n, self.motions.system.D)
+
 
 class Geometry:
     """Pairs all contacts, and pairs those that slide again where the bodies have moved."""
@@ -71,6 +78,7 @@ class Geometry:
         for contact, part in zip(contacts, parts, strict=True):
             self.finite[part] = contact.sliding == "finite"
         self.surface_dofs = surface_dofs(system, contacts)
+        self._offsets = [self._offset(i) for i in range(len(self.contacts))]
 
     @property
     def follows(self) -> bool:
@@ -92,7 +100,7 @@ class Geometry:
             pairing = pair(contact, moved=moved, motion=None if len(moved) == 2 else motion)
             check_pairing(contact, pairing)
             kin = kinematics(self.system, contact, pairing)
-            gap = pairing.gap + self._offset(i) - case.interference[self.parts[i]]
+            gap = pairing.gap + self._offsets[i] - case.interference[self.parts[i]]
             parts.append(replace(kin, gap0=gap))
         return join(parts)
 

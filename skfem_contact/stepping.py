@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from skfem_contact import loops
 from skfem_contact.anderson import Anderson
-from skfem_contact.diagnosis import prescribed_rows
 from skfem_contact.driver import Options, Outcome, drive
 from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import Interface
@@ -259,9 +258,7 @@ class Stepper:
         with single_threaded():
             seen = self.geometry.case(placement, case, walk.state, walk.case)
             load = placement.rows.load(seen)
-            # where the gap is prescribed, D carries the force: there is no contact to model
-            able = interface.tied | ~prescribed_rows(kin.B_n, self.geometry.system.D)
-            paired = kin.paired & able
+            paired = kin.paired & (interface.tied | placement.able)
             step = Step(
                 space=placement.rows.space,
                 load=load,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from skfem_contact.errors import InputError
 
 
@@ -35,8 +33,3 @@ def poisson(*ratios: float) -> None:
     for nu in ratios:
         if not -1 < nu <= 0.5:
             raise InputError(f"Poisson's ratio nu = {nu} must lie in (-1, 0.5].")
-
-
-def shear_modulus(E: float, nu: float) -> float:
-    """Shear modulus ``E / (2 (1 + nu))`` [stress]."""
-    return E / (2 * (1 + nu)) if math.isfinite(E) else math.inf
