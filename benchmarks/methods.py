@@ -1,6 +1,8 @@
-"""Node-to-segment against mortar: the tables of docs/methods.md, on meshes that do not match.
+"""Node-to-segment against mortar: pairing times and glued meshes, for docs/methods.md.
 
     python benchmarks/methods.py
+
+Hertz contact, error over time, is in pareto.py.
 
 The scenes are those of the verification tests.
 """
@@ -15,32 +17,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "verification"))
 
-from test_mortar_hertz import hertz, pressure_error
 from test_tied import Waves, errors
 from unlike_meshes import UnlikeBlocks
 
 from skfem_contact.kinematics import pair
-
-
-def hertz_table() -> None:
-    """L2 error of the Hertz pressure, at equal numbers of nodes per half width."""
-    print("| elements | nodes per half width | DOFs | node: error | s | mortar: error | s |")
-    print("| --- | --- | --- | --- | --- | --- | --- |")
-    for kind, points in (
-        ("Q1", (8.5, 16.5, 32.5, 48.5)),
-        ("P1", (8.5, 16.5, 32.5, 48.5)),
-        ("Q2", (4.25, 8.25, 16.25, 24.25)),
-        ("P2", (4.25, 8.25, 16.25, 24.25)),
-    ):
-        for n in points:
-            cells = []
-            for method in ("node", "mortar"):
-                start = time.perf_counter()
-                result, exact = hertz(n, method, kind, 4 / 3)
-                seconds = time.perf_counter() - start
-                cells += [f"{100 * pressure_error(result, exact):.2f} %", f"{seconds:.1f}"]
-            per_width = n * (2 if kind in ("Q2", "P2") else 1)
-            print(f"| {kind} | {per_width} | {result.system.n} | " + " | ".join(cells) + " |")
 
 
 def tied_table() -> None:
@@ -72,6 +52,6 @@ def pairing_table() -> None:
 
 
 if __name__ == "__main__":
-    for table in (pairing_table, hertz_table, tied_table):
+    for table in (pairing_table, tied_table):
         print(f"\n{table.__doc__}\n")
         table()
