@@ -10,7 +10,8 @@ A scikit-fem script has bases, a stiffness and a load; five lines more and its b
 
 The modules stand in the order of the theory, and each imports only from those above it:
 
-* what the user gives: `errors`, `arguments`, `inputs`, `selection`, `body`, `surface`;
+* what the user gives: `errors`, `arguments`, `inputs`, `selection`, `body`, `facets`,
+  `normals`, `surface`;
 * what meets what: `search`, `pairing`, `strips`, `segmentation`, `dual`, `mortar`, `obstacle`;
 * the contact conditions: `friction`, `contact`, `loads`, `kinematics`, `diagnosis`, `interface`,
   `rigid`, `pivoting`, `constraint`;

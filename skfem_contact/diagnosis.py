@@ -14,7 +14,8 @@ from skfem_contact.errors import ConstraintError, ContactWarning, InputError
 from skfem_contact.kinematics import FIXED, Kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.pairing import Pairing, diagnose
-from skfem_contact.surface import ContactSurface, place
+from skfem_contact.selection import place
+from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

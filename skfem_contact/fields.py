@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skfem_contact.errors import InputError
+from skfem_contact.facets import facet_shapes
 from skfem_contact.pairing import project
-from skfem_contact.surface import ContactSurface, facet_shapes
+from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

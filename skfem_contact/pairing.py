@@ -10,8 +10,11 @@ from scipy.sparse import csr_matrix, identity
 from scipy.spatial import cKDTree
 
 from skfem_contact.errors import InputError
+from skfem_contact.facets import facet_shapes
+from skfem_contact.normals import CORNER
 from skfem_contact.search import FacetTree
-from skfem_contact.surface import CORNER, ContactSurface, facet_shapes, place
+from skfem_contact.selection import place
+from skfem_contact.surface import ContactSurface
 
 #: A facet is a candidate if its normal n_p and that of the node, n_s, have n_s . n_p < -FACING:
 #: they may be up to 84 degrees off the exactly opposite direction.

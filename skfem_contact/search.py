@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skfem_contact.surface import CORNER, ContactSurface
+from skfem_contact.normals import CORNER
+from skfem_contact.surface import ContactSurface
 
 #: Pairs (point, node of the tree) worked on at once; bounds the memory at some 100 bytes for each.
 BLOCK = 1 << 18

@@ -31,8 +31,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.facets import facet_shapes
 from skfem_contact.strips import candidate_pairs, dot, facet_normal_field, ragged, turned
-from skfem_contact.surface import ContactSurface, facet_shapes
+from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

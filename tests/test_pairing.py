@@ -14,8 +14,8 @@ from scipy.optimize import minimize_scalar
 
 from skfem_contact.body import Body
 from skfem_contact.errors import InputError
+from skfem_contact.facets import facet_shapes
 from skfem_contact.pairing import END, FACING, diagnose, node_to_segment, project
-from skfem_contact.surface import facet_shapes
 
 
 def body(mesh, element=None, name=None):

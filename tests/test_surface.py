@@ -9,7 +9,7 @@ import skfem as fem
 
 from skfem_contact.body import Body
 from skfem_contact.errors import InputError
-from skfem_contact.surface import facet_shapes
+from skfem_contact.facets import facet_shapes
 
 
 def body(mesh, element=None, **options):

@@ -1,0 +1,128 @@
+"""Lengths, outward normals and tributary areas of a contact surface."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from skfem_contact.arguments import numbers
+from skfem_contact.errors import InputError
+from skfem_contact.facets import facet_shapes
+
+#: Two facets that meet at a larger angle than 45 degrees form a corner: no normal is averaged over
+#: it.
+CORNER = np.cos(np.pi / 4)
+
+
+#: Gauss points per facet for the areas: exact up to order 9, so also for a curved quadratic facet
+#: (whose length element is no polynomial) far below the error of its geometry.
+GAUSS = np.polynomial.legendre.leggauss(5)
+
+
+def normals_at(points: np.ndarray, facets: np.ndarray, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Outward unit normals (nf, q, d) and length elements dx/dxi (nf, q) at coordinates (q,)."""
+    _, dN = facet_shapes(xi, facets.shape[1])
+    tangent = np.einsum("qk,fkd->fqd", dN, points[facets])
+    speed = np.linalg.norm(tangent, axis=2)
+    # the body is on the left, so outward is to the right of the direction of travel
+    normal = np.stack([tangent[..., 1], -tangent[..., 0]], axis=2) / speed[..., None]
+    return normal + 0.0, speed  # + 0.0 turns -0.0 into 0.0
+
+
+def lengths_and_normals(
+    points: np.ndarray, facets: np.ndarray, held: np.ndarray, neighbours: np.ndarray
+) -> dict[str, Any]:
+    """Lengths and normals: what changes when the surface moves."""
+    gauss, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
+    lengths = normals_at(points, facets, gauss)[1] @ weight
+    own = normals_at(points, facets, np.array([0.0, 0.5, 1.0]))[0]
+    ends = own[:, [0, 2]]
+
+    averaged = ends.copy()
+    for side in (0, 1):
+        other = neighbours[:, side]
+        there = ends[other, 1 - side]
+        smooth = (other >= 0) & (np.einsum("fd,fd->f", ends[:, side], there) >= CORNER)
+        # a facet's normal is exact at its middle, so the nearer, shorter facet counts more: this is
+        # exact on a circle, and of second order on any smooth curve
+        mean = lengths[other, None] * ends[:, side] + lengths[:, None] * there
+        averaged[smooth, side] = unit(mean[smooth])
+
+    for side in (0, 1):
+        mirrored = _on_symmetry(own[:, 1], lengths, facets, held, neighbours, side)
+        # the average with the mirror image, without which the end node would be constrained along
+        # the normal of a chord
+        image = np.where(held[facets[mirrored, side]], 0.0, ends[mirrored, side])
+        ends[mirrored, side] = averaged[mirrored, side] = unit(image)
+
+    total = np.zeros_like(points)
+    np.add.at(total, facets[:, :2], lengths.min() / lengths[:, None, None] * ends)
+    if facets.shape[1] == 3:
+        total[facets[:, 2]] = own[:, 1]
+    # two sides back to back (a crack tip) cancel: then the side met last decides
+    lost = np.linalg.norm(total, axis=1) <= 1e-9 * lengths.min() / lengths.max()
+    fallback = np.zeros_like(points)
+    fallback[facets[:, :2]] = ends
+    total[lost] = fallback[lost]
+    return {
+        "facet_normals": own[:, 1],
+        "normals": unit(total),
+        "facet_node_normals": averaged,
+        "lengths": lengths,
+    }
+
+
+def _on_symmetry(
+    middle: np.ndarray,
+    lengths: np.ndarray,
+    facets: np.ndarray,
+    held: np.ndarray,
+    before: np.ndarray,
+    side: int,
+) -> np.ndarray:
+    """Facets (nf,) of a curved surface that ends here on a line of symmetry.
+
+    There one component of the last node is prescribed, and the normal, continued from the middles
+    of the last two facets to the end, has none of it left. A straight inclined surface that ends
+    at a roller is not meant: its normal stays as it is.
+    """
+    inner = before[:, 1 - side]
+    here = held[facets[:, side]]
+    last = (before[:, side] < 0) & (inner >= 0) & (here.sum(axis=1) == 1)
+    last &= np.einsum("fd,fd->f", middle, middle[inner]) >= CORNER
+    share = (lengths / (lengths + lengths[inner]))[:, None]
+    ahead = middle + share * (middle - middle[inner])
+    left = np.abs(np.sum(ahead * here, axis=1)), np.abs(np.sum(middle * here, axis=1))
+    return np.asarray(last & (left[0] <= 0.5 * left[1]))
+
+
+def tributary_areas(points: np.ndarray, facets: np.ndarray, measure: Any, label: str) -> np.ndarray:
+    """Integrals of the shape functions, times the measure, over the surface."""
+    gauss, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
+    N, _ = facet_shapes(gauss, facets.shape[1])
+    density = normals_at(points, facets, gauss)[1] * weight
+    if measure is not None:
+        x = np.einsum("qk,fkd->dfq", N, points[facets])
+        usage = "return one positive number for each position, as in lambda x: 2 * np.pi * x[0]"
+        factor = numbers(measure(x), f"measure on surface {label!r}", usage)
+        if factor.shape not in ((), x.shape[1:]):
+            raise InputError(
+                f"measure on surface {label!r} has shape {factor.shape} for positions of shape "
+                f"{x.shape}; {usage}"
+            )
+        factor = np.broadcast_to(factor, x.shape[1:])
+        if not np.all(np.isfinite(factor)) or factor.min() < 0 or factor.max() <= 0:
+            raise InputError(
+                f"measure is {factor.min():.3g} to {factor.max():.3g} on surface {label!r}; a "
+                "weight of the area is positive and finite (an axisymmetric mesh lies at x[0] >= "
+                "0)"
+            )
+        density = density * factor
+    area = np.zeros(len(points))
+    np.add.at(area, facets, density @ N)
+    return area
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
