@@ -12,7 +12,8 @@ The modules stand in the order of the theory, and each imports only from those a
 
 * what the user gives: `errors`, `arguments`, `inputs`, `selection`, `body`, `facets`,
   `normals`, `surface`;
-* what meets what: `search`, `pairing`, `strips`, `segmentation`, `dual`, `mortar`, `obstacle`;
+* what meets what: `search`, `projection`, `closest`, `pairing`, `strips`, `segmentation`, `dual`,
+  `mortar`, `pairing_diagnosis`, `obstacle`, `rigid_shapes`, `level_set`;
 * the contact conditions: `friction`, `contact`, `loads`, `kinematics`, `diagnosis`, `interface`,
   `rigid`, `pivoting`, `constraint`;
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `multifrontal`, `backend`, `amg`,
@@ -42,10 +43,11 @@ from skfem_contact.errors import (
 from skfem_contact.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.io import write, write_series
 from skfem_contact.kinematics import ConstraintRows, Kinematics, contact_rows
+from skfem_contact.level_set import LevelSet
 from skfem_contact.linear import AMG, Direct
-from skfem_contact.obstacle import LevelSet, RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.plot import plot_contact, plot_deformed, plot_history
 from skfem_contact.result import ContactResult
+from skfem_contact.rigid_shapes import RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.solver import ContactSolver
 from skfem_contact.stress import nodal_stress, von_mises
 from skfem_contact.surface import ContactSurface

@@ -13,7 +13,8 @@ from skfem_contact.contact import Contact
 from skfem_contact.errors import ConstraintError, ContactWarning, InputError
 from skfem_contact.kinematics import FIXED, Kinematics
 from skfem_contact.loads import LoadCase
-from skfem_contact.pairing import Pairing, diagnose
+from skfem_contact.pairing import Pairing
+from skfem_contact.pairing_diagnosis import diagnose
 from skfem_contact.selection import place
 from skfem_contact.surface import ContactSurface
 

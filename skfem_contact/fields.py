@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from skfem_contact.errors import InputError
 from skfem_contact.facets import facet_shapes
-from skfem_contact.pairing import project
+from skfem_contact.projection import project
 from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]

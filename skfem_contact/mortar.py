@@ -33,7 +33,8 @@ from scipy.spatial import cKDTree
 
 from skfem_contact.dual import WHOLE, dual_basis
 from skfem_contact.errors import InputError
-from skfem_contact.pairing import Pairing, tangents
+from skfem_contact.normals import tangents
+from skfem_contact.pairing import Pairing
 from skfem_contact.segmentation import Quadrature, facet_areas, interface_quadrature
 from skfem_contact.strips import facet_normal_field
 from skfem_contact.surface import ContactSurface

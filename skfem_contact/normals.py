@@ -30,6 +30,15 @@ def normals_at(points: np.ndarray, facets: np.ndarray, xi: np.ndarray) -> tuple[
     return normal + 0.0, speed  # + 0.0 turns -0.0 into 0.0
 
 
+def tangents(normal: np.ndarray) -> np.ndarray:
+    """Tangents (m, 1, 2) to normals (m, 2): rotated by +90 degrees.
+
+    >>> tangents(np.array([[0.0, 1.0]])).tolist()
+    [[[-1.0, 0.0]]]
+    """
+    return np.stack([-normal[:, 1], normal[:, 0]], axis=1)[:, None, :]
+
+
 def lengths_and_normals(
     points: np.ndarray, facets: np.ndarray, held: np.ndarray, neighbours: np.ndarray
 ) -> dict[str, Any]:

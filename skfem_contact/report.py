@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skfem_contact.body import Body
-from skfem_contact.pairing import diagnose
+from skfem_contact.pairing_diagnosis import diagnose
 from skfem_contact.surface import ContactSurface
 
 if TYPE_CHECKING:

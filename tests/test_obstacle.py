@@ -9,8 +9,9 @@ import skfem as fem
 
 from skfem_contact.body import Body
 from skfem_contact.errors import InputError
-from skfem_contact.obstacle import LevelSet, RigidCylinder, RigidPlane, RigidSphere
-from skfem_contact.pairing import diagnose
+from skfem_contact.level_set import LevelSet
+from skfem_contact.pairing_diagnosis import diagnose
+from skfem_contact.rigid_shapes import RigidCylinder, RigidPlane, RigidSphere
 
 
 def surface(mesh, where=None, name="disc"):

@@ -13,9 +13,12 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
 from skfem_contact.body import Body
+from skfem_contact.closest import END, FACING
 from skfem_contact.errors import InputError
 from skfem_contact.facets import facet_shapes
-from skfem_contact.pairing import END, FACING, diagnose, node_to_segment, project
+from skfem_contact.pairing import node_to_segment
+from skfem_contact.pairing_diagnosis import diagnose
+from skfem_contact.projection import project
 
 
 def body(mesh, element=None, name=None):

@@ -1,0 +1,104 @@
+"""What looks wrong with a pairing, in sentences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from skfem_contact.closest import FACING
+from skfem_contact.pairing import Pairing
+from skfem_contact.selection import place
+from skfem_contact.surface import ContactSurface
+
+
+def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[str]:
+    """Say in sentences what looks wrong with a pairing; an empty list if nothing does.
+
+    Parameters
+    ----------
+    pairing : Pairing
+    secondary : ContactSurface
+    primary : ContactSurface or rigid obstacle
+
+    Returns
+    -------
+    list of str
+        Points beyond the end of the primary surface, points without any partner, surfaces that
+        face the same way, a primary surface finer than the secondary one.
+    """
+    lines = []
+    beyond = ~pairing.paired & np.isfinite(pairing.miss)
+    lost = ~pairing.paired & ~beyond
+    m = len(pairing.paired)
+    if beyond.any():
+        lines.append(_say_beyond(pairing, secondary, primary, beyond))
+    if not pairing.paired.any():
+        lines.append(
+            f"None of the {m} points of surface {secondary.label!r} finds a partner on "
+            f"{primary.label!r}" + _say_why(secondary, primary)
+        )
+    elif lost.any():
+        worst = int(np.flatnonzero(lost)[0])
+        lines.append(
+            f"{np.count_nonzero(lost)} of {m} points of surface {secondary.label!r} find nothing "
+            f"of {primary.label!r} that faces them within reach; the first is point {worst} at "
+            f'{place(secondary.points[worst])}. They can never touch (outside="open"). Fine where '
+            "the surface curves away; else enlarge `reach`, or the primary surface."
+        )
+    if isinstance(primary, ContactSurface) and pairing.paired.any():
+        coarse, fine = _facet_sizes(pairing, secondary, primary)
+        # closer than this the choice makes no difference worth a line
+        if fine < 0.75 * coarse:
+            lines.append(
+                f"The primary surface {primary.label!r} is finer than the secondary one, "
+                f"{secondary.label!r}: facets of {fine:.3g} against {coarse:.3g}. Nodes of the "
+                "primary surface between those of the secondary one are not held; swap secondary "
+                "and primary, "
+                'or use method="mortar".'
+            )
+    return lines
+
+
+def _say_beyond(pairing: Pairing, secondary: ContactSurface, primary: Any, beyond: np.ndarray) -> str:
+    worst = int(np.argmax(np.where(beyond, pairing.miss, -1.0)))
+    miss = pairing.miss[worst]
+    facets = ""
+    if isinstance(primary, ContactSurface):
+        facets = f" ({miss / primary.lengths[pairing.facet[worst]]:.2g} facet lengths)"
+    return (
+        f"{np.count_nonzero(beyond)} of {len(beyond)} points of surface {secondary.label!r} "
+        f"project outside surface {primary.label!r}; the farthest, point {worst} at "
+        f"{place(secondary.points[worst])}, misses by {miss:.3g}{facets}. They can never touch "
+        '(outside="open"). If they should: the primary surface may be too short, or the two are '
+        "swapped; enlarge it, or swap secondary and primary."
+    )
+
+
+def _say_why(secondary: ContactSurface, primary: Any) -> str:
+    if not isinstance(primary, ContactSurface):
+        return "; see its position, the side it is on, and `hollow`."
+    middle = primary.points[primary.facets].mean(axis=1)
+    nearest, facet = map(np.asarray, cKDTree(middle).query(secondary.points))
+    facing = np.einsum("md,md->m", secondary.normals, primary.facet_normals[facet])
+    if np.median(facing) > FACING:
+        return (
+            f": the two face the same way (normals {place(secondary.normals[0])} and "
+            f"{place(primary.facet_normals[facet[0]])} where they are close). Usually one of them "
+            "is on the wrong side of its body: check the two `where`."
+        )
+    return (
+        f": the closest point is {nearest.min():.3g} away. Check the units and positions of the "
+        "two meshes, and `reach`."
+    )
+
+
+def _facet_sizes(
+    pairing: Pairing, secondary: ContactSurface, primary: ContactSurface
+) -> tuple[float, float]:
+    """Median lengths of the secondary facets with a partner, and of the primary ones they meet."""
+    both = pairing.paired[secondary.facets[:, :2]].all(axis=1)
+    mine = secondary.lengths[both] if both.any() else secondary.lengths
+    met = primary.lengths[pairing.facet[pairing.paired]]
+    return float(np.median(mine)), float(np.median(met))
