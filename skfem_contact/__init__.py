@@ -14,8 +14,9 @@ The modules stand in the order of the theory, and each imports only from those a
   `normals`, `surface`;
 * what meets what: `search`, `projection`, `closest`, `pairing`, `strips`, `segmentation`, `dual`,
   `mortar`, `pairing_diagnosis`, `obstacle`, `rigid_shapes`, `level_set`;
-* the contact conditions: `friction`, `contact`, `loads`, `kinematics`, `diagnosis`, `interface`,
-  `rigid`, `pivoting`, `constraint`;
+* the contact conditions: `friction`, `contact`, `discretisation`, `loads`, `kinematics`, `diagnosis`,
+  `interface`, `rigid`, `pivoting`, `constraint_inputs`, `constraint`, `elimination`, `skfem_solve`,
+  `constraint_rows`;
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `multifrontal`, `backend`, `amg`,
   `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
 * iterations: `states`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
@@ -29,9 +30,11 @@ Closed forms to compare with are in `reference`, which needs none of these.
 from skfem_contact.body import Body, System, stack
 from skfem_contact.certificate import Certificate
 from skfem_contact.checkpoint import SavedState, save_state
-from skfem_contact.constraint import AffineConstraint, condense, eliminate
+from skfem_contact.constraint import AffineConstraint
+from skfem_contact.constraint_rows import ConstraintRows, contact_rows
 from skfem_contact.contact import Contact
 from skfem_contact.driver import Options
+from skfem_contact.elimination import eliminate
 from skfem_contact.errors import (
     ConstraintError,
     ContactError,
@@ -42,12 +45,13 @@ from skfem_contact.errors import (
 )
 from skfem_contact.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.io import write, write_series
-from skfem_contact.kinematics import ConstraintRows, Kinematics, contact_rows
+from skfem_contact.kinematics import Kinematics
 from skfem_contact.level_set import LevelSet
 from skfem_contact.linear import AMG, Direct
 from skfem_contact.plot import plot_contact, plot_deformed, plot_history
 from skfem_contact.result import ContactResult
 from skfem_contact.rigid_shapes import RigidCylinder, RigidPlane, RigidSphere
+from skfem_contact.skfem_solve import condense
 from skfem_contact.solver import ContactSolver
 from skfem_contact.stress import nodal_stress, von_mises
 from skfem_contact.surface import ContactSurface

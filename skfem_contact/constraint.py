@@ -1,13 +1,12 @@
-r"""Affine constraints ``u = T u_r + c``: eliminate, reduce, expand, recover forces.
+r"""Affine constraints ``u = T u_r + c``: reduce, expand, recover forces.
 
-Rows ``C u = b`` and prescribed DOFs ``u[D] = x[D]`` are merged into one map from the remaining,
-*independent* DOFs to all DOFs. With the columns split into pivots p (one per row) and the rest f,
+Rows ``C u = b`` and prescribed DOFs ``u[D] = x[D]`` are merged (`elimination`) into one map from the
+remaining, *independent* DOFs to all DOFs; it condenses a linear system to
 
-    u_p = C_p^-1 (b - C_f u_f),     K_r = T' K T,     f_r = T' (f - K c)
+    K_r = T' K T,     f_r = T' (f - K c)
 
-([M] eqs. 8-10; there only the columns are combined, here the rows too: otherwise symmetry and the
-load on the eliminated DOFs are lost). No penalty and no multiplier enters the system; the forces
-of the constraints are recovered from the rows that were eliminated.
+([M] eqs. 8-10). No penalty and no multiplier enters the system; the forces of the constraints are
+recovered from the rows that were eliminated.
 
 References
 ----------
@@ -17,7 +16,6 @@ and friction forces* (in Ukrainian), Khmelnytskyi National University, 2014.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,21 +23,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.arguments import shown
-from skfem_contact.errors import ConstraintError, InputError
-from skfem_contact.pivoting import FloatArray, IntArray, find_pivots, row_maximum
-
-# Rows agree if they do so to this part of the largest of |b| + |C||x| (rows scaled to a largest
-# coefficient of one): that is how exactly redundant rows are known to be redundant.
-AGREEMENT = 1e-10
-
-# How many rows, and of each how many that it contradicts, a message names.
-SHOWN = 4
-
-# Attributes of rows that `condense` passes to `eliminate`.
-OPTIONS = ("prefer", "labels", "scale")
-
-Labels = Sequence[str] | Callable[[int], str] | None
+from skfem_contact.constraint_inputs import finite_vector, int32_csr
+from skfem_contact.errors import InputError
+from skfem_contact.pivoting import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,6 +104,7 @@ class AffineConstraint:
         --------
         Three springs in a row, the middle DOF tied to the mean of its neighbours:
 
+        >>> from skfem_contact.elimination import eliminate
         >>> K = sp.csr_matrix([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
         >>> tie = eliminate([[-0.5, 1.0, -0.5]], [0.0])
         >>> K_r, f_r = tie.reduce(K, [0.0, 0.0, 1.0])
@@ -143,13 +130,13 @@ class AffineConstraint:
                 f" trial one {self.T.shape[1]} to {n}: the system would not be square. Usually a"
                 " row is redundant in one and not in the other; pass both the same rows and D."
             )
-        f = np.zeros(n) if f is None else _vector("f", f, n)
+        f = np.zeros(n) if f is None else finite_vector("f", f, n)
         Vt = V.T.T.tocsr()
-        return _int32(Vt @ (K @ self.T)), Vt @ (f - K @ self.c)
+        return int32_csr(Vt @ (K @ self.T)), Vt @ (f - K @ self.c)
 
     def expand(self, u_r: ArrayLike) -> NDArray[Any]:
         """All DOFs from the independent ones: ``u = T u_r + c``, shape (n,)."""
-        u: NDArray[Any] = self.T @ _vector("u_r", u_r, self.T.shape[1]) + self.c
+        u: NDArray[Any] = self.T @ finite_vector("u_r", u_r, self.T.shape[1]) + self.c
         return u
 
     def multipliers(self, r: ArrayLike) -> NDArray[Any]:
@@ -171,7 +158,7 @@ class AffineConstraint:
         Only the residual at the pivots is used, with all rows coupled there solved together:
         ``C_p' p = r_p``.
         """
-        r = _vector("r", r, len(self.c))
+        r = finite_vector("r", r, len(self.c))
         p = np.zeros(self.C.shape[0], dtype=np.result_type(r, np.float64))
         p[self.rows_kept] = self.pivot_inverse.T @ r[self.dependent]
         return p
@@ -181,369 +168,6 @@ class AffineConstraint:
 
         What the rows themselves put on a prescribed DOF is not part of its reaction.
         """
-        force = _vector("r", r, len(self.c)) - self.C.T @ _vector("p", p, self.C.shape[0])
+        force = finite_vector("r", r, len(self.c)) - self.C.T @ finite_vector("p", p, self.C.shape[0])
         held: NDArray[Any] = force[self.prescribed]
         return held
-
-
-def eliminate(
-    C: Any,
-    b: ArrayLike,
-    D: Any = None,
-    x: ArrayLike | None = None,
-    *,
-    prefer: ArrayLike | None = None,
-    labels: Labels = None,
-    scale: float = 0.0,
-) -> AffineConstraint:
-    r"""Solve the rows ``C u = b`` together with ``u[D] = x[D]`` for as many DOFs as their rank.
-
-    Parameters
-    ----------
-    C : sparse matrix or array, shape (k, n)
-        Constraint rows.
-    b : ndarray, shape (k,)
-        Their right-hand sides.
-    D : ndarray of int, mask (n,), DofsView or dict of DofsView, optional
-        Prescribed DOFs.
-    x : ndarray, shape (n,), optional
-        Values of the prescribed DOFs, read only there; default zero.
-    prefer : ndarray of bool, shape (n,), optional
-        DOFs to be given up if possible, as a rule those of the secondary surface: where one has
-        at least a tenth of the largest coefficient of its row. By default those that the fewest
-        rows contain.
-    labels : sequence of str, or callable from row number to str, optional
-        Names of the rows for messages; default "row i".
-    scale : float, optional
-        A length from which `b` was computed, for instance the size of the model. Rows agree if
-        they do to 1e-10 of the largest ``|b| + |C||x|``; where all of these are round-off of
-        coordinates, it is `scale` that says so.
-
-    Returns
-    -------
-    AffineConstraint
-
-    Raises
-    ------
-    ConstraintError
-        If rows contradict each other or the prescribed values; `rows` are their numbers.
-    InputError
-        If shapes do not fit, DOFs do not exist, or numbers are NaN or inf.
-
-    Examples
-    --------
-    Node 0 rests on node 1, which rests on node 2; the last row says nothing new:
-
-    >>> chain = eliminate([[1, -1, 0], [0, 1, -1], [1, 0, -1]], [0.1, 0.2, 0.3])
-    >>> chain
-    AffineConstraint(3 DOFs = 1 independent + 2 dependent + 0 prescribed, 1 of 3 rows redundant)
-    >>> u = chain.expand([5.0])
-    >>> np.round([u[0] - u[1], u[1] - u[2]], 12)
-    array([0.1, 0.2])
-    """
-    C, b = _rows(C, b)
-    k, n = C.shape
-    D = _dofs(D, n)
-    prefer = None if prefer is None else _mask(prefer, n)
-    listed = isinstance(labels, list | tuple) or (isinstance(labels, np.ndarray) and labels.ndim == 1)
-    named = callable(labels) or labels is None or (listed and len(labels) == k)
-    if not named:
-        has = f"has {len(labels)} names" if listed else f"is {shown(labels)}"  # type: ignore[arg-type]
-        raise InputError(f"labels {has} for {k} rows: give one name for each of them.")
-    if not 0.0 <= scale < np.inf:
-        raise InputError(f"scale = {scale}, but it is a length: zero or positive.")
-    u_D = np.zeros(n)
-    if x is not None:
-        u_D[D] = _vector("x", x, n, D)
-    free = np.ones(n, dtype=bool)
-    free[D] = False
-
-    # rows scaled to a largest coefficient of one, without the prescribed columns
-    size = row_maximum(C, np.abs(C.data))
-    size[size == 0.0] = 1.0
-    columns, A = _columns(C, free)
-    A.data = A.data / np.repeat(size, np.diff(A.indptr))
-    rhs = (b - C @ u_D) / size
-    magnitude = (np.abs(b) + abs(C) @ np.abs(u_D)) / size
-
-    pivots = find_pivots(A, None if prefer is None else prefer[columns])
-    rows, inverse = pivots.rows, pivots.inverse
-    redundant = np.setdiff1d(np.arange(k), rows)
-    if len(redundant):
-        combination = sp.csr_matrix(A[redundant][:, pivots.columns] @ inverse)
-        excess = rhs[redundant] - combination @ rhs[rows]
-        weight = 1.0 + np.asarray(abs(combination).sum(axis=1)).ravel()
-        wrong = np.abs(excess) > AGREEMENT * weight * max(float(magnitude.max()), scale)
-        if wrong.any():
-            asked, row = b[redundant][wrong], redundant[wrong]
-            made = asked - (excess * size[redundant])[wrong]
-            raise _contradiction(row, asked, made, rows, combination[wrong], labels)
-
-    dependent = columns[pivots.columns]
-    u_D[dependent] = inverse @ rhs[rows]
-    free[dependent] = False
-    independent = np.flatnonzero(free)
-    used, A_f = _columns(A[rows], free[columns])
-    coefficients = -(inverse @ A_f)
-    number = np.searchsorted(independent, columns[used])
-    return AffineConstraint(
-        T=_identity_and_rows(independent, dependent, coefficients, number, n),
-        c=u_D,
-        independent=independent,
-        dependent=dependent,
-        prescribed=D,
-        rows_kept=rows,
-        redundant=redundant,
-        C=C,
-        pivot_inverse=_int32(inverse @ sp.diags(1.0 / size[rows])),
-    )
-
-
-def condense(
-    K: Any, f: Any = None, rows: Any = None, D: Any = None, x: ArrayLike | None = None
-) -> tuple[sp.csr_matrix, Any, NDArray[Any], tuple[IntArray, Callable[[Any], Any]]]:
-    r"""Condense a system by constraint rows into what ``skfem.solve`` takes.
-
-    Parameters
-    ----------
-    K : sparse matrix, shape (n, n)
-        Stiffness [force/length].
-    f : ndarray, shape (n,), or sparse matrix, shape (n, n), optional
-        Load [force], default zero; or the mass matrix of an eigenproblem.
-    rows : object with attributes `C` and `b`, or tuple (C, b), optional
-        Constraint rows; its attributes `labels`, `prefer` and `scale` are passed to `eliminate`
-        where it has them.
-    D : ndarray of int, DofsView or dict of DofsView, optional
-        Prescribed DOFs.
-    x : ndarray, shape (n,), optional
-        Their values.
-
-    Returns
-    -------
-    tuple
-        ``(T'KT, T'(f - Kc), zeros(n), (arange(n), lambda z: T @ z + c))``, for a mass matrix M
-        ``(T'KT, T'MT, zeros(n), (arange(n), lambda z: T @ z))``.
-
-    Notes
-    -----
-    ``solver_iter_pcg()`` at its default tolerance leaves an error of 1e-6 or so; pass `rtol`.
-
-    Examples
-    --------
-    >>> from skfem import solve
-    >>> K = sp.csr_matrix([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
-    >>> solve(*condense(K, np.array([0.0, 0.0, 1.0]), ([[-0.5, 1.0, -0.5]], [0.0])))
-    array([1., 2., 3.])
-    """
-    K = _matrix("K", K)
-    n = K.shape[0]
-    if not np.isfinite(K.data).all():
-        raise InputError("K has NaN or inf entries. Check the form it is assembled from.")
-    rows = (sp.csr_matrix((0, n)), np.zeros(0)) if rows is None else rows
-    if not (isinstance(rows, tuple) and len(rows) == 2) and not (
-        hasattr(rows, "C") and hasattr(rows, "b")
-    ):
-        raise InputError(f"rows is {shown(rows)}; give contact_rows(...), or a pair (C, b)")
-    C, b = rows if isinstance(rows, tuple) else (rows.C, rows.b)
-    options = {name: getattr(rows, name) for name in OPTIONS if hasattr(rows, name)}
-    constraint = eliminate(C, b, D, x, **options)
-    is_mass: bool = sp.issparse(f)
-    if is_mass:
-        M = sp.csr_matrix(f)
-        if not np.isfinite(M.data).all():
-            raise InputError("The mass matrix has NaN or inf entries.")
-        K_r, M_r = constraint.reduce(K)[0], constraint.reduce(M)[0]
-        zeros = np.zeros(n, dtype=np.result_type(K_r, M_r, float))
-        return K_r, M_r, zeros, (np.arange(n), _Modes(constraint.T, zeros.dtype))
-    K_r, f_r = constraint.reduce(K, f)
-    zeros = np.zeros(n, dtype=np.result_type(K_r, f_r, float))
-    return K_r, f_r, zeros, (np.arange(n), constraint.expand)
-
-
-@dataclass(frozen=True, eq=False)
-class _Modes:
-    """``T @ z``, real for a real problem: ARPACK's `eigs` gives real modes as complex numbers."""
-
-    T: sp.csr_matrix
-    dtype: Any
-
-    def __call__(self, z: NDArray[Any]) -> NDArray[Any]:
-        mode: NDArray[Any] = self.T @ z
-        if np.iscomplexobj(mode) and not np.issubdtype(self.dtype, np.complexfloating):
-            if np.abs(mode.imag).max() > AGREEMENT * np.abs(mode).max():
-                raise InputError(
-                    "An eigenmode of a real system came out complex. If K and M are symmetric (a"
-                    " multiple eigenvalue, split by round-off), pass"
-                    " solver=solver_eigen_scipy_sym(); otherwise pass K as a complex matrix."
-                )
-            return mode.real
-        return mode
-
-
-def _int32(A: Any) -> sp.csr_matrix:
-    """The matrix in scikit-fem's format: csr_matrix, sorted, int32 indices where they suffice."""
-    A = sp.csr_matrix(A)
-    if A.indices.dtype != np.int32 and max(A.nnz, *A.shape) <= np.iinfo(np.int32).max:
-        index = (A.indices.astype(np.int32), A.indptr.astype(np.int32))
-        A = sp.csr_matrix((A.data, *index), shape=A.shape)
-    return A
-
-
-def _identity_and_rows(
-    independent: IntArray,
-    dependent: IntArray,
-    coefficients: sp.csr_matrix,
-    number: IntArray,
-    n: int,
-) -> sp.csr_matrix:
-    """T from its parts: one on `independent`, `coefficients` on `dependent`, zero elsewhere.
-
-    `number` says which independent DOF each column of `coefficients` is; ascending.
-    """
-    coefficients.eliminate_zeros()
-    coefficients.sort_indices()
-    count = np.diff(coefficients.indptr)
-    length = np.zeros(n, dtype=np.int64)
-    length[independent] = 1
-    length[dependent] = count
-    indptr = np.append(0, np.cumsum(length))
-    indices = np.empty(indptr[-1], dtype=np.int32)
-    data = np.ones(indptr[-1])
-    indices[indptr[independent]] = np.arange(len(independent))
-    at = np.repeat(indptr[dependent] - coefficients.indptr[:-1], count) + np.arange(count.sum())
-    indices[at], data[at] = number[coefficients.indices], coefficients.data
-    return _int32(sp.csr_matrix((data, indices, indptr), shape=(n, len(independent))))
-
-
-def _columns(A: sp.csr_matrix, mask: NDArray[np.bool_]) -> tuple[IntArray, sp.csr_matrix]:
-    """Numbers of the nonempty columns under the mask, and the matrix with only these.
-
-    So pivoting costs nothing for the DOFs that no row knows.
-    """
-    inside = mask[A.indices]
-    touched = np.zeros(A.shape[1], dtype=bool)
-    touched[A.indices[inside]] = True
-    columns = np.flatnonzero(touched)
-    number = np.empty(A.shape[1], dtype=np.int32)
-    number[columns] = np.arange(len(columns))
-    start = np.append(0, np.cumsum(inside))[A.indptr]
-    entries = (A.data[inside], number[A.indices[inside]], start)
-    return columns, sp.csr_matrix(entries, shape=(A.shape[0], len(columns)))
-
-
-def _contradiction(
-    rows: IntArray,
-    asked: FloatArray,
-    made: FloatArray,
-    kept: IntArray,
-    combination: sp.csr_matrix,
-    labels: Labels,
-) -> ConstraintError:
-    """The error for `rows` that ask for one value where their combination of others makes another.
-
-    `combination` (rows, kept) holds how the rows follow from those kept.
-    """
-
-    def name(row: int) -> str:
-        if labels is None:
-            return f"row {row}"
-        return labels(row) if callable(labels) else str(labels[row])
-
-    involved, lines = [], []
-    for i, row in enumerate(rows):
-        part = combination[i]
-        weight = np.abs(part.data)
-        # what elimination left as round-off is no contribution
-        others = np.sort(kept[part.indices[weight > AGREEMENT * weight.max(initial=0.0)]])
-        involved += [row, *others]
-        by = ", ".join(name(int(j)) for j in others[:SHOWN])
-        by += f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
-        because = f"with {by} it is" if by else "its DOFs are all prescribed and make it"
-        lines.append(f"{name(int(row))} asks for {asked[i]:.6g}, but {because} {made[i]:.6g}")
-    more = f"; and {len(lines) - SHOWN} more" if len(lines) > SHOWN else ""
-    return ConstraintError(
-        f"Constraints contradict each other: {'; '.join(lines[:SHOWN])}{more}. Usually a node is"
-        " constrained twice (two contacts, or a contact and D) with different gaps or values."
-        " Drop one of them, or correct b or x; if the difference is round-off of coordinates, pass"
-        " their size as scale.",
-        dict.fromkeys(int(row) for row in involved),
-    )
-
-
-def _rows(C: Any, b: ArrayLike) -> tuple[sp.csr_matrix, FloatArray]:
-    """Constraint rows in memory of their own, without duplicate entries and explicit zeros."""
-    C = _matrix("C", C)
-    if np.iscomplexobj(C.data):
-        raise InputError("C is complex; constraint rows have to be real.")
-    C = _int32(C.astype(np.float64))  # copies
-    C.sum_duplicates()
-    C.eliminate_zeros()
-    wrong = np.flatnonzero(~np.isfinite(C.data))
-    if len(wrong):
-        row = int(np.searchsorted(C.indptr, wrong[0], side="right")) - 1
-        raise InputError(f"C has NaN or inf in row {row}. Check normals and weights of that row.")
-    b = _vector("b", b, C.shape[0])
-    if np.iscomplexobj(b):
-        raise InputError("b is complex; constraint rows have to be real.")
-    return C, b.astype(np.float64)
-
-
-def _matrix(name: str, value: Any) -> sp.csr_matrix:
-    try:
-        matrix = sp.csr_matrix(value)
-        if matrix.dtype.kind in "fiubc":
-            return matrix
-    except (TypeError, ValueError, IndexError, AttributeError):
-        pass
-    raise InputError(f"{name} is {shown(value)}; give a sparse matrix or an array of numbers")
-
-
-def _vector(name: str, v: ArrayLike, n: int, at: IntArray | None = None) -> NDArray[Any]:
-    """The vector `v` of shape (n,), or its entries `at`; finite, not copied."""
-    array = _array(name, v)
-    if array.shape != (n,):
-        raise InputError(f"{name} has shape {array.shape}, but ({n},) is needed.")
-    if array.dtype.kind not in "fiubc":
-        raise InputError(f"{name} has entries of type {array.dtype}, but numbers are needed.")
-    if at is not None:
-        array = array[at]
-    wrong = np.flatnonzero(~np.isfinite(array))
-    if len(wrong):
-        entry = int(wrong[0] if at is None else at[wrong[0]])
-        raise InputError(f"{name} has NaN or inf in entry {entry}: finite numbers are needed.")
-    return array
-
-
-def _array(name: str, value: Any) -> NDArray[Any]:
-    try:
-        return np.asarray(value)
-    except ValueError:  # nested to different depths
-        raise InputError(f"{name} is {shown(value)}, which is no array: its parts differ.") from None
-
-
-def _mask(prefer: ArrayLike, n: int) -> NDArray[np.bool_]:
-    mask = _array("prefer", prefer)
-    if mask.shape != (n,) or mask.dtype != bool:
-        raise InputError(
-            f"prefer has shape {mask.shape} and type {mask.dtype}; give a mask, one bool for each"
-            f" of the {n} DOFs."
-        )
-    return mask
-
-
-def _dofs(D: Any, n: int) -> IntArray:
-    """Sorted DOF numbers of what scikit-fem calls D: array, DofsView or dict of them."""
-    if D is None:
-        return np.arange(0)
-    dofs = np.arange(0)
-    for part in D.values() if isinstance(D, dict) else (D,):
-        numbers = _array("D", part.flatten() if hasattr(part, "flatten") else part)
-        if numbers.dtype == bool and numbers.shape == (n,):
-            numbers = np.flatnonzero(numbers)
-        if numbers.size and not np.issubdtype(numbers.dtype, np.integer):
-            raise InputError(f"D has to hold DOF numbers, but it has type {numbers.dtype}.")
-        dofs = np.union1d(dofs, numbers.astype(dofs.dtype))
-    if len(dofs) and (dofs[0] < 0 or dofs[-1] >= n):
-        wrong = dofs[0] if dofs[0] < 0 else dofs[-1]
-        raise InputError(f"D names DOF {wrong}, but the DOFs are 0 to {n - 1}.")
-    return dofs

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 from skfem_contact.body import System
 from skfem_contact.contact import Contact
 from skfem_contact.diagnosis import check_pairing, prescribed_rows
-from skfem_contact.kinematics import Kinematics, initial_gap, join, kinematics, pair
+from skfem_contact.discretisation import pair
+from skfem_contact.kinematics import Kinematics, initial_gap, join, kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.pairing import Pairing
 from skfem_contact.rigid import RigidMotions

@@ -15,16 +15,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags, vstack
 
-from skfem_contact.arguments import check_kind, members, numbers
 from skfem_contact.body import System
 from skfem_contact.contact import Contact, field_values
+from skfem_contact.discretisation import carriers
 from skfem_contact.errors import InputError
-from skfem_contact.mortar import dual_mortar
-from skfem_contact.obstacle import Obstacle
-from skfem_contact.pairing import Pairing, node_to_segment
+from skfem_contact.pairing import Pairing
 from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
@@ -52,7 +50,8 @@ class Kinematics:
     tangent : ndarray, shape (m, d-1, d)
     paired, tied : ndarray of bool, shape (m,)
     heir : ndarray of int, shape (m,)
-        The point whose pressure and traction hold at each point: itself in general; see `carriers`.
+        The point whose pressure and traction hold at each point: itself in general; see
+        `discretisation.carriers`.
     action : ndarray, shape (m, d)
         Where the force of each point acts on the secondary: its position in general.
     """
@@ -78,72 +77,6 @@ class Kinematics:
     def tangents(self) -> int:
         """Tangents per point, d - 1 (0 for scalar problems)."""
         return self.B_t.shape[0] // max(self.m, 1)
-
-
-def pair(contact: Contact, *, moved: Sequence[Array] = (), motion: object = None) -> Pairing:
-    """Find the partner of every point of the secondary surface.
-
-    Parameters
-    ----------
-    contact : Contact
-    moved : pair of ndarray, optional
-        Displacements of the secondary and the primary body, for the deformed geometry [length].
-    motion : optional
-        Motion of a rigid obstacle: translation (d,), or (translation, angle, centre).
-    """
-    secondary, primary = contact.secondary, contact.primary
-    if len(moved):
-        secondary = secondary.moved(moved[0])
-    if isinstance(primary, Obstacle):
-        pairing = primary.pair(secondary, motion=motion)
-        return _without_idle(contact, pairing)
-    if len(moved):
-        primary = primary.moved(moved[1])
-    if contact.method == "mortar":
-        return dual_mortar(secondary, primary, reach=contact.reach)
-    return _without_idle(contact, node_to_segment(secondary, primary, reach=contact.reach))
-
-
-def _without_idle(contact: Contact, pairing: Pairing) -> Pairing:
-    """The pairing less points whose force has nothing to do with the pressure.
-
-    The end of a quadratic facet on the axis of symmetry has no area: its force vanishes with any
-    constant pressure, and the sign of what is left is not that of the pressure. Glued, it may stay.
-    """
-    idle = idle_points(contact.secondary)
-    if contact.tied or not (idle & pairing.paired).any():
-        return pairing
-    return replace(
-        pairing,
-        paired=pairing.paired & ~idle,
-        gap=np.where(idle, np.inf, pairing.gap),
-    )
-
-
-def idle_points(surface: ContactSurface) -> NDArray[np.bool_]:
-    """Points whose shape function has integral zero, shape (m,)."""
-    middle = np.zeros(len(surface.points))
-    np.maximum.at(middle, surface.facets, surface.area[surface.facets].max(axis=1)[:, None])
-    return np.asarray(surface.area <= 1e-10 * middle)
-
-
-def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
-    """The point whose pressure holds at each point, shape (m,).
-
-    It is the point itself, except that a node merged by `dual_mortar` takes that of its heir, and
-    one without area that of the middle of its facet.
-    """
-    heir: NDArray[np.intp] = np.arange(len(pairing.gap))
-    at = surface.facets
-    if at.shape[1] == 3:
-        middle = heir.copy()
-        middle[at[:, :2]] = at[:, 2:]
-        lonely = idle_points(surface) & ~pairing.paired
-        heir = np.where(lonely, middle, heir)
-    weights = csr_matrix(pairing.secondary_weights).tocoo()
-    lent = ~pairing.paired[weights.col] & (weights.row != weights.col)
-    heir[weights.col[lent]] = weights.row[lent]
-    return heir
 
 
 def initial_gap(contact: Contact, pairing: Pairing, interference: object = None) -> Array:
@@ -220,105 +153,6 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
         heir=heir,
         **stacked,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class ConstraintRows:
-    """Rows ``C u = b`` with the names of their points; what `condense` takes.
-
-    Attributes
-    ----------
-    C : csr_matrix, shape (k, n)
-    b : ndarray, shape (k,)
-    prefer : ndarray of bool, shape (n,)
-        DOFs of the secondary surfaces: the first choice as pivots.
-    labels : tuple of str
-    scale : float
-        Size of the bodies: gaps below its round-off are zero [length].
-    """
-
-    C: csr_matrix
-    b: Array
-    prefer: NDArray[np.bool_]
-    labels: tuple[str, ...]
-    scale: float = 0.0
-
-
-def contact_rows(
-    system: System, contacts: Sequence[Contact] | Contact, closed: ArrayLike | None = None
-) -> ConstraintRows:
-    """The rows that hold the closed points together, for use without a contact solver.
-
-    Parameters
-    ----------
-    system : System
-        From `stack`.
-    contacts : sequence of Contact
-        A tied contact gives a row per component, any other its normal rows.
-    closed : ndarray of bool, shape (m,), optional
-        Points to hold, over all contacts; by default all that have a partner.
-
-    Returns
-    -------
-    ConstraintRows
-        For `condense`: ``skfem.solve(*condense(system.K, system.f, rows, D=system.D))``.
-
-    Examples
-    --------
-    Two unit squares, one upon the other and glued, pulled at the top:
-
-    >>> import numpy as np
-    >>> import skfem as fem
-    >>> import skfem_contact as sc
-    >>> from skfem.models.elasticity import linear_elasticity
-    >>> e = fem.ElementVector(fem.ElementQuad1())
-    >>> low = fem.MeshQuad().refined(1).with_defaults()
-    >>> top = fem.MeshQuad().refined(2).translated((0, 1)).with_defaults()
-    >>> a = sc.Body(fem.Basis(low, e), linear_elasticity(0, 0.5), D="bottom")
-    >>> basis = fem.Basis(top, e)
-    >>> up = basis.project(lambda x: np.stack([0 * x[0], 0.1 + 0 * x[0]]))
-    >>> b = sc.Body(basis, linear_elasticity(0, 0.5), D="top", x=up)
-    >>> system = sc.stack([a, b])
-    >>> tie = sc.Contact(b.surface("bottom"), a.surface("top"), tied=True)
-    >>> rows = sc.contact_rows(system, tie)
-    >>> u = fem.solve(*sc.condense(system.K, system.f, rows, D=system.D, x=system.x))
-    >>> bool(abs(u[a.surface("top").dofs[:, 1]] - 0.05).max() < 1e-12)
-    True
-    """
-    check_kind(system, System, "system", "make it by stack(bodies)")
-    contacts = members(contacts, Contact, "contacts", "make each by Contact(surface, other, ...)")
-    parts = [kinematics(system, contact, pair(contact)) for contact in contacts]
-    kin = join(parts)
-    held = kin.paired
-    if closed is not None:
-        usage = f"give one bool for each of the {kin.m} points"
-        mask = numbers(closed, "closed", usage)
-        if mask.shape != (kin.m,):
-            raise InputError(f"closed has shape {mask.shape}; {usage}.")
-        held = held & (mask != 0)
-    tangential = np.repeat(held & kin.tied, kin.tangents)
-    names = np.concatenate([point_labels(c, p.m) for c, p in zip(contacts, parts, strict=True)])
-    return ConstraintRows(
-        C=csr_matrix(vstack([kin.B_n[held], kin.B_t[tangential]])),
-        b=np.concatenate([-kin.gap0[held], np.zeros(tangential.sum())]),
-        prefer=secondary_dofs(system, contacts),
-        labels=(*names[held], *np.repeat(names, kin.tangents)[tangential]),
-        scale=system.extent,
-    )
-
-
-def point_labels(contact: Contact, m: int) -> NDArray[np.object_]:
-    """The points of a contact in words."""
-    return np.array([f"point {i} of {contact.label}" for i in range(m)], dtype=object)
-
-
-def secondary_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.bool_]:
-    """Mask of the DOFs on the secondary surfaces, shape (n,)."""
-    mask = np.zeros(system.n, dtype=bool)
-    for contact in contacts:
-        surface = contact.secondary
-        mask[system.offsets[system.index(surface.body)] + surface.dofs] = True
-    return mask
 
 
 def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:

@@ -18,6 +18,7 @@ from skfem_contact.arguments import check_kind, members, shown
 from skfem_contact.body import Body, stack
 from skfem_contact.checkpoint import SavedState, load_state
 from skfem_contact.condensation import Condensed
+from skfem_contact.constraint_rows import point_labels, secondary_dofs
 from skfem_contact.contact import Contact
 from skfem_contact.diagnosis import check_loads
 from skfem_contact.driver import Options
@@ -25,7 +26,7 @@ from skfem_contact.errors import InputError, NoEquilibrium, NotConverged
 from skfem_contact.friction import FrictionLaw
 from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import contact_names, interface, point_slices
-from skfem_contact.kinematics import Kinematics, point_labels, secondary_dofs
+from skfem_contact.kinematics import Kinematics
 from skfem_contact.linear import Direct, single_threaded
 from skfem_contact.loads import LoadCase
 from skfem_contact.multifrontal import Estimate

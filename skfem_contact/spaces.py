@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
-from skfem_contact.constraint import AffineConstraint, eliminate
+from skfem_contact.constraint import AffineConstraint
+from skfem_contact.elimination import eliminate
 from skfem_contact.friction import tangential_matrix
 from skfem_contact.kinematics import FIXED, Kinematics
 

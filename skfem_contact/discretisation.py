@@ -1,0 +1,84 @@
+"""Each contact paired by its discretisation: node-to-segment, dual mortar, or a rigid obstacle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from skfem_contact.contact import Contact
+from skfem_contact.mortar import dual_mortar
+from skfem_contact.obstacle import Obstacle
+from skfem_contact.pairing import Pairing, node_to_segment
+from skfem_contact.surface import ContactSurface
+
+Array = NDArray[np.float64]
+
+
+def pair(contact: Contact, *, moved: Sequence[Array] = (), motion: object = None) -> Pairing:
+    """Find the partner of every point of the secondary surface.
+
+    Parameters
+    ----------
+    contact : Contact
+    moved : pair of ndarray, optional
+        Displacements of the secondary and the primary body, for the deformed geometry [length].
+    motion : optional
+        Motion of a rigid obstacle: translation (d,), or (translation, angle, centre).
+    """
+    secondary, primary = contact.secondary, contact.primary
+    if len(moved):
+        secondary = secondary.moved(moved[0])
+    if isinstance(primary, Obstacle):
+        pairing = primary.pair(secondary, motion=motion)
+        return _without_idle(contact, pairing)
+    if len(moved):
+        primary = primary.moved(moved[1])
+    if contact.method == "mortar":
+        return dual_mortar(secondary, primary, reach=contact.reach)
+    return _without_idle(contact, node_to_segment(secondary, primary, reach=contact.reach))
+
+
+def _without_idle(contact: Contact, pairing: Pairing) -> Pairing:
+    """The pairing less points whose force has nothing to do with the pressure.
+
+    The end of a quadratic facet on the axis of symmetry has no area: its force vanishes with any
+    constant pressure, and the sign of what is left is not that of the pressure. Glued, it may stay.
+    """
+    idle = _idle_points(contact.secondary)
+    if contact.tied or not (idle & pairing.paired).any():
+        return pairing
+    return replace(
+        pairing,
+        paired=pairing.paired & ~idle,
+        gap=np.where(idle, np.inf, pairing.gap),
+    )
+
+
+def _idle_points(surface: ContactSurface) -> NDArray[np.bool_]:
+    """Points whose shape function has integral zero, shape (m,)."""
+    middle = np.zeros(len(surface.points))
+    np.maximum.at(middle, surface.facets, surface.area[surface.facets].max(axis=1)[:, None])
+    return np.asarray(surface.area <= 1e-10 * middle)
+
+
+def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
+    """The point whose pressure holds at each point, shape (m,).
+
+    It is the point itself, except that a node merged by `dual_mortar` takes that of its heir, and
+    one without area that of the middle of its facet.
+    """
+    heir: NDArray[np.intp] = np.arange(len(pairing.gap))
+    at = surface.facets
+    if at.shape[1] == 3:
+        middle = heir.copy()
+        middle[at[:, :2]] = at[:, 2:]
+        lonely = _idle_points(surface) & ~pairing.paired
+        heir = np.where(lonely, middle, heir)
+    weights = csr_matrix(pairing.secondary_weights).tocoo()
+    lent = ~pairing.paired[weights.col] & (weights.row != weights.col)
+    heir[weights.col[lent]] = weights.row[lent]
+    return heir
