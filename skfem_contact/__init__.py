@@ -20,7 +20,7 @@ The modules stand in the order of the theory, and each imports only from those a
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `multifrontal`, `backend`, `amg`,
   `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
 * iterations: `states`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
-* answers: `fields`, `rotation`, `certificate`, `result`;
+* answers: `fields`, `rotation`, `certificate`, `uniqueness`, `result`;
 * the way through a load history: `driver`, `nested`, `stepping`, `steps`, `checkpoint`, `solver`;
 * what is shown: `report`, `stress`, `io`, `plot`.
 

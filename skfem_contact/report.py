@@ -9,6 +9,7 @@ import numpy as np
 from skfem_contact.body import Body
 from skfem_contact.pairing_diagnosis import diagnose
 from skfem_contact.surface import ContactSurface
+from skfem_contact.uniqueness import words
 
 if TYPE_CHECKING:
     from skfem_contact.contact import Contact
@@ -28,6 +29,7 @@ def report(result: ContactResult) -> str:
     if result.rotations:
         turned = ", ".join(f"{name} {angle:.2g} rad" for name, angle in result.rotations.items())
         lines += ["", f"rotation of the contact surfaces (linear bodies follow to 0.1): {turned}"]
+    lines += ["", *other_answers] if (other_answers := words(result)) else []
     lines += ["", "Certificate (dimensionless; round-off where everything holds)"]
     certificate = result.certificate
     lines += str(certificate).splitlines()

@@ -20,6 +20,7 @@ from skfem_contact.loads import LoadCase
 from skfem_contact.rotation import rigid_rotations
 from skfem_contact.states import State
 from skfem_contact.surface import ContactSurface
+from skfem_contact.uniqueness import Uniqueness, uniqueness
 
 Array = NDArray[np.float64]
 
@@ -209,6 +210,8 @@ class ContactResult:
     trace : tuple of Record
     timings : dict
         Seconds by stage.
+    tangential_stiffness : ndarray, shape (m,)
+        Of sticking points, ``inf`` where they stick exactly [force/length].
     factor : float or None
         The number of the load step, where it was one.
     settings : Settings
@@ -230,6 +233,7 @@ class ContactResult:
     iterations: int
     trace: tuple[Record, ...]
     timings: dict[str, float]
+    tangential_stiffness: Array = field(repr=False)
     dissipation_by_contact: Array
     dissipation_before: Array
     recover: Any = field(repr=False)
@@ -328,6 +332,15 @@ class ContactResult:
     def certificate(self) -> Certificate:
         """Dimensionless numbers measured from the answer, for all degrees of freedom."""
         return certify(self)
+
+    @cached_property
+    def uniqueness(self) -> Uniqueness | None:
+        """Whether this load, or loads like it, have other answers; computed when first asked for.
+
+        The critical friction of every point, and the index of this answer, see `Uniqueness`. None
+        where it is not computed: on the sparse route, and where contact rows depend on each other.
+        """
+        return uniqueness(self)
 
     def __getattr__(self, name: str) -> Any:
         # only reached when the result itself has no such attribute

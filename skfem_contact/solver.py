@@ -509,6 +509,7 @@ class ContactSolver:
             iterations=len(walk.trace),
             trace=tuple(walk.trace),
             timings={**self.timings, "loop": seconds},
+            tangential_stiffness=self.interface.stiffness,
             dissipation_by_contact=walk.dissipation,
             dissipation_before=before,
             recover=Recovery(

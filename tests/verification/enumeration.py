@@ -136,6 +136,26 @@ def all_solutions(problem: Problem, tolerance: float = 1e-9) -> list[Solution]:
     return out
 
 
+def piece_signs(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """All 4^m patterns (without caps), and the sign of the determinant of each one's linear problem.
+
+    With forces ``p = (lam, -tau)`` as unknowns and gaps and slips ``z = W p + ...``, an open point has
+    the rows ``p``, a sticking one ``z``, a slipping one ``z_n`` and ``p_t +- mu p_n``:
+    all signs are 1 without friction. Bodies have to be held.
+    """
+    p, m = problem, len(problem.gap0)
+    free = np.setdiff1d(np.arange(len(p.f)), p.D)
+    B = np.concatenate([p.B_n, p.B_t])[:, free]
+    W = B @ np.linalg.solve(p.K[np.ix_(free, free)], B.T)
+    unit = np.eye(2 * m)
+    z_n, z_t, p_n, p_t = W[:m], W[m:] + unit[m:] / p.G, unit[:m], unit[m:]
+    rows = [[p_n, p_t], [z_n, z_t], [z_n, p_t + p.mu * p_n], [z_n, p_t - p.mu * p_n]]
+    left = np.stack([np.stack(pair, 1) for pair in rows], 1)  # point, state, equation, unknown
+    patterns = np.array(list(product(range(4), repeat=m)))
+    A = left[np.arange(m), patterns].swapaxes(1, 2).reshape(len(patterns), 2 * m, 2 * m)
+    return patterns, np.linalg.slogdet(A)[0].astype(int)
+
+
 def distance(solution: Solution, u: np.ndarray, lam: np.ndarray, tau: np.ndarray) -> float:
     """Largest difference of displacements and of forces, each over its largest value."""
     force = max(np.abs(solution.lam).max(), np.abs(solution.tau).max(), np.abs(lam).max())
