@@ -108,7 +108,7 @@ def _linear_words(solver: ContactSolver) -> str:
     points = int(kin.paired.sum())
     rows = points + kin.tangents * int((solver.interface.slipping & kin.paired).sum())
     dofs = len(np.setdiff1d(np.union1d(kin.B_n.indices, kin.B_t.indices), solver.system.D))
-    if solver._condensed():
+    if solver.linear_model.condensed:
         dense = 8e-6 * (2 * dofs**2 + 3 * rows**2)
         factors = 1e-6 * sum(size.memory for size in solver.sizes().values())
         return (
@@ -120,11 +120,12 @@ def _linear_words(solver: ContactSolver) -> str:
         if not isinstance(solver.linear, str)
         else (f"because {dofs} contact DOFs exceed max_candidates = {solver.options.max_candidates}")
     )
-    return f"linear solver {solver._backend!r} on all {solver.system.n} DOFs in every iteration, {why}"
+    backend = solver.linear_model.backend
+    return f"linear solver {backend!r} on all {solver.system.n} DOFs in every iteration, {why}"
 
 
 def _free_words(solver: ContactSolver) -> str:
-    motions = solver.motions
+    motions = solver.linear_model.motions
     if motions.k == 0:
         return "no rigid motion is free: supports alone hold all bodies"
     words = [motions.describe(column) for column in np.eye(motions.k)]

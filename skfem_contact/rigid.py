@@ -16,6 +16,7 @@ from scipy.linalg import block_diag
 from scipy.sparse import csr_matrix
 
 from skfem_contact.body import System
+from skfem_contact.errors import NoEquilibrium
 from skfem_contact.kinematics import Kinematics
 
 Array = NDArray[np.float64]
@@ -111,6 +112,38 @@ def _resistance(K: csr_matrix, R: Array) -> Array:
         return np.zeros((0, R.shape[1]))
     _, values, rows = np.linalg.svd(K @ R / scale, full_matrices=False)
     return rows[values > 1e-14 * np.sqrt(K.shape[0])]
+
+
+def no_equilibrium(
+    motions: RigidMotions, free: Array, when: str, f: Array | None = None
+) -> NoEquilibrium:
+    """The error for bodies that contact does not hold.
+
+    Parameters
+    ----------
+    motions : RigidMotions
+    free : ndarray, shape (k, j)
+        Combinations of modes that nothing holds, from `RigidMotions.free`.
+    when : str
+        Under which circumstances, in words.
+    f : ndarray, shape (n,), optional
+        Load [force]: of several motions the one that it drives is named.
+    """
+    moves = free[:, 0]
+    if f is not None:
+        driven = free @ (free.T @ (motions.modes.T @ f))
+        moves = driven if driven.any() else moves
+    bodies, motion = motions.describe(moves)
+    names = " and ".join(f"'{name}'" for name in bodies)
+    verb = "is" if len(bodies) == 1 else "are together"
+    return NoEquilibrium(
+        f"Body {names} {verb} free to move: {motion}, {when}. Usually a support is missing, "
+        "the load pulls the bodies apart, or friction is too weak for the load. Prescribe a "
+        "DOF (D=...), press the bodies together first, add friction, or hold the body with "
+        "weak springs in K.",
+        bodies,
+        motion,
+    )
 
 
 def null_space(rows: Array) -> Array:

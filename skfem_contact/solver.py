@@ -6,8 +6,7 @@ import copy
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,20 +17,18 @@ from skfem_contact.arguments import check_kind, members, shown
 from skfem_contact.body import Body, stack
 from skfem_contact.checkpoint import SavedState, load_state
 from skfem_contact.condensation import Condensed
-from skfem_contact.constraint_rows import point_labels, secondary_dofs
 from skfem_contact.contact import Contact
 from skfem_contact.diagnosis import check_loads
 from skfem_contact.driver import Options
 from skfem_contact.errors import InputError, NoEquilibrium, NotConverged
 from skfem_contact.friction import FrictionLaw
-from skfem_contact.geometry import Geometry, Placement
+from skfem_contact.geometry import Geometry
 from skfem_contact.interface import contact_names, interface, point_slices
-from skfem_contact.kinematics import Kinematics
-from skfem_contact.linear import Direct, single_threaded
-from skfem_contact.loads import LoadCase
+from skfem_contact.linear_model import LinearModel
 from skfem_contact.multifrontal import Estimate
+from skfem_contact.recovery import Recovery, recover_all
 from skfem_contact.result import ContactResult, Record
-from skfem_contact.rigid import rigid_motions
+from skfem_contact.rigid import no_equilibrium, rigid_motions
 from skfem_contact.rotation import warn_of_rotation
 from skfem_contact.sparse_route import FullSystem
 from skfem_contact.stepping import LOOPS, Attempt, Stepper, Walk, natural_state
@@ -106,135 +103,44 @@ class ContactSolver:
         self.contacts = tuple(members(contacts, Contact, "contacts", usage))
         self.names = contact_names(self.contacts)
         self._stiffness = [body.K for body in self.system.bodies]
-        self._check()
+        for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
+            if isinstance(surface, ContactSurface):
+                self.system.index(surface.body)  # refuses what is no body of this solver
         self.geometry = Geometry(self.system, self.contacts, point_slices(self.contacts))
         self.kin = self.geometry.kin
         self._own_f = np.array(self.system.f)
         self._reader = StepReader(self.system, self.contacts, self.names, self.kin, self._own_f)
-        self._parts: list[Substructure | None] = []
         self.timings = {"setup": 0.0}
         self._set_stiffness()
         self.timings["setup"] = time.perf_counter() - start
 
-    # -- setting up ---------------------------------------------------------------------------
-
-    def _check(self) -> None:
-        for contact in self.contacts:
-            sides = [contact.secondary]
-            if isinstance(contact.primary, ContactSurface):
-                sides.append(contact.primary)
-            for surface in sides:
-                self.system.index(surface.body)
-
-    def _set_stiffness(self) -> None:
-        """Everything that follows from the stiffness and is cheap; the model waits until needed."""
+    def _set_stiffness(self, reuse: Sequence[Substructure | None] = ()) -> None:
+        """Everything that follows from the stiffness and is cheap; condensation waits until needed."""
         self.interface = interface(self.contacts, self.kin, self._stiffness, self.loop)
-        self.motions = rigid_motions(self.system, self.kin, self._stiffness)
-        self._model: Condensed | FullSystem | None = None
-        self._base: Placement | None = None
-        self._stepper = Stepper(self.interface, self.geometry, self._place, self.loop, self.options)
+        self.linear_model = LinearModel(
+            self.geometry,
+            self.interface,
+            self._stiffness,
+            rigid_motions(self.system, self.kin, self._stiffness),
+            self.linear,
+            self.options.max_candidates,
+            self.timings,
+            reuse,
+        )
+        self._stepper = self._new_stepper()
+
+    def _new_stepper(self) -> Stepper:
+        place = self.linear_model.place
+        return Stepper(self.interface, self.geometry, place, self.loop, self.options)
 
     @property
     def model(self) -> Condensed | FullSystem:
-        """The linear side of the problem: what depends on the stiffness alone."""
-        if self._model is None:
-            self._check_support()
-            start = time.perf_counter()
-            with single_threaded():
-                if self._condensed():
-                    wanted = np.union1d(self._touched(), self.geometry.surface_dofs)
-                    self._model = Condensed(self.system, self._stiffness, wanted, self._parts)
-                    self._parts = list(self._model.parts)
-                else:
-                    self._model = FullSystem(self.system, self._stiffness, self._backend)
-            self.timings["condensation"] = time.perf_counter() - start
-        return self._model
+        """The linear problem of the bodies without contact; condensed when first asked for."""
+        return self.linear_model.bodies
 
     def sizes(self) -> dict[str, Estimate]:
         """What the factorisation of each body in contact will take, before anything is computed."""
-        wanted = np.union1d(self._touched(), self.geometry.surface_dofs)
-        out = {}
-        for i, (body, name) in enumerate(zip(self.system.bodies, self.system.names, strict=True)):
-            span = self.system.slice(body)
-            mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
-            mine = np.setdiff1d(mine, body.D)
-            if len(mine):
-                out[name] = Substructure(body, self._stiffness[i], mine).estimate()
-        return out
-
-    @property
-    def _backend(self) -> Any:
-        """The solver of the sparse route; "auto" has come to it by the number of candidates."""
-        return Direct() if isinstance(self.linear, str) else self.linear
-
-    def _touched(self) -> NDArray[np.intp]:
-        """DOFs that occur in the rows of points with a partner."""
-        kin = self.kin
-        slips = np.repeat(kin.paired & self.interface.slipping, kin.tangents)
-        return np.union1d(kin.B_n[kin.paired].indices, kin.B_t[slips].indices)
-
-    def _place(self, kin: Kinematics | None, u: Array | None) -> Placement:
-        """The contact problem on a pairing; without one, on that of the undeformed bodies."""
-        if kin is None and self._base is not None:
-            return self._base
-        model = self.model
-        start = time.perf_counter()
-        with single_threaded():
-            rows = model.attach(
-                self.kin if kin is None else kin,
-                self.interface.slipping,
-                self._prefer,
-                self._labels,
-            )
-        spent = time.perf_counter() - start
-        self.timings["contact problem"] = self.timings.get("contact problem", 0.0) + spent
-        if kin is None:
-            self._base = Placement(self.kin, rows, self.motions, None)
-            return self._base
-        return Placement(kin, rows, self.motions.seen_by(kin), u)
-
-    @cached_property
-    def _prefer(self) -> NDArray[np.bool_]:
-        return secondary_dofs(self.system, self.contacts)
-
-    @cached_property
-    def _labels(self) -> list[str]:
-        parts = self.interface.parts
-        sizes = [part.stop - part.start for part in parts]
-        named = [point_labels(c, m) for c, m in zip(self.contacts, sizes, strict=True)]
-        return [str(label) for label in np.concatenate(named)]
-
-    def _condensed(self) -> bool:
-        if not isinstance(self.linear, str):
-            return False
-        if self.linear not in ("auto", "condensed"):
-            raise InputError(
-                f"linear = {self.linear!r} is neither 'auto' nor 'condensed'; a backend is "
-                "given as an object, Direct() or AMG(), or as a callable solver(A, b)."
-            )
-        return self.linear == "condensed" or len(self._touched()) <= self.options.max_candidates
-
-    def _check_support(self) -> None:
-        free = self.motions.free(self.kin.paired, self.interface.slipping & self.kin.paired)
-        if free.shape[1] and not self.geometry.follows:
-            raise self._no_equilibrium(free, "even with every contact point closed")
-
-    def _no_equilibrium(self, free: Array, when: str, f: Array | None = None) -> NoEquilibrium:
-        moves = free[:, 0]
-        if f is not None:  # of several free motions the one that the load drives
-            driven = free @ (free.T @ (self.motions.modes.T @ f))
-            moves = driven if driven.any() else moves
-        bodies, motion = self.motions.describe(moves)
-        names = " and ".join(f"'{name}'" for name in bodies)
-        verb = "is" if len(bodies) == 1 else "are together"
-        return NoEquilibrium(
-            f"Body {names} {verb} free to move: {motion}, {when}. Usually a support is missing, "
-            "the load pulls the bodies apart, or friction is too weak for the load. Prescribe a "
-            "DOF (D=...), press the bodies together first, add friction, or hold the body with "
-            "weak springs in K.",
-            bodies,
-            motion,
-        )
+        return self.linear_model.sizes()
 
     def __str__(self) -> str:
         from skfem_contact.report import dry_run  # it is about solvers, and stands after them
@@ -243,10 +149,7 @@ class ContactSolver:
 
     def prepare(self) -> ContactSolver:
         """Do now what the first load step would do once: condense the bodies. Returns the solver."""
-        if self.geometry.follows:
-            self.model  # noqa: B018 (made when first asked for)
-        else:
-            self._place(None, None)
+        self.linear_model.prepare()
         return self
 
     def with_friction(
@@ -301,13 +204,8 @@ class ContactSolver:
         twin._reader = StepReader(self.system, twin.contacts, self.names, self.kin, twin._own_f)
         twin.timings = {"setup": 0.0}
         twin.interface = interface(twin.contacts, self.kin, twin._stiffness, self.loop)
-        if np.array_equal(twin.interface.slipping, self.interface.slipping):
-            self.prepare()
-            twin._model, twin._base = self._model, self._base
-        else:
-            twin._model, twin._base = None, None
-        twin._parts = list(twin._model.parts) if isinstance(twin._model, Condensed) else []
-        twin._stepper = Stepper(twin.interface, self.geometry, twin._place, self.loop, self.options)
+        twin.linear_model = self.linear_model.with_interface(twin.interface, twin.timings)
+        twin._stepper = twin._new_stepper()
         return twin
 
     def _position(self, contact: Contact | str) -> int:
@@ -525,7 +423,8 @@ class ContactSolver:
     def _failure(self, attempt: Attempt, result: ContactResult) -> NoEquilibrium | NotConverged:
         if attempt.outcome.free is not None:
             free, f = attempt.outcome.free, attempt.case.f
-            error = self._no_equilibrium(free, "with the forces that contact can carry", f)
+            when = "with the forces that contact can carry"
+            error = no_equilibrium(self.linear_model.motions, free, when, f)
             error.result = result
             return error
         return NotConverged(
@@ -570,9 +469,9 @@ class ContactSolver:
         if K is None:
             return
         self._stiffness[i] = checked.K
-        if self._parts:
-            self._parts[i] = None
-        self._set_stiffness()
+        self._set_stiffness(
+            [None if k == i else part for k, part in enumerate(self.linear_model.parts)]
+        )
 
     def recover(self, results: Iterable[ContactResult]) -> list[Array]:
         """Displacements of all bodies for many results of this solver in one go.
@@ -585,33 +484,8 @@ class ContactSolver:
         list of ndarray, shape (n,)
         """
         results = members(results, ContactResult, "results", "give results of this solver")
-        waiting = [r for r in results if "u" not in r.__dict__]
-        for rows in {id(r.recover.rows): r.recover.rows for r in waiting}.values():
-            group = [r for r in waiting if r.recover.rows is rows]
-            with single_threaded():
-                u = rows.recover(
-                    [r.recover.load for r in group],
-                    [r.case for r in group],
-                    np.column_stack([r.recover.solution for r in group]),
-                )
-            for result, displacement in zip(group, u, strict=True):
-                result.__dict__["u"] = displacement
+        recover_all(results)
         return [r.u for r in results]
-
-
-@dataclass(frozen=True, eq=False)
-class Recovery:
-    """What it takes to recover the displacements of all bodies for one result, when asked for."""
-
-    rows: Any
-    load: Any
-    case: LoadCase
-    solution: Array
-
-    def __call__(self) -> Array:
-        with single_threaded():
-            u: Array = self.rows.recover([self.load], [self.case], self.solution[:, None])[0]
-        return u
 
 
 def _with_progress(steps: Iterable[Any], progress: bool) -> Iterable[Any]:

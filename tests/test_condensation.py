@@ -50,7 +50,7 @@ def test_condensed_and_sparse_routes_agree(kind, floating, method, mu):
     """Gaps and slips, or all DOFs as unknowns: the same displacements and forces along a path."""
     settings = {"kind": kind, "floating": floating, "method": method, "mu": mu}
     dense, sparse = scene(**settings), scene(**settings, linear=sc.Direct())
-    assert isinstance(dense._place(None, None).rows, PointRows)
+    assert isinstance(dense.linear_model.place(None, None).rows, PointRows)
     for a, b in zip(dense.history([0.5, 1.0, 0.3]), sparse.history([0.5, 1.0, 0.3]), strict=True):
         # round-off times the condition number of the bodies
         assert_allclose(a.u, b.u, atol=1e-9 * np.abs(b.u).max())
@@ -143,7 +143,7 @@ def chain(linear="auto", mu=0.2):
 def test_rows_that_depend_on_each_other(make, mu):
     """Corners with friction and doubled rows are solved on contact DOFs, as by the sparse route."""
     dense, sparse = make(mu=mu), make(mu=mu, linear=sc.Direct())
-    assert isinstance(dense._place(None, None).rows, ContactDofRows)
+    assert isinstance(dense.linear_model.place(None, None).rows, ContactDofRows)
     a, b = dense.solve(), sparse.solve()
     assert_allclose(a.u, b.u, atol=1e-9 * np.abs(b.u).max())
     total = [sum(v.forces.sum(axis=0) for v in r.values) for r in (a, b)]
@@ -154,7 +154,7 @@ def test_rows_that_depend_on_each_other(make, mu):
 def test_frictionless_corners():
     """Without friction a corner node has one row per direction, and both walls their force."""
     held = corner(D=True)
-    assert isinstance(held._place(None, None).rows, PointRows)
+    assert isinstance(held.linear_model.place(None, None).rows, PointRows)
     for solver in (corner(), corner(linear=sc.Direct())):
         result = solver.solve()
         assert_allclose(result["floor"].force, [0, 2e-3], atol=1e-14)

@@ -1,0 +1,188 @@
+"""`LinearModel`: the bodies, condensed once or taken whole, and the contact problem put upon them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from skfem_contact.condensation import Condensed
+from skfem_contact.constraint_rows import point_labels, secondary_dofs
+from skfem_contact.errors import InputError
+from skfem_contact.geometry import Geometry, Placement
+from skfem_contact.interface import Interface
+from skfem_contact.kinematics import Kinematics
+from skfem_contact.linear import Direct, single_threaded
+from skfem_contact.multifrontal import Estimate
+from skfem_contact.rigid import RigidMotions, no_equilibrium
+from skfem_contact.sparse_route import FullSystem
+from skfem_contact.substructure import Substructure
+
+Array = NDArray[np.float64]
+
+
+class LinearModel:
+    """What depends on the stiffness and not on loads; nothing is factorised before it is needed.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Its bodies, contacts, and pairing of the undeformed bodies.
+    interface : Interface
+    stiffness : sequence of csr_matrix
+        Of each body.
+    motions : RigidMotions
+        Those that supports and stiffness leave free.
+    linear : "auto", "condensed", a backend or a solver callable
+        As for `ContactSolver`.
+    max_candidates : int
+        DOFs of contact rows up to which "auto" condenses.
+    timings : dict
+        Seconds by stage are added here.
+    reuse : sequence of Substructure or None
+        Bodies that are still as they were condensed.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        interface: Interface,
+        stiffness: Sequence[csr_matrix],
+        motions: RigidMotions,
+        linear: Any,
+        max_candidates: int,
+        timings: dict[str, float],
+        reuse: Sequence[Substructure | None] = (),
+    ) -> None:
+        self.geometry, self.interface = geometry, interface
+        self.system, self.kin = geometry.system, geometry.kin
+        self.stiffness = tuple(stiffness)
+        self.motions = motions
+        self.linear, self.max_candidates = linear, max_candidates
+        self.timings = timings
+        self._reuse = list(reuse)
+        self._bodies: Condensed | FullSystem | None = None
+        self._base: Placement | None = None
+
+    def with_interface(self, interface: Interface, timings: dict[str, float]) -> LinearModel:
+        """The same bodies under other friction laws; shared, where the laws need the same rows."""
+        same = np.array_equal(interface.slipping, self.interface.slipping)
+        twin = LinearModel(
+            self.geometry,
+            interface,
+            self.stiffness,
+            self.motions,
+            self.linear,
+            self.max_candidates,
+            timings,
+        )
+        if same:
+            self.prepare()
+            twin._bodies, twin._base = self._bodies, self._base
+        return twin
+
+    def prepare(self) -> None:
+        """Do now what the first load step would do once."""
+        if self.geometry.follows:
+            self.bodies  # noqa: B018 (made when first asked for)
+        else:
+            self.place(None, None)
+
+    @property
+    def bodies(self) -> Condensed | FullSystem:
+        """The linear problem of the bodies without contact, made when first asked for."""
+        if self._bodies is None:
+            self._check_support()
+            start = time.perf_counter()
+            with single_threaded():
+                if self.condensed:
+                    self._bodies = Condensed(self.system, self.stiffness, self._wanted(), self._reuse)
+                else:
+                    self._bodies = FullSystem(self.system, self.stiffness, self.backend)
+            self.timings["condensation"] = time.perf_counter() - start
+        return self._bodies
+
+    @property
+    def parts(self) -> list[Substructure | None]:
+        """The bodies as condensed so far; empty where they are not."""
+        return list(self._bodies.parts) if isinstance(self._bodies, Condensed) else list(self._reuse)
+
+    @property
+    def condensed(self) -> bool:
+        """Whether the bodies are condensed to their contact DOFs, or solved with all of them."""
+        if not isinstance(self.linear, str):
+            return False
+        if self.linear not in ("auto", "condensed"):
+            raise InputError(
+                f"linear = {self.linear!r} is neither 'auto' nor 'condensed'; a backend is "
+                "given as an object, Direct() or AMG(), or as a callable solver(A, b)."
+            )
+        return self.linear == "condensed" or len(self._touched()) <= self.max_candidates
+
+    @property
+    def backend(self) -> Any:
+        """The solver of the sparse route; "auto" has come to it by the number of candidates."""
+        return Direct() if isinstance(self.linear, str) else self.linear
+
+    def sizes(self) -> dict[str, Estimate]:
+        """What the factorisation of each body in contact will take, before anything is computed."""
+        wanted = self._wanted()
+        out = {}
+        for i, (body, name) in enumerate(zip(self.system.bodies, self.system.names, strict=True)):
+            span = self.system.slice(body)
+            mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
+            mine = np.setdiff1d(mine, body.D)
+            if len(mine):
+                out[name] = Substructure(body, self.stiffness[i], mine).estimate()
+        return out
+
+    def place(self, kin: Kinematics | None, u: Array | None) -> Placement:
+        """The contact problem on a pairing; without one, on that of the undeformed bodies."""
+        if kin is None and self._base is not None:
+            return self._base
+        bodies = self.bodies
+        start = time.perf_counter()
+        with single_threaded():
+            rows = bodies.attach(
+                self.kin if kin is None else kin,
+                self.interface.slipping,
+                self._prefer,
+                self._labels,
+            )
+        spent = time.perf_counter() - start
+        self.timings["contact problem"] = self.timings.get("contact problem", 0.0) + spent
+        if kin is None:
+            self._base = Placement(self.kin, rows, self.motions, None)
+            return self._base
+        return Placement(kin, rows, self.motions.seen_by(kin), u)
+
+    def _wanted(self) -> NDArray[np.intp]:
+        """DOFs that contact rows may touch: those of now, and of surfaces that slide far."""
+        return np.union1d(self._touched(), self.geometry.surface_dofs)
+
+    def _touched(self) -> NDArray[np.intp]:
+        """DOFs that occur in the rows of points with a partner."""
+        kin = self.kin
+        slips = np.repeat(kin.paired & self.interface.slipping, kin.tangents)
+        return np.union1d(kin.B_n[kin.paired].indices, kin.B_t[slips].indices)
+
+    @cached_property
+    def _prefer(self) -> NDArray[np.bool_]:
+        return secondary_dofs(self.system, self.geometry.contacts)
+
+    @cached_property
+    def _labels(self) -> list[str]:
+        contacts, parts = self.geometry.contacts, self.interface.parts
+        sizes = [part.stop - part.start for part in parts]
+        named = [point_labels(c, m) for c, m in zip(contacts, sizes, strict=True)]
+        return [str(label) for label in np.concatenate(named)]
+
+    def _check_support(self) -> None:
+        free = self.motions.free(self.kin.paired, self.interface.slipping & self.kin.paired)
+        if free.shape[1] and not self.geometry.follows:
+            raise no_equilibrium(self.motions, free, "even with every contact point closed")
