@@ -167,9 +167,9 @@ def test_the_route_follows_the_number_of_candidates():
     many = sc.ContactSolver(
         plain.system.bodies, plain.contacts, options=sc.Options(max_candidates=3), linear="auto"
     )
-    assert plain._condensed() and not many._condensed()
+    assert plain.linear_model.condensed and not many._condensed()
     forced = sc.ContactSolver(
         plain.system.bodies, plain.contacts, options=sc.Options(max_candidates=3), linear="condensed"
     )
-    assert forced._condensed()
+    assert forced.linear_model.condensed
     assert_allclose(many.solve().u, plain.solve().u, atol=1e-11)
