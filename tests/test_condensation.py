@@ -167,7 +167,7 @@ def test_the_route_follows_the_number_of_candidates():
     many = sc.ContactSolver(
         plain.system.bodies, plain.contacts, options=sc.Options(max_candidates=3), linear="auto"
     )
-    assert plain.linear_model.condensed and not many._condensed()
+    assert plain.linear_model.condensed and not many.linear_model.condensed
     forced = sc.ContactSolver(
         plain.system.bodies, plain.contacts, options=sc.Options(max_candidates=3), linear="condensed"
     )
