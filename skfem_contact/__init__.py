@@ -21,8 +21,8 @@ The modules stand in the order of the theory, and each imports only from those a
   `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
 * iterations: `states`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
 * answers: `fields`, `rotation`, `certificate`, `uniqueness`, `result`;
-* the way through a load history: `driver`, `linear_model`, `nested`, `stepping`, `steps`,
-  `checkpoint`, `recovery`, `solver`;
+* the way through a load history: `driver`, `linear_model`, `nested`, `starts`, `attempt`,
+  `stepping`, `steps`, `checkpoint`, `recovery`, `solver`;
 * what is shown: `report`, `stress`, `io`, `plot`.
 
 Closed forms to compare with are in `reference`, which needs none of these.

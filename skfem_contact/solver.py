@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import check_kind, members, shown
+from skfem_contact.attempt import Attempt, Walk
 from skfem_contact.body import Body, stack
 from skfem_contact.checkpoint import SavedState, load_state
 from skfem_contact.condensation import Condensed
@@ -31,7 +32,8 @@ from skfem_contact.result import ContactResult, Record
 from skfem_contact.rigid import no_equilibrium, rigid_motions
 from skfem_contact.rotation import warn_of_rotation
 from skfem_contact.sparse_route import FullSystem
-from skfem_contact.stepping import LOOPS, Attempt, Stepper, Walk, natural_state
+from skfem_contact.starts import natural_state
+from skfem_contact.stepping import LOOPS, Stepper
 from skfem_contact.steps import Settings, StepReader
 from skfem_contact.substructure import Substructure
 from skfem_contact.surface import ContactSurface

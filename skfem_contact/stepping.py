@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,26 +19,24 @@ from numpy.typing import NDArray
 
 from skfem_contact import loops
 from skfem_contact.anderson import Anderson
+from skfem_contact.attempt import Attempt, Walk, friction_work
 from skfem_contact.driver import Options, Outcome, drive
 from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import Interface
 from skfem_contact.kinematics import Kinematics
-from skfem_contact.lemke import MOST_POINTS, lemke_guess
-from skfem_contact.linear import single_threaded
 from skfem_contact.loads import LoadCase
-from skfem_contact.nested import nested_guess
 from skfem_contact.result import Record
-from skfem_contact.states import OPEN, SLIP, STICK, Guess, State, Step
+from skfem_contact.starts import NEWTON_ITERATIONS, admissible, possible_starts, starting_values
+from skfem_contact.states import OPEN, State, Step
+from skfem_contact.threads import single_threaded
 
 Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
 
 LOOPS = {"newton": loops.newton, "direct": loops.direct, "fictitious": loops.fictitious}
-# Where an attempt at a load step begins, in this order.
-STARTS = ("warm", "cold", "newton", "pivoting")
 # Iterations without progress after which an attempt is given up; `fictitious` only creeps.
 PATIENCE = {"newton": 30, "direct": 30, "fictitious": None}
-ITERATIONS = {"newton": 80, "direct": 150, "fictitious": 2000}
+ITERATIONS = {"newton": NEWTON_ITERATIONS, "direct": 150, "fictitious": 2000}
 
 # What a step is cut to, of the distance that points may slide; and from which multiple of it on the
 # first round, on a pairing that is only predicted, is believed.
@@ -50,52 +48,6 @@ PLAIN = 3
 EDGE = 5
 # A point that slides over just one facet per step does so up to this.
 ROUND_OFF = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Attempt:
-    """One attempt at a load: how the loop ended, and on which pairing."""
-
-    outcome: Outcome
-    placement: Placement
-    load: Any
-    case: LoadCase
-    seen: LoadCase
-    state: State
-    gap: Array
-    mismatch: float = 0.0
-    failure: str = ""
-    travel: float = 0.0  # of the point that slid furthest, over what is allowed
-
-    @property
-    def good(self) -> bool:
-        """Whether the load was reached."""
-        return self.outcome.converged and not self.failure
-
-    @property
-    def stopped(self) -> bool:
-        """Whether the user's callback ended it."""
-        return self.outcome.stopped
-
-
-@dataclass(eq=False)
-class Walk:
-    """The way from a state to a load, so far."""
-
-    state: State
-    case: LoadCase
-    dissipation: Array
-    trace: list[Record] = field(default_factory=list)
-    cuts: int = 0
-    substeps: int = 1
-    share: float = 1.0  # of the step that is attempted next
-
-    @property
-    def words(self) -> str:
-        """How the step was cut, for messages."""
-        if not self.cuts:
-            return ""
-        return f", step cut {self.cuts} times, substep {self.substeps}"
 
 
 @dataclass(eq=False)
@@ -129,7 +81,7 @@ class Stepper:
         """Go from a state under `case` to `target`; the last attempt says whether it arrived."""
         walk = Walk(state, case, np.zeros(len(self.interface.parts)))
         known = warm
-        starts = [start for start in self._starts() if known is not None or start != "warm"]
+        starts = [start for start in self.starts() if known is not None or start != "warm"]
         done, share, fails = 0.0, 1.0, 0
         smallest = 0.5**self.options.max_cuts
         linear = all(law.is_linear for _, law in self.interface.laws)
@@ -140,11 +92,12 @@ class Stepper:
             attempt = self._attempt(walk, here, starts[0], known or walk.state, callback)
             walk.trace.extend(attempt.outcome.trace)
             if attempt.good:
-                walk.dissipation = walk.dissipation + self._dissipation(walk.state, attempt.state)
+                work = friction_work(self.interface, walk.state, attempt.state)
+                walk.dissipation = walk.dissipation + work
                 walk.state, walk.case, done = attempt.state, here, aim
                 if done >= 1.0:
                     return attempt, walk
-                known, starts, fails = walk.state, self._starts(), 0
+                known, starts, fails = walk.state, self.starts(), 0
                 walk.substeps += 1
                 share = min(grown(share, attempt.travel), 1.0 - done)
             elif attempt.outcome.free is not None and "pivoting" in starts and complete:
@@ -166,17 +119,11 @@ class Stepper:
                 fails += 1
                 reason = attempt.failure or attempt.outcome.message
                 logger.info("step cut to %.4g of its size: %s", share, reason)
-                known, starts = walk.state, self._starts()
+                known, starts = walk.state, self.starts()
 
-    def _starts(self) -> list[str]:
-        """Where attempts may begin.
-
-        Newton only for the loop `direct`, whose lagged limits settle slowly near gross slip;
-        pivoting only on problems small enough for its tableau.
-        """
-        few = len(self.interface.stiffness) <= MOST_POINTS
-        useful = {"warm": True, "cold": True, "newton": self.loop == "direct", "pivoting": few}
-        return [start for start in STARTS if useful[start]]
+    def starts(self) -> list[str]:
+        """Where attempts may begin, in this order."""
+        return possible_starts(len(self.interface.stiffness), self.loop)
 
     def _attempt(
         self,
@@ -271,7 +218,7 @@ class Stepper:
                 stiffness=interface.stiffness,
                 last=walk.state,
             )
-            guess, spent = self._guess(start, known, step, kin)
+            guess, spent = starting_values(start, known, step, kin, options.tolerance)
             guess = admissible(guess, step)
             limit = options.max_iterations or ITERATIONS[self.loop]
             run = LOOPS[self.loop]
@@ -282,38 +229,6 @@ class Stepper:
             outcome = replace(outcome, trace=(*(spent.trace if spent else ()), *outcome.trace))
             state = self._state(outcome, walk, placement, load, case)
         return Attempt(outcome, placement, load, case, seen, state, outcome.iterate.response.gap)
-
-    def _guess(
-        self, start: str, known: State, step: Step, kin: Kinematics
-    ) -> tuple[Guess, Outcome | None]:
-        """Starting values, and how another loop came to them."""
-        if start == "warm":
-            return as_guess(known), None
-        if start == "newton":
-            first = admissible(as_guess(known), step)
-            most = ITERATIONS["newton"]
-            found = drive(loops.newton, step, first, self.options.tolerance, most)
-            it, there = found.iterate, found.iterate.response
-            return Guess(
-                it.status, it.direction, there.normal_force, there.tangential_force, there.slip
-            ), found
-        if start == "pivoting":
-            pivoted = lemke_guess(step, as_guess(known))
-            if pivoted is not None:
-                return pivoted, None
-        return self._cold(step, step.load.gap0, kin), None
-
-    def _cold(self, step: Step, gap0: Array, kin: Kinematics) -> Guess:
-        """Nothing known: points that touch are closed and stick; where few do, a nested start."""
-        zero = np.zeros((kin.m, kin.tangents))
-        touching = step.paired & (gap0 <= 0)
-        status = np.where(touching | step.tied, STICK, OPEN)
-        guess = Guess(status, zero, np.zeros(kin.m), zero, zero)
-        if touching.sum() > 0.5 * step.paired.sum():
-            return guess
-        # the coarse levels only look for the zone: exact sticking, whatever the loop
-        exact = replace(step, stiffness=np.full(kin.m, np.inf))
-        return nested_guess(exact, guess, loops.newton, kin.points, self.options.tolerance)
 
     def _state(
         self, outcome: Outcome, walk: Walk, placement: Placement, load: Any, case: LoadCase
@@ -336,20 +251,6 @@ class Stepper:
             (surface - last.surface) / walk.share,
         )
 
-    def _dissipation(self, last: State, new: State) -> Array:
-        """Trapezoidal work of friction on the plastic slip, per contact [energy].
-
-        The rule that closes the energy balance of a step whose external work is trapezoidal too.
-        """
-        G = self.interface.stiffness[:, None]
-        elastic = np.where(np.isfinite(G), (new.tangential_force - last.tangential_force) / G, 0.0)
-        mean = 0.5 * (last.tangential_force + new.tangential_force)
-        work = np.sum(mean * (new.slip - last.slip - elastic), axis=1)
-        # a point that opens slides under a force that falls to zero, so it counts as well
-        touched = (new.status != OPEN) | (last.status != OPEN)
-        work = np.where(self.interface.frictional & touched, work, 0.0)
-        return np.array([work[part].sum() for part in self.interface.parts])
-
 
 def grown(share: float, travel: float) -> float:
     """The share to try after a success: twice as much, but no further than points may slide."""
@@ -361,28 +262,3 @@ def without_points(kin: Kinematics, lost: NDArray[np.bool_]) -> Kinematics:
     if not lost.any():
         return kin
     return replace(kin, paired=kin.paired & ~lost, gap0=np.where(lost, np.inf, kin.gap0))
-
-
-def natural_state(kin: Kinematics, surface: int) -> State:
-    """Before any load: nothing is known to touch, no slip, no friction."""
-    zero = np.zeros((kin.m, kin.tangents))
-    none = np.zeros(surface)
-    return State(np.zeros(kin.m, dtype=int), zero, zero, np.zeros(kin.m), zero, none, none)
-
-
-def as_guess(state: State) -> Guess:
-    """Starting values from a state."""
-    size = np.linalg.norm(state.tangential_force, axis=1)
-    slips = (state.status == SLIP) & (size > 0)
-    status = np.where((state.status == SLIP) & ~slips, STICK, state.status)
-    unit = state.tangential_force / np.where(slips, size, 1.0)[:, None]
-    direction = np.where(slips[:, None], unit, 0.0)
-    return Guess(status, direction, state.normal_force, state.tangential_force, state.slip)
-
-
-def admissible(guess: Guess, step: Step) -> Guess:
-    """The guess without points that have lost their partner, and with all tied points."""
-    status = np.where(step.paired, guess.status, OPEN)
-    status = np.where(step.tied, STICK, status)
-    direction = np.where((status == SLIP)[:, None], guess.direction, 0.0)
-    return replace(guess, status=status, direction=direction)

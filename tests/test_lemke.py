@@ -11,7 +11,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact import lemke as module
-from skfem_contact import stepping
+from skfem_contact import starts
 from skfem_contact.lemke import lemke
 
 
@@ -134,7 +134,7 @@ def test_the_starting_values_are_the_answer(law: object, monkeypatch: pytest.Mon
     contact = sc.Contact(body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=law)
     usual = sc.ContactSolver(body, contact).solve()
     assert {0, 2} <= set(usual.status.tolist())  # open and sliding at least
-    monkeypatch.setattr(stepping, "STARTS", ("pivoting", "pivoting"))
+    monkeypatch.setattr(starts, "STARTS", ("pivoting", "pivoting"))
     result = sc.ContactSolver(body, contact).solve()
     assert result.iterations == 1
     assert (result.status == usual.status).all()
@@ -150,7 +150,7 @@ def test_a_history_starts_from_the_state_of_friction(monkeypatch: pytest.MonkeyP
     )
     way = (1.0, 0.6, 0.9)
     usual = list(sc.ContactSolver(body, contact).history(way))
-    monkeypatch.setattr(stepping, "STARTS", ("pivoting", "pivoting"))
+    monkeypatch.setattr(starts, "STARTS", ("pivoting", "pivoting"))
     for a, b in zip(usual, sc.ContactSolver(body, contact).history(way), strict=True):
         assert np.abs(a.u - b.u).max() < 1e-10 * np.abs(a.u).max()
         assert b.iterations <= a.iterations
@@ -159,12 +159,10 @@ def test_a_history_starts_from_the_state_of_friction(monkeypatch: pytest.MonkeyP
 def test_what_the_method_does_not_cover_is_declined(monkeypatch: pytest.MonkeyPatch) -> None:
     """Too many points: no starting values, and the loop goes on with others."""
     answers = []
-    own = stepping.lemke_guess
-    monkeypatch.setattr(stepping, "STARTS", ("pivoting", "pivoting"))
+    own = starts.lemke_guess
+    monkeypatch.setattr(starts, "STARTS", ("pivoting", "pivoting"))
     monkeypatch.setattr(module, "MOST_POINTS", 3)
-    monkeypatch.setattr(
-        stepping, "lemke_guess", lambda *args: answers.append(own(*args)) or answers[-1]
-    )
+    monkeypatch.setattr(starts, "lemke_guess", lambda *args: answers.append(own(*args)) or answers[-1])
     body = block()
     contact = sc.Contact(
         body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.4)

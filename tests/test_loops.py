@@ -17,8 +17,8 @@ from skfem_contact.points import PointSpace
 from skfem_contact.rigid import RigidMotions
 from skfem_contact.rules import hold, propose
 from skfem_contact.spaces import Conditions, Load
+from skfem_contact.starts import natural_state
 from skfem_contact.states import OPEN, SLIP, STICK, Guess, Step
-from skfem_contact.stepping import natural_state
 
 LOOPS = {"newton": newton, "direct": direct, "fictitious": fictitious}
 K_N, K_T, MU = 4.0, 3.0, 0.5

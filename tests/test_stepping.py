@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact import stepping
+from skfem_contact import starts, stepping
+from skfem_contact.starts import as_guess
 from skfem_contact.states import SLIP, STICK
-from skfem_contact.stepping import as_guess
 
 
 def scene(**settings):
@@ -47,8 +47,8 @@ def test_a_failed_step_is_cut_and_recovered(monkeypatch):
     """Half a step and then the rest end where the whole step would, with the dissipation of both."""
     solver, _ = scene()
     halves = list(solver.history([0.5, 1.0]))
-    starts = len(solver._stepper._starts()) - 1  # the first step of a history has no warm start
-    failing(monkeypatch, lambda count: count <= starts)
+    attempts = len(solver._stepper.starts()) - 1  # the first step of a history has no warm start
+    failing(monkeypatch, lambda count: count <= attempts)
     [result] = list(scene()[0].history([1.0]))
     assert result.converged and "step cut 1 times" in result.message
     assert_allclose(result.u, halves[-1].u, atol=1e-14)
@@ -62,7 +62,7 @@ def test_cutting_ends(monkeypatch):
     solver, _ = scene(options=sc.Options(max_cuts=2))
     with pytest.raises(sc.NotConverged, match=r"refused by the test, step cut 2 times"):
         solver.solve()
-    assert count[0] <= 3 * len(stepping.STARTS)
+    assert count[0] <= 3 * len(starts.STARTS)
 
 
 def test_results_already_yielded_are_kept(monkeypatch):

@@ -1,0 +1,102 @@
+"""Where the iterations of a load step begin: warm, cold (nested), by another loop, or by pivoting."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact import loops
+from skfem_contact.driver import Outcome, drive
+from skfem_contact.kinematics import Kinematics
+from skfem_contact.lemke import MOST_POINTS, lemke_guess
+from skfem_contact.nested import nested_guess
+from skfem_contact.states import OPEN, SLIP, STICK, Guess, State, Step
+
+Array = NDArray[np.float64]
+
+# Where an attempt at a load step begins, in this order.
+STARTS = ("warm", "cold", "newton", "pivoting")
+# Iterations that Newton may take where another loop begins from its answer.
+NEWTON_ITERATIONS = 80
+
+
+def possible_starts(points: int, loop: str) -> list[str]:
+    """Where attempts may begin.
+
+    Newton only for the loop `direct`, whose lagged limits settle slowly near gross slip;
+    pivoting only on problems small enough for its tableau.
+    """
+    few = points <= MOST_POINTS
+    useful = {"warm": True, "cold": True, "newton": loop == "direct", "pivoting": few}
+    return [start for start in STARTS if useful[start]]
+
+
+def starting_values(
+    start: str, known: State, step: Step, kin: Kinematics, tolerance: float
+) -> tuple[Guess, Outcome | None]:
+    """Starting values, and how another loop came to them.
+
+    Parameters
+    ----------
+    start : {"warm", "cold", "newton", "pivoting"}
+    known : State
+        The last known state, which a warm start repeats.
+    step : Step
+    kin : Kinematics
+    tolerance : float
+        To which other loops are run.
+    """
+    if start == "warm":
+        return as_guess(known), None
+    if start == "newton":
+        first = admissible(as_guess(known), step)
+        found = drive(loops.newton, step, first, tolerance, NEWTON_ITERATIONS)
+        it, there = found.iterate, found.iterate.response
+        return Guess(
+            it.status, it.direction, there.normal_force, there.tangential_force, there.slip
+        ), found
+    if start == "pivoting":
+        pivoted = lemke_guess(step, as_guess(known))
+        if pivoted is not None:
+            return pivoted, None
+    return _cold(step, kin, tolerance), None
+
+
+def _cold(step: Step, kin: Kinematics, tolerance: float) -> Guess:
+    """Nothing known: points that touch are closed and stick; where few do, a nested start."""
+    zero = np.zeros((kin.m, kin.tangents))
+    touching = step.paired & (step.load.gap0 <= 0)
+    status = np.where(touching | step.tied, STICK, OPEN)
+    guess = Guess(status, zero, np.zeros(kin.m), zero, zero)
+    if touching.sum() > 0.5 * step.paired.sum():
+        return guess
+    # the coarse levels only look for the zone: exact sticking, whatever the loop
+    exact = replace(step, stiffness=np.full(kin.m, np.inf))
+    return nested_guess(exact, guess, loops.newton, kin.points, tolerance)
+
+
+def natural_state(kin: Kinematics, surface: int) -> State:
+    """Before any load: nothing is known to touch, no slip, no friction."""
+    zero = np.zeros((kin.m, kin.tangents))
+    none = np.zeros(surface)
+    return State(np.zeros(kin.m, dtype=int), zero, zero, np.zeros(kin.m), zero, none, none)
+
+
+def as_guess(state: State) -> Guess:
+    """Starting values from a state."""
+    size = np.linalg.norm(state.tangential_force, axis=1)
+    slips = (state.status == SLIP) & (size > 0)
+    status = np.where((state.status == SLIP) & ~slips, STICK, state.status)
+    unit = state.tangential_force / np.where(slips, size, 1.0)[:, None]
+    direction = np.where(slips[:, None], unit, 0.0)
+    return Guess(status, direction, state.normal_force, state.tangential_force, state.slip)
+
+
+def admissible(guess: Guess, step: Step) -> Guess:
+    """The guess without points that have lost their partner, and with all tied points."""
+    status = np.where(step.paired, guess.status, OPEN)
+    status = np.where(step.tied, STICK, status)
+    direction = np.where((status == SLIP)[:, None], guess.direction, 0.0)
+    return replace(guess, status=status, direction=direction)
