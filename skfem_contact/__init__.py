@@ -10,25 +10,25 @@ A scikit-fem script has bases, a stiffness and a load; five lines more and its b
 
 The modules stand in the order of the theory, and each imports only from those above it:
 
-* what the user gives: `errors`, `arguments`, `inputs`, `selection`, `body`, `facets`,
-  `normals`, `surface`;
+* what the user gives: `errors`, `arguments`, `inputs`, `selection`, `body`, `system`,
+  `facets`, `normals`, `surface`;
 * what meets what: `search`, `projection`, `closest`, `pairing`, `strips`, `segmentation`, `dual`,
   `mortar`, `pairing_diagnosis`, `obstacle`, `rigid_shapes`, `level_set`;
 * the contact conditions: `friction`, `contact`, `discretisation`, `loads`, `kinematics`, `diagnosis`,
   `interface`, `rigid`, `pivoting`, `constraint_inputs`, `constraint`, `elimination`, `skfem_solve`,
   `constraint_rows`;
-* linear algebra: `threads`, `singular`, `ordering`, `fronts`, `multifrontal`, `backend`, `amg`,
-  `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
+* linear algebra: `threads`, `singular`, `ordering`, `fronts`, `front_assembly`, `multifrontal`,
+  `backend`, `amg`, `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
 * iterations: `states`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
 * answers: `fields`, `rotation`, `certificate`, `uniqueness`, `result`;
 * the way through a load history: `driver`, `linear_model`, `nested`, `starts`, `attempt`,
   `stepping`, `steps`, `checkpoint`, `recovery`, `solver`;
-* what is shown: `report`, `stress`, `io`, `plot`.
+* what is shown: `report`, `stress`, `io`, `drawing`, `plot_bodies`, `plot_contacts`.
 
 Closed forms to compare with are in `reference`, which needs none of these.
 """
 
-from skfem_contact.body import Body, System, stack
+from skfem_contact.body import Body
 from skfem_contact.certificate import Certificate
 from skfem_contact.checkpoint import SavedState, save_state
 from skfem_contact.constraint import AffineConstraint
@@ -49,13 +49,15 @@ from skfem_contact.io import write, write_series
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.level_set import LevelSet
 from skfem_contact.linear import AMG, Direct
-from skfem_contact.plot import plot_contact, plot_deformed, plot_history
+from skfem_contact.plot_bodies import plot_deformed
+from skfem_contact.plot_contacts import plot_contact, plot_history
 from skfem_contact.result import ContactResult
 from skfem_contact.rigid_shapes import RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.skfem_solve import condense
 from skfem_contact.solver import ContactSolver
 from skfem_contact.stress import nodal_stress, von_mises
 from skfem_contact.surface import ContactSurface
+from skfem_contact.system import System, stack
 
 __all__ = [
     "AMG",

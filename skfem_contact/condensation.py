@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, block_diag, cho_factor, cho_solve, lu_factor, lu_solve
 from scipy.sparse import csr_matrix, vstack
 
-from skfem_contact.body import System
 from skfem_contact.kinematics import FIXED, Kinematics, without_columns
 from skfem_contact.linear import Dense
 from skfem_contact.loads import LoadCase
 from skfem_contact.points import PointSpace
 from skfem_contact.spaces import Load, SparseSpace
 from skfem_contact.substructure import Components, Substructure
+from skfem_contact.system import System
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.arguments import check_kind, members, numbers
-from skfem_contact.body import System
 from skfem_contact.contact import Contact
 from skfem_contact.discretisation import pair
 from skfem_contact.errors import InputError
 from skfem_contact.kinematics import join, kinematics
+from skfem_contact.system import System
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.body import System
 from skfem_contact.contact import Contact
 from skfem_contact.errors import ConstraintError, ContactWarning, InputError
 from skfem_contact.kinematics import FIXED, Kinematics
@@ -17,6 +16,7 @@ from skfem_contact.pairing import Pairing
 from skfem_contact.pairing_diagnosis import diagnose
 from skfem_contact.selection import place
 from skfem_contact.surface import ContactSurface
+from skfem_contact.system import System
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

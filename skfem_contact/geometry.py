@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.body import System
 from skfem_contact.contact import Contact
 from skfem_contact.diagnosis import check_pairing, prescribed_rows
 from skfem_contact.discretisation import pair
@@ -31,6 +30,7 @@ from skfem_contact.pairing import Pairing
 from skfem_contact.rigid import RigidMotions
 from skfem_contact.states import State
 from skfem_contact.surface import ContactSurface
+from skfem_contact.system import System
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags, vstack
 
-from skfem_contact.body import System
 from skfem_contact.contact import Contact, field_values
 from skfem_contact.discretisation import carriers
 from skfem_contact.errors import InputError
 from skfem_contact.pairing import Pairing
 from skfem_contact.surface import ContactSurface
+from skfem_contact.system import System
 
 Array = NDArray[np.float64]
 

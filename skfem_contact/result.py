@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.body import System, suggest
 from skfem_contact.certificate import Certificate, certify
 from skfem_contact.contact import Contact
 from skfem_contact.errors import InputError
 from skfem_contact.fields import closed_area, displaced, edge_positions, interpolate
+from skfem_contact.inputs import suggest
 from skfem_contact.interface import point_slices
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.rotation import rigid_rotations
 from skfem_contact.states import State
 from skfem_contact.surface import ContactSurface
+from skfem_contact.system import System
 from skfem_contact.uniqueness import Uniqueness, uniqueness
 
 Array = NDArray[np.float64]

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.sparse import csr_matrix
 
-from skfem_contact.body import System
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.kinematics import Kinematics
+from skfem_contact.system import System
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.body import System
 from skfem_contact.contact import Contact
 from skfem_contact.errors import ContactWarning
 from skfem_contact.geometry import surface_dofs
 from skfem_contact.surface import ContactSurface
+from skfem_contact.system import System
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.arguments import check_kind, members, shown
 from skfem_contact.attempt import Attempt, Walk
-from skfem_contact.body import Body, stack
+from skfem_contact.body import Body
 from skfem_contact.checkpoint import SavedState, load_state
 from skfem_contact.condensation import Condensed
 from skfem_contact.contact import Contact
@@ -37,6 +37,7 @@ from skfem_contact.stepping import LOOPS, Stepper
 from skfem_contact.steps import Settings, StepReader
 from skfem_contact.substructure import Substructure
 from skfem_contact.surface import ContactSurface
+from skfem_contact.system import stack
 
 Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag as dense_block_diag
 from scipy.sparse import block_diag, csr_matrix
 
-from skfem_contact.body import System
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.linear import as_linear_solver
 from skfem_contact.loads import LoadCase
 from skfem_contact.spaces import Load, SparseSpace
+from skfem_contact.system import System
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import numbers, shown
-from skfem_contact.body import System, suggest
 from skfem_contact.contact import Contact, field_values
 from skfem_contact.errors import InputError
+from skfem_contact.inputs import suggest
 from skfem_contact.interface import point_slices
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase, Motion
+from skfem_contact.system import System
 
 Array = NDArray[np.float64]
 KEYS = ("f", "x", "interference", "motion")

@@ -9,8 +9,9 @@ import skfem as fem
 from skfem.models.elasticity import linear_elasticity
 from skfem.models.poisson import laplace
 
-from skfem_contact.body import Body, stack
+from skfem_contact.body import Body
 from skfem_contact.errors import ContactWarning, InputError
+from skfem_contact.system import stack
 
 ELASTIC = linear_elasticity()
 MESH = fem.MeshQuad().refined(2).with_defaults()
