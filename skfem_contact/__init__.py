@@ -22,7 +22,7 @@ The modules stand in the order of the theory, and each imports only from those a
 * iterations: `states`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
 * answers: `fields`, `rotation`, `certificate`, `uniqueness`, `result`;
 * the way through a load history: `driver`, `linear_model`, `nested`, `starts`, `attempt`,
-  `stepping`, `steps`, `checkpoint`, `recovery`, `solver`;
+  `stepping`, `steps`, `checkpoint`, `recovery`, `load_step`, `solver`;
 * what is shown: `report`, `stress`, `io`, `drawing`, `plot_bodies`, `plot_contacts`.
 
 Closed forms to compare with are in `reference`, which needs none of these.

@@ -173,11 +173,11 @@ class LinearModel:
 
     @cached_property
     def _prefer(self) -> NDArray[np.bool_]:
-        return secondary_dofs(self.system, self.geometry.contacts)
+        return secondary_dofs(self.system, self.interface.contacts)
 
     @cached_property
     def _labels(self) -> list[str]:
-        contacts, parts = self.geometry.contacts, self.interface.parts
+        contacts, parts = self.interface.contacts, self.interface.parts
         sizes = [part.stop - part.start for part in parts]
         named = [point_labels(c, m) for c, m in zip(contacts, sizes, strict=True)]
         return [str(label) for label in np.concatenate(named)]

@@ -14,27 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import check_kind, members, shown
-from skfem_contact.attempt import Attempt, Walk
 from skfem_contact.body import Body
 from skfem_contact.checkpoint import SavedState, load_state
 from skfem_contact.condensation import Condensed
 from skfem_contact.contact import Contact
-from skfem_contact.diagnosis import check_loads
 from skfem_contact.driver import Options
-from skfem_contact.errors import InputError, NoEquilibrium, NotConverged
+from skfem_contact.errors import InputError
 from skfem_contact.friction import FrictionLaw
 from skfem_contact.geometry import Geometry
 from skfem_contact.interface import contact_names, interface, point_slices
 from skfem_contact.linear_model import LinearModel
+from skfem_contact.load_step import LoadStep
 from skfem_contact.multifrontal import Estimate
-from skfem_contact.recovery import Recovery, recover_all
+from skfem_contact.recovery import recover_all
 from skfem_contact.result import ContactResult, Record
-from skfem_contact.rigid import no_equilibrium, rigid_motions
-from skfem_contact.rotation import warn_of_rotation
+from skfem_contact.rigid import rigid_motions
 from skfem_contact.sparse_route import FullSystem
-from skfem_contact.starts import natural_state
 from skfem_contact.stepping import LOOPS, Stepper
-from skfem_contact.steps import Settings, StepReader
+from skfem_contact.steps import StepReader
 from skfem_contact.substructure import Substructure
 from skfem_contact.surface import ContactSurface
 from skfem_contact.system import stack
@@ -130,11 +127,12 @@ class ContactSolver:
             self.timings,
             reuse,
         )
-        self._stepper = self._new_stepper()
+        self._load_step = self._new_load_step()
 
-    def _new_stepper(self) -> Stepper:
-        place = self.linear_model.place
-        return Stepper(self.interface, self.geometry, place, self.loop, self.options)
+    def _new_load_step(self) -> LoadStep:
+        model, options = self.linear_model, self.options
+        stepper = Stepper(self.interface, self.geometry, model.place, self.loop, options)
+        return LoadStep(model, stepper, self._reader)
 
     @property
     def model(self) -> Condensed | FullSystem:
@@ -208,7 +206,7 @@ class ContactSolver:
         twin.timings = {"setup": 0.0}
         twin.interface = interface(twin.contacts, self.kin, twin._stiffness, self.loop)
         twin.linear_model = self.linear_model.with_interface(twin.interface, twin.timings)
-        twin._stepper = twin._new_stepper()
+        twin._load_step = twin._new_load_step()
         return twin
 
     def _position(self, contact: Contact | str) -> int:
@@ -257,7 +255,7 @@ class ContactSolver:
             Carrying the last result.
         """
         for what, given in (("start", start), ("guess", guess)):
-            self._check_start(given, what)
+            self._load_step.check_start(given, what)
         own = self._reader.initial()
         if start is not None:  # obstacles stay where the state before has them
             kept = start.settings
@@ -268,7 +266,7 @@ class ContactSolver:
             x=self._reader.vector("x", x, own.x, self.system.x),
             factor=own.factor if f is None and x is None else None,
         )
-        return self._step(settings, start, guess, callback, throw)
+        return self._load_step.solve(settings, start, guess, callback, throw)
 
     def history(
         self,
@@ -304,7 +302,7 @@ class ContactSolver:
         ContactWarning
             A body has turned by more than linear elasticity follows.
         """
-        self._check_start(start, "start")
+        self._load_step.check_start(start, "start")
         settings = self._reader.initial() if start is None else start.settings
         before = start
         if not isinstance(steps, Iterable) or getattr(steps, "shape", None) == ():
@@ -313,35 +311,9 @@ class ContactSolver:
             )
         for step in _with_progress(steps, progress):
             settings = self._reader.read(step, settings)
-            before = self._step(settings, before, None, None, True)
+            before = self._load_step.solve(settings, before, None, None, True)
             logger.info("step %s: %s", step if np.ndim(step) == 0 else "", before.message)
             yield before
-
-    def _step(
-        self,
-        settings: Settings,
-        start: ContactResult | SavedState | None,
-        guess: ContactResult | SavedState | None,
-        callback: Callable[[Record], object] | None,
-        throw: bool,
-    ) -> ContactResult:
-        begin = time.perf_counter()
-        target = self._reader.case(settings)
-        check_loads(self.system, self.contacts, self.names, self.interface.parts, self.kin, target)
-        if start is None:
-            state = natural_state(self.kin, len(self.geometry.surface_dofs))
-            case = self._reader.unloaded()
-        else:
-            state, case = start.state, start.case
-        warm = guess or start
-        attempt, walk = self._stepper.advance(
-            state, case, target, None if warm is None else warm.state, callback
-        )
-        result = self._result(attempt, walk, start, settings, time.perf_counter() - begin)
-        warn_of_rotation(result.rotations)
-        if result.converged or not throw:
-            return result
-        raise self._failure(attempt, result)
 
     def load_state(self, path: str | Path) -> SavedState:
         """A state written by `save_state`, as the ``start`` of ``solve`` or ``history``.
@@ -367,76 +339,6 @@ class ContactSolver:
                 ...
         """
         return load_state(path, self.system.n, self.interface.parts)
-
-    def _check_start(self, start: ContactResult | SavedState | None, what: str) -> None:
-        if start is None:
-            return
-        usage = "give what solve(...) returned, or load_state(...)"
-        check_kind(start, (ContactResult, SavedState), what, usage)
-        m, n = len(start.state.status), len(start.case.f)
-        if m != self.kin.m or n != self.system.n:
-            raise InputError(
-                f"{what} has {m} contact points and {n} DOFs, this solver "
-                f"{self.kin.m} and {self.system.n}. A state can be carried over only between "
-                "solvers of the same bodies and contacts, in the same order."
-            )
-
-    def _result(
-        self,
-        attempt: Attempt,
-        walk: Walk,
-        start: ContactResult | SavedState | None,
-        settings: Settings,
-        seconds: float,
-    ) -> ContactResult:
-        before = np.zeros(len(self.contacts))
-        if start is not None:
-            before = start.dissipation_before + start.dissipation_by_contact
-        message = attempt.failure or attempt.outcome.message
-        case = attempt.case
-        return ContactResult(
-            system=self.system,
-            contacts=self.contacts,
-            names=self.names,
-            kin=attempt.placement.kin,
-            stiffness=tuple(self._stiffness),
-            case=case,
-            seen=attempt.seen,
-            state=attempt.state,
-            gap=attempt.gap,
-            mismatch=attempt.mismatch,
-            converged=attempt.good,
-            message=message + walk.words,
-            iterations=len(walk.trace),
-            trace=tuple(walk.trace),
-            timings={**self.timings, "loop": seconds},
-            tangential_stiffness=self.interface.stiffness,
-            dissipation_by_contact=walk.dissipation,
-            dissipation_before=before,
-            recover=Recovery(
-                attempt.placement.rows,
-                attempt.load,
-                case,
-                attempt.outcome.iterate.response.solution,
-            ),
-            settings=settings,
-            factor=settings.factor,
-        )
-
-    def _failure(self, attempt: Attempt, result: ContactResult) -> NoEquilibrium | NotConverged:
-        if attempt.outcome.free is not None:
-            free, f = attempt.outcome.free, attempt.case.f
-            when = "with the forces that contact can carry"
-            error = no_equilibrium(self.linear_model.motions, free, when, f)
-            error.result = result
-            return error
-        return NotConverged(
-            f"The loop '{self.loop}' did not converge: {result.message}. Usually the load has no "
-            "equilibrium or several (a large coefficient of friction), or the step is too large "
-            "for its path. Try smaller load steps in history(...), another loop, or a smaller mu; "
-            "the last state is in `.result` of this exception.",
-            result,
-        )
 
     def update(self, body: Body | str, *, K: Any = None, f: Any = None) -> None:
         """Replace the stiffness or the load of one body; only that body is condensed again.
