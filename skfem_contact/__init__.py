@@ -20,7 +20,7 @@ The modules stand in the order of the theory, and each imports only from those a
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `front_assembly`, `multifrontal`,
   `backend`, `amg`, `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
 * iterations: `states`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
-* answers: `fields`, `rotation`, `certificate`, `uniqueness`, `result`;
+* answers: `fields`, `rotation`, `certificate`, `uniqueness`, `misfit`, `estimate`, `result`;
 * the way through a load history: `driver`, `linear_model`, `nested`, `starts`, `attempt`,
   `stepping`, `steps`, `checkpoint`, `recovery`, `load_step`, `solver`;
 * what is shown: `report`, `stress`, `io`, `drawing`, `plot_bodies`, `plot_contacts`.
@@ -44,6 +44,7 @@ from skfem_contact.errors import (
     NoEquilibrium,
     NotConverged,
 )
+from skfem_contact.estimate import ErrorEstimate, ErrorSources
 from skfem_contact.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.io import write, write_series
 from skfem_contact.kinematics import Kinematics
@@ -74,6 +75,8 @@ __all__ = [
     "ContactWarning",
     "Coulomb",
     "Direct",
+    "ErrorEstimate",
+    "ErrorSources",
     "FrictionLaw",
     "InputError",
     "Kinematics",

@@ -15,7 +15,7 @@ import numpy as np
 import skfem
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
-from skfem.assembly import CellBasis
+from skfem.assembly import BilinearForm, CellBasis
 
 from skfem_contact.arguments import check_name
 from skfem_contact.errors import InputError
@@ -65,6 +65,8 @@ class Body:
         Sorted, without repetitions.
     x : ndarray, shape (n,)
         Zero where not prescribed.
+    form : BilinearForm or None
+        What `K` was assembled from, where it was one; the error estimate measures energy by it.
 
     Raises
     ------
@@ -90,6 +92,7 @@ class Body:
     x: np.ndarray
     measure: Callable[[np.ndarray], np.ndarray] | None
     name: str | None
+    form: BilinearForm | None
 
     def __init__(
         self,
@@ -119,6 +122,7 @@ class Body:
             "x": prescribed_values(x, numbers, D is None, basis, whose),
             "measure": measure,
             "name": name,
+            "form": K if isinstance(K, BilinearForm) else None,
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)

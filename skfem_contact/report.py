@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skfem_contact.body import Body
+from skfem_contact.estimate import percent
 from skfem_contact.pairing_diagnosis import diagnose
 from skfem_contact.surface import ContactSurface
 from skfem_contact.uniqueness import words
@@ -63,10 +65,21 @@ def _contact_lines(result: ContactResult, values: ContactValues) -> list[str]:
             f"  energy lost by friction  {values.dissipation:.6g} in this step, "
             f"{values.dissipation_total:.6g} in all"
         )
+    if values.points.shape[1] == 2 and np.any(values.status != 0):
+        lines += _error_lines(values)
     open_gaps = values.gap[(values.status == 0) & np.isfinite(values.gap)]
     if len(open_gaps):
         lines.append(f"  smallest open gap        {open_gaps.min():.6g}")
     return lines
+
+
+def _error_lines(values: ContactValues) -> list[str]:
+    error = values.error_estimate
+    found = f"pressure {percent(error.pressure.total)}"
+    if values.friction_stress.any():
+        found += f", with friction {percent(error.traction.total)}"
+    lines = [f"  estimated error          {found} in L2"]
+    return lines + [f"    {line}" for line in textwrap.wrap(error.advice, 92)]
 
 
 def _counts(count: list[int]) -> str:

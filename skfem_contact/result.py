@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.certificate import Certificate, certify
 from skfem_contact.contact import Contact
 from skfem_contact.errors import InputError
+from skfem_contact.estimate import ErrorEstimate, estimate
 from skfem_contact.fields import closed_area, displaced, edge_positions, interpolate
 from skfem_contact.inputs import suggest
 from skfem_contact.interface import point_slices
@@ -97,6 +99,7 @@ class ContactValues:
     action: Array
     dissipation: float
     dissipation_total: float
+    assess: Callable[[ContactValues], ErrorEstimate] = field(repr=False)
 
     @property
     def pressure(self) -> Array:
@@ -109,6 +112,11 @@ class ContactValues:
         on the axis of symmetry.
         """
         return self._over_area(self.normal_force)
+
+    @property
+    def friction_stress(self) -> Array:
+        """Friction over tributary area along the tangents, shape (m, d-1) [stress]."""
+        return self._over_area(self.tangential_force)
 
     def _over_area(self, force: Array) -> Array:
         area = self.area[self.heir].reshape(-1, *[1] * (force.ndim - 1))
@@ -159,6 +167,11 @@ class ContactValues:
         if self.points.shape[1] != 2:
             return float(self.area[self.status != 0].sum())
         return closed_area(self._placed, self.status != 0, self.gap)
+
+    @cached_property
+    def error_estimate(self) -> ErrorEstimate:
+        """Estimated discretisation error of pressure and friction; see `estimate`. In 2-D."""
+        return self.assess(self)
 
     def interpolate(self, values: ArrayLike, points: ArrayLike) -> Array:
         """A field over the points (``pressure``, ``traction``, ``slip``, ...) between them.
@@ -309,6 +322,7 @@ class ContactResult:
             action=kin.action[part],
             dissipation=float(self.dissipation_by_contact[i]),
             dissipation_total=float(self.dissipation_before[i] + self.dissipation_by_contact[i]),
+            assess=lambda values: estimate(self, values),
         )
 
     @property
@@ -367,9 +381,11 @@ FORWARDED = frozenset(
         "area",
         "contact_area",
         "contact_edges",
+        "error_estimate",
         "force",
         "force_on_primary",
         "forces",
+        "friction_stress",
         "integrate",
         "interpolate",
         "moment",
