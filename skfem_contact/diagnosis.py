@@ -13,7 +13,7 @@ from skfem_contact.errors import ConstraintError, ContactWarning, InputError
 from skfem_contact.kinematics import FIXED, Kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.pairing import Pairing
-from skfem_contact.pairing_diagnosis import diagnose
+from skfem_contact.pairing_diagnosis import diagnose, say_wrong_side
 from skfem_contact.selection import place
 from skfem_contact.surface import ContactSurface
 from skfem_contact.system import System
@@ -44,6 +44,19 @@ def check_pairing(contact: Contact, pairing: Pairing) -> None:
     if contact.outside == "error" and not nobody:
         words += ' They are an error because of outside="error"; outside="open" leaves them out.'
     raise InputError(words)
+
+
+def check_side(contact: Contact, pairing: Pairing) -> None:
+    """Refuse an obstacle whose normal is the wrong way round; glue may be on either side.
+
+    Raises
+    ------
+    InputError
+    """
+    if contact.rigid and not contact.tied:
+        wrong = say_wrong_side(pairing, contact.secondary, contact.primary)
+        if wrong:
+            raise InputError(wrong)
 
 
 def prescribed_rows(B: Array, D: NDArray[np.intp]) -> Mask:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.contact import Contact
-from skfem_contact.diagnosis import check_pairing, prescribed_rows
+from skfem_contact.diagnosis import check_pairing, check_side, prescribed_rows
 from skfem_contact.discretisation import pair
 from skfem_contact.kinematics import Kinematics, initial_gap, join, kinematics
 from skfem_contact.loads import LoadCase
@@ -70,6 +70,7 @@ class Geometry:
         self.pairings: list[Pairing] = [pair(contact) for contact in contacts]
         for contact, pairing in zip(contacts, self.pairings, strict=True):
             check_pairing(contact, pairing)
+            check_side(contact, pairing)
         self._first = [
             kinematics(system, contact, pairing)
             for contact, pairing in zip(contacts, self.pairings, strict=True)

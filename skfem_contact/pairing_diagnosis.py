@@ -61,6 +61,24 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
     return lines
 
 
+def say_wrong_side(pairing: Pairing, secondary: ContactSurface, primary: Any) -> str:
+    """Say that all points look away from a rigid obstacle; empty if that is not so.
+
+    A plane takes every point, whichever way it looks. If all look along its normal, the body lies
+    where the plane is solid: a small gap is then taken for a small overlap, and pressing the body on
+    would lift it off, so that nothing later shows the mistake.
+    """
+    facing = np.einsum("md,md->m", pairing.normal, secondary.normals)
+    if not pairing.paired.any() or np.any(facing[pairing.paired] < FACING):
+        return ""
+    return (
+        f"All {np.count_nonzero(pairing.paired)} points of surface {secondary.label!r} that "
+        f"{primary.label!r} takes look away from it: both have the normal "
+        f"{place(pairing.normal[int(np.argmax(pairing.paired))])}. The normal of an obstacle points "
+        "out of it, towards the body; reverse it, or take the other side of the body."
+    )
+
+
 def _say_beyond(pairing: Pairing, secondary: ContactSurface, primary: Any, beyond: np.ndarray) -> str:
     worst = int(np.argmax(np.where(beyond, pairing.miss, -1.0)))
     miss = pairing.miss[worst]

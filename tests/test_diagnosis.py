@@ -147,6 +147,32 @@ def test_an_obstacle_is_never_secondary():
         sc.Contact(punch.surface("bottom"), "floor")
 
 
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+@pytest.mark.parametrize("angle", [0.0, 0.7, 2.9])
+@pytest.mark.parametrize("gap", [-0.02, 0.0, 0.01])
+def test_a_plane_the_wrong_way_round(gap, angle, sliding):
+    """A normal into the plane makes gaps overlaps, and is refused at any gap and angle; not so glue."""
+    c, s = np.cos(angle), np.sin(angle)
+    mesh = fem.MeshQuad().refined(2).with_defaults()
+    mesh = type(mesh)(np.array([[c, -s], [s, c]]) @ mesh.p, mesh.t, _boundaries=mesh.boundaries)
+    body = sc.Body(fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1())), STIFFNESS, name="punch")
+    bottom, up = body.surface("bottom"), np.array([-s, c])
+    right, wrong = (sc.RigidPlane(-gap * up, sign * up, name="floor") for sign in (1, -1))
+    sc.ContactSolver(body, sc.Contact(bottom, right, sliding=sliding))
+    words = "All 5 points of surface 'punch/bottom' that 'floor' takes look away from it"
+    with pytest.raises(sc.InputError, match=words):
+        sc.ContactSolver(body, sc.Contact(bottom, wrong, sliding=sliding))
+    sc.ContactSolver(body, sc.Contact(bottom, wrong, tied=True))
+
+
+def test_a_plane_takes_points_that_look_elsewhere():
+    """The flank of a block may stand on a floor with its last point, a whole outline with a side."""
+    body = block("punch")
+    for where in ("left", ["left", "bottom", "right", "top"]):
+        solver = sc.ContactSolver(body, sc.Contact(body.surface(where), FLOOR))
+        assert solver.kin.paired.all()
+
+
 def test_empty_and_degenerate_surfaces():
     """A surface without facets, an unknown name, a facet without length."""
     body = block("punch", D="top")
