@@ -170,7 +170,10 @@ class SparseSpace:
             self._factor = self._factorize(K_r, trial, spd=test is trial)
             self._key = key
         u = trial.expand(self._factor.solve(f_r))
-        p = test.multipliers(K @ u - f)
+        p = np.zeros(len(names))
+        p[trial.rows_kept] = test.multipliers(K @ u - f)[
+            trial.rows_kept if test is trial else slice(None)
+        ]
         return self._response(conditions, load, u, p, closed, tangential)
 
     @cached_property
@@ -197,8 +200,10 @@ class SparseSpace:
         columns = np.arange(m * t)
         spread = csr_matrix((coupling.ravel(), (columns // t, columns)), shape=(m, m * t))
         rows = self.kin.B_n - spread @ self.kin.B_t
-        test = vstack([rows.tocsr()[closed], C[len(closed) :]]).tocsr()
-        return eliminate(test, np.zeros(C.shape[0]), self.D, None, prefer=self.prefer)
+        # which rows follow from the others is decided once: of two normals that differ by round-off
+        # one row is left, though with friction the two forces may differ by more than that
+        test = vstack([rows.tocsr()[closed], C[len(closed) :]]).tocsr()[trial.rows_kept]
+        return eliminate(test, np.zeros(test.shape[0]), self.D, None, prefer=self.prefer)
 
     def _factorize(self, K_r: csr_matrix, trial: Any, spd: bool) -> Any:
         points = None if self.points is None else self.points[trial.independent]

@@ -16,7 +16,7 @@ from skfem_contact.states import OPEN, SLIP, STICK, Guess, State, Step
 
 Array = NDArray[np.float64]
 
-# Where an attempt at a load step begins, in this order.
+# Where an attempt at a load step begins, in this order; "apart" only where contacts exclude each other.
 STARTS = ("warm", "cold", "newton", "pivoting")
 # Iterations that Newton may take where another loop begins from its answer.
 NEWTON_ITERATIONS = 80
@@ -40,7 +40,7 @@ def starting_values(
 
     Parameters
     ----------
-    start : {"warm", "cold", "newton", "pivoting"}
+    start : {"warm", "cold", "newton", "pivoting", "apart"}
     known : State
         The last known state, which a warm start repeats.
     step : Step
@@ -61,20 +61,34 @@ def starting_values(
         pivoted = lemke_guess(step, as_guess(known))
         if pivoted is not None:
             return pivoted, None
-    return _cold(step, kin, tolerance), None
+    return _cold(step, kin, tolerance, apart=start == "apart"), None
 
 
-def _cold(step: Step, kin: Kinematics, tolerance: float) -> Guess:
-    """Nothing known: points that touch are closed and stick; where few do, a nested start."""
+def _cold(step: Step, kin: Kinematics, tolerance: float, apart: bool = False) -> Guess:
+    """Nothing known: points that touch are closed and stick; where few do, a nested start.
+
+    `apart`: of the points that several contacts have at one node only the deepest.
+    """
     zero = np.zeros((kin.m, kin.tangents))
     touching = step.paired & (step.load.gap0 <= 0)
+    if apart:
+        touching &= deepest(step.load.gap0, kin.points)
     status = np.where(touching | step.tied, STICK, OPEN)
     guess = Guess(status, zero, np.zeros(kin.m), zero, zero)
-    if touching.sum() > 0.5 * step.paired.sum():
+    if apart or touching.sum() > 0.5 * step.paired.sum():
         return guess
     # the coarse levels only look for the zone: exact sticking, whatever the loop
     exact = replace(step, stiffness=np.full(kin.m, np.inf))
     return nested_guess(exact, guess, loops.newton, kin.points, tolerance)
+
+
+def deepest(gap: Array, points: Array) -> NDArray[np.bool_]:
+    """Of all points at one place that with the smallest gap, shape (m,)."""
+    order = np.argsort(gap, kind="stable")
+    _, first = np.unique(points[order], axis=0, return_index=True)
+    chosen = np.zeros(len(gap), dtype=bool)
+    chosen[order[first]] = True
+    return chosen
 
 
 def natural_state(kin: Kinematics, surface: int) -> State:

@@ -21,6 +21,7 @@ from skfem_contact import loops
 from skfem_contact.anderson import Anderson
 from skfem_contact.attempt import Attempt, Walk, friction_work
 from skfem_contact.driver import Options, Outcome, drive
+from skfem_contact.errors import ConstraintError
 from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import Interface
 from skfem_contact.kinematics import Kinematics
@@ -89,7 +90,14 @@ class Stepper:
         while True:
             aim = min(1.0, done + share)
             here, walk.share = case.towards(target, aim), aim - done
-            attempt = self._attempt(walk, here, starts[0], known or walk.state, callback)
+            try:
+                attempt = self._attempt(walk, here, starts[0], known or walk.state, callback)
+            except ConstraintError:
+                # contacts that share a node and can not all close there are no contradiction yet
+                if starts == ["apart"]:
+                    raise
+                starts = ["apart"]
+                continue
             walk.trace.extend(attempt.outcome.trace)
             if attempt.good:
                 work = friction_work(self.interface, walk.state, attempt.state)
@@ -250,6 +258,15 @@ class Stepper:
             surface,
             (surface - last.surface) / walk.share,
         )
+
+
+def deepest(gap: Array, points: Array) -> NDArray[np.bool_]:
+    """Of all points at one place that with the smallest gap, shape (m,)."""
+    order = np.argsort(gap, kind="stable")
+    _, first = np.unique(points[order], axis=0, return_index=True)
+    chosen = np.zeros(len(gap), dtype=bool)
+    chosen[order[first]] = True
+    return chosen
 
 
 def grown(share: float, travel: float) -> float:

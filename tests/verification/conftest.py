@@ -1,0 +1,55 @@
+"""Fixtures of the verification problems."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any
+
+import pytest
+
+import skfem_contact as sc
+
+REFUSED = "refused clearly"
+
+
+@pytest.fixture
+def refused(record_property: Any) -> Callable[..., AbstractContextManager[Any]]:
+    """``with refused(error, match):`` asserts an error of this library whose message says why.
+
+    Where it holds the test's outcome is noted as a refusal (`benchmarks/extremes.py` counts them);
+    with ``either=True`` an answer will do as well, and `.excinfo` is None then.
+    """
+
+    @contextmanager
+    def check(
+        error: type[Exception] = sc.ContactError, *, match: str, either: bool = False
+    ) -> Iterator[Any]:
+        seen = Refusal()
+        if either:
+            try:
+                yield seen
+            except error:
+                seen.happened = True
+                with pytest.raises(error, match=match):
+                    raise
+        else:
+            with pytest.raises(error, match=match) as seen.excinfo:
+                yield seen
+            seen.happened = True
+        if seen.happened:
+            record_property("outcome", REFUSED)
+
+    return check
+
+
+class Refusal:
+    """Whether the error came, and pytest's record of it."""
+
+    happened = False
+    excinfo: Any = None
+
+    @property
+    def error(self) -> Any:
+        """The exception."""
+        return self.excinfo.value
