@@ -260,15 +260,6 @@ class Stepper:
         )
 
 
-def deepest(gap: Array, points: Array) -> NDArray[np.bool_]:
-    """Of all points at one place that with the smallest gap, shape (m,)."""
-    order = np.argsort(gap, kind="stable")
-    _, first = np.unique(points[order], axis=0, return_index=True)
-    chosen = np.zeros(len(gap), dtype=bool)
-    chosen[order[first]] = True
-    return chosen
-
-
 def grown(share: float, travel: float) -> float:
     """The share to try after a success: twice as much, but no further than points may slide."""
     return share * min(2.0, AIM / travel if travel > 0 else 2.0)

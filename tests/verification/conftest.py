@@ -22,17 +22,15 @@ def refused(record_property: Any) -> Callable[..., AbstractContextManager[Any]]:
     """
 
     @contextmanager
-    def check(
-        error: type[Exception] = sc.ContactError, *, match: str, either: bool = False
-    ) -> Iterator[Any]:
+    def check(error: Any = sc.ContactError, *, match: str, either: bool = False) -> Iterator[Any]:
         seen = Refusal()
         if either:
             try:
                 yield seen
             except error:
-                seen.happened = True
-                with pytest.raises(error, match=match):
+                with pytest.raises(error, match=match) as seen.excinfo:
                     raise
+                seen.happened = True
         else:
             with pytest.raises(error, match=match) as seen.excinfo:
                 yield seen

@@ -18,8 +18,9 @@ from skfem_contact.reference import uniform_shear
 # -- stiffness, friction, units: more of each, and all at once ------------------------------
 
 
-@pytest.mark.parametrize("angle", [0.0, 33.0, 90.0])
-@pytest.mark.parametrize(("length", "stress"), [(-9, 0), (3, 9)], ids=["nm", "km"])
+@pytest.mark.parametrize(
+    ("length", "stress", "angle"), [(-9, 0, 0.0), (3, 9, 33.0)], ids=["nm", "km, turned"]
+)
 @pytest.mark.parametrize("mu", [1e-12, 0.5, 10.0])
 @pytest.mark.parametrize("ratio", [1e-8, 1.0, 1e8])
 @pytest.mark.parametrize("method", ["node", "mortar"])
@@ -67,12 +68,14 @@ def test_X1_very_stiff_is_rigid():
     assert_allclose(case.solve().forces, rigid.forces, rtol=3e-8, atol=3e-8 * 1e-4)
 
 
-KAPPAS = [10.0**k for k in range(-8, 13)] + [np.inf]
+KAPPAS = [(10.0**k, "newton", "auto") for k in range(-8, 13)]
+KAPPAS += [
+    (k, *way) for k in (1e-8, 1.0, 1e6, 1e12) for way in (("newton", "sparse"), ("direct", "auto"))
+]
+KAPPAS += [(np.inf, loop, linear) for loop in ("newton", "direct") for linear in LINEAR]
 
 
-@pytest.mark.parametrize("linear", LINEAR)
-@pytest.mark.parametrize("loop", ["newton", "direct"])
-@pytest.mark.parametrize("kappa", KAPPAS, ids="{:.0e}".format)
+@pytest.mark.parametrize(("kappa", "loop", "linear"), KAPPAS)
 def test_X2_stiffness_over_that_of_K(kappa, loop, linear):
     """A spring of kappa times K's diagonal is in series with the blocks, or slips at mu p."""
     for U in (3e-4, 3e-3):
@@ -126,7 +129,7 @@ def test_X8_a_gap_that_just_closes(gap):
 
 
 @pytest.mark.parametrize("method", ["node", "mortar"])
-@pytest.mark.parametrize("n", [(2, 200), (200, 2)], ids=str)
+@pytest.mark.parametrize("n", [(2, 100), (100, 2)], ids=str)
 def test_X10_resultants_of_very_different_facets(n, method):
     """Under a given load the resultants are those of statics, however unlike the facets are."""
     low = block_basis(even(n[0]), even(3))
@@ -136,7 +139,7 @@ def test_X10_resultants_of_very_different_facets(n, method):
     pair = bodies[1].surface("bottom"), bodies[0].surface("top")
     contact = sc.Contact(*pair, friction=sc.Coulomb(0.5), method=method)
     result = sc.ContactSolver(bodies, [contact]).solve()
-    # elements up to 67 times as high as wide, on a body that contact alone holds
+    # elements up to 33 times as high as wide, on a body that contact alone holds
     assert_allclose(result.force, [-2e-4, 1e-3], atol=1e-8 * 1e-3)
     assert result.certificate.penetration < 1e-9
 

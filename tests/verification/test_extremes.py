@@ -41,7 +41,7 @@ def block_on_floor(D="top", x=None, f=None, *, n=4, E=1.0, nu=0.3, floor=FLOOR, 
 
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("way", ["stick", "slip"])
-@pytest.mark.parametrize("k", range(-8, 9, 2))
+@pytest.mark.parametrize("k", range(-8, 9))
 def test_X1_moduli_of_any_ratio(k, way, linear):
     """Blocks whose moduli differ by up to 1e8 either way have the stress of two springs in series."""
     ratio = 10.0**k
@@ -109,16 +109,16 @@ def test_X2_any_tangential_stiffness(loop):
         assert max(found) <= case.mu * case.state.p * (1 + 1e-3)
 
 
-def test_X2_fictitious_forces_say_that_they_do_not_settle():
+def test_X2_fictitious_forces_say_that_they_do_not_settle(refused):
     """With a huge stiffness the loop of fictitious forces is refused, never accepted half-way."""
     case = Sheared(U=3e-3, n=1, width=0.25)
     bodies = case.bodies()
     contact = case.contact(bodies, friction=case.law(stiffness=1e12))
     options = sc.Options(max_iterations=100, max_cuts=0)
     solver = sc.ContactSolver(bodies, [contact], loop="fictitious", options=options)
-    with pytest.raises(sc.NotConverged, match=r"'fictitious' .* law is violated by") as raised:
+    with refused(sc.NotConverged, match=r"'fictitious' .* law is violated by") as seen:
         solver.solve()
-    assert not raised.value.result.converged
+    assert not seen.error.result.converged
 
 
 @pytest.mark.parametrize("linear", LINEAR)
@@ -135,8 +135,17 @@ def test_X3_zero_friction_is_no_friction(loop, linear):
     case.check(with_law, EXACT)
 
 
+def test_X4_next_to_no_friction():
+    """With mu = 1e-12 every point slips, with a friction force of mu p."""
+    case = Sheared(U=1.5e-3, mu=1e-12)
+    result = case.solve()
+    case.check(result, EXACT)
+    assert (result.status == 2).all()
+    assert_allclose(np.abs(result.tangential_force[:, 0]), 1e-12 * result.normal_force, rtol=1e-6)
+
+
 @pytest.mark.parametrize("mu", [1e-12, 1.0, 10.0, 1e6])
-def test_X4_X5_any_coefficient_of_friction(mu):
+def test_X5_any_coefficient_of_friction(mu):
     """Tiny coefficients slip with mu p, large ones stick, and neither takes many iterations."""
     case = Sheared(U=1.5e-3, mu=mu)
     result = case.solve()
@@ -396,10 +405,10 @@ def test_X17_held_by_friction_alone(share, linear):
 
 
 @pytest.mark.parametrize("f", [(1.01e-4, -1e-3), (0.0, 1e-3), (1e-3, 0.0)])
-def test_X17_more_than_friction_holds(f):
+def test_X17_more_than_friction_holds(f, refused):
     """Pushed beyond mu N, pulled off, or pushed without pressure, it moves freely: said so."""
     solver = block_on_floor(None, f=f, friction=sc.Coulomb(0.1))
-    with pytest.raises(sc.NoEquilibrium, match=r"'block' is free to move: .*translation"):
+    with refused(sc.NoEquilibrium, match=r"'block' is free to move: .*translation"):
         solver.solve()
 
 
@@ -597,8 +606,8 @@ def test_X22_corners(slope):
         assert_allclose(other.forces, results[0].forces, atol=1e-6 * peak)
 
 
-def test_X23_facets_in_any_order_twice_or_without_length():
-    """Facets given in any order or twice are the same surface; one without length is named."""
+def test_X23_facets_in_any_order_or_twice():
+    """Facets given in any order or twice are the same surface."""
     basis = block_basis(even(4), even(4))
     body = sc.Body(basis, elastic(1.0, 0.3), D="top")
     facets = basis.mesh.boundaries["bottom"]
@@ -606,12 +615,17 @@ def test_X23_facets_in_any_order_twice_or_without_length():
     other = body.surface(np.concatenate([facets[::-1], facets]))
     assert_array_equal(plain.points, other.points)
     assert_array_equal(plain.facets, other.facets)
-    mesh = basis.mesh
+
+
+def test_X23_facet_without_length(refused):
+    """A facet whose two nodes coincide is named."""
+    basis = block_basis(even(4), even(4))
+    mesh, facets = basis.mesh, basis.mesh.boundaries["bottom"]
     p = mesh.p.copy()
     on = np.flatnonzero(p[1] == 0)
     p[:, on[1]] = p[:, on[0]]
     flat = sc.Body(fem.Basis(fem.MeshQuad(p, mesh.t), basis.elem), np.eye(basis.N))
-    with pytest.raises(ValueError, match=r"no length, .* mesh facet"):
+    with refused(sc.InputError, match=r"no length, .* mesh facet"):
         flat.surface(facets)
 
 
@@ -635,7 +649,7 @@ BAD = [np.nan, np.inf, -np.inf]
         "step interference",
     ],
 )
-def test_X24_not_a_number_anywhere(where, bad):
+def test_X24_not_a_number_anywhere(where, bad, refused):
     """A NaN or an infinite number is refused as a ValueError before anything is solved."""
     basis = block_basis(even(2), even(2))
     data = {"f": np.zeros(basis.N), "x": np.zeros(basis.N), "K": elastic(1.0, 0.3).assemble(basis)}
@@ -658,43 +672,44 @@ def test_X24_not_a_number_anywhere(where, bad):
         "motion": {"motion": {"floor": (0.0, bad)}},
         "step interference": {"interference": {"joint": bad}},
     }.get(where, 1.0)
-    with pytest.raises(ValueError, match=r"NaN|nan|inf"):
+    with refused(sc.InputError, match=r"NaN|nan|inf"):
         body = sc.Body(basis, data["K"], data["f"], "top", data["x"], name="block")
         contact = sc.Contact(body.surface("bottom"), FLOOR, name="joint", **settings)
         list(sc.ContactSolver(body, contact).history([step]))
 
 
 @pytest.mark.parametrize(
-    "make",
+    ("name", "make"),
     [
-        lambda: sc.Coulomb(-0.1),
-        lambda: sc.Coulomb(np.nan),
-        lambda: sc.Coulomb(np.inf),
-        lambda: sc.Coulomb(0.1, tau_max=-1.0),
-        lambda: sc.Coulomb(0.1, tau_max=np.nan),
-        lambda: sc.Coulomb(0.1, cohesion=-1.0),
-        lambda: sc.Coulomb(0.1, cohesion=np.inf),
-        lambda: sc.Coulomb(0.1, stiffness=0.0),
-        lambda: sc.Coulomb(0.1, stiffness=np.nan),
-        lambda: sc.Tresca(-1.0),
-        lambda: sc.Tresca(np.inf),
-        lambda: sc.RigidPlane((0, np.nan), (0, 1)),
-        lambda: sc.RigidPlane((0, 0), (0, 0)),
-        lambda: sc.RigidCylinder((0, 0), -1.0),
-        lambda: block_on_floor(adjust=np.nan),
-        lambda: block_on_floor(adjust=np.inf),
-        lambda: block_on_floor(reach=np.nan),
+        ("mu", lambda: sc.Coulomb(-0.1)),
+        ("mu", lambda: sc.Coulomb(np.nan)),
+        ("mu", lambda: sc.Coulomb(np.inf)),
+        ("tau_max", lambda: sc.Coulomb(0.1, tau_max=-1.0)),
+        ("tau_max", lambda: sc.Coulomb(0.1, tau_max=np.nan)),
+        ("cohesion", lambda: sc.Coulomb(0.1, cohesion=-1.0)),
+        ("cohesion", lambda: sc.Coulomb(0.1, cohesion=np.inf)),
+        ("stiffness", lambda: sc.Coulomb(0.1, stiffness=0.0)),
+        ("stiffness", lambda: sc.Coulomb(0.1, stiffness=np.nan)),
+        ("limit", lambda: sc.Tresca(-1.0)),
+        ("limit", lambda: sc.Tresca(np.inf)),
+        ("point", lambda: sc.RigidPlane((0, np.nan), (0, 1))),
+        ("normal", lambda: sc.RigidPlane((0, 0), (0, 0))),
+        ("radius", lambda: sc.RigidCylinder((0, 0), -1.0)),
+        ("adjust", lambda: block_on_floor(adjust=np.nan)),
+        ("adjust", lambda: block_on_floor(adjust=np.inf)),
+        ("reach", lambda: block_on_floor(reach=np.nan)),
     ],
 )
-def test_X24_parameters_out_of_range(make):
-    """Coefficients, caps and radii out of range are refused as a ValueError."""
-    with np.errstate(all="ignore"), pytest.raises(ValueError):
+def test_X24_parameters_out_of_range(name, make, refused):
+    """Coefficients, caps and radii out of range are refused by name, with the value given."""
+    value = r"-1\.0|-0\.1|nan|infinite|inf|0\.0|\(0, 0\)"
+    with np.errstate(all="ignore"), refused(sc.InputError, match=rf"\b{name} ?(=|is) ?.*({value})"):
         make()
 
 
-def test_X24_no_stiffness():
+def test_X24_no_stiffness(refused):
     """A body without stiffness is free to move in any way, and that is what the message says."""
-    with pytest.raises(sc.ContactError, match=r"stiffness|free to move"):
+    with refused(match=r"stiffness|free to move"):
         block_on_floor(E=0.0, f=(0.0, -1.0)).solve()
 
 
@@ -773,13 +788,15 @@ def test_X29_exactly_at_the_limit(margin, linear):
 
 
 @pytest.mark.parametrize("margin", [-1e-12, 0.0, 1e-12])
-def test_X29_free_body_exactly_at_the_limit(margin):
+def test_X29_free_body_exactly_at_the_limit(margin, refused):
     """A free block pushed with mu N (1 +- 1e-12) rests with these forces, or is said to slide."""
     solver = block_on_floor(None, f=(1e-4 * (1 + margin), -1e-3), friction=sc.Coulomb(0.1))
-    try:
+    with refused(
+        (sc.NoEquilibrium, sc.NotConverged), match="free to move|equilibrium", either=True
+    ) as seen:
         result = solver.solve()
-    except (sc.NoEquilibrium, sc.NotConverged) as error:
-        assert error.result.iterations <= 50 * 2**3
+    if seen.happened:
+        assert seen.error.result.iterations <= 50 * 2**3
         return
     assert_allclose(result.force, [-1e-4, 1e-3], rtol=1e-9)
     assert result.iterations <= 50
@@ -821,12 +838,17 @@ def test_X28_order_of_bodies_at_a_junction():
         assert_allclose(u[1], u[0], atol=EXACT * 2e-3)
 
 
-def test_X30_nothing_to_touch():
-    """No contact, or a surface without facets, is a clear error."""
+def test_X30_no_contact(refused):
+    """A solver without any contact is a clear error."""
     body = block_on_floor().system.bodies[0]
-    with pytest.raises(ValueError, match="There is no contact"):
+    with refused(sc.InputError, match="There is no contact"):
         sc.ContactSolver(body, [])
-    with pytest.raises(ValueError, match="has no facets"):
+
+
+def test_X30_surface_without_facets(refused):
+    """A surface that a condition finds nowhere is a clear error."""
+    body = block_on_floor().system.bodies[0]
+    with refused(sc.InputError, match="has no facets"):
         body.surface(lambda x: x[0] > 5)
 
 
