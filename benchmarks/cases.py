@@ -155,10 +155,14 @@ class Scene:
 
     def lowered(self, share: float) -> dict[str, np.ndarray]:
         """Prescribed displacements of the upper base."""
-        upper = self.bodies[0]
-        x = np.zeros(upper.n)
-        x[self.bases["upper"].get_dofs("top").all("u^2")] = -share * self.depth
+        x = np.zeros(self.bodies[0].n)
+        x[self.base] = -share * self.depth
         return {"upper": x}
+
+    @cached_property
+    def base(self) -> np.ndarray:
+        """Vertical DOFs of the upper base."""
+        return np.asarray(self.bases["upper"].get_dofs("top").all("u^2"))
 
     @cached_property
     def shear(self) -> dict[str, np.ndarray]:

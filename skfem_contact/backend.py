@@ -52,7 +52,15 @@ class Factorisation:
 
 
 class Backend:
-    """Settings of a linear solver; each kind says how it factorises."""
+    """Settings of a linear solver; each kind says how it factorises.
+
+    Attributes
+    ----------
+    uses_modes : bool
+        Whether `factorize` looks at the rigid motions; else none are made.
+    """
+
+    uses_modes = True
 
     def factorize(
         self,

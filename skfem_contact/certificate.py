@@ -90,7 +90,9 @@ def certify(result: ContactResult) -> Certificate:
         for body, K in zip(system.bodies, result.stiffness, strict=True)
     ]
     floor = FLOOR * _largest(*terms)
-    contact = kin.B_n.T @ state.normal_force - kin.B_t.T @ state.tangential_force.ravel()
+    contact = kin.B_n.T @ state.normal_force
+    if state.tangential_force.any():
+        contact = contact - kin.B_t.T @ state.tangential_force.ravel()
     residual = internal - f - contact
     reactions = np.zeros(system.n)
     reactions[system.D] = residual[system.D]

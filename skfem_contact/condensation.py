@@ -22,7 +22,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, block_diag, cho_factor, cho_solve, lu_factor, lu_solve
+from scipy.linalg import LinAlgError, block_diag, cho_factor, lu_factor, lu_solve
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.kinematics import FIXED, Kinematics, without_columns
@@ -30,7 +30,7 @@ from skfem_contact.linear import Dense
 from skfem_contact.loads import LoadCase
 from skfem_contact.points import PointSpace
 from skfem_contact.spaces import Load, SparseSpace
-from skfem_contact.substructure import Components, Substructure
+from skfem_contact.substructure import Components, Substructure, inverse_of
 from skfem_contact.system import System
 
 Array = NDArray[np.float64]
@@ -141,16 +141,18 @@ class Condensed:
 class Rows:
     """What both kinds of contact problem share: the rows on contact DOFs and on prescribed ones."""
 
-    def __init__(self, model: Condensed, kin: Kinematics) -> None:
-        self.model = model
+    def __init__(self, model: Condensed, kin: Kinematics, slipping: Mask) -> None:
+        self.model, self.slips = model, bool(slipping.any())
         self.kin = without_columns(kin, model.columns)
         self.prescribed = without_columns(kin, model.system.D)
 
     def constant(self, case: LoadCase) -> tuple[Array, Array]:
         """Initial gaps and slips with what prescribed displacements add."""
         x_D = case.x[self.model.system.D]
-        slip = (self.prescribed.B_t @ x_D).reshape(case.slip0.shape)
-        return case.gap0 + self.prescribed.B_n @ x_D, case.slip0 + slip
+        gap0, slip0 = case.gap0 + self.prescribed.B_n @ x_D, case.slip0
+        if self.slips:
+            slip0 = slip0 + (self.prescribed.B_t @ x_D).reshape(slip0.shape)
+        return gap0, slip0
 
     def contact_displacement(self, loads: Sequence[Load], z: Array, case: LoadCase) -> Array:
         """Displacements (n, r) known without the interior: contact DOFs and prescribed ones."""
@@ -168,46 +170,60 @@ class PointRows(Rows):
     """The contact problem on gaps and slips, see `PointSpace`."""
 
     def __init__(self, model: Condensed, kin: Kinematics, slipping: Mask) -> None:
-        super().__init__(model, kin)
+        super().__init__(model, kin, slipping)
         kin, t = self.kin, kin.tangents
         normal = np.flatnonzero(kin.paired & (_row_size(kin.B_n) > FIXED))
-        may_slip = np.repeat(kin.paired & slipping, t)
-        tangential = np.flatnonzero(may_slip & (_row_size(kin.B_t) > FIXED))
-        G = vstack([kin.B_n[normal], kin.B_t[tangential], csr_matrix(model.P.T)]).tocsr()
-        self.q = len(normal) + len(tangential)
-        self.GF = model.row_flexibility(G)
-        self.A = _inverse(G @ self.GF.T)
-        A_qq = self.A[self.q :, self.q :] - np.eye(len(self.A) - self.q)
-        self.A_zq = self.A[: self.q, self.q :]
-        self.rigid = lu_factor(A_qq, check_finite=False)
-        S = self.A[: self.q, : self.q] - self.A_zq @ self._rigid_solve(self.A_zq.T)
+        tangential, rows = np.zeros(0, dtype=np.intp), [kin.B_n[normal]]
+        if self.slips:
+            may_slip = np.repeat(kin.paired & slipping, t)
+            tangential = np.flatnonzero(may_slip & (_row_size(kin.B_t) > FIXED))
+            rows.append(kin.B_t[tangential])
+        # of the dense matrices S alone is kept: A follows from it, and G F from G
+        self.G = G = csr_matrix(vstack([*rows, csr_matrix(model.P.T)]))
+        self.q = q = len(normal) + len(tangential)
+        A = _inverse(G @ model.row_flexibility(G).T)
+        self.A_zq, self.A_qq = A[:q, q:].copy(), A[q:, q:].copy()
+        self.rigid = lu_factor(self.A_qq - np.eye(len(A) - q), check_finite=False)
+        S = A
+        if len(A) > q:
+            S = A[:q, :q] - self.A_zq @ self._rigid_solve(self.A_zq.T)
+            S = 0.5 * (S + S.T)
         normal_rows = np.full(kin.m, -1)
         normal_rows[normal] = np.arange(len(normal))
         tangential_rows = np.full(kin.m * t, -1)
         tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
-        self.space = PointSpace(0.5 * (S + S.T), normal_rows, tangential_rows.reshape(kin.m, t))
+        self.space = PointSpace(S, normal_rows, tangential_rows.reshape(kin.m, t))
 
     def _rigid_solve(self, b: Array) -> Array:
         if len(self.rigid[0]) == 0:
             return np.zeros_like(b)
         return np.asarray(lu_solve(self.rigid, b, check_finite=False))
 
+    def _stiff(self, b: Array) -> Array:
+        """``A b``, with ``A_zz = S + A_zq (A_qq - 1)^-1 A_qz``."""
+        z, q = b[: self.q], b[self.q :]
+        along = self.A_zq.T @ z
+        top = self.space.S @ z + self.A_zq @ (self._rigid_solve(along) + q)
+        return np.concatenate([top, along + self.A_qq @ q])
+
     def load(self, case: LoadCase) -> Load:
         """A load case in the unknowns of the space."""
         f_c, components = self.model.load(case.f, case.x)
-        h = self.A @ (self.GF @ f_c)
-        force = h[: self.q] - self.A_zq @ self._rigid_solve(h[self.q :])
+        moved = self.G @ self.model.flexibility(f_c)
+        # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
+        force = self.space.S @ moved[: self.q] - self.A_zq @ self._rigid_solve(moved[self.q :])
         gap0, slip0 = self.constant(case)
         return Load(force, gap0, slip0, f_c, components)
 
     def contact_dofs(self, loads: Sequence[Load], z: Array) -> Array:
         """Displacements of the contact DOFs (n_c, r) for r solutions (q, r) of the space."""
         f_c = np.column_stack([load.prescribed for load in loads])
-        h = self.A @ (self.GF @ f_c)
-        q = self._rigid_solve(h[self.q :] - self.A_zq.T @ z)
-        # A [z; q] - h is the force on all rows, the springs on the anchors included
-        p = self.A @ np.concatenate([z, q]) - h
-        return self.model.flexibility(f_c) + self.GF.T @ p
+        free = self.model.flexibility(f_c)  # where contact carries nothing
+        known = self.G @ free
+        q = self._rigid_solve(self._stiff(known)[self.q :] - self.A_zq.T @ z)
+        # A [z; q] - A G F f is the force on all rows, the springs on the anchors included
+        p = self._stiff(np.concatenate([z, q]) - known)
+        return free + self.model.flexibility(self.G.T @ p)
 
     def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> list[Array]:
         """Displacements of all bodies, r arrays (n,)."""
@@ -225,7 +241,7 @@ class ContactDofRows(Rows):
         prefer: Mask,
         labels: Sequence[str],
     ) -> None:
-        super().__init__(model, kin)
+        super().__init__(model, kin, slipping)
         self.space = SparseSpace(
             K=csr_matrix(block_diag(*(part.S for part in model.parts if len(part.kept)))),
             kin=self.kin,
@@ -265,5 +281,6 @@ def _inverse(W: Array) -> Array:
     factor = cho_factor(W, lower=True, check_finite=False)
     if np.min(np.diag(factor[0]), initial=1.0) < DEPENDENT:
         raise LinAlgError("dependent contact rows")
-    inverse = cho_solve(factor, np.eye(len(W)), check_finite=False)
-    return np.asarray(0.5 * (inverse + inverse.T) / np.outer(scale, scale))
+    inverse = inverse_of(factor[0])
+    inverse /= np.outer(scale, scale)
+    return inverse

@@ -93,10 +93,12 @@ def contact_rows(
         if mask.shape != (kin.m,):
             raise InputError(f"closed has shape {mask.shape}; {usage}.")
         held = held & (mask != 0)
-    tangential = np.repeat(held & kin.tied, kin.tangents)
+    glued = held & kin.tied
+    tangential = np.repeat(glued, kin.tangents)
+    rows = [kin.B_n[held], *([kin.B_t[tangential]] if glued.any() else [])]
     names = np.concatenate([point_labels(c, p.m) for c, p in zip(contacts, parts, strict=True)])
     return ConstraintRows(
-        C=csr_matrix(vstack([kin.B_n[held], kin.B_t[tangential]])),
+        C=csr_matrix(vstack(rows)),
         b=np.concatenate([-kin.gap0[held], np.zeros(tangential.sum())]),
         prefer=secondary_dofs(system, contacts),
         labels=(*names[held], *np.repeat(names, kin.tangents)[tangential]),

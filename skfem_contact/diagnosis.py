@@ -72,9 +72,12 @@ def check_loads(
     names: Sequence[str],
     parts: Sequence[slice],
     kin: Kinematics,
+    fixed: Mask,
     case: LoadCase,
 ) -> None:
     """Say where prescribed displacements or an interference leave contact no right answer.
+
+    `fixed` are the points of `kin` whose gap is prescribed.
 
     Warns
     -----
@@ -86,15 +89,16 @@ def check_loads(
     ConstraintError
         Tied points whose relative displacement is prescribed otherwise.
     """
-    x = np.zeros(system.n)
-    x[system.D] = case.x[system.D]
-    fixed = kin.paired & prescribed_rows(kin.B_n, system.D)
-    gap = np.where(fixed, np.where(fixed, case.gap0, 0.0) + kin.B_n @ x, np.inf)
-    small = ROUND_OFF * max(system.extent, float(np.max(np.abs(x), initial=0.0)))
+    prescribed = fixed.any() or kin.tied.any()
+    if prescribed:
+        x = np.zeros(system.n)
+        x[system.D] = case.x[system.D]
+        gap = np.where(fixed, np.where(fixed, case.gap0, 0.0) + kin.B_n @ x, np.inf)
+        small = ROUND_OFF * max(system.extent, float(np.max(np.abs(x), initial=0.0)))
     for contact, name, part in zip(contacts, names, parts, strict=True):
         if contact.tied:
             _check_tied(system, contact, name, part, kin, case, x, small)
-        elif np.min(gap[part], initial=np.inf) < -small:
+        elif prescribed and np.min(gap[part], initial=np.inf) < -small:
             _warn_penetration(contact, name, gap[part], small)
         _warn_overlap(contact, name, kin.gap0[part], case.interference[part])
 
@@ -144,6 +148,8 @@ def _warn_penetration(contact: Contact, name: str, gap: Array, small: float) -> 
 def _warn_overlap(contact: Contact, name: str, gap: Array, interference: Array) -> None:
     """Overlaps, by the meshes or an interference, as large as the bodies."""
     deepest = max(float(np.max(-gap, initial=0.0)), float(np.max(interference, initial=0.0)))
+    if deepest == 0.0:
+        return
     sizes = [_extent(contact.secondary)]
     if isinstance(contact.primary, ContactSurface):
         sizes.append(_extent(contact.primary))

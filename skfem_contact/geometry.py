@@ -80,7 +80,11 @@ class Geometry:
         for contact, part in zip(contacts, parts, strict=True):
             self.finite[part] = contact.sliding == "finite"
         self.surface_dofs = surface_dofs(system, contacts)
-        self._offsets = [self._offset(i) for i in range(len(self.contacts))]
+
+    @cached_property
+    def prescribed(self) -> Mask:
+        """Points of the undeformed bodies whose gap is prescribed, shape (m,)."""
+        return self.kin.paired & prescribed_rows(self.kin.B_n, self.system.D)
 
     @property
     def follows(self) -> bool:
@@ -106,6 +110,11 @@ class Geometry:
             parts.append(replace(kin, gap0=gap))
         return join(parts)
 
+    @cached_property
+    def _offsets(self) -> list[Array]:
+        """For each contact, where one slides far."""
+        return [self._offset(i) for i in range(len(self.contacts))]
+
     def _offset(self, i: int) -> Array:
         """What a given or adjusted initial gap adds to the measured one, interference apart."""
         contact, first = self.contacts[i], self.pairings[i]
@@ -128,6 +137,16 @@ class Geometry:
         slip0 = np.where(finite[:, None], slip0, case.slip0)
         return replace(case, gap0=gap0, slip0=slip0)
 
+    def slip(
+        self, placement: Placement, seen: LoadCase, surface: Array, slip: Array, modelled: Mask
+    ) -> Array:
+        """Slips (m, d-1), also of points that slide far without friction: no unknown is theirs."""
+        missing = self.finite & ~modelled
+        if not missing.any():
+            return slip
+        moved = (placement.kin.B_t @ self.spread(surface)).reshape(slip.shape)
+        return np.where(missing[:, None], seen.slip0 + moved, slip)
+
     def spread(self, surface: Array) -> Array:
         """Displacements of the surfaces in a vector over all DOFs."""
         u = np.zeros(self.system.n)
@@ -147,7 +166,8 @@ class Geometry:
         gap = np.where(placement.kin.tied[closed], 0.0, gap)
         old = placement.kin
         change = (new.B_n - old.B_n).T @ state.normal_force
-        change = change - (new.B_t - old.B_t).T @ state.tangential_force.ravel()
+        if state.tangential_force.any():
+            change = change - (new.B_t - old.B_t).T @ state.tangential_force.ravel()
         scale = np.max(np.abs(state.normal_force), initial=0.0)
         moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
         return float(max(np.max(np.abs(gap), initial=0.0) / self.system.extent, moved))

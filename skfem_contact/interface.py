@@ -90,7 +90,8 @@ def interface(
     m = kin.m
     frictional, tied, G = np.zeros(m, dtype=bool), np.zeros(m, dtype=bool), np.full(m, np.inf)
     own = np.zeros(m)
-    if kin.tangents and np.isfinite(STIFFNESS[loop]):
+    wanted = any(c.friction is not None and c.friction.stiffness is None for c in contacts)
+    if wanted and kin.tangents and np.isfinite(STIFFNESS[loop]):
         diagonal = np.concatenate([K.diagonal() for K in stiffness])
         own = compliance_scale(kin.B_t, diagonal).reshape(m, -1).min(axis=1)
     typical = np.median(own[own > 0]) if (own > 0).any() else 1.0

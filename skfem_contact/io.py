@@ -7,19 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING, Any
 
-import meshio
 import numpy as np
 import skfem
 from numpy.typing import NDArray
-from skfem.io.meshio import HEX_MAPPING
 
 from skfem_contact.body import Body
 from skfem_contact.errors import InputError
 from skfem_contact.result import ContactResult, ContactValues
 from skfem_contact.surface import ContactSurface
+
+if TYPE_CHECKING:
+    import meshio
 
 Array = NDArray[np.float64]
 Stress = Callable[[Body, Array], Array]
@@ -157,6 +157,8 @@ def _clock(factors: Sequence[float | None]) -> list[float]:
 
 
 def _collection(path: Path, files: list[tuple[Path, Path]], times: Sequence[float]) -> None:
+    from xml.etree import ElementTree
+
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     listing = ElementTree.SubElement(root, "Collection")
     for pair, time in zip(files, times, strict=True):
@@ -190,12 +192,16 @@ def body_cells(body: Body) -> tuple[str, NDArray[np.int64]]:
     node[nodes] = np.arange(len(nodes))[:, None]
     cells = node[body.basis.dofs.element_dofs[:: body.components]]
     if kind.startswith("hexahedron"):  # scikit-fem counts the corners of a brick in another order
+        from skfem.io.meshio import HEX_MAPPING
+
         cells = cells[HEX_MAPPING[: len(cells)]]
     return kind, cells.T
 
 
 def bodies_grid(result: ContactResult, stress: Stress | None = None) -> meshio.Mesh:
     """All bodies as one grid; coincident nodes are never merged."""
+    import meshio  # takes as long to import as all else together, and only files need it
+
     points, cells, number, values, scalars = [], [], [], [], []
     start = 0
     for i, body in enumerate(result.system.bodies):
@@ -227,6 +233,8 @@ def _nodal(values: Any, count: int, name: str) -> Array:
 
 def contact_grid(result: ContactResult) -> meshio.Mesh:
     """The secondary surfaces of all contacts as one grid of lines (facets in 3-D)."""
+    import meshio
+
     points, cells, number, start = [], [], [], 0
     columns: dict[str, list[Array]] = {}
     for i, (contact, values) in enumerate(zip(result.contacts, result.values, strict=True)):

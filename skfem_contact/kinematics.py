@@ -11,8 +11,9 @@ with the frame of each point: ``normal`` (outward of the primary) and ``d - 1`` 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +41,10 @@ class Kinematics:
     ----------
     B_n : csr_matrix, shape (m, n)
         Normal rows; empty where a point is not paired.
-    B_t : csr_matrix, shape (m (d-1), n)
-        Tangential rows, point by point.
+    tangential : callable
+        Makes `B_t`.
+    tangents : int
+        Tangents per point, d - 1 (0 for scalar problems).
     gap0 : ndarray, shape (m,)
         Initial gap [length]; ``inf`` where a point is not paired.
     area : ndarray, shape (m,)
@@ -57,7 +60,8 @@ class Kinematics:
     """
 
     B_n: csr_matrix
-    B_t: csr_matrix
+    tangential: Callable[[], csr_matrix]
+    tangents: int
     gap0: Array
     area: Array
     points: Array
@@ -73,10 +77,13 @@ class Kinematics:
         """Number of contact points."""
         return len(self.gap0)
 
-    @property
-    def tangents(self) -> int:
-        """Tangents per point, d - 1 (0 for scalar problems)."""
-        return self.B_t.shape[0] // max(self.m, 1)
+    @cached_property
+    def B_t(self) -> csr_matrix:
+        """Tangential rows, point by point, shape (m (d-1), n); made when first asked for.
+
+        Without friction nobody asks, unless for the slip of a result.
+        """
+        return self.tangential()
 
 
 def initial_gap(contact: Contact, pairing: Pairing, interference: object = None) -> Array:
@@ -113,19 +120,17 @@ def kinematics(
     weights = [(pairing.secondary_weights, secondary, 1.0)]
     if isinstance(contact.primary, ContactSurface):
         weights.append((pairing.primary_weights, contact.primary, -1.0))
-    rows = [_spread(system, weights, frame[:, k], pairing.paired) for k in range(frame.shape[1])]
-    m, n = len(pairing.gap), system.n
-    B_t = _interleave(rows[1:]) if len(rows) > 1 else csr_matrix((0, n))
     return Kinematics(
-        B_n=csr_matrix(rows[0]),
-        B_t=B_t,
+        B_n=_spread(system, weights, frame[:, 0], pairing.paired),
+        tangential=partial(tangential_rows, system, weights, frame[:, 1:], pairing.paired),
+        tangents=frame.shape[1] - 1,
         gap0=initial_gap(contact, pairing, interference),
         area=np.array(pairing.area),
         points=pairing.points,
         normal=pairing.normal,
         tangent=pairing.tangent,
         paired=np.array(pairing.paired),
-        tied=np.full(m, contact.tied),
+        tied=np.full(len(pairing.gap), contact.tied),
         heir=carriers(secondary, pairing),
         action=_action(pairing),
     )
@@ -149,7 +154,8 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
     heir = np.concatenate([k + part.heir for k, part in zip(first[:-1], parts, strict=True)])
     return Kinematics(
         B_n=csr_matrix(vstack([part.B_n for part in parts])),
-        B_t=csr_matrix(vstack([part.B_t for part in parts])),
+        tangential=partial(_joined_tangential, tuple(parts)),
+        tangents=parts[0].tangents,
         heir=heir,
         **stacked,
     )
@@ -162,8 +168,16 @@ def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
     return replace(
         kin,
         B_n=_with_columns(kin.B_n, place, len(columns)),
-        B_t=_with_columns(kin.B_t, place, len(columns)),
+        tangential=partial(_tangential_columns, kin, place, len(columns)),
     )
+
+
+def _joined_tangential(parts: Sequence[Kinematics]) -> csr_matrix:
+    return csr_matrix(vstack([part.B_t for part in parts]))
+
+
+def _tangential_columns(kin: Kinematics, place: NDArray[np.intp], count: int) -> csr_matrix:
+    return _with_columns(kin.B_t, place, count)
 
 
 def _with_columns(B: csr_matrix, place: NDArray[np.intp], count: int) -> csr_matrix:
@@ -197,6 +211,17 @@ def _spread(
     spread.sum_duplicates()
     spread.eliminate_zeros()
     return spread
+
+
+def tangential_rows(
+    system: System,
+    sides: Sequence[tuple[csr_matrix, ContactSurface, float]],
+    tangent: Array,
+    paired: NDArray[np.bool_],
+) -> csr_matrix:
+    """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems."""
+    blocks = [_spread(system, sides, tangent[:, k], paired) for k in range(tangent.shape[1])]
+    return _interleave(blocks) if blocks else csr_matrix((0, system.n))
 
 
 def _interleave(blocks: Sequence[csr_matrix]) -> csr_matrix:

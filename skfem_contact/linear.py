@@ -76,6 +76,8 @@ class Direct(Backend):
     ('multifrontal Cholesky', [1.0, 1.0])
     """
 
+    uses_modes = False
+
     method: str = "auto"
 
     def __post_init__(self) -> None:
@@ -101,6 +103,8 @@ class Direct(Backend):
 @dataclass(frozen=True)
 class Dense(Backend):
     """Dense Cholesky factorisation; LU with pivoting where `A` is unsymmetric."""
+
+    uses_modes = False
 
     def _factorize(
         self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
@@ -142,6 +146,8 @@ class FromSolver(Backend):
     >>> factor.solve(np.ones(3)).tolist()
     [0.5, 0.5, 0.5]
     """
+
+    uses_modes = False
 
     solver: Callable[..., Any]
 

@@ -122,7 +122,7 @@ class LinearModel:
                 f"linear = {self.linear!r} is neither 'auto' nor 'condensed'; a backend is "
                 "given as an object, Direct() or AMG(), or as a callable solver(A, b)."
             )
-        return self.linear == "condensed" or len(self._touched()) <= self.max_candidates
+        return self.linear == "condensed" or len(self.touched()) <= self.max_candidates
 
     @property
     def backend(self) -> Any:
@@ -163,13 +163,15 @@ class LinearModel:
 
     def _wanted(self) -> NDArray[np.intp]:
         """DOFs that contact rows may touch: those of now, and of surfaces that slide far."""
-        return np.union1d(self._touched(), self.geometry.surface_dofs)
+        return np.union1d(self.touched(), self.geometry.surface_dofs)
 
-    def _touched(self) -> NDArray[np.intp]:
+    def touched(self) -> NDArray[np.intp]:
         """DOFs that occur in the rows of points with a partner."""
-        kin = self.kin
-        slips = np.repeat(kin.paired & self.interface.slipping, kin.tangents)
-        return np.union1d(kin.B_n[kin.paired].indices, kin.B_t[slips].indices)
+        kin, slips = self.kin, self.kin.paired & self.interface.slipping
+        normal = kin.B_n[kin.paired].indices
+        if not slips.any():
+            return np.unique(normal)
+        return np.union1d(normal, kin.B_t[np.repeat(slips, kin.tangents)].indices)
 
     @cached_property
     def _prefer(self) -> NDArray[np.bool_]:

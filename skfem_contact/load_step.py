@@ -46,7 +46,8 @@ class LoadStep:
         geometry, interface = self.model.geometry, self.model.interface
         system, kin = geometry.system, geometry.kin
         target = self.reader.case(settings)
-        check_loads(system, interface.contacts, interface.names, interface.parts, kin, target)
+        fixed = geometry.prescribed
+        check_loads(system, interface.contacts, interface.names, interface.parts, kin, fixed, target)
         if start is None:
             state = natural_state(kin, len(geometry.surface_dofs))
             case = self.reader.unloaded()

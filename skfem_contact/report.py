@@ -120,7 +120,7 @@ def _linear_words(solver: ContactSolver) -> str:
     kin = solver.kin
     points = int(kin.paired.sum())
     rows = points + kin.tangents * int((solver.interface.slipping & kin.paired).sum())
-    dofs = len(np.setdiff1d(np.union1d(kin.B_n.indices, kin.B_t.indices), solver.system.D))
+    dofs = len(np.setdiff1d(solver.linear_model.touched(), solver.system.D))
     if solver.linear_model.condensed:
         dense = 8e-6 * (2 * dofs**2 + 3 * rows**2)
         factors = 1e-6 * sum(size.memory for size in solver.sizes().values())

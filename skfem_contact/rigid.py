@@ -8,7 +8,8 @@ against the rows that contact and friction hold at the moment.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,16 +35,13 @@ class RigidMotions:
     ----------
     modes : ndarray, shape (n, k)
         Displacements, each mode with largest displacement one.
-    normal : ndarray, shape (m, k)
-        Change of the gap by each mode.
-    tangential : ndarray, shape (m, d-1, k)
-        Change of the slip.
+    kin : Kinematics
+        The contact points.
     system : System
     """
 
     modes: Array
-    normal: Array
-    tangential: Array
+    kin: Kinematics
     system: System
 
     @property
@@ -51,16 +49,28 @@ class RigidMotions:
         """Number of free motions."""
         return self.modes.shape[1]
 
+    @cached_property
+    def normal(self) -> Array:
+        """Change of the gap by each mode, shape (m, k)."""
+        return np.asarray(self.kin.B_n @ self.modes)
+
+    @cached_property
+    def tangential(self) -> Array:
+        """Change of the slip by each mode, shape (m, d-1, k); asked for where points may stick."""
+        kin = self.kin
+        return np.asarray(kin.B_t @ self.modes).reshape(kin.m, kin.tangents, self.k)
+
     def seen_by(self, kin: Kinematics) -> RigidMotions:
         """The same motions seen from another pairing."""
-        tangential = (kin.B_t @ self.modes).reshape(kin.m, kin.tangents, self.k)
-        return RigidMotions(self.modes, kin.B_n @ self.modes, tangential, self.system)
+        return replace(self, kin=kin)
 
     def free(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_]) -> Array:
         """Combinations of modes that closed and sticking points do not hold, shape (k, j)."""
         if self.k == 0:
             return np.zeros((0, 0))
-        rows = [self.normal[closed], self.tangential[stick].reshape(-1, self.k)]
+        rows = [self.normal[closed]]
+        if stick.any():
+            rows.append(self.tangential[stick].reshape(-1, self.k))
         return null_space(np.concatenate(rows))
 
     def describe(self, combination: Array) -> tuple[tuple[str, ...], str]:
@@ -93,12 +103,14 @@ def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matri
     for body, K in zip(system.bodies, stiffness, strict=True):
         R = body.rigid_modes / np.max(np.abs(body.rigid_modes), axis=0)
         # prescribed DOFs and springs to the ground: rows that a free motion leaves at zero
-        free = R @ null_space(np.concatenate([R[body.D], _resistance(K, R)]))
+        left = null_space(R[body.D])
+        if left.shape[1]:  # where supports hold all motions, springs have none to hold
+            left = null_space(np.concatenate([R[body.D], _resistance(K, R)]))
+        free = R @ left
         peak = np.max(np.abs(free), axis=0, initial=0.0)
         blocks.append(free / np.where(peak > 0, peak, 1.0))
     modes = block_diag(*blocks) if sum(b.shape[1] for b in blocks) else np.zeros((system.n, 0))
-    nothing = np.zeros((0, 0))
-    return RigidMotions(modes, nothing, nothing, system).seen_by(kin)
+    return RigidMotions(modes, kin, system)
 
 
 def _resistance(K: csr_matrix, R: Array) -> Array:

@@ -28,8 +28,9 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     penetrates = was_open & (response.gap < -ROUND_OFF * gap_scale) & step.paired
     pulls = ~was_open & (response.normal_force < -ROUND_OFF * force_scale) & ~step.tied
 
-    limit = step.limit(response.normal_force, response.slip)
-    slips, direction = _slip_rule(step, current, response, limit, force_scale, penetrates)
+    slips, direction = np.zeros_like(was_open), np.zeros_like(response.slip)
+    if step.laws:
+        slips, direction = _slip_rule(step, current, response, force_scale, penetrates)
     status = np.where(slips, SLIP, STICK)
     status = np.where(was_open & ~penetrates | pulls, OPEN, status)
     status = np.where(step.tied & step.paired, STICK, status)
@@ -40,11 +41,11 @@ def _slip_rule(
     step: Step,
     current: Guess,
     response: Response,
-    limit: Array,
     force_scale: float,
     closes: Mask,
 ) -> tuple[Mask, Array]:
     """Which points slip that are closed or just close, and in which direction friction then acts."""
+    limit = step.limit(response.normal_force, response.slip)
     exact = np.isinf(step.stiffness)
     trial = np.where(exact[:, None], response.tangential_force, step.trial(response.slip))
     size = np.linalg.norm(trial, axis=1)
@@ -87,6 +88,8 @@ def disagreement(current: Guess, proposal: Guess) -> Mask:
 
 def law_residual(step: Step, status: NDArray[np.intp], direction: Array, response: Response) -> float:
     """Largest distance of a slipping point's friction force from the law, over the largest force."""
+    if not step.laws:
+        return 0.0
     scale = np.max(np.abs(response.normal_force), initial=0.0)
     scale = max(scale, np.max(np.abs(response.tangential_force), initial=0.0))
     if scale == 0.0:

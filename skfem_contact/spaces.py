@@ -147,9 +147,11 @@ class SparseSpace:
         kin, t = self.kin, self.kin.tangents
         # a gap or a slip that is prescribed on both sides is what it is: contact has no say in it
         closed = np.flatnonzero(conditions.closed & self.can_close)
-        sticks = np.repeat(conditions.stick, t) & self.can_slip
-        tangential = np.flatnonzero(sticks)
-        C = vstack([kin.B_n[closed], kin.B_t[tangential]]).tocsr()
+        tangential, rows = np.zeros(0, dtype=np.intp), [kin.B_n[closed]]
+        if conditions.stick.any():
+            tangential = np.flatnonzero(np.repeat(conditions.stick, t) & self.can_slip)
+            rows.append(kin.B_t[tangential])
+        C = vstack(rows).tocsr()
         anchor = (conditions.anchor - load.slip0).ravel()
         b = np.concatenate([-load.gap0[closed], anchor[tangential]])
         names = [self.labels[i] for i in closed] + [self.labels[i] for i in tangential // t]
@@ -162,7 +164,7 @@ class SparseSpace:
         spring = np.where(slides[:, None], conditions.spring, 0.0)
         known = np.einsum("ikl,il->ik", spring, load.slip0)
         offset = np.where(slides, conditions.offset, 0.0) + known
-        f = load.force - kin.B_t.T @ offset.ravel()
+        f = load.force - kin.B_t.T @ offset.ravel() if offset.any() else load.force
         K = self.K + tangential_matrix(kin.B_t, spring) if spring.any() else self.K
         K_r, f_r = trial.reduce(K, f, test=test)
         key = conditions.matrix_key()
@@ -222,7 +224,9 @@ class SparseSpace:
         kin, (m, t) = self.kin, conditions.anchor.shape
         gap = load.gap0 + kin.B_n @ u
         gap[closed] = 0.0
-        slip = load.slip0 + (kin.B_t @ u).reshape(m, t)
+        slip = load.slip0
+        if self.frictional.any():
+            slip = slip + (kin.B_t @ u).reshape(m, t)
         normal_force = np.zeros(m)
         normal_force[closed] = p[: len(closed)]
         tangential = np.zeros((m, t))

@@ -28,7 +28,9 @@ class FullSystem:
         self.backend = as_linear_solver(backend)
         self.K = csr_matrix(block_diag(stiffness))
         self.points = np.concatenate([body.dof_points for body in system.bodies])
-        self.modes = dense_block_diag(*(body.rigid_modes for body in system.bodies))
+        self.modes: Array | None = None
+        if self.backend.uses_modes:
+            self.modes = dense_block_diag(*(body.rigid_modes for body in system.bodies))
 
     def attach(self, kin: Kinematics, slipping: Mask, prefer: Mask, labels: Sequence[str]) -> FullRows:
         """The contact problem for one pairing."""

@@ -100,8 +100,9 @@ class Stepper:
                 continue
             walk.trace.extend(attempt.outcome.trace)
             if attempt.good:
-                work = friction_work(self.interface, walk.state, attempt.state)
-                walk.dissipation = walk.dissipation + work
+                if self.interface.laws:
+                    work = friction_work(self.interface, walk.state, attempt.state)
+                    walk.dissipation = walk.dissipation + work
                 walk.state, walk.case, done = attempt.state, here, aim
                 if done >= 1.0:
                     return attempt, walk
@@ -235,26 +236,33 @@ class Stepper:
             if spent and spent.free is not None and not outcome.converged:
                 outcome = replace(outcome, free=spent.free)  # its limits do not lag
             outcome = replace(outcome, trace=(*(spent.trace if spent else ()), *outcome.trace))
-            state = self._state(outcome, walk, placement, load, case)
+            state = self._state(outcome, walk, placement, load, case, seen)
         return Attempt(outcome, placement, load, case, seen, state, outcome.iterate.response.gap)
 
     def _state(
-        self, outcome: Outcome, walk: Walk, placement: Placement, load: Any, case: LoadCase
+        self,
+        outcome: Outcome,
+        walk: Walk,
+        placement: Placement,
+        load: Any,
+        case: LoadCase,
+        seen: LoadCase,
     ) -> State:
         it, last = outcome.iterate, walk.state
         opened = (it.status == OPEN)[:, None]
         response = it.response
-        surface = last.surface
+        surface, slip = last.surface, response.slip
         if self.geometry.follows:
             dofs = self.geometry.surface_dofs
             surface = placement.rows.contact_displacement([load], response.solution[:, None], case)
             surface = surface[dofs, 0]
+            slip = self.geometry.slip(placement, seen, surface, slip, self.interface.slipping)
         return State(
             it.status,
-            response.slip,
+            slip,
             np.where(opened, 0.0, response.tangential_force),
             np.where(opened[:, 0], 0.0, response.normal_force),
-            np.where(opened, response.slip, last.reference),
+            np.where(opened, slip, last.reference),
             surface,
             (surface - last.surface) / walk.share,
         )

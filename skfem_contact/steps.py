@@ -47,6 +47,11 @@ class StepReader:
         self.system, self.contacts, self.names, self.kin = system, contacts, names, kin
         self.own_f = own_f
         self.parts = point_slices(contacts)
+        self._own = [
+            field_values(contact.interference, kin.points[part], f"interference of contact '{name}'")
+            for contact, part, name in zip(contacts, self.parts, names, strict=True)
+        ]
+        self._still = read_motion(None, kin.points.shape[1], "")
 
     def initial(self) -> Settings:
         """The bodies' own loads and the contacts' own interference."""
@@ -153,13 +158,15 @@ class StepReader:
         gap0, slip0 = np.array(kin.gap0), np.zeros((kin.m, kin.tangents))
         interference, motions = np.zeros(kin.m), []
         for i, (contact, part) in enumerate(zip(self.contacts, self.parts, strict=True)):
-            points = kin.points[part]
-            what = f"interference of contact '{self.names[i]}'"
-            own = field_values(contact.interference, points, what)
-            interference[part] = field_values(settings.interference[i], points, what)
-            gap0[part] += own - interference[part]
-            motions.append(read_motion(settings.motion[i], points.shape[1], self.names[i]))
+            points, name = kin.points[part], self.names[i]
+            interference[part] = self._own[i]
+            if settings.interference[i] is not contact.interference:
+                what = f"interference of contact '{name}'"
+                interference[part] = field_values(settings.interference[i], points, what)
+                gap0[part] += self._own[i] - interference[part]
+            motions.append(self._still)
             if settings.motion[i] is not None:
+                motions[-1] = read_motion(settings.motion[i], points.shape[1], name)
                 shift = motions[-1].shift(points)
                 gap0[part] -= np.einsum("id,id->i", kin.normal[part], shift)
                 slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], shift)

@@ -32,12 +32,11 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
         np.diag(np.r_[np.full(m, K_N), np.full(m, K_T)]), np.arange(m), m + np.arange(m)[:, None]
     )
     load = Load(np.r_[-normal, tangential], np.full(m, gap), np.zeros((m, 1)), np.zeros(0))
-    none = np.zeros((0, 0))
     still = natural_state(SimpleNamespace(m=m, tangents=1), 0)
     return Step(
         space=space,
         load=load,
-        motions=RigidMotions(np.zeros((2 * m, 0)), np.zeros((m, 0)), np.zeros((m, 1, 0)), none),
+        motions=RigidMotions(np.zeros((2 * m, 0)), None, None),
         area=np.ones(m),
         paired=np.ones(m, dtype=bool),
         tied=np.full(m, tied),
@@ -141,9 +140,9 @@ def test_holding_keeps_just_enough_points():
     """A body free to move up and along keeps the points nearest to contact, no more than it needs."""
     one = step([1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
     load = replace(one.load, gap0=np.array([0.3, 0.1, 0.2]))
-    modes = np.zeros((6, 2))
-    normal, tangential = np.tile([1.0, 0.0], (3, 1)), np.tile([[0.0, 1.0]], (3, 1, 1))
-    one = replace(one, load=load, motions=RigidMotions(modes, normal, tangential, None))
+    up, along = np.eye(2)
+    points = SimpleNamespace(m=3, tangents=1, B_n=np.tile(up, (3, 1)), B_t=np.tile(along, (3, 1)))
+    one = replace(one, load=load, motions=RigidMotions(np.eye(2), points, None))
     status, held = hold(one, cold(one))
     assert_array_equal(status, [OPEN, STICK, OPEN])
     assert_array_equal(held.points, [False, True, False])

@@ -290,3 +290,17 @@ def test_ironing_with_mortar_ripples_less():
     assert node < 0.1
     assert mortar < 0.005
     assert mortar < 0.2 * node
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+def test_slip_without_friction_is_the_way(rigid):
+    """A smooth block slips by the way of its top, however many steps it takes."""
+    rough = dragged_block(rigid=rigid)
+    smooth = rough.with_friction(None)
+    distances = [0.0, 0.1, 0.2, 0.3, 0.4]
+    first, *results = travel(smooth, distances)
+    for distance, result in zip(distances[1:], results, strict=True):
+        slip = (result.slip - first.slip)[:, 0] * np.sign(result.tangent[0, 0, 0])
+        # on the plane nothing else moves; the elastic track spreads under the block by strains of P/E
+        assert_allclose(slip, distance, atol=1e-12 if rigid else 1e-3)
+        assert (result.status == 2).all()

@@ -1,0 +1,134 @@
+"""A scene contains only what it needs: counted, not timed, on the scenes of `benchmarks/audit.py`."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import skfem_contact as sc
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+sys.path.insert(0, str(BENCHMARKS))
+import audit as benchmark  # noqa: E402
+import audit_scenes as scenes  # noqa: E402
+
+sys.path.remove(str(BENCHMARKS))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _forget() -> Iterator[None]:
+    """The benchmarks are no package: other tests import modules of the same names."""
+    yield
+    for name in ("audit", "audit_scenes", "run", "cases"):
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture(scope="module")
+def blocks() -> Any:
+    return scenes.Blocks(2000)
+
+
+@pytest.mark.parametrize("row", scenes.ROWS, ids=lambda row: row.ingredient)
+def test_absent_means_none(blocks: Any, row: Any) -> None:
+    """What only an ingredient needs is called and held in the scene with it, and not without it."""
+    with_calls, with_scene = benchmark.calls(row, blocks, True)
+    calls, scene = benchmark.calls(row, blocks, False)
+    assert all(with_calls.values()), with_calls
+    held, without = row.counts(with_scene), row.counts(scene)
+    assert all(held.values()), held
+    assert with_calls or held
+    assert not any(calls.values()), calls
+    if row.fewer:
+        assert all(without[what] < held[what] for what in held), (held, without)
+    else:
+        assert not any(without.values()), without
+
+
+def run(blocks: Any, **settings: Any) -> Any:
+    return blocks.solve(blocks.contact(**settings))
+
+
+def test_import_brings_no_optional_package() -> None:
+    """Files, pictures, multigrid and progress bars are imported by those who ask for them."""
+    program = "import sys, skfem_contact; print(*sorted({name.split('.')[0] for name in sys.modules}))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert not set(benchmark.LATER) & set(done.stdout.split())
+
+
+def test_tangential_operator_is_made_by_asking(blocks: Any) -> None:
+    """Without friction no tangential row exists; the slip of a result makes them, and is right."""
+    done = run(blocks)
+    kin, result = done.solver.kin, done.results[-1]
+    assert "B_t" not in kin.__dict__
+    moved = result.u[blocks.upper.n :], result.u[: blocks.upper.n]
+    lower, upper = blocks.lower.surface("top"), blocks.upper.surface("bottom")
+    # meshes that match, node on node: the slip is the difference of two nodal displacements
+    above, below = moved[1][upper.dofs[:, 0]], moved[0][lower.dofs[:, 0]]
+    order = np.argsort(upper.points[:, 0]), np.argsort(lower.points[:, 0])
+    tangent = kin.tangent[order[0], 0, 0]
+    closed = result.status[order[0]] != 0
+    expected = np.where(closed, tangent * (above[order[0]] - below[order[1]]), 0.0)
+    assert closed.any()
+    # round-off of displacements of order one
+    np.testing.assert_allclose(result.slip[order[0], 0], expected, atol=1e-12)
+    assert "B_t" in kin.__dict__
+
+
+def test_dense_problem_keeps_one_matrix(blocks: Any) -> None:
+    """Beside the body's flexibility one dense matrix of the size of the rows is kept, not three."""
+    rows = run(blocks, friction=sc.Coulomb(0.3)).solver.linear_model.place(None, None).rows
+    own = [value for value in vars(rows).values() if isinstance(value, np.ndarray)]
+    q = len(rows.space.S)
+    assert sum(array.size for array in own) < q * q / 10  # the rest is in `space`
+
+
+def test_supported_bodies_are_not_asked_for_springs(blocks: Any, monkeypatch: Any) -> None:
+    """Whether K holds a body is of interest only where its supports do not."""
+    import skfem_contact.rigid as rigid
+
+    asked = []
+    real = rigid._resistance
+    monkeypatch.setattr(rigid, "_resistance", lambda K, R: asked.append(K) or real(K, R))
+    run(blocks)
+    assert not asked
+
+
+def test_direct_backend_gets_no_rigid_modes(blocks: Any) -> None:
+    """Only multigrid asks for the rigid motions of all DOFs."""
+    contact = blocks.contact()
+    for backend, wanted in ((sc.Direct(), False), (sc.AMG(), True)):
+        solver = sc.ContactSolver([blocks.upper, blocks.lower], [contact], linear=backend)
+        assert (solver.model.modes is not None) is wanted
+
+
+def test_matrices_of_the_user_are_not_copied(blocks: Any) -> None:
+    """The solver works on the stiffness that the body has."""
+    solver = run(blocks).solver
+    for body, K in zip((blocks.upper, blocks.lower), solver.linear_model.stiffness, strict=True):
+        assert K is body.K
+
+
+def test_report_counts_dofs_that_are_kept(blocks: Any) -> None:
+    """Without friction on a straight side only the normal DOFs of both sides are contact DOFs."""
+    solver = run(blocks).solver
+    m = solver.kin.m
+    assert f"-> {2 * m} contact DOFs -> {m} gaps and slips" in str(solver)
+    rough = run(blocks, friction=sc.Coulomb(0.3)).solver
+    assert f"-> {4 * m} contact DOFs -> {2 * m} gaps and slips" in str(rough)
+
+
+def test_a_module_is_a_module() -> None:
+    """Rows name functions that exist, or their count of zero would say nothing."""
+    import importlib
+
+    for row in scenes.ROWS:
+        for name in row.functions:
+            module = importlib.import_module(f"skfem_contact.{name.partition(':')[0]}")
+            assert isinstance(module, ModuleType)
