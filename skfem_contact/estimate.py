@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Three = tuple[float, float, float]
+Elements = tuple[Index, Array]
 
 #: Below this the misfit is round-off of the solution, with two digits to spare.
 ROUND_OFF = 1e-9
@@ -107,7 +108,7 @@ class ErrorEstimate:
     pressure: ErrorSources
     traction: ErrorSources
     indicator: Array = field(repr=False)
-    elements: dict[str, tuple[Index, Array]] = field(repr=False)
+    elements: dict[str, Elements] = field(repr=False)
     points_across: int
     advice: str
 
@@ -141,7 +142,7 @@ def estimate(result: ContactResult, values: ContactValues) -> ErrorEstimate:
     line = Line.of(surface, np.asarray(~surface.held.all(axis=1)))
     p = values.pressure[:, None]
     both = np.hstack([p, values.friction_stress])
-    bodies, elements = _bodies(result, contact, values.points[closed])
+    bodies, elements = _bodies(result, values)
     of_pressure, _ = _surface_sources(values, line, p)
     of_both, share = _surface_sources(values, line, both)
     stiffness = _stiffness(result, contact, values, both)
@@ -236,21 +237,21 @@ def _points_across(line: Line, status: Index) -> int:
 # -- bodies and the friction law --------------------------------------------------------------
 
 
-def _bodies(
-    result: ContactResult, contact: Contact, closed: Array
-) -> tuple[float, dict[str, tuple[Index, Array]]]:
-    """Relative energy error within a contact width of the closed points."""
-    sides = [contact.secondary]
-    if isinstance(contact.primary, ContactSurface):
-        sides.append(contact.primary)
-    found: dict[str, tuple[Index, Array]] = {}
+def _bodies(result: ContactResult, values: ContactValues) -> tuple[float, dict[str, Elements]]:
+    """Relative energy error of the bodies, as far as the traction feels it."""
+    part = result.slices()[result.names.index(values.name)]
+    touching = np.unique(result.kin.B_n[part][values.status != 0].indices)
+    found: dict[str, Elements] = {}
     error = total = 0.0
     for i, (body, name) in enumerate(zip(result.system.bodies, result.system.names, strict=True)):
-        if not any(side.body is body for side in sides):
+        span = result.system.slice(body)
+        dofs = touching[(touching >= span.start) & (touching < span.stop)] - span.start
+        if not len(dofs):
             continue
         if body.form is None or result.stiffness[i] is not body.K:
             return np.nan, {}
-        near, weight = _near(body, closed)
+        # where the body itself is touched: with finite sliding that is not where the other one was
+        near, weight = _near(body, body.dof_points[dofs])
         lost, stored = energy_error(body, result.displacement(body), near)
         found[name] = near, weight * lost
         error, total = error + float(weight @ lost), total + float(weight @ stored)
@@ -258,8 +259,8 @@ def _bodies(
     return (float(error / (error + total)) if total > 0 else 0.0), shares
 
 
-def _near(body: Body, closed: Array) -> tuple[Index, Array]:
-    """Elements around closed points, and their influence on the traction there.
+def _near(body: Body, touched: Array) -> Elements:
+    """Elements around touched points, and their influence on the traction there.
 
     One up to half the width of the contact, from there on it falls with the square of the distance.
     """
@@ -267,8 +268,8 @@ def _near(body: Body, closed: Array) -> tuple[Index, Array]:
     corners = mesh.p[:, mesh.t]
     middle = corners.mean(axis=1)
     radius = np.linalg.norm(corners - middle[:, None], axis=0).max(axis=0)
-    reach = np.maximum(0.5 * np.linalg.norm(np.ptp(closed, axis=0)), 2.0 * radius)
-    distance = cKDTree(closed).query(middle.T)[0]
+    reach = np.maximum(0.5 * np.linalg.norm(np.ptp(touched, axis=0)), 2.0 * radius)
+    distance = cKDTree(touched).query(middle.T)[0]
     near = np.flatnonzero(distance <= FARTHEST * reach)
     return near, np.minimum(1.0, reach[near] / np.maximum(distance[near], reach[near])) ** 2
 
@@ -304,7 +305,7 @@ def _advice(
     line: Line,
     sources: ErrorSources,
     share: Array,
-    elements: dict[str, tuple[Index, Array]],
+    elements: dict[str, Elements],
     across: int,
 ) -> str:
     """The largest part in words, and what makes it smaller."""

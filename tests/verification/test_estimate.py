@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scenes import block_basis, elastic, field
 from sheared import Sheared
+from sliding_scenes import dragged_block, travel
 from test_mortar_contact import patch
 from test_mortar_hertz import hertz, scene
 from test_obstacles import punched
@@ -202,3 +203,17 @@ def test_units_do_not_matter():
         result = sc.ContactSolver(bodies, [case.contact(bodies, friction=law)]).solve()
         values.append(list(vars(result.error_estimate.traction).values()))
     assert_allclose(values[1], values[0], rtol=1e-8, atol=1e-12)
+
+
+def test_bodies_that_slide_far():
+    """The elements that count are those at the contact now, not where the other body was at first."""
+    solver = dragged_block(rigid=False, P=30.0)
+    *_, result = travel(solver, [0.0, 0.7, 1.4, 2.1])
+    elements = result.error_estimate.elements
+    assert set(elements) == {"block", "track"}
+    mesh = result.system.bodies[result.system.index("track")].basis.mesh
+    near, share = elements["track"]
+    middle = mesh.p[0, mesh.t[:, near]].mean(axis=0)
+    start = result.points[:, 0].mean()
+    # the track is strained under the block, two thirds of which have left where it began
+    assert np.average(middle, weights=share) > start + 1.0
