@@ -230,3 +230,52 @@ def test_energy_over_a_sliding_cycle():
     # trapezoidal work against trapezoidal dissipation, and the same elastic energy at both ends: all
     # that is missing is the normal work of points that open and close at the reversals
     assert_allclose(lost, work, rtol=2e-3)
+
+
+def drawn_onto_a_track(*distances):
+    """A block that hangs over the end of a track is pressed down and drawn onto it by its top.
+
+    The results, and how far the last point of the block lies beyond the end of the track.
+    """
+    track = rectangle(np.linspace(0, 2, 5), np.linspace(-1, 0, 3))
+    block = rectangle(np.linspace(1.25, 2.25, 5), np.linspace(0, 0.5, 3))
+    bodies = [
+        sc.Body(track, elastic(100.0), D="bottom", name="track"),
+        sc.Body(block, elastic(100.0), D="top", name="block"),
+    ]
+    contact = sc.Contact(
+        bodies[1].surface("bottom"),
+        bodies[0].surface("top"),
+        friction=sc.Coulomb(0.6),
+        method="node",
+        sliding="finite",
+    )
+
+    def moved(d):
+        return block.project(lambda x: np.stack([-d + 0 * x[0], -0.02 + 0 * x[0]]))
+
+    results = list(
+        sc.ContactSolver(bodies, contact).history([{"x": {"block": moved(d)}} for d in distances])
+    )
+    ends = [
+        [
+            np.max(side.points[:, 0] + result.displacement(side.body)[side.dofs[:, 0]])
+            for side in (contact.secondary, contact.primary)
+        ]
+        for result in results
+    ]
+    return results, np.array(ends) @ [1, -1]
+
+
+def test_a_point_at_the_very_end_of_a_track():
+    """Free, it lies on the track, but held back by friction beyond its end: it is left free.
+
+    So no pairing is that of its own answer, however small the step; the next one takes the point.
+    """
+    drawn = np.array([0.0, 0.12, 0.24, 0.288, 0.2935, 0.3])
+    results, beyond = drawn_onto_a_track(*drawn)
+    assert [bool(r.status[-1]) for r in results] == [False] * 5 + [True]
+    assert beyond[3] > 0 > beyond[4]
+    # the free point follows the top, so this is by how much friction holds it back once it touches
+    lag = beyond[5] - (beyond[3] - (drawn[5] - drawn[3]))
+    assert beyond[4] + lag > 0
