@@ -23,8 +23,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.constraint_inputs import finite_vector, int32_csr
+from skfem_contact.constraint_inputs import finite_vector
 from skfem_contact.errors import InputError
+from skfem_contact.inputs import csr32
 from skfem_contact.pivoting import FloatArray, IntArray
 
 
@@ -132,7 +133,7 @@ class AffineConstraint:
             )
         f = np.zeros(n) if f is None else finite_vector("f", f, n)
         Vt = V.T.T.tocsr()
-        return int32_csr(Vt @ (K @ self.T)), Vt @ (f - K @ self.c)
+        return csr32(Vt @ (K @ self.T)), Vt @ (f - K @ self.c)
 
     def expand(self, u_r: ArrayLike) -> NDArray[Any]:
         """All DOFs from the independent ones: ``u = T u_r + c``, shape (n,)."""

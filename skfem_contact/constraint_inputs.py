@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import shown
 from skfem_contact.errors import InputError
+from skfem_contact.inputs import csr32
 from skfem_contact.pivoting import FloatArray, IntArray
 
 
@@ -18,7 +19,7 @@ def checked_rows(C: Any, b: ArrayLike) -> tuple[sp.csr_matrix, FloatArray]:
     C = sparse_matrix("C", C)
     if np.iscomplexobj(C.data):
         raise InputError("C is complex; constraint rows have to be real.")
-    C = int32_csr(C.astype(np.float64))  # copies
+    C = csr32(C.astype(np.float64))  # copies
     C.sum_duplicates()
     C.eliminate_zeros()
     wrong = np.flatnonzero(~np.isfinite(C.data))
@@ -39,15 +40,6 @@ def sparse_matrix(name: str, value: Any) -> sp.csr_matrix:
     except (TypeError, ValueError, IndexError, AttributeError):
         pass
     raise InputError(f"{name} is {shown(value)}; give a sparse matrix or an array of numbers")
-
-
-def int32_csr(A: Any) -> sp.csr_matrix:
-    """The matrix in scikit-fem's format: csr_matrix, sorted, int32 indices where they suffice."""
-    A = sp.csr_matrix(A)
-    if A.indices.dtype != np.int32 and max(A.nnz, *A.shape) <= np.iinfo(np.int32).max:
-        index = (A.indices.astype(np.int32), A.indptr.astype(np.int32))
-        A = sp.csr_matrix((A.data, *index), shape=A.shape)
-    return A
 
 
 def finite_vector(name: str, v: ArrayLike, n: int, at: IntArray | None = None) -> NDArray[Any]:

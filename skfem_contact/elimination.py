@@ -24,9 +24,9 @@ from skfem_contact.constraint_inputs import (
     dof_mask,
     dof_numbers,
     finite_vector,
-    int32_csr,
 )
 from skfem_contact.errors import ConstraintError, InputError
+from skfem_contact.inputs import csr32
 from skfem_contact.pivoting import FloatArray, IntArray, find_pivots, row_maximum
 
 # Rows agree if they do so to this part of the largest of |b| + |C||x| (rows scaled to a largest
@@ -150,7 +150,7 @@ def eliminate(
         rows_kept=rows,
         redundant=redundant,
         C=C,
-        pivot_inverse=int32_csr(inverse @ sp.diags(1.0 / size[rows])),
+        pivot_inverse=csr32(inverse @ sp.diags(1.0 / size[rows])),
     )
 
 
@@ -193,7 +193,7 @@ def _identity_and_rows(
     indices[indptr[independent]] = np.arange(len(independent))
     at = np.repeat(indptr[dependent] - coefficients.indptr[:-1], count) + np.arange(count.sum())
     indices[at], data[at] = number[coefficients.indices], coefficients.data
-    return int32_csr(sp.csr_matrix((data, indices, indptr), shape=(n, len(independent))))
+    return csr32(sp.csr_matrix((data, indices, indptr), shape=(n, len(independent))))
 
 
 def _contradiction(

@@ -245,52 +245,34 @@ def return_map(trial: Array, limit: Array) -> tuple[Array, NDArray[np.bool_]]:
     return trial * factor[:, None], slips
 
 
-def tangential_element(G: float, tangent: Array, weights: Array) -> Array:
-    r"""The tangential contact element ``K_t = G v v'``, ``v = [t, -N_1 t, -N_2 t, ...]``.
+def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:
+    r"""Sum of the tangential contact elements of all points, ``K_t = B_t' diag(G) B_t``.
 
     Parameters
     ----------
-    G : float
-        Tangential stiffness [force/length].
-    tangent : ndarray, shape (d,)
-        Unit tangent.
-    weights : ndarray, shape (k,)
-        Shape functions of the primary facet at the projection.
-
-    Returns
-    -------
-    ndarray, shape (d (1 + k), d (1 + k))
-        Symmetric, of rank one; over the DOFs of the secondary node and then of the primary nodes.
+    B_t : sparse matrix, shape (m (d-1), n)
+        Each row is ``v = [t, -N_1 t, -N_2 t, ...]`` over the DOFs of a secondary node and of its
+        partners, with the tangent `t` and the weights `N` of the primary nodes.
+    spring : ndarray, shape (m, d-1, d-1)
+        Tangential stiffness of each point; zero where there is none [force/length].
 
     Notes
     -----
-    The second derivative of the energy ``G s^2 / 2`` of [M] eq. (6). The printed 6 x 6 matrix has
-    its diagonal factor on the wrong side and is not symmetric; this is the one that the energy
-    gives. The weights sum to one, so a common translation costs nothing.
+    ``G v v'`` is the second derivative of the energy ``G s^2 / 2`` of [M] eq. (6). The printed 6 x 6
+    matrix has its diagonal factor on the wrong side and is not symmetric; this is the one that the
+    energy gives. The weights sum to one, so a common translation costs nothing.
 
     Examples
     --------
     A secondary node over the middle of a horizontal facet:
 
     >>> import numpy as np
-    >>> K_t = tangential_element(4.0, np.array([1.0, 0.0]), np.array([0.5, 0.5]))
+    >>> row = csr_matrix([[1.0, 0.0, -0.5, 0.0, -0.5, 0.0]])
+    >>> K_t = tangential_matrix(row, np.array([[[4.0]]])).toarray()
     >>> K_t[0]
     array([ 4.,  0., -2.,  0., -2.,  0.])
     >>> np.allclose(K_t @ np.tile([1.0, 0.0], 3), 0.0)
     True
-    """
-    v = np.kron(np.concatenate([[1.0], -np.asarray(weights, dtype=float)]), tangent)
-    return G * np.outer(v, v) + 0.0  # without negative zeros
-
-
-def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:
-    """Sum of the tangential elements of all points, ``B_t' diag(G) B_t``.
-
-    Parameters
-    ----------
-    B_t : sparse matrix, shape (m (d-1), n)
-    spring : ndarray, shape (m, d-1, d-1)
-        Tangential stiffness of each point; zero where there is none [force/length].
     """
     G = diags(spring[:, 0, 0]) if spring.shape[1] == 1 else block_diag(list(spring), format="csr")
     return csr_matrix(B_t.T @ (G @ B_t))

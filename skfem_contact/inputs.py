@@ -217,7 +217,8 @@ def prescribed_values(x: Any, D: np.ndarray, no_D: bool, basis: Any, whose: str)
 def csr32(matrix: Any) -> csr_matrix:
     """`csr_matrix` with int32 indices, as scikit-fem has them, where they fit."""
     matrix = csr_matrix(matrix)
-    if matrix.indices.dtype != np.int32 and matrix.nnz < np.iinfo(np.int32).max:
+    largest = max(matrix.nnz, *matrix.shape)
+    if matrix.indices.dtype != np.int32 and largest <= np.iinfo(np.int32).max:
         parts = (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32))
         return csr_matrix(parts, shape=matrix.shape)
     return matrix

@@ -15,8 +15,8 @@ exact, a uniform pressure passes between meshes that do not match (patch test).
 
 The basis is that of `dual`: exact also where the primary covers facets only in part, with the
 multipliers of what is cut short merged into their neighbours'. The row of an heir then holds both
-nodes, and a node left with no multiplier on any facet is not paired (`with_merged` lends it the
-heir's values).
+nodes, and a node left with no multiplier on any facet is not paired (it shows the heir's values:
+`discretisation.carriers`).
 
 References
 ----------
@@ -139,28 +139,6 @@ def dual_mortar(
         miss=miss,
         facet=np.where(paired, facet, nearest),
     )
-
-
-def with_merged(pairing: Pairing, values: Array) -> Array:
-    """Nodal values with those of merged nodes taken from the node that carries their multiplier.
-
-    Parameters
-    ----------
-    pairing : Pairing
-        From `dual_mortar`.
-    values : ndarray, shape (m, ...)
-        A field over the points, such as the pressure.
-
-    Returns
-    -------
-    ndarray, shape (m, ...)
-        A copy; nodes the primary does not cover keep their values.
-    """
-    weights = csr_matrix(pairing.secondary_weights).tocoo()
-    lent = ~pairing.paired[weights.col]
-    out = np.array(values)
-    out[weights.col[lent]] = np.asarray(values)[weights.row[lent]]
-    return out
 
 
 def _facet_bases(surface: ContactSurface, quadrature: Quadrature) -> tuple[Array, Array, Index]:

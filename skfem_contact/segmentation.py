@@ -31,6 +31,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.closest import FACING
 from skfem_contact.facets import facet_shapes
 from skfem_contact.strips import candidate_pairs, dot, facet_normal_field, ragged, turned
 from skfem_contact.surface import ContactSurface
@@ -40,9 +41,6 @@ Index = NDArray[np.intp]
 
 # Pieces shorter than this fraction of a facet are round-off of coinciding ends; left out.
 _SLIVER = 1e-10
-# Cosine between the normals from which on two surfaces face each other: beyond 84 degrees the
-# projection along the normal says nothing about the distance.
-_FACING = -0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +227,7 @@ def _relation(
     outward = -turned(_combine(dN, nodes))
     size = np.linalg.norm(normal, axis=1)
     gap = dot(_combine(N, nodes) - x, normal) / size
-    return gap, dot(normal, outward) < _FACING * size * np.linalg.norm(outward, axis=1)
+    return gap, dot(normal, outward) < -FACING * size * np.linalg.norm(outward, axis=1)
 
 
 def _position(surface: ContactSurface, facet: Index, xi: Array) -> tuple[Array, Array]:

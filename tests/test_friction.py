@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse import csr_matrix
 
 from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
-from skfem_contact.friction import return_map, tangential_element, tangential_matrix
+from skfem_contact.friction import return_map, tangential_matrix
 
 size = st.floats(0.0, 1e3)
 
@@ -86,14 +86,3 @@ def test_tangential_matrix_is_the_energy_of_its_springs(t):
     s = (B_t @ u).reshape(3, t)
     energy = np.einsum("ik,ikl,il->", s, spring, s)
     assert_allclose(u @ tangential_matrix(csr_matrix(B_t), spring) @ u, energy, rtol=1e-12)
-
-
-def test_tangential_element_is_free_of_common_motion():
-    """The element has rank one, is symmetric, and a common translation costs nothing."""
-    tangent = np.array([0.6, -0.8])
-    K_t = tangential_element(5.0, tangent, np.array([0.3, 0.7]))
-    assert_allclose(K_t, K_t.T)
-    assert np.linalg.matrix_rank(K_t) == 1
-    assert_allclose(K_t @ np.tile([1.3, -0.4], 3), 0.0, atol=1e-14)
-    alone = np.concatenate([tangent, np.zeros(4)])
-    assert_allclose(alone @ K_t @ alone, 5.0)
