@@ -28,6 +28,7 @@ The modules stand in the order of the theory, and each imports only from those a
 Closed forms to compare with are in `reference`, which needs none of these.
 """
 
+from skfem_contact.amg import AMG
 from skfem_contact.body import Body
 from skfem_contact.certificate import Certificate
 from skfem_contact.checkpoint import SavedState, save_state
@@ -49,7 +50,7 @@ from skfem_contact.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.io import write, write_series
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.level_set import LevelSet
-from skfem_contact.linear import AMG, Direct
+from skfem_contact.linear import Direct
 from skfem_contact.plot_bodies import plot_deformed
 from skfem_contact.plot_contacts import plot_contact, plot_history
 from skfem_contact.result import ContactResult

@@ -1,10 +1,10 @@
-"""Linear solvers behind one small interface.
+"""Linear solvers behind one small interface (`backend`).
 
 A backend is a frozen bag of settings; ``backend.factorize(A)`` returns a `Factorisation` that
 owns everything computed from A and solves for as many right-hand sides as asked:
 
 * `Direct`: multifrontal Cholesky, or SuperLU where that does not apply;
-* `AMG`: conjugate gradients, preconditioned by smoothed aggregation (pyamg);
+* `amg.AMG`: conjugate gradients, preconditioned by smoothed aggregation (pyamg);
 * `Dense`: LAPACK, for the small systems on contact DOFs;
 * `FromSolver`: any solver ``x = solver(A, b)`` as ``skfem.solve`` takes it.
 
@@ -24,32 +24,16 @@ import scipy.sparse as sp
 from scipy.linalg import lapack
 from scipy.sparse.linalg import splu
 
-from skfem_contact.amg import AMG
 from skfem_contact.backend import Backend, Factorisation, LinearSolveError, by_column
 from skfem_contact.errors import InputError
 from skfem_contact.multifrontal import MultifrontalCholesky
 from skfem_contact.ordering import dissection_order
 from skfem_contact.singular import (
     NotPositiveDefinite,
-    SingularMatrix,
     check_eigenvalue,
     check_pivots,
     singular,
 )
-from skfem_contact.threads import single_threaded
-
-__all__ = [
-    "AMG",
-    "Backend",
-    "Dense",
-    "Direct",
-    "Factorisation",
-    "FromSolver",
-    "LinearSolveError",
-    "SingularMatrix",
-    "as_linear_solver",
-    "single_threaded",
-]
 
 # Residual over load up to which a solver of the user's own is trusted: conjugate gradients of
 # skfem.utils leave some 1e-6 at their default tolerance.

@@ -17,11 +17,12 @@ from skfem_contact.errors import InputError
 from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import Interface
 from skfem_contact.kinematics import Kinematics
-from skfem_contact.linear import Direct, single_threaded
+from skfem_contact.linear import Direct
 from skfem_contact.multifrontal import Estimate
 from skfem_contact.rigid import RigidMotions, no_equilibrium
 from skfem_contact.sparse_route import FullSystem
 from skfem_contact.substructure import Substructure
+from skfem_contact.threads import single_threaded
 
 Array = NDArray[np.float64]
 

@@ -22,9 +22,9 @@ from scipy.linalg import LinAlgError
 from scipy.spatial import cKDTree
 
 from skfem_contact.driver import drive
-from skfem_contact.linear import SingularMatrix
 from skfem_contact.loops import Loop
 from skfem_contact.points import PointSpace, Reduction
+from skfem_contact.singular import SingularMatrix
 from skfem_contact.states import OPEN, STICK, Guess, Iterate, Step
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, lu_factor, lu_solve
 
-from skfem_contact.linear import SingularMatrix
+from skfem_contact.singular import SingularMatrix
 from skfem_contact.spaces import Conditions, Load, Response, friction_force
 
 Array = NDArray[np.float64]

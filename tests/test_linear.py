@@ -15,18 +15,12 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 from skfem.utils import solver_direct_scipy, solver_iter_pcg
 
 from skfem_contact import threads
+from skfem_contact.amg import AMG
+from skfem_contact.backend import Backend, LinearSolveError
 from skfem_contact.errors import ContactError, InputError
-from skfem_contact.linear import (
-    AMG,
-    Backend,
-    Dense,
-    Direct,
-    FromSolver,
-    LinearSolveError,
-    SingularMatrix,
-    as_linear_solver,
-    single_threaded,
-)
+from skfem_contact.linear import Dense, Direct, FromSolver, as_linear_solver
+from skfem_contact.singular import SingularMatrix
+from skfem_contact.threads import single_threaded
 
 
 def modes_of(points: np.ndarray) -> np.ndarray:

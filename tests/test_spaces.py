@@ -9,8 +9,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.sparse import csr_matrix
 
-from skfem_contact.linear import Direct, SingularMatrix
+from skfem_contact.linear import Direct
 from skfem_contact.points import PointSpace, dense_solver
+from skfem_contact.singular import SingularMatrix
 from skfem_contact.spaces import Conditions, Load, SparseSpace
 
 
