@@ -96,7 +96,9 @@ def mises(body, u):
     return sc.von_mises(body, u, E={"block": 1.0, "die": 10.0}[body.name], nu=0.3)
 
 
-figure, (deformed, forces) = plt.subplots(2, 1, figsize=(8, 7), height_ratios=[3, 2])
+figure, (deformed, forces) = plt.subplots(
+    2, 1, figsize=(8, 5.6), height_ratios=[3, 2], layout="constrained"
+)
 middle_way = results[len(press) + 49]
 sc.plot_deformed(middle_way, scale=1.0, stress=mises, ax=deformed, label="von Mises stress")
 deformed.set_title("the die after 1.5 of its way, displacements as they are")
@@ -105,7 +107,7 @@ forces.plot(travel, force[:, 0], label="horizontal force")
 forces.plot(travel, -mu * force[:, 1], "k:", label="mu times the vertical force")
 forces.set(xlabel="travel", ylabel="force per thickness", ylim=(0, None))
 forces.legend(loc="center right", frameon=False)
-figure.tight_layout()
+
 figure.savefig(out / "ironing.png", dpi=120)
 
 # %% The sentence of the docstring
