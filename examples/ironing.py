@@ -107,7 +107,6 @@ forces.plot(travel, force[:, 0], label="horizontal force")
 forces.plot(travel, -mu * force[:, 1], "k:", label="mu times the vertical force")
 forces.set(xlabel="travel", ylabel="force per thickness", ylim=(0, None))
 forces.legend(loc="center right", frameon=False)
-
 figure.savefig(out / "ironing.png", dpi=120)
 
 # %% The sentence of the docstring
