@@ -321,8 +321,8 @@ def _advice(
         )
     if largest == "edges":
         return (
-            f"most of it where contact or sticking ends ({across} points across): refine {name} near "
-            f"{at}; half the size is half the error"
+            f"most of it where contact or sticking ends ({across} points across the narrowest zone): "
+            f"refine {name} near {at}; half the size is half the error"
         )
     if largest == "scatter" and contact.method == "node" and not contact.rigid:
         return f"most of it scatter of the nodal values on {name}: take method='mortar'"

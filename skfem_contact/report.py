@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ from skfem_contact.uniqueness import words
 
 if TYPE_CHECKING:
     from skfem_contact.contact import Contact
+    from skfem_contact.friction import FrictionLaw
     from skfem_contact.result import ContactResult, ContactValues
     from skfem_contact.solver import ContactSolver
 
@@ -152,8 +154,18 @@ def _model_words(contact: Contact) -> str:
     method = "node by node" if contact.rigid else contact.method
     law = "frictionless: nothing tangential is modelled"
     if contact.friction is not None:
-        law = f"friction {contact.friction}"
+        law = f"friction {_law_words(contact.friction)}"
     return f"method {method}; {law}"
+
+
+def _law_words(law: FrictionLaw) -> str:
+    """A law with the parameters that are not its defaults."""
+    given = []
+    for f in fields(law):
+        value = getattr(law, f.name)
+        if not np.array_equal(value, f.default):
+            given.append(f"{f.name}={value!r}" if np.ndim(value) == 0 else f"{f.name} by point")
+    return f"{type(law).__name__}({', '.join(given)})"
 
 
 def _gap_words(solver: ContactSolver, part: slice) -> list[str]:

@@ -410,7 +410,7 @@ def test_dry_run_says_what_is_modelled():
         "body table: 162 DOFs, 18 prescribed, MeshQuad1, 64 elements",
         "free without contact and friction: punch: translation along x",
         "joint: punch/bottom on table/top",
-        "friction Coulomb(stiffness=None, mu=0.3",
+        "friction Coulomb(mu=0.3)",
         "5 of 5 points have a partner",
         "2 open (largest 0.03), 2 closed, 1 overlap (deepest 0.01)",
         "'table/top' is finer than the secondary one, 'punch/bottom': facets of 0.125 against 0.25",
