@@ -163,7 +163,7 @@ def _law_words(law: FrictionLaw) -> str:
     given = []
     for f in fields(law):
         value = getattr(law, f.name)
-        if not np.array_equal(value, f.default):
+        if value is not f.default and not (np.ndim(value) == 0 and value == f.default):
             given.append(f"{f.name}={value!r}" if np.ndim(value) == 0 else f"{f.name} by point")
     return f"{type(law).__name__}({', '.join(given)})"
 
