@@ -1,6 +1,6 @@
 """The extremes as a table: cases, right answers, clear refusals, and the precision attained.
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/extremes.py [--slow]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/extremes.py [--slow] [--write]
 
 Runs tests/verification/test_extremes.py and test_extreme_cases.py. A case is a test with one set of
 parameters; its row is the number in the name of the test. It counts as refused if it passed and the
@@ -29,6 +29,10 @@ TESTS = [
     str(HERE.parent / "tests" / "verification" / name)
     for name in ("test_extremes.py", "test_extreme_cases.py")
 ]
+
+STORED = HERE / "results" / "extremes.json"
+PAGE = HERE.parent / "docs" / "extremes.md"
+BEGIN, END = "<!-- extremes table: begin -->", "<!-- extremes table: end -->"
 
 #: What is varied, and what is right.
 ROWS = {
@@ -130,7 +134,8 @@ def table(rows: dict[str, Any]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--slow", action="store_true", help="the cases marked as slow as well")
-    parser.add_argument("--out", type=Path, default=HERE / "results" / "extremes.json")
+    parser.add_argument("--write", action="store_true", help="put the table into docs/extremes.md")
+    parser.add_argument("--out", type=Path, default=STORED)
     options = parser.parse_args()
     collector, start = Collector(), time.process_time()
     np.testing.assert_allclose = collector.compare  # before the tests import it
@@ -154,6 +159,10 @@ def main() -> None:
     options.out.parent.mkdir(exist_ok=True)
     options.out.write_text(json.dumps(found, indent=1) + "\n")
     print(table(rows))
+    if options.write:
+        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+        after = rest.partition(END)[2]
+        PAGE.write_text(f"{before}{BEGIN}\n{table(rows)}\n{END}{after}", encoding="utf-8")
     sys.exit(int(code))
 
 

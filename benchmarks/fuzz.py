@@ -1,12 +1,14 @@
 """Random whole problems through the solver, judged by trying every pattern of the contact points.
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/fuzz.py --problems 10000 --seed 0
+    OPENBLAS_NUM_THREADS=1 python benchmarks/fuzz.py --problems 10000 --seed 0 --jobs 2
+    OPENBLAS_NUM_THREADS=1 python benchmarks/fuzz.py --problems 2000 --points 7 40 --jobs 2
 
 Geometry, angle, contrast of the stiffnesses, friction, loads, gaps, interference, support, moving
 obstacles, meshes that match or not, caps and cohesion, loops and linear routes are drawn at random;
 every problem is a history of up to three steps. An answer counts as right if it satisfies the
-conditions of contact and friction, checked here with dense matrices, and as wrong otherwise. A
-refusal counts as missed if some pattern would have been a solution, and not just on the edge.
+conditions of contact and friction, checked here with dense matrices, and as wrong otherwise. With up
+to six points all patterns are tried: a refusal counts as missed if one of them would have been a
+solution, and not just on the edge. With more points (`--points`) refusals are not judged.
 `--only N` shows one problem.
 """
 
@@ -20,6 +22,8 @@ import traceback
 import warnings
 from collections import Counter
 from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import Pool
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +37,16 @@ from random_problems import random_scene
 import skfem_contact as sc
 
 HERE = Path(__file__).parent
+STORED = [HERE / "results" / name for name in ("fuzz.json", "fuzz_large.json")]
+PAGE = HERE.parent / "docs" / "extremes.md"
+BEGIN, END = "<!-- fuzz table: begin -->", "<!-- fuzz table: end -->"
 SAME = 1e-7  # an answer and an enumerated solution, with contrasts of up to 1e8 between the bodies
 RESIDUAL = 1e-4  # what is left of the conditions, over the largest force: more is wrong
 DIGITS = 1e-7  # and more than this is inaccurate
 MU = (0.0, 1e-6, 0.1, 0.3, 0.6, 1.0, 2.0, 5.0)
+# Without load, or pulled off, a floating body has no place of its own.
+HELD_SHARES, FLOATING_SHARES = [0.0, 1.0, -1.0, 3.0], [1.0, 1.0, 3.0]
+MOST_ENUMERATED = 6  # points for which all patterns are tried
 EDGE = 1e-9  # solutions as near as this to breaking an inequality may be refused
 KINDS = (
     "right",
@@ -46,7 +56,6 @@ KINDS = (
     "refused",
     "refused, on the edge",
     "missed",
-    "missed without pivoting",
     "wrong",
     "crashed",
 )
@@ -54,24 +63,105 @@ KINDS = (
 
 @dataclass(eq=False)
 class Drawn:
-    """One problem: the solver, its arrays, its steps, and what was drawn, in words."""
+    """One problem: the solver, its arrays, its steps, and what was drawn."""
 
     solver: sc.ContactSolver
     problem: Problem
     points: np.ndarray  # the paired points
     steps: list[dict[str, Any]]
-    words: dict[str, Any]
+    choice: Choice
 
 
-def draw(seed: int) -> Drawn:
-    """The problem of a number."""
+@dataclass(frozen=True)
+class StepChoice:
+    """What a load step takes of the loads of the scene, and what it adds."""
+
+    load: int  # which of the two
+    force: float  # in this share
+    displacement: float
+    interference: float | None = None
+    motion: tuple[float, float] | None = None  # of a rigid obstacle
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One problem in numbers that can be drawn one by one."""
+
+    seed: int  # of the geometry, supports, gaps and loads
+    mu: float
+    most: int  # points
+    floating: bool
+    scales: tuple[float, ...]  # of the stiffnesses of the bodies, as many as there are at least
+    G: float  # over the scale of the secondary body
+    caps: dict[str, float]  # the same
+    method: str
+    loop: str
+    linear: str
+    cuts: int
+    steps: tuple[StepChoice, ...]
+    fewest: int = 1
+
+    @property
+    def scene(self) -> Any:
+        """Bodies, surfaces and loads."""
+        return random_scene(self.seed, self.mu, self.most, self.floating, self.fewest)
+
+
+def choose(seed: int, points: tuple[int, int] | None = None) -> Choice:
+    """The problem of a number; with a range of points, one of so many."""
     rng = np.random.default_rng([seed, 77])
     mu = float(rng.choice(MU))
     large = rng.random() < 0.03
     floating = bool(rng.random() < 0.2)
     most = 9 if large else int(rng.choice([2, 3, 4, 5], p=[0.3, 0.4, 0.25, 0.05]))
-    scene = random_scene(seed, mu, most, floating)
+    fewest, most = points or (1, most)
+    scene = random_scene(seed, mu, most, floating, fewest)
     scales = 10.0 ** rng.uniform(-4, 4, len(scene.bodies)) if rng.random() < 0.6 else np.ones(2)
+    G = float(rng.choice([np.inf, np.inf, 3.0]))
+    caps = {}
+    if rng.random() < 0.2:
+        caps["tau_max"] = float(10 ** rng.uniform(-4, -1))
+    if rng.random() < 0.2:
+        caps["cohesion"] = float(10 ** rng.uniform(-5, -2))
+    method = str(rng.choice(["mortar", "node"]))
+    loop = str(rng.choice(["newton", "direct"], p=[0.8, 0.2]))
+    linear = str(rng.choice(["auto", "sparse"], p=[0.85, 0.15]))
+    cuts = int(rng.choice([0, 6]))
+    rigid = len(scene.bodies) == 1
+    steps = [_step(rng, len(scene.problem.D) > 0, rigid) for _ in range(3)]
+    steps = steps[: int(rng.integers(2, 4))]
+    return Choice(
+        seed,
+        mu,
+        most,
+        floating,
+        tuple(float(s) for s in scales[: len(scene.bodies)]),
+        G,
+        caps,
+        method,
+        loop,
+        linear,
+        cuts,
+        tuple(steps),
+        fewest,
+    )
+
+
+def _step(rng: Any, held: bool, rigid: bool) -> StepChoice:
+    load = int(rng.integers(2))
+    force = float(rng.choice(HELD_SHARES if held else FLOATING_SHARES))
+    displacement = float(rng.choice([0.0, 1.0, 1.0, 2.0]))
+    interference = motion = None
+    if rng.random() < 0.2:
+        interference = float(0.02 * rng.standard_normal())
+    if rigid and rng.random() < 0.3:
+        motion = tuple(float(v) for v in 0.02 * rng.standard_normal(2))
+    return StepChoice(load, force, displacement, interference, motion)
+
+
+def build(choice: Choice) -> Drawn:
+    """The solver of a problem, and the same problem as dense arrays."""
+    scene, scales = choice.scene, choice.scales
     bodies = [
         sc.Body(b.basis, b.K * s, D=b.D, name=b.name)
         for b, s in zip(scene.bodies, scales, strict=False)
@@ -80,30 +170,18 @@ def draw(seed: int) -> Drawn:
     secondary = bodies[0].surface(secondary.mesh_facets)
     if len(bodies) == 2:
         primary = bodies[1].surface(primary.mesh_facets)
-    G = float(rng.choice([np.inf, np.inf, 3.0 * scales[0]]))
-    law, caps = _law(rng, mu, G, scales[0])
-    words = {
-        "points": len(scene.order),
-        "bodies": len(bodies),
-        "floating": floating,
-        "mu": mu,
-        "scales": [float(s) for s in scales[: len(bodies)]],
-        "G": G,
-        "method": str(rng.choice(["mortar", "node"])),
-        "loop": str(rng.choice(["newton", "direct"], p=[0.8, 0.2])),
-        "linear": str(rng.choice(["auto", "sparse"], p=[0.85, 0.15])),
-        "cuts": int(rng.choice([0, 6])),
-        "law": {k: float(v) for k, v in caps.items()},
-    }
+    G = choice.G * scales[0]
+    caps = {name: scales[0] * value for name, value in choice.caps.items()}
+    law = sc.Coulomb(choice.mu, stiffness=G, **caps)
     contact = sc.Contact(
-        secondary, primary, friction=law, gap=scene.gap, method=words["method"], name="joint"
+        secondary, primary, friction=law, gap=scene.gap, method=choice.method, name="joint"
     )
     solver = sc.ContactSolver(
         bodies,
         contact,
-        loop=words["loop"],
-        linear=sc.Direct() if words["linear"] == "sparse" else "auto",
-        options=sc.Options(max_cuts=words["cuts"]),
+        loop=choice.loop,
+        linear=sc.Direct() if choice.linear == "sparse" else "auto",
+        options=sc.Options(max_cuts=choice.cuts),
     )
     kin = solver.kin
     points = np.flatnonzero(kin.paired)
@@ -122,37 +200,23 @@ def draw(seed: int) -> Drawn:
         kin.B_n.toarray()[points],
         kin.B_t.toarray()[points],
         kin.gap0[points],
-        mu,
+        choice.mu,
         G,
         np.zeros(len(points)),
         np.zeros(len(points)),
         caps.get("cohesion", 0.0) * area,
         cap,
     )
-    steps = [_step(rng, scene, unit, not scene.solver("newton").contacts[0].rigid) for _ in range(3)]
-    return Drawn(solver, problem, points, steps[: int(rng.integers(2, 4))], words)
-
-
-def _law(rng: Any, mu: float, G: float, scale: float) -> tuple[sc.Coulomb, dict[str, float]]:
-    caps = {}
-    if rng.random() < 0.2:
-        caps["tau_max"] = scale * 10 ** rng.uniform(-4, -1)
-    if rng.random() < 0.2:
-        caps["cohesion"] = scale * 10 ** rng.uniform(-5, -2)
-    return sc.Coulomb(mu, stiffness=G, **caps), caps
-
-
-def _step(rng: Any, scene: Any, unit: np.ndarray, soft: bool) -> dict[str, Any]:
-    """A load step, as the solver takes it; the loads of the scene in other shares."""
-    f, x = scene.loads[int(rng.integers(2))]
-    # without load, or pulled off, a floating body has no place of its own
-    shares = [0.0, 1.0, -1.0, 3.0] if len(scene.problem.D) else [1.0, 1.0, 3.0]
-    step = {"f": unit * f * rng.choice(shares), "x": x * rng.choice([0.0, 1.0, 1.0, 2.0])}
-    if rng.random() < 0.2:
-        step["interference"] = {"joint": float(0.02 * rng.standard_normal())}
-    if not soft and rng.random() < 0.3:
-        step["motion"] = {"joint": 0.02 * rng.standard_normal(2)}
-    return step
+    steps = []
+    for step in choice.steps:
+        f, x = scene.loads[step.load]
+        load = {"f": unit * f * step.force, "x": x * step.displacement}
+        if step.interference is not None:
+            load["interference"] = {"joint": step.interference}
+        if step.motion is not None:
+            load["motion"] = {"joint": np.array(step.motion)}
+        steps.append(load)
+    return Drawn(solver, problem, points, steps, choice)
 
 
 def residual(p: Problem, u: np.ndarray, lam: np.ndarray, tau: np.ndarray, slip: np.ndarray) -> float:
@@ -184,106 +248,154 @@ def residual(p: Problem, u: np.ndarray, lam: np.ndarray, tau: np.ndarray, slip: 
     return max(float(np.max(np.abs(e), initial=0.0)) for e in errors)
 
 
-def judge(seed: int, show: bool = False) -> list[tuple[str, str]]:
-    """What happened in every step of a problem: a kind of `KINDS`, and words."""
+def judge(
+    problem: int | Choice, show: bool = False, points: tuple[int, int] | None = None
+) -> list[tuple[str, str]]:
+    """What happened in every step of a problem, or of its number: a kind of `KINDS`, and words."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         warnings.simplefilter("ignore", sc.ContactWarning)
-        return _judge(seed, show)
+        try:
+            choice = choose(problem, points) if isinstance(problem, int) else problem
+            return _judge(build(choice), show)
+        except Exception:
+            return [("crashed", f"{problem}: {traceback.format_exc()}")]
 
 
-def _judge(seed: int, show: bool) -> list[tuple[str, str]]:
+def _judge(drawn: Drawn, show: bool) -> list[tuple[str, str]]:
     out: list[tuple[str, str]] = []
-    try:
-        drawn = draw(seed)
-        p, before = drawn.problem, None
-        shift = np.zeros(2)
-        over = 0.0
-        for number, step in enumerate(drawn.steps):
-            shift = step.get("motion", {}).get("joint", shift)
-            over = step.get("interference", {}).get("joint", over)
-            kin = drawn.solver.kin
-            gap0 = drawn.problem.gap0 - over - kin.normal[drawn.points] @ shift
-            moved = kin.tangent[drawn.points, 0] @ shift  # slip by the obstacle alone, backwards
-            p = replace(p, f=step["f"], x=np.where(np.isin(np.arange(len(p.x)), p.D), step["x"], 0.0))
-            p = replace(p, gap0=gap0)
-            same = replace(p, slip_before=p.slip_before + moved)
-            known = all_solutions(same) if len(drawn.points) <= 5 else None
-            name = f"seed {seed} step {number} {drawn.words}"
-            try:
-                result = next(drawn.solver.history([step], start=before))
-            except (sc.NotConverged, sc.NoEquilibrium) as error:
-                kind = type(error).__name__
-                if len(str(error)) < 60 or (error.result is not None and error.result.converged):
-                    out.append(("crashed", f"{name}: unclear {kind}: {error}"))
-                best = max((s.margin for s in known or []), default=-np.inf)
-                word = f"{name}: {kind}, {len(known or [])} known, margin {best:.1e}"
-                kind = "missed" if best > EDGE else "refused, on the edge" if known else "refused"
-                if kind == "missed" and drawn.words["linear"] == "sparse":
-                    kind = "missed without pivoting"  # the complete method needs the dense matrix
-                out.append((kind, word))
-                break
-            lam = result.normal_force[drawn.points]
-            tau = -result.tangential_force[drawn.points, 0]
-            slip = p.B_t @ result.u
-            cut = ", step cut" in result.message
-            # after cuts the start of the last substep is not known here
-            left = 0.0 if cut else residual(same, result.u, lam, tau, slip)
-            worst = max(left, result.certificate.worst)
-            off = [distance(s, result.u, lam, tau) for s in known or []]
-            near = min(off, default=np.inf)
-            if show:
-                print(
-                    name, result.message, f"residual {left:.1e} certificate\n{result.certificate}", off
-                )
-                print("lam", lam, "tau", tau, "slip", slip - same.slip_before)
-            if worst > RESIDUAL:
-                out.append(
-                    ("wrong", f"{name}: residual {left:.1e}, certificate {worst:.1e}, off {near:.1e}")
-                )
-                break
-            kind = "right, after cuts" if cut else "right"
-            if known is not None and not cut and near > SAME:
-                kind = "right, not enumerated"
-            if worst > DIGITS:
-                kind = "right, few digits"
-            out.append((kind, f"{name}: residual {left:.1e}, off {near:.1e}, {len(off)} known"))
-            state = result.state
-            p = replace(
-                p,
-                slip_before=state.slip[drawn.points, 0],
-                tau_before=state.tangential_force[drawn.points, 0],
-            )
-            before = result
-    except Exception:
-        out.append(("crashed", f"seed {seed}: {traceback.format_exc()}"))
+    p, before, points = drawn.problem, None, drawn.points
+    shift = np.zeros(2)
+    over = 0.0
+    for number, step in enumerate(drawn.steps):
+        shift = step.get("motion", {}).get("joint", shift)
+        over = step.get("interference", {}).get("joint", over)
+        kin = drawn.solver.kin
+        gap0 = drawn.problem.gap0 - over - kin.normal[points] @ shift
+        moved = kin.tangent[points, 0] @ shift  # slip by the obstacle alone, backwards
+        p = replace(p, f=step["f"], x=np.where(np.isin(np.arange(len(p.x)), p.D), step["x"], 0.0))
+        p = replace(p, gap0=gap0)
+        same = replace(p, slip_before=p.slip_before + moved)
+        known = all_solutions(same) if len(points) <= MOST_ENUMERATED else None
+        name = f"{drawn.choice} step {number}, {len(points)} points"
+        try:
+            result = next(drawn.solver.history([step], start=before))
+        except (sc.NotConverged, sc.NoEquilibrium) as error:
+            out.append(_refusal(error, known, held=len(p.D) > 0, name=name))
+            break
+        lam = result.normal_force[points]
+        tau = -result.tangential_force[points, 0]
+        slip = p.B_t @ result.u
+        cut = ", step cut" in result.message
+        # after cuts the start of the last substep is not known here
+        left = 0.0 if cut else residual(same, result.u, lam, tau, slip)
+        worst = max(left, result.certificate.worst)
+        off = [distance(s, result.u, lam, tau) for s in known or []]
+        near = min(off, default=np.inf)
+        words = (
+            f"{name}: residual {left:.1e}, certificate {worst:.1e}, off {near:.1e}, {len(off)} known"
+        )
+        if show:
+            print(words, result, f"lam {lam} tau {tau} slip {slip - same.slip_before}", sep="\n")
+        if worst > RESIDUAL:
+            out.append(("wrong", words))
+            break
+        kind = "right, after cuts" if cut else "right"
+        if known is not None and not cut and near > SAME:
+            kind = "right, not enumerated"
+        if worst > DIGITS:
+            kind = "right, few digits"
+        out.append((kind, words))
+        if known is not None and not cut and foretold_wrongly(result, known):
+            out.append(("wrong", f"{words}, {result.uniqueness}"))
+        state = result.state
+        p = replace(
+            p,
+            slip_before=state.slip[points, 0],
+            tau_before=state.tangential_force[points, 0],
+        )
+        before = result
     return out
+
+
+def _refusal(
+    error: sc.NotConverged | sc.NoEquilibrium, known: list[Any] | None, held: bool, name: str
+) -> tuple[str, str]:
+    """Whether a refusal is in order, and words."""
+    what = type(error).__name__
+    if len(str(error)) < 60 or (error.result is not None and error.result.converged):
+        return "crashed", f"{name}: unclear {what}: {error}"
+    if known is None:  # held bodies have an answer to every load, whatever the friction
+        return "missed" if held else "refused", f"{name}: {what}"
+    best = max((s.margin for s in known), default=-np.inf)
+    kind = "missed" if best > EDGE else "refused, on the edge" if known else "refused"
+    return kind, f"{name}: {what}, {len(known)} known, margin {best:.1e}"
+
+
+def foretold_wrongly(result: Any, known: list[Any]) -> bool:
+    """Whether an answer of index -1 is the only one, all of them being clear of their edges."""
+    said = result.uniqueness
+    if said is None or not said.held or said.index >= 0:
+        return False
+    return len(known) < 3 and min((s.margin for s in known), default=0.0) > 1e-6
+
+
+def table(runs: list[dict[str, Any]]) -> str:
+    """Stored runs side by side, as they stand in the documentation."""
+    heads = [
+        "2 to 9 points" if r["points"] is None else "{} to {} points".format(*r["points"]) for r in runs
+    ]
+    lines = ["| | " + " | ".join(heads) + " |", "| --- |" + " --- |" * len(runs)]
+    for what in ("problems", "steps"):
+        lines.append(f"| {what} | " + " | ".join(f"{r[what]:,}" for r in runs) + " |")
+    for kind in KINDS:
+        lines.append(f"| {kind} | " + " | ".join(f"{r['kinds'][kind]:,}" for r in runs) + " |")
+    return "\n".join(lines)
+
+
+def write_page() -> None:
+    """Put the table of the stored runs into the documentation."""
+    runs = [json.loads(path.read_text(encoding="utf-8")) for path in STORED]
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    after = rest.partition(END)[2]
+    PAGE.write_text(f"{before}{BEGIN}\n{table(runs)}\n{END}{after}", encoding="utf-8")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--problems", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0, help="number of the first problem")
+    parser.add_argument("--points", type=int, nargs=2, help="least and most contact points")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--write", action="store_true", help="only put what is stored into the docs")
     parser.add_argument("--seconds", type=float, default=np.inf, help="stop after this time")
     parser.add_argument("--only", type=int, help="show one problem")
-    parser.add_argument("--out", type=Path, default=HERE / "results" / "fuzz.json")
+    parser.add_argument("--out", type=Path, help="by default results/fuzz.json or fuzz_large.json")
     options = parser.parse_args()
+    if options.write:
+        write_page()
+        return
+    points = None if options.points is None else tuple(options.points)
+    if options.out is None:
+        options.out = STORED[points is not None]
     if options.only is not None:
-        for kind, words in judge(options.only, show=True):
+        for kind, words in judge(options.only, show=True, points=points):
             print(f"{kind}: {words}")
         return
     start, count, noted = time.perf_counter(), Counter(), []
     done = 0
-    for seed in range(options.seed, options.seed + options.problems):
-        for kind, words in judge(seed):
-            count[kind] += 1
-            if kind in (*KINDS[6:], KINDS[1], KINDS[3]):
-                noted.append(f"{kind}: {words}")
-        done += 1
-        if time.perf_counter() - start > options.seconds:
-            break
-        if done % 500 == 0 or done == options.problems:
-            _save(options, done, count, noted, start)
+    seeds = range(options.seed, options.seed + options.problems)
+    with Pool(options.jobs) as pool:
+        for found in pool.imap(partial(judge, points=points), seeds, chunksize=10):
+            for kind, words in found:
+                count[kind] += 1
+                if kind in (*KINDS[6:], KINDS[1], KINDS[3]):
+                    noted.append(f"{kind}: {words}")
+            done += 1
+            if time.perf_counter() - start > options.seconds:
+                break
+            if done % 500 == 0:
+                _save(options, done, count, noted, start)
     _save(options, done, count, noted, start)
 
 
@@ -291,6 +403,7 @@ def _save(options: Any, done: int, count: Counter, noted: list[str], start: floa
     summary = {
         "problems": done,
         "seed": options.seed,
+        "points": options.points,
         "steps": sum(count.values()),
         "kinds": {kind: count[kind] for kind in KINDS},
         "seconds": round(time.perf_counter() - start),

@@ -13,7 +13,7 @@ a node passes from one facet to the next without a jump of its frame.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -49,12 +49,16 @@ class Placement:
     motions : RigidMotions
     u : ndarray, shape (n,) or None
         Displacements of the surfaces at which the pairing was made; None for the undeformed bodies.
+    dense_rows : callable
+        ``dense_rows()`` gives the contact problem on gaps and slips for pivoting: on the condensed
+        route `rows`, on the sparse one made for this alone, when nothing else has helped.
     """
 
     kin: Kinematics
     rows: Any
     motions: RigidMotions
     u: Array | None
+    dense_rows: Callable[[], Any]
 
     @cached_property
     def able(self) -> Mask:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -69,6 +69,7 @@ class LinearModel:
         self._reuse = list(reuse)
         self._bodies: Condensed | FullSystem | None = None
         self._base: Placement | None = None
+        self._for_pivoting: Condensed | None = None
 
     def with_interface(self, interface: Interface, timings: dict[str, float]) -> LinearModel:
         """The same bodies under other friction laws; shared, where the laws need the same rows."""
@@ -147,20 +148,29 @@ class LinearModel:
         if kin is None and self._base is not None:
             return self._base
         bodies = self.bodies
+        own = self.kin if kin is None else kin
         start = time.perf_counter()
         with single_threaded():
-            rows = bodies.attach(
-                self.kin if kin is None else kin,
-                self.interface.slipping,
-                self._prefer,
-                self._labels,
-            )
+            rows = bodies.attach(own, self.interface.slipping, self._prefer, self._labels)
         spent = time.perf_counter() - start
         self.timings["contact problem"] = self.timings.get("contact problem", 0.0) + spent
+        dense = cache(lambda: self._dense_rows(own, rows))
         if kin is None:
-            self._base = Placement(self.kin, rows, self.motions, None)
+            self._base = Placement(self.kin, rows, self.motions, None, dense)
             return self._base
-        return Placement(kin, rows, self.motions.seen_by(kin), u)
+        return Placement(kin, rows, self.motions.seen_by(kin), u, dense)
+
+    def _dense_rows(self, kin: Kinematics, rows: Any) -> Any:
+        """The contact problem on gaps and slips; on the sparse route condensed for this alone.
+
+        Not in place of an iterative solver, which is chosen where a factorisation is too much.
+        """
+        if self.condensed or not isinstance(self.backend, Direct):
+            return rows
+        if self._for_pivoting is None:
+            self._for_pivoting = Condensed(self.system, self.stiffness, self._wanted())
+        bodies = self._for_pivoting
+        return bodies.attach(kin, self.interface.slipping, self._prefer, self._labels)
 
     def _wanted(self) -> NDArray[np.intp]:
         """DOFs that contact rows may touch: those of now, and of surfaces that slide far."""

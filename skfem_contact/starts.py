@@ -34,7 +34,7 @@ def possible_starts(points: int, loop: str) -> list[str]:
 
 
 def starting_values(
-    start: str, known: State, step: Step, kin: Kinematics, tolerance: float
+    start: str, known: State, step: Step, kin: Kinematics, tolerance: float, loop: str, dense: Step
 ) -> tuple[Guess, Outcome | None]:
     """Starting values, and how another loop came to them.
 
@@ -47,21 +47,29 @@ def starting_values(
     kin : Kinematics
     tolerance : float
         To which other loops are run.
+    loop : str
+        The loop that begins here. Before `direct`, whose lagged limits run away from an answer that
+        is not exact, Newton takes the round-off out of what pivoting has found.
+    dense : Step
+        The same step with gaps and slips as unknowns, for pivoting.
     """
     if start == "warm":
         return as_guess(known), None
     if start == "newton":
-        first = admissible(as_guess(known), step)
-        found = drive(loops.newton, step, first, tolerance, NEWTON_ITERATIONS)
-        it, there = found.iterate, found.iterate.response
-        return Guess(
-            it.status, it.direction, there.normal_force, there.tangential_force, there.slip
-        ), found
+        return _by_newton(as_guess(known), step, tolerance)
     if start == "pivoting":
-        pivoted = lemke_guess(step, as_guess(known))
+        pivoted = lemke_guess(dense, as_guess(known))
         if pivoted is not None:
-            return pivoted, None
+            return _by_newton(pivoted, step, tolerance) if loop == "direct" else (pivoted, None)
     return _cold(step, kin, tolerance, apart=start == "apart"), None
+
+
+def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outcome]:
+    first = admissible(guess, step)
+    found = drive(loops.newton, step, first, tolerance, NEWTON_ITERATIONS)
+    it, there = found.iterate, found.iterate.response
+    forces = there.normal_force, there.tangential_force
+    return Guess(it.status, it.direction, *forces, there.slip), found
 
 
 def _cold(step: Step, kin: Kinematics, tolerance: float, apart: bool = False) -> Guess:

@@ -227,7 +227,10 @@ class Stepper:
                 stiffness=interface.stiffness,
                 last=walk.state,
             )
-            guess, spent = starting_values(start, known, step, kin, options.tolerance)
+            dense = step
+            if start == "pivoting" and (rows := placement.dense_rows()) is not placement.rows:
+                dense = replace(step, space=rows.space, load=rows.load(seen))
+            guess, spent = starting_values(start, known, step, kin, options.tolerance, self.loop, dense)
             guess = admissible(guess, step)
             limit = options.max_iterations or ITERATIONS[self.loop]
             run = LOOPS[self.loop]

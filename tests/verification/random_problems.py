@@ -40,7 +40,7 @@ class Scene:
         return replace(new, slip_before=before.slip, tau_before=before.tau)
 
 
-def random_scene(seed: int, mu: float, most: int = 5, floating: bool = False) -> Scene:
+def random_scene(seed: int, mu: float, most: int = 5, floating: bool = False, fewest: int = 1) -> Scene:
     """One or two blocks of random shape, stiffness, support, load and gap.
 
     `floating`: one block on a plane that nothing but contact and friction supports.
@@ -48,8 +48,10 @@ def random_scene(seed: int, mu: float, most: int = 5, floating: bool = False) ->
     rng = np.random.default_rng(seed)
     kind = "plane" if floating else rng.choice(["plane", "plane", "matching", "refined"])
     support = "none" if floating else rng.choice(["top", "side", "corners"])
-    m = int(rng.integers(1 if kind == "plane" and not floating else 2, most + 1))
-    if kind == "refined":
+    m = int(rng.integers(max(fewest, 1 if kind == "plane" and not floating else 2), most + 1))
+    if kind == "refined" and fewest > 5:
+        m += 1 - m % 2  # every second node is one of the primary side
+    elif kind == "refined":
         m = 3 if most < 5 else int(rng.choice([3, 5]))
     quads = bool(rng.integers(2))
     angle = float(rng.choice([0.0, 0.5 * np.pi, rng.uniform(-np.pi, np.pi)]))
@@ -103,11 +105,11 @@ def random_scene(seed: int, mu: float, most: int = 5, floating: bool = False) ->
     problem = Problem(
         K, loads[0][0], D, loads[0][1], B_n, B_t, gap, mu, np.inf, np.zeros(m), np.zeros(m)
     )
-    on = _facets(blocks[0], u_base, m)
+    on = _facets(blocks[0], u_base, m, normal)
     if kind == "plane":
         primary = sc.RigidPlane((0.0, 0.0), normal)
     else:
-        primary = bodies[1].surface(_facets(blocks[1], l_base, 2))
+        primary = bodies[1].surface(_facets(blocks[1], l_base, 2, -normal))
     surface = bodies[0].surface(on)
     order = _order(surface.points, blocks[0].mesh.p[:, u_base].T)
     given = np.full(len(surface.points), 1e3 * size)  # the clamped end of a single tip's edge
@@ -173,13 +175,16 @@ def _hat(x, nodes):
     return np.array([np.interp(x, nodes, row) for row in np.eye(len(nodes))]).T
 
 
-def _facets(basis, base, m):
+def _facets(basis, base, m, up):
     mesh = basis.mesh
     boundary = mesh.boundary_facets()
     inside = np.isin(mesh.facets[:, boundary], base).all(axis=0)
-    if m == 1:  # one edge that has the tip as an end
-        inside = np.isin(mesh.facets[:, boundary], base).any(axis=0)
-        inside[np.flatnonzero(inside)[1:]] = False
+    if m == 1:  # the edge that has the tip as an end and looks down the most
+        ends = np.isin(mesh.facets[:, boundary], base).any(axis=0)
+        p = mesh.p[:, mesh.facets[:, boundary]]
+        along = p[:, 1] - p[:, 0]
+        rise = np.abs(up @ along) / np.linalg.norm(along, axis=0)
+        inside = np.arange(len(boundary)) == np.argmin(np.where(ends, rise, np.inf))
     return boundary[inside]
 
 
