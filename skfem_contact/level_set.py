@@ -71,7 +71,8 @@ class LevelSet(Obstacle):
             gradient=gradient and (lambda x: np.tensordot(turn, gradient(back(x)), axes=1)),
         )
 
-    def _distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Signed distances, normals and partners, see `Obstacle.distance`."""
         x = surface.points
         size = float(np.linalg.norm(np.ptp(x, axis=0)))
         y, converged = self._closest(x, size)

@@ -52,7 +52,7 @@ class Obstacle(ABC):
         if motion is not None:
             return self.moved(motion).pair(surface)
         points, m = surface.points, len(surface.points)
-        gap, normal, paired = self._distance(surface)
+        gap, normal, paired = self.distance(surface)
         normal = np.where(paired[:, None], normal, -surface.normals)
         return Pairing(
             points=points,
@@ -80,8 +80,22 @@ class Obstacle(ABC):
         """
 
     @abstractmethod
-    def _distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Signed distances (m,), unit normals (m, d), and which nodes have a partner (m,)."""
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where the nodes of a surface are, seen from the obstacle.
+
+        Parameters
+        ----------
+        surface : ContactSurface
+
+        Returns
+        -------
+        gap : ndarray, shape (m,)
+            Signed distance, positive outside [length].
+        normal : ndarray, shape (m, d)
+            Unit normals out of the obstacle.
+        paired : ndarray of bool, shape (m,)
+            Which nodes have a partner.
+        """
 
 
 def rigid_motion(motion: Any, dim: int) -> tuple[np.ndarray, np.ndarray]:

@@ -52,7 +52,8 @@ class RigidPlane(Obstacle):
         turn, shift = rigid_motion(motion, len(self.point))
         return replace(self, point=turn @ self.point + shift, normal=turn @ self.normal)
 
-    def _distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Signed distances, normals and partners, see `Obstacle.distance`."""
         check_dimension(surface, len(self.point), self)
         gap = (surface.points - self.point) @ self.normal
         return gap, np.tile(self.normal, (len(gap), 1)), np.ones(len(gap), dtype=bool)
@@ -102,7 +103,8 @@ class RigidCylinder(Obstacle):
         axis = None if self.axis is None else turn @ self.axis
         return replace(self, centre=turn @ self.centre + shift, axis=axis)
 
-    def _distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Signed distances, normals and partners, see `Obstacle.distance`."""
         check_dimension(surface, len(self.centre), self)
         arm = surface.points - self.centre
         if self.axis is not None:
@@ -142,7 +144,8 @@ class RigidSphere(Obstacle):
         turn, shift = rigid_motion(motion, len(self.centre))
         return replace(self, centre=turn @ self.centre + shift)
 
-    def _distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Signed distances, normals and partners, see `Obstacle.distance`."""
         check_dimension(surface, len(self.centre), self)
         return _round(surface.points - self.centre, self.radius, self.hollow, surface)
 
