@@ -12,8 +12,7 @@ from skfem_contact.driver import Outcome
 from skfem_contact.geometry import Placement
 from skfem_contact.interface import Interface
 from skfem_contact.loads import LoadCase
-from skfem_contact.result import Record
-from skfem_contact.states import OPEN, State
+from skfem_contact.states import OPEN, Record, State
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from skfem_contact.arguments import number
 from skfem_contact.errors import InputError
-from skfem_contact.result import Record
-from skfem_contact.states import OPEN, SLIP, STICK, Guess, Iterate, Step
+from skfem_contact.states import OPEN, SLIP, STICK, Guess, Iterate, Record, Step
 
 logger = logging.getLogger("skfem_contact")
 

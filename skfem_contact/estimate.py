@@ -42,7 +42,8 @@ from skfem_contact.surface import ContactSurface
 
 if TYPE_CHECKING:
     from skfem_contact.body import Body
-    from skfem_contact.result import ContactResult, ContactValues
+    from skfem_contact.contact_values import ContactValues
+    from skfem_contact.result import ContactResult
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -14,8 +14,9 @@ import skfem
 from numpy.typing import NDArray
 
 from skfem_contact.body import Body
+from skfem_contact.contact_values import ContactValues
 from skfem_contact.errors import InputError
-from skfem_contact.result import ContactResult, ContactValues
+from skfem_contact.result import ContactResult
 from skfem_contact.surface import ContactSurface
 
 if TYPE_CHECKING:

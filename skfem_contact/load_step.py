@@ -15,10 +15,11 @@ from skfem_contact.diagnosis import check_loads
 from skfem_contact.errors import InputError, NoEquilibrium, NotConverged
 from skfem_contact.linear_model import LinearModel
 from skfem_contact.recovery import Recovery
-from skfem_contact.result import ContactResult, Record
+from skfem_contact.result import ContactResult
 from skfem_contact.rigid import no_equilibrium
 from skfem_contact.rotation import warn_of_rotation
 from skfem_contact.starts import natural_state
+from skfem_contact.states import Record
 from skfem_contact.stepping import Stepper
 from skfem_contact.steps import Settings, StepReader
 

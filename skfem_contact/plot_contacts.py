@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.contact import Contact
+from skfem_contact.contact_values import ContactValues
 from skfem_contact.drawing import FRICTION, LINES, PRESSURE, arc_length, new_axes, require_plane
 from skfem_contact.errors import InputError
-from skfem_contact.result import ContactResult, ContactValues
+from skfem_contact.result import ContactResult
+from skfem_contact.states import STATUS
 
 Array = NDArray[np.float64]
 
-STATUS = ("open", "stick", "slip")
 SHADES = ("none", "#bcd9c4", "#f6d6ad")  # open, stick, slip: pale, to lie behind lines
 #: Legends stand above the axes, where no curve is.
 ABOVE: dict[str, Any] = {

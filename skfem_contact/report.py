@@ -11,16 +11,16 @@ import numpy as np
 from skfem_contact.body import Body
 from skfem_contact.estimate import percent
 from skfem_contact.pairing_diagnosis import diagnose
+from skfem_contact.states import STATUS
 from skfem_contact.surface import ContactSurface
 from skfem_contact.uniqueness import words
 
 if TYPE_CHECKING:
     from skfem_contact.contact import Contact
+    from skfem_contact.contact_values import ContactValues
     from skfem_contact.friction import FrictionLaw
-    from skfem_contact.result import ContactResult, ContactValues
+    from skfem_contact.result import ContactResult
     from skfem_contact.solver import ContactSolver
-
-STATUS = ("open", "stick", "slip")
 
 
 def report(result: ContactResult) -> str:

@@ -27,9 +27,10 @@ from skfem_contact.linear_model import LinearModel
 from skfem_contact.load_step import LoadStep
 from skfem_contact.multifrontal import Estimate
 from skfem_contact.recovery import recover_all
-from skfem_contact.result import ContactResult, Record
+from skfem_contact.result import ContactResult
 from skfem_contact.rigid import rigid_motions
 from skfem_contact.sparse_route import FullSystem
+from skfem_contact.states import Record
 from skfem_contact.stepping import LOOPS, Stepper
 from skfem_contact.steps import StepReader
 from skfem_contact.substructure import Substructure

@@ -1,4 +1,4 @@
-"""What the nonlinear loops pass around: states between load steps, steps, guesses and iterates."""
+"""What the loops pass around: states between load steps, steps, guesses, iterates and records."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 OPEN, STICK, SLIP = 0, 1, 2
+STATUS = ("open", "stick", "slip")
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,3 +123,22 @@ class Guess:
     normal_force: Array
     tangential_force: Array
     slip: Array
+
+
+@dataclass(frozen=True)
+class Record:
+    """What one iteration did: a line of the log."""
+
+    iteration: int
+    open: int
+    stick: int
+    slip: int
+    changes: int
+    residual: float
+    note: str = ""
+
+    def __str__(self) -> str:
+        return (
+            f"{self.iteration:4d}  open {self.open:5d}  stick {self.stick:5d}  slip {self.slip:5d}"
+            f"  changes {self.changes:5d}  law {self.residual:8.1e}  {self.note}".rstrip()
+        )

@@ -26,9 +26,8 @@ from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import Interface
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase
-from skfem_contact.result import Record
 from skfem_contact.starts import NEWTON_ITERATIONS, admissible, possible_starts, starting_values
-from skfem_contact.states import OPEN, State, Step
+from skfem_contact.states import OPEN, Record, State, Step
 from skfem_contact.threads import single_threaded
 
 Array = NDArray[np.float64]
