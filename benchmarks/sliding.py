@@ -10,6 +10,7 @@ Run ``OPENBLAS_NUM_THREADS=1 python benchmarks/sliding.py [increments] [dofs]``.
 
 from __future__ import annotations
 
+import itertools
 import json
 import platform
 import sys
@@ -63,7 +64,7 @@ def linear_solve(block: sc.Body, track: sc.Body) -> dict[str, float]:
 
 
 def drag(
-    block: sc.Body, track: sc.Body, h: float, increments: int, method: str, tolerance: float
+    block: sc.Body, track: sc.Body, h: float, increments: int, method: str, options: sc.Options
 ) -> dict[str, float]:
     """Seconds of the processor for a whole history, set-up included, and what it did."""
     begin = time.process_time()
@@ -74,7 +75,6 @@ def drag(
         sliding="finite",
         method=method,
     )
-    options = sc.Options(placement_tolerance=tolerance)
     solver = sc.ContactSolver([block, track], contact, options=options)
     down = block.x
     path = np.linspace(0, 40 * h, increments + 1)[1:]
@@ -105,16 +105,15 @@ def main() -> None:
     }
     for name, seconds in linear.items():
         print(f"one linear solve, {name:12s} {seconds:8.2f} s")
-    usual = sc.Options().placement_tolerance
-    for method, tolerance in (
-        ("node", usual),
-        ("mortar", usual),
-        ("node", 3e-5),
-        ("mortar", 3e-5),
-    ):
-        run = drag(block, track, h, increments, method, tolerance)
+    presets = {
+        "fast": sc.Options.fast(),
+        "balanced": sc.Options.balanced(),
+        "accurate": sc.Options.accurate(),
+    }
+    for method, preset in itertools.product(("node", "mortar"), presets):
+        run = drag(block, track, h, increments, method, presets[preset])
         run |= {f"over {name}": run["seconds"] / seconds for name, seconds in linear.items()}
-        name = method if tolerance == usual else f"{method}, tolerance {tolerance:.0e}"
+        name = f"{method}, {preset}"
         table[name] = run
         print(
             f"dragging, {name:27s} {run['seconds']:8.2f} s = "

@@ -22,7 +22,18 @@ def elastic(E, nu=0.3):
     return linear_elasticity(*lame_parameters(E, nu))
 
 
-def dragged_block(*, rigid, method="node", E=1e3, mu=0.3, P=1.0, nx=8, facets=None, sliding="finite"):
+def dragged_block(
+    *,
+    rigid,
+    method="node",
+    E=1e3,
+    mu=0.3,
+    P=1.0,
+    nx=8,
+    facets=None,
+    sliding="finite",
+    options=None,
+):
     """A unit block, loaded by P at the top and moved along a flat track by its top nodes.
 
     The track is rigid or an elastic layer with facets of unequal length.
@@ -44,7 +55,7 @@ def dragged_block(*, rigid, method="node", E=1e3, mu=0.3, P=1.0, nx=8, facets=No
     contact = sc.Contact(
         block.surface("bottom"), primary, friction=sc.Coulomb(mu), sliding=sliding, method=method
     )
-    return sc.ContactSolver(bodies, [contact])
+    return sc.ContactSolver(bodies, [contact], options=options)
 
 
 def travel(solver, distances):
