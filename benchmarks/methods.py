@@ -2,7 +2,7 @@
 
     python benchmarks/methods.py
 
-Hertz contact, error over time, is in pareto.py.
+Hertz contact, error over time, is in trade.py.
 
 The scenes are those of the verification tests.
 """

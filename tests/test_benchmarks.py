@@ -1,11 +1,16 @@
-"""The benchmark's problem has the answer it is measured against, on both routes."""
+"""The benchmarks' problems have the answers they are measured against, and their tables say so."""
 
 from __future__ import annotations
 
+import json
+import re
 import sys
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 
@@ -36,3 +41,99 @@ def test_table_names_what_failed(run: Any) -> None:
     failed = {"failed": "MemoryError"}
     text = run.table([{"case": "large", "history": failed, "own": failed, "plain": failed}])
     assert "| large | failed: MemoryError |" in text
+
+
+TRADE = ("trade", "trade_tables", "trade_plot", "problems")
+
+
+@pytest.fixture(scope="module")
+def trade() -> Any:
+    """The modules of benchmarks/trade.py, and what its quick mode measures."""
+    root = Path(__file__).parents[1]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(root / "tests" / "verification"))
+        patch.syspath_prepend(str(root / "benchmarks"))
+        modules = {name: import_module(name) for name in TRADE}
+        yield modules, modules["trade"].measure(quick=True)
+        for name in TRADE:
+            sys.modules.pop(name)
+
+
+def test_trade_errs_as_the_mesh_lets_it(trade: Any) -> None:
+    """On 4.5 elements per half width all four answers are right to what such a mesh resolves."""
+    measured = trade[1]["problems"]
+    base = {name: problem["rows"][0] for name, problem in measured.items()}
+    assert not [r for p in measured.values() for r in p["rows"] if "failed" in r]
+    # of order h/a = 0.22, measured an eighth of it (Hertz) to a quarter (friction), Raous' smoother
+    assert base["hertz"]["error"] < 0.05
+    assert base["mindlin"]["error"] < 0.1
+    assert base["raous"]["error"] < 0.01
+    assert base["sliding"]["error"] < 0.05
+
+
+def test_trade_compares_with_the_base(trade: Any) -> None:
+    """Ratios are to the base; only what changes the equations changes the answer."""
+    for problem in trade[1]["problems"].values():
+        rows = {(r["axis"], r["label"]): r for r in problem["rows"]}
+        assert rows["base", ""]["time ratio"] == rows["base", ""]["error ratio"] == 1.0
+        assert rows["presets", "balanced"]["error"] == rows["base", ""]["error"]
+        # what the presets change is below what the mesh resolves
+        assert all(abs(rows["presets", p]["error ratio"] - 1) < 0.02 for p in ("fast", "accurate"))
+        # finite stiffness of sticking points, 1e3 times K's diagonal, in the loop `direct`
+        assert rows["loop", "direct"]["moved"] < 2e-3
+    hertz = {(r["axis"], r["label"]): r for r in trade[1]["problems"]["hertz"]["rows"]}
+    assert hertz["method", "node"]["moved"] > 1e-3
+
+
+def test_trade_goes_wrong_without_following_the_die(trade: Any) -> None:
+    """On the pairing of the start, with the block as secondary, the die presses where it began."""
+    modules, _ = trade
+    base = modules["trade"].PROBLEMS["sliding"].base
+    left = replace(base, points=4.5, increments=4, sliding="small", secondary="block")
+    assert modules["problems"].sliding(left).error() > 1.0
+    assert modules["problems"].sliding(replace(left, sliding="finite")).error() < 0.1
+
+
+def test_values_along_quadratic_facets(trade: Any) -> None:
+    """Between the nodes of quadratic facets a parabola is met exactly, of linear ones its chord."""
+    along, x = trade[0]["problems"].along, np.linspace(0, 1, 9)
+    points = np.array([0.0, 0.1, 0.25, 0.6, 1.0])
+    # round-off of numbers up to one
+    assert along(points, x, x**2, 2) == pytest.approx(points**2, abs=1e-14)
+    assert along(points, x, x**2, 1)[1] > points[1] ** 2 + 1e-4
+
+
+def test_trade_tables_and_pictures(trade: Any, tmp_path: Path) -> None:
+    """Every row is in a table; the front gets better as it gets slower; pictures are drawn."""
+    modules, measured = trade
+    tables = modules["trade_tables"]
+    for problem in measured["problems"].values():
+        best = tables.front(problem["rows"])
+        assert (np.diff([r["median"] for r in best]) >= 0).all()
+        assert (np.diff([r["error"] for r in best]) < 0).all()
+        listed = tables.price_list(problem).splitlines()
+        assert len(listed) == 2 + sum(r["axis"] != "front" for r in problem["rows"])
+    for picture in modules["trade_plot"].draw(measured, tmp_path):
+        assert picture.stat().st_size > 10_000
+
+
+def test_a_failed_setting_is_a_row(trade: Any) -> None:
+    """What cannot be solved is in the table with its reason."""
+    modules, _ = trade
+    problem = modules["trade"].PROBLEMS["raous"]
+    few = replace(problem.base, points=4, options=replace(problem.base.options, max_iterations=1))
+    few = replace(few, options=replace(few.options, max_cuts=0))
+    base, failed = (modules["trade"].Measured(problem, s) for s in (problem.base, few))
+    failed.run()
+    row = {"axis": "options", "label": "one iteration", **failed.compared(base)}
+    assert "NotConverged" in modules["trade_tables"].price_list({"rows": [row]})
+
+
+def test_the_pages_show_what_is_stored(trade: Any) -> None:
+    """The tables in docs/trade.md and docs/methods.md are those of results/trade.json."""
+    tables = trade[0]["trade_tables"]
+    stored = json.loads(trade[0]["trade"].STORED.read_text(encoding="utf-8"))
+    for page, wanted in tables.tables(stored).items():
+        text = (tables.DOCS / page).read_text(encoding="utf-8")
+        assert {name: tables.marked(text, name) for name in wanted} == wanted
+        assert len(re.findall("<!-- trade, .*: begin -->", text)) == len(wanted)

@@ -68,6 +68,7 @@ class UnlikeBlocks:
     ratio : size of the lower elements over that of the upper ones
     fine, depth : half width and depth of the zone of small elements
     growth : of the elements beyond, from one to the next
+    sliding : whether the pairing follows the motion
     """
 
     h: float
@@ -82,6 +83,7 @@ class UnlikeBlocks:
     width: float = 2.0
     nu: float = 0.3
     growth: float = 1.15
+    sliding: str = "small"
     settings: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -94,6 +96,7 @@ class UnlikeBlocks:
             friction=self.law,
             gap=self.gap,
             method=self.method,
+            sliding=self.sliding,
         )
         self.solver = sc.ContactSolver([upper, lower], [self.contact], **self.settings)
 

@@ -1,0 +1,99 @@
+"""The pictures of `trade.py`: fronts, and what every setting costs and buys."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+from matplotlib.ticker import LogLocator, NullFormatter
+from trade_tables import front
+
+IMAGES = Path(__file__).parents[1] / "docs" / "images"
+COLOURS = {"P1": "C0", "Q1": "C1", "P2": "C2", "Q2": "C3"}
+STYLES = {"node": "o--", "mortar": "s-"}
+Row = dict[str, Any]
+
+
+def draw(stored: Row, folder: Path = IMAGES) -> list[Path]:
+    """All pictures."""
+    return [fronts(stored, folder), hertz(stored, folder), prices(stored, folder)]
+
+
+def lines(ax: Any, rows: list[Row]) -> None:
+    """Error over time, a line for each element and method."""
+    for kind, colour in COLOURS.items():
+        for method, style in STYLES.items():
+            mine = [
+                r
+                for r in rows
+                if r["axis"] == "front"
+                and "failed" not in r
+                and (r["setting"]["kind"], r["setting"]["method"]) == (kind, method)
+            ]
+            if mine:
+                seconds = [r["median"] for r in mine]
+                errors = [100 * r["error"] for r in mine]
+                label = f"{kind}, {method}"
+                ax.loglog(seconds, errors, style, color=colour, markersize=4, label=label)
+    ax.grid(which="both", alpha=0.2)
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+
+
+def fronts(stored: Row, folder: Path) -> Path:
+    """The four problems; what nothing beats in both is joined by a grey line."""
+    figure, axes = plt.subplots(2, 2, figsize=(10, 8), layout="constrained")
+    for ax, problem in zip(axes.flat, stored["problems"].values(), strict=True):
+        best = front(problem["rows"])
+        ax.plot(
+            [r["median"] for r in best],
+            [100 * r["error"] for r in best],
+            color="0.85",
+            lw=7,
+            zorder=0,
+            label="front",
+        )
+        lines(ax, problem["rows"])
+        ax.set(title=problem["title"], xlabel="CPU seconds, assembly included", ylabel="error [%]")
+    axes[0, 0].legend(ncols=2, frameon=False, fontsize="small")
+    return saved(figure, folder / "trade_fronts.png")
+
+
+def hertz(stored: Row, folder: Path) -> Path:
+    """Hertz alone, larger."""
+    figure, ax = plt.subplots(figsize=(6.5, 4.5), layout="constrained")
+    lines(ax, stored["problems"]["hertz"]["rows"])
+    ax.set(xlabel="CPU seconds, assembly included", ylabel="L2 error of the pressure [%]")
+    ax.legend(ncols=2, frameon=False, fontsize="small")
+    return saved(figure, folder / "trade_hertz.png")
+
+
+def prices(stored: Row, folder: Path) -> Path:
+    """Time and error of every setting over those of the base of its problem."""
+    figure, axes = plt.subplots(2, 2, figsize=(11, 14), layout="constrained")
+    for ax, problem in zip(axes.flat, stored["problems"].values(), strict=True):
+        rows = [r for r in problem["rows"] if r["axis"] not in ("base", "front") and "failed" not in r]
+        place = range(len(rows))
+        ax.axvline(1.0, color="0.6", lw=1)
+        for key, marker, colour in (("time ratio", "|", "C0"), ("error ratio", "o", "C3")):
+            values = [r[key] for r in rows]
+            ax.plot(values, place, marker, color=colour, ms=9 if marker == "|" else 5, mew=2)
+        ax.set_yticks(place, [f"{r['axis']} {r['label']}" for r in rows], fontsize=8)
+        ax.set(xscale="log", title=problem["title"], xlabel="over the base")
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.grid(axis="y", alpha=0.25)
+        ax.invert_yaxis()
+    handles = [plt.Line2D([], [], color="C0", marker="|", ls="", mew=2, ms=9, label="time")]
+    handles += [plt.Line2D([], [], color="C3", marker="o", ls="", label="error")]
+    axes[0, 0].legend(handles=handles, frameon=False, loc="lower right")
+    return saved(figure, folder / "trade_prices.png")
+
+
+def saved(figure: Any, path: Path) -> Path:
+    """Write and close."""
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+    return path
