@@ -21,9 +21,10 @@ from skfem_contact.spaces import Conditions, Load, Response, friction_force
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Points kept besides those that are closed, as a share of these and at least; and the surplus at
-# which the zone is drawn anew. Spares cost little, and a new reduction about one factorisation.
-SPARE, FEWEST, SURPLUS = 0.25, 8, 2.0
+# Points kept besides those that are closed, as a share of these, at least so many, and at least this
+# share of all: a solve with an eighth of the points costs the 500th part of a new reduction, which
+# is about one factorisation of the others. And the surplus at which the zone is drawn anew.
+SPARE, FEWEST, SHARE, SURPLUS = 0.25, 8, 1 / 8, 2.0
 # Pivot over the largest one at which the points that are left do not hold the bodies.
 LOOSE = 1e-7
 
@@ -87,7 +88,7 @@ class PointSpace:
     def _reduce(self, conditions: Conditions, load: Load) -> Reduction | None:
         """The reduction in use, or a new one where it is too small or much too large."""
         needed = conditions.closed & (self.normal_rows >= 0)
-        spare = max(FEWEST, int(SPARE * needed.sum()))
+        spare = max(FEWEST, int(SPARE * needed.sum()), int(SHARE * len(needed)))
         old = self._reduction
         if old is not None and old.keeps(needed, SURPLUS * (needed.sum() + spare)):
             return old if old.good else None

@@ -231,9 +231,10 @@ def inverse_of(L: Array) -> Array:
     """
     if not L.size:
         return np.zeros((0, 0))
-    inverse = np.tril(dpotri(L, lower=1, overwrite_c=1)[0])
-    inverse += np.tril(inverse, -1).T
-    return inverse
+    inverse: Array = dpotri(L, lower=1, overwrite_c=1)[0]
+    for j in range(len(inverse)):  # above the diagonal LAPACK leaves what was there
+        inverse[j, j + 1 :] = inverse[j + 1 :, j]
+    return inverse.T  # in the order of rows, as NumPy's own
 
 
 def anchors(body: Body, wanted: Index) -> Index:
