@@ -122,13 +122,7 @@ class Blocks:
 
     def push(self, Q: float) -> dict[str, np.ndarray]:
         """Opposite uniform shear on the two bases, resultant `Q` on the upper one."""
-        loads = {}
-        for body, base, sign in zip(self.bodies, ("top", "bottom"), (1, -1), strict=True):
-            basis = body.basis
-            facets = fem.FacetBasis(basis.mesh, basis.elem, facets=base)
-            f = fem.LinearForm(lambda v, w: v[0]).assemble(facets)
-            loads[body.name] = sign * Q / f.sum() * f
-        return loads
+        return opposite_shear(self.bodies, Q)
 
     def press(self, P: float, a: float) -> tuple[sc.ContactResult, float]:
         """The state under the normal load `P`, and how far the base had to be lowered for it."""
@@ -168,3 +162,14 @@ def hat_averages(x: np.ndarray, pressure: Callable[[np.ndarray], np.ndarray]) ->
     length[:-1] += step / 2
     length[1:] += step / 2
     return total / length
+
+
+def opposite_shear(bodies: list[sc.Body], Q: float) -> dict[str, np.ndarray]:
+    """Loads on the top of the upper and the bottom of the lower body, resultants `Q` and -`Q`."""
+    loads = {}
+    for body, base, sign in zip(bodies, ("top", "bottom"), (1, -1), strict=True):
+        basis = body.basis
+        facets = fem.FacetBasis(basis.mesh, basis.elem, facets=base)
+        f = fem.LinearForm(lambda v, w: v[0]).assemble(facets)
+        loads[body.name] = sign * Q / f.sum() * f
+    return loads

@@ -225,6 +225,21 @@ def test_block_held_only_by_friction_rests(loop):
 # -- elimination against multipliers ---------------------------------------------------------------
 
 
+def check_against_multipliers(bodies, contacts):
+    """All rows closed: displacements and forces of the elimination are those of a saddle point."""
+    system = sc.stack(bodies)
+    rows = sc.contact_rows(system, contacts)
+    T = sc.eliminate(rows.C, rows.b, system.D, system.x, prefer=rows.prefer, scale=rows.scale)
+    K_r, f_r = T.reduce(system.K, system.f)
+    u = T.expand(np.linalg.solve(K_r.toarray(), f_r))
+    exact, force = saddle_point(system.K, system.f, rows.C, rows.b, system.D, system.x)
+    assert_allclose(u, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
+    p = T.multipliers(system.K @ u - system.f)
+    # forces are K times displacements: an error of 1e-12 of the largest internal force
+    internal = np.abs(system.K).max() * np.abs(exact).max()
+    assert_allclose(p, force, rtol=0, atol=1e-12 * internal)
+
+
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("kind", ["Q1", "P1"])
 @pytest.mark.parametrize("angle", [0.0, 33.0, 270.0])
@@ -240,17 +255,7 @@ def test_T_against_multipliers_on_three_stacked_bodies(counts, angle, kind, meth
     contacts[-1] = sc.Contact(
         bodies[-1].surface("bottom"), bodies[-2].surface("top"), method=method, tied=True
     )
-    system = sc.stack(bodies)
-    rows = sc.contact_rows(system, contacts)
-    T = sc.eliminate(rows.C, rows.b, system.D, system.x, prefer=rows.prefer, scale=rows.scale)
-    K_r, f_r = T.reduce(system.K, system.f)
-    u = T.expand(np.linalg.solve(K_r.toarray(), f_r))
-    exact, force = saddle_point(system.K, system.f, rows.C, rows.b, system.D, system.x)
-    assert_allclose(u, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
-    p = T.multipliers(system.K @ u - system.f)
-    # forces are K times displacements: an error of 1e-12 of the largest internal force
-    internal = np.abs(system.K).max() * np.abs(exact).max()
-    assert_allclose(p, force, rtol=0, atol=1e-12 * internal)
+    check_against_multipliers(bodies, contacts)
 
 
 @pytest.mark.parametrize("angle", [0.0, 33.0, 90.0])
@@ -271,15 +276,7 @@ def test_T_against_multipliers_in_a_corner(interference, angle):
         sc.Contact(bodies[0].surface("bottom"), bodies[1].surface("top"), interference=interference),
         sc.Contact(bodies[0].surface("left"), bodies[2].surface("right")),
     ]
-    system = sc.stack(bodies)
-    rows = sc.contact_rows(system, contacts)
-    T = sc.eliminate(rows.C, rows.b, system.D, system.x, prefer=rows.prefer, scale=rows.scale)
-    K_r, f_r = T.reduce(system.K, system.f)
-    u = T.expand(np.linalg.solve(K_r.toarray(), f_r))
-    exact, force = saddle_point(system.K, system.f, rows.C, rows.b, system.D, system.x)
-    assert_allclose(u, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
-    p = T.multipliers(system.K @ u - system.f)
-    assert_allclose(p, force, rtol=0, atol=1e-12 * np.abs(system.K).max() * np.abs(exact).max())
+    check_against_multipliers(bodies, contacts)
 
 
 # -- no penalty: penetration and balance -----------------------------------------------------------

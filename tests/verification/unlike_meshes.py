@@ -14,7 +14,7 @@ import numpy as np
 import skfem as fem
 from scenes import elastic
 from scipy.optimize import newton
-from smooth_contacts import graded
+from smooth_contacts import graded, opposite_shear
 
 import skfem_contact as sc
 from skfem_contact.reference import block_curvature, effective_modulus
@@ -129,13 +129,7 @@ class UnlikeBlocks:
 
     def push(self, Q: float) -> dict[str, np.ndarray]:
         """Opposite uniform shear on the two bases, resultant `Q` on the upper one."""
-        loads = {}
-        for body, base, sign in zip(self.bodies, ("top", "bottom"), (1, -1), strict=True):
-            basis = body.basis
-            facets = fem.FacetBasis(basis.mesh, basis.elem, facets=base)
-            f = fem.LinearForm(lambda v, w: v[0]).assemble(facets)
-            loads[body.name] = sign * Q / f.sum() * f
-        return loads
+        return opposite_shear(self.bodies, Q)
 
     def press(self, P: float, a: float) -> tuple[sc.ContactResult, float]:
         """The state under the normal load `P`, and how far the base had to be lowered for it."""
