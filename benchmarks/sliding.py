@@ -108,6 +108,7 @@ def main() -> None:
     presets = {
         "fast": sc.Options.fast(),
         "balanced": sc.Options.balanced(),
+        "placement_tolerance 1e-6": sc.Options(placement_tolerance=1e-6),
         "accurate": sc.Options.accurate(),
     }
     for method, preset in itertools.product(("node", "mortar"), presets):
@@ -116,7 +117,7 @@ def main() -> None:
         name = f"{method}, {preset}"
         table[name] = run
         print(
-            f"dragging, {name:27s} {run['seconds']:8.2f} s = "
+            f"dragging, {name:32s} {run['seconds']:8.2f} s = "
             + ", ".join(f"{run['seconds'] / s:.1f} x {name}" for name, s in linear.items())
         )
         print("   ", {k: round(v, 6) for k, v in run.items()})

@@ -67,9 +67,9 @@ class Options:
     def fast(cls) -> Options:
         """For finite sliding in a hurry: pairings are iterated to 1e-3 of the largest force.
 
-        0.6 to 0.8 of the time of the default. On the sliding history of docs/trade.md, whose mesh is
-        wrong by 1.8 %, 0.63 of the time and 1.001 of the error, a nodal force off by 4e-4 of the
-        largest at most. The pairing of small sliding is given, and `newton` ends with round-off:
+        On the sliding history of docs/trade.md, whose mesh is wrong by 1.8 %, 0.63 of the time of
+        `balanced` and 1.001 of its error, a nodal force off by 4e-4 of the largest at most; other
+        scenes save less (docs/sliding.md: 0 to 0.35). The pairing of small sliding is given, and `newton` ends with round-off:
         on Hertz, Cattaneo-Mindlin and Raous' block nothing changes, neither error nor, beyond the
         noise, time. ``tolerance=1e-4`` is for the loops `direct` and `fictitious`.
         Measured by ``python benchmarks/trade.py``.
@@ -90,9 +90,9 @@ class Options:
     def accurate(cls) -> Options:
         """For comparisons of answers with each other: pairings are iterated to 1e-8.
 
-        1.4 to 2.1 times the time of the default with finite sliding. On the sliding history of
-        docs/trade.md 1.36 of the time and 1.000 of the error, which is the mesh's: a nodal force
-        moves by 2e-6 of the largest. Nothing changes with small sliding, see `fast`. Measured by
+        On the sliding history of docs/trade.md 1.36 of the time of `balanced` and 1.000 of its
+        error, which is the mesh's: a nodal force moves by 2e-6 of the largest. Twice the time in the
+        scene of docs/sliding.md. Nothing changes with small sliding, see `fast`. Measured by
         ``python benchmarks/trade.py``.
         """
         return cls(placement_tolerance=1e-8)
