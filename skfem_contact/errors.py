@@ -46,7 +46,7 @@ class NoEquilibrium(ContactError):
     bodies : tuple of str
         The bodies that move together.
     motion : str
-        The motion in words: "translation along x", "rotation about (0.5, 0.2)".
+        The motion in words: "translation along x", "rotation", or both, joined by "with".
     result : ContactResult or None
         The last state reached, where there is one.
     """

@@ -125,9 +125,7 @@ class LoadStep:
         if attempt.outcome.free is not None:
             free, f = attempt.outcome.free, attempt.case.f
             when = "with the forces that contact can carry"
-            error = no_equilibrium(self.model.motions, free, when, f)
-            error.result = result
-            return error
+            return no_equilibrium(self.model.motions, free, when, f, result)
         return NotConverged(
             f"The loop '{self.stepper.loop}' did not converge: {result.message}. Usually the load has "
             "no equilibrium or several (a large coefficient of friction), or the step is too large "

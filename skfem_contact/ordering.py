@@ -91,12 +91,12 @@ def dissect(A: Any, points: np.ndarray, leaf: int) -> Dissection:
     return _from_below(owner, parents, node, centres)
 
 
-def dissection_order(A: Any, points: np.ndarray, leaf: int = 60) -> np.ndarray:
+def dissection_order(A: Any, points: np.ndarray) -> np.ndarray:
     """Elimination order by nested dissection, for a sparse factorisation of ``A[p][:, p]``.
 
     Parameters are those of `dissect`; the order is returned as ndarray of int, shape (n,).
     """
-    tree = dissect(A, points, leaf)
+    tree = dissect(A, points, leaf=60)
     return np.lexsort((tree.along, tree.owner))
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from scipy.sparse import csr_matrix
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.system import System
+
+if TYPE_CHECKING:
+    from skfem_contact.result import ContactResult
 
 Array = NDArray[np.float64]
 
@@ -127,7 +131,11 @@ def _resistance(K: csr_matrix, R: Array) -> Array:
 
 
 def no_equilibrium(
-    motions: RigidMotions, free: Array, when: str, f: Array | None = None
+    motions: RigidMotions,
+    free: Array,
+    when: str,
+    f: Array | None = None,
+    result: ContactResult | None = None,
 ) -> NoEquilibrium:
     """The error for bodies that contact does not hold.
 
@@ -140,6 +148,8 @@ def no_equilibrium(
         Under which circumstances, in words.
     f : ndarray, shape (n,), optional
         Load [force]: of several motions the one that it drives is named.
+    result : ContactResult, optional
+        The last state reached, which the error carries.
     """
     moves = free[:, 0]
     if f is not None:
@@ -155,6 +165,7 @@ def no_equilibrium(
         "weak springs in K.",
         bodies,
         motion,
+        result,
     )
 
 

@@ -154,6 +154,8 @@ def test_colours_are_the_stress_where_given() -> None:
     ax = sc.plot_deformed(result)
     (colours,) = (c for c in ax.collections if hasattr(c, "_triangulation"))
     assert colours.get_array().max() == pytest.approx(0.01)
+    ax = sc.plot_deformed(result, cmap="gray")
+    assert [c.get_cmap().name for c in ax.collections if hasattr(c, "_triangulation")] == ["gray"]
 
 
 def test_scale_is_round_and_keeps_gaps_small() -> None:
@@ -190,6 +192,20 @@ def test_history_shows_what_sticks_and_what_is_lost() -> None:
     assert_allclose(right.get_lines()[0].get_ydata(), [r.dissipation_total for r in results])
     with pytest.raises(sc.InputError, match="no results"):
         sc.plot_history([])
+
+
+def test_history_of_one_contact_of_two() -> None:
+    """Of several contacts the one that is named is drawn, and without a name none is guessed."""
+    solver = pressed()
+    (body,), (floor,) = solver.system.bodies, solver.contacts
+    wall = sc.Contact(body.surface("left"), sc.RigidPlane((-1.0, 0.0), (1.0, 0.0)), name="wall")
+    result = sc.ContactSolver([body], [floor, wall]).solve()
+    drawn = [sc.plot_history([result, result], contact=name) for name in (0, "wall")]
+    slipping = [ax.collections[1].get_paths()[0].vertices for ax in drawn]
+    areas = [np.ptp(outline[:, 1]) for outline in slipping]
+    assert_allclose(areas, [1.0, 0.0], atol=1e-12)
+    with pytest.raises(sc.InputError, match="there are 2 contacts"):
+        sc.plot_history([result])
 
 
 def test_axes_of_the_user_are_used() -> None:
