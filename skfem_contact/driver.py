@@ -69,10 +69,10 @@ class Options:
 
         On the sliding history of docs/trade.md, whose mesh is wrong by 1.8 %, 0.63 of the time of
         `balanced` and 1.001 of its error, a nodal force off by 4e-4 of the largest at most; other
-        scenes save less (docs/sliding.md: 0 to 0.35). The pairing of small sliding is given, and `newton` ends with round-off:
-        on Hertz, Cattaneo-Mindlin and Raous' block nothing changes, neither error nor, beyond the
-        noise, time. ``tolerance=1e-4`` is for the loops `direct` and `fictitious`.
-        Measured by ``python benchmarks/trade.py``.
+        scenes save less (docs/sliding.md: nothing node by node, 0.35 with mortar). The pairing of
+        small sliding is given, and `newton` ends with round-off: on Hertz, Cattaneo-Mindlin and
+        Raous' block nothing changes, neither error nor, beyond the noise, time. ``tolerance=1e-4`` is
+        for the loops `direct` and `fictitious`. Measured by ``python benchmarks/trade.py``.
         """
         return cls(tolerance=1e-4, placement_tolerance=1e-3)
 
