@@ -28,6 +28,9 @@ Index = NDArray[np.intp]
 
 # More points than this are left to step cutting: the tableau has 4 m rows and 8 m columns.
 MOST_POINTS = 250
+# Springs that hold a free rigid motion, over the largest stiffness: weak enough to disturb nothing, or,
+# where pivots drown in the round-off of that, less weak. The loop takes them away again.
+WEAK = (1e-9, 1e-6)
 # Relinearisations of a law that is not linear in the normal force (a cap, a user's own).
 SWEEPS = 5
 
@@ -124,7 +127,15 @@ def lemke_guess(step: Step, current: Guess) -> Guess | None:
     """
     if not isinstance(step.space, PointSpace) or step.space.tangential_rows.shape[1] > 1:
         return None
-    problem = _problem(step, step.space)
+    for weak in WEAK if step.motions.k else WEAK[:1]:
+        guess = _sweeps(step, _problem(step, step.space, weak), current)
+        if guess is not None:
+            return guess
+    return None
+
+
+def _sweeps(step: Step, problem: _Problem, current: Guess) -> Guess | None:
+    """Starting values, the law linearised about the last of them; None where it ends on a ray."""
     if len(problem.points) > MOST_POINTS:
         return None
     force = np.maximum(current.normal_force, 0.0)
@@ -142,7 +153,7 @@ def lemke_guess(step: Step, current: Guess) -> Guess | None:
     return guess
 
 
-def _problem(step: Step, space: PointSpace) -> _Problem:
+def _problem(step: Step, space: PointSpace, weak: float) -> _Problem:
     load, last = step.load, step.last
     slips = space.tangential_rows.shape[1] == 1
     t_rows = space.tangential_rows[:, 0] if slips else np.full(len(load.gap0), -1)
@@ -155,7 +166,7 @@ def _problem(step: Step, space: PointSpace) -> _Problem:
     held = np.concatenate([held, t_rows[tied_t]])
     free = np.setdiff1d(np.arange(len(space.S)), held)
     W = np.zeros_like(space.S)
-    W[np.ix_(free, free)] = _compliance(space.S[np.ix_(free, free)], step.motions.k > 0)
+    W[np.ix_(free, free)] = _compliance(space.S[np.ix_(free, free)], weak if step.motions.k else 0.0)
     at_rest = W @ (load.force - space.S @ z) + z
 
     points = np.flatnonzero(step.paired & ~step.tied & (space.normal_rows >= 0))
@@ -178,14 +189,14 @@ def _problem(step: Step, space: PointSpace) -> _Problem:
     )
 
 
-def _compliance(S: Array, floats: bool) -> Array:
-    """Inverse of S; where a rigid motion is free, with weak springs against it."""
+def _compliance(S: Array, weak: float) -> Array:
+    """Inverse of S; where a rigid motion is free, with `weak` springs against it."""
     diagonal = np.abs(np.diag(S))
     largest = np.max(diagonal, initial=0.0) or 1.0
     # a point whose motion costs nothing, on a body that turns freely, is scaled like the others
     size = np.sqrt(np.where(diagonal > 1e-12 * largest, diagonal, largest))
     values, vectors = np.linalg.eigh(S / np.outer(size, size))
-    values = np.maximum(values, (1e-9 if floats else 1e-14) * values[-1])
+    values = np.maximum(values, max(weak, 1e-14) * values[-1])
     return (vectors / values) @ vectors.T / np.outer(size, size)
 
 

@@ -95,6 +95,33 @@ def test_X2_stiffness_over_that_of_K(kappa, loop, linear):
         assert_allclose(tau, state.tau, rtol=rtol)
 
 
+@pytest.mark.parametrize("mu", [10.0, 100.0, 1e3, 1e6])
+def test_X5_raous_block_with_large_friction(mu, refused):
+    """Squeezed from the side, Raous' block sticks up to where it lifts, but for two points there.
+
+    Nothing but the floor holds it up, and the loop needs pivoting for a start. A coefficient of 1e6
+    is too much for the pivots, and may be refused.
+    """
+    basis = block_basis(even(16), even(16))
+    f = stress_load(basis, "top", [[0.0, 0.0], [0.0, -0.05]])
+    f += stress_load(basis, "right", [[-0.15, 0.0], [0.0, 0.0]])
+    body = sc.Body(basis, elastic(130.0, 0.2), f, D=basis.get_dofs("left").nodal["u^1"])
+    contact = sc.Contact(body.surface("bottom"), FLOOR, friction=sc.Coulomb(mu))
+    solver = sc.ContactSolver(body, contact, options=sc.Options(max_cuts=0))
+    if mu > 1e5:
+        with refused(sc.NotConverged, match="a large coefficient of friction", either=True) as seen:
+            result = solver.solve()
+        if seen.happened:
+            return
+    else:
+        result = solver.solve()
+    status = result.status[np.argsort(result.points[:, 0])]
+    last = np.flatnonzero(status)[-1]
+    assert last < len(status) - 1 and not status[last + 1 :].any()
+    assert (status[: last - 1] == 1).all()
+    assert result.certificate.worst < 1e-12
+
+
 @pytest.mark.parametrize("length", [-30, 10])
 @pytest.mark.parametrize("stress", [-20, 30])
 def test_X6_powers_of_two_change_no_digit(length, stress):
