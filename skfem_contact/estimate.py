@@ -284,7 +284,7 @@ def _stiffness(
     belongs to motions of one node; all sticking points together are softer by their number.
     """
     stick = values.status == 1
-    if contact.friction is None or not stick.any():
+    if contact.friction is None or not stick.any() or not traction.any():
         return 0.0
     part = result.slices()[result.names.index(values.name)]
     G = result.tangential_stiffness[part]
