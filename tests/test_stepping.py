@@ -47,9 +47,8 @@ def test_a_failed_step_is_cut_and_recovered(monkeypatch):
     """Half a step and then the rest end where the whole step would, with the dissipation of both."""
     solver, _ = scene()
     halves = list(solver.history([0.5, 1.0]))
-    attempts = (
-        len(solver._load_step.stepper.starts()) - 1
-    )  # the first step of a history has no warm start
+    # the first step of a history has no warm start
+    attempts = len(solver._load_step.stepper.starts()) - 1
     failing(monkeypatch, lambda count: count <= attempts)
     [result] = list(scene()[0].history([1.0]))
     assert result.converged and "step cut 1 times" in result.message
