@@ -20,8 +20,8 @@ The modules stand in the order of the theory, and each imports only from those a
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `front_assembly`, `multifrontal`,
   `backend`, `amg`, `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
 * iterations: `states`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
-* answers: `fields`, `rotation`, `certificate`, `uniqueness`, `misfit`, `estimate`, `contact_values`,
-  `result`;
+* answers: `fields`, `rotation`, `certificate`, `uniqueness`, `misfit`, `surface_error`,
+  `body_error`, `estimate`, `contact_values`, `result`;
 * the way through a load history: `driver`, `linear_model`, `nested`, `starts`, `attempt`,
   `stepping`, `steps`, `checkpoint`, `recovery`, `load_step`, `solver`;
 * what is shown: `report`, `stress`, `io`, `drawing`, `plot_bodies`, `plot_contacts`.

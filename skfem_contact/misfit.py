@@ -1,10 +1,7 @@
-r"""Recovered fields to compare raw ones with: nodal values along a surface, gradients in a body.
+r"""What neighbours tell: nodal values along a surface against the ones recovered from around them.
 
-Along a surface every nodal value is compared with the polynomial through the nodes around it, without
-the node itself. In a body the gradient of the displacement, which jumps from element to element, is
-compared with its averages at the nodes, interpolated: O. C. Zienkiewicz and J. Z. Zhu, A simple error
-estimator and adaptive procedure for practical engineering analysis, Int. J. Numer. Methods Eng. 24
-(1987) 337-357. The difference is measured by the energy of the body's own bilinear form.
+Every nodal value is compared with the polynomial through the nodes around it, without the node itself;
+at the end of contact with the square root that tractions are there.
 """
 
 from __future__ import annotations
@@ -13,11 +10,8 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-import skfem
 from numpy.typing import NDArray
-from skfem.element import DiscreteField
 
-from skfem_contact.body import Body
 from skfem_contact.fields import Edges, Steps, find_edges
 from skfem_contact.surface import ContactSurface
 
@@ -179,42 +173,3 @@ def edge_misfit(line: Line, edges: Edges, values: Array) -> Array:
         root = np.sqrt(np.maximum(s, 0))[..., None] * slope[:, None]
         total += 0.5 * (b - a)[:, None] * np.einsum("q,kqc->kc", weight, (nodal - root) ** 2)
     return total * (line.steps.area[step] / outer)[:, None]
-
-
-def energy_error(body: Body, u: Array, elements: Index) -> tuple[Array, Array]:
-    """Energies of the estimated error and of the displacement, per element.
-
-    Parameters
-    ----------
-    body : Body
-        With a `form`.
-    u : ndarray, shape (n,)
-        Displacement of the body [length].
-    elements : ndarray of int, shape (k,)
-
-    Returns
-    -------
-    tuple of ndarray, each of shape (k,)
-        [force length]
-    """
-    own, form = body.basis, body.form
-    assert form is not None
-    scalar = own.elem.elem if isinstance(own.elem, skfem.ElementVector) else own.elem
-    shared = {"elements": elements, "dofs": own.dofs}
-    basis = skfem.Basis(own.mesh, own.elem, own.mapping, quadrature=own.quadrature, **shared)
-    corners = scalar.doflocs.T, np.ones(len(scalar.doflocs))
-    at_nodes = skfem.Basis(own.mesh, own.elem, own.mapping, quadrature=corners, **shared)
-    raw = np.asarray(at_nodes.interpolate(u).grad)  # (..., k, nodes of an element)
-    smooth = basis.with_element(scalar)
-    dofs, weight = smooth.element_dofs, np.asarray(basis.dx).sum(axis=1)
-    total = np.bincount(dofs.ravel(), np.tile(weight, len(dofs)), smooth.N)
-    field = basis.interpolate(u)
-    error = np.zeros_like(np.asarray(field.grad))
-    for at in np.ndindex(raw.shape[:-2]):
-        mean = np.bincount(dofs.ravel(), (raw[at].T * weight).ravel(), smooth.N)
-        mean = np.divide(mean, total, out=np.zeros_like(mean), where=total > 0)
-        error[at] = np.asarray(smooth.interpolate(mean)) - field.grad[at]
-    # the form sees a displacement whose gradient is the difference
-    energy = skfem.Functional(lambda w: form.form(w["e"], w["e"], w))
-    difference = DiscreteField(np.zeros_like(np.asarray(field)), error)
-    return energy.elemental(basis, e=difference), energy.elemental(basis, e=field)
