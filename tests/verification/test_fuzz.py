@@ -124,10 +124,10 @@ def test_enumeration_knows_the_cap():
 @pytest.mark.parametrize("seed", [262, 342, 389, 1123, 2982])
 def test_sparse_route_ends_with_pivoting_too(seed):
     """Held bodies on the sparse route whose loops ran in circles: the step is condensed to pivot."""
-    assert "missed" not in kinds(seed)
+    assert all(kind.startswith("right") for kind in kinds(seed))
 
 
 @pytest.mark.parametrize("seed", [2228, 4746, 6255, 8001])
 def test_direct_begins_at_the_exact_answer(seed):
     """With mu >= 2 lagged limits run away from an answer that pivoting knows to round-off only."""
-    assert "missed" not in kinds(seed)
+    assert all(kind.startswith("right") for kind in kinds(seed))
