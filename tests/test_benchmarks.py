@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-<<<<<<< Updated upstream
 import re
-=======
->>>>>>> Stashed changes
 import sys
 from dataclasses import replace
 from importlib import import_module
@@ -46,7 +43,6 @@ def test_table_names_what_failed(run: Any) -> None:
     assert "| large | failed: MemoryError |" in text
 
 
-<<<<<<< Updated upstream
 TRADE = ("trade", "trade_tables", "trade_plot", "problems")
 
 
@@ -141,7 +137,8 @@ def test_the_pages_show_what_is_stored(trade: Any) -> None:
         text = (tables.DOCS / page).read_text(encoding="utf-8")
         assert {name: tables.marked(text, name) for name in wanted} == wanted
         assert len(re.findall("<!-- trade, .*: begin -->", text)) == len(wanted)
-=======
+
+
 def marked(page: str, name: str) -> str:
     """The table between two marks of a page of the documentation."""
     text = (Path(__file__).parents[1] / "docs" / page).read_text(encoding="utf-8")
@@ -160,4 +157,3 @@ def test_tables_of_extremes_are_those_of_the_stored_runs(monkeypatch: pytest.Mon
     runs = [json.loads(path.read_text(encoding="utf-8")) for path in fuzz.STORED]
     assert marked("extremes.md", "fuzz") == fuzz.table(runs)
     assert sum(run["kinds"]["wrong"] + run["kinds"]["crashed"] for run in runs) == 0
->>>>>>> Stashed changes
