@@ -203,27 +203,44 @@ def fretting(linear="auto", loop="newton", sliding="small", ways=(0.0, 1.0, 0.0,
 
 
 CYCLES = [
-    ("auto", "newton", "small"),
-    pytest.param("auto", "direct", "small", marks=pytest.mark.slow),
-    pytest.param("sparse", "newton", "small", marks=pytest.mark.slow),
-    pytest.param("auto", "newton", "finite", marks=pytest.mark.slow),
+    ("auto", "newton"),
+    pytest.param("auto", "direct", marks=pytest.mark.slow),
+    pytest.param("sparse", "newton", marks=pytest.mark.slow),
 ]
 
 
-@pytest.mark.parametrize(("linear", "loop", "sliding"), CYCLES)
-def test_X25_a_thousand_cycles_without_drift(linear, loop, sliding):
+@pytest.mark.parametrize(("linear", "loop"), CYCLES)
+def test_X25_a_thousand_cycles_without_drift(linear, loop):
     """After some cycles the state at the end of each is the same to round-off, a thousand times."""
-    solver, cycle = fretting(LINEAR[linear], loop, sliding, ways=(1.0, -1.0))
+    solver, cycle = fretting(LINEAR[linear], loop, ways=(1.0, -1.0))
     ends = []
     for number, result in enumerate(solver.history(step for _ in range(1000) for step in cycle)):
         if number % 2:
             ends.append((result.state.slip, result.state.tangential_force, result.state.normal_force))
     assert {1, 2} <= set(result.status.tolist())  # it slips in part
-    # loops stop at 1e-10 of the largest force, pairing at 1e-6; a drift would sum over the cycles
-    share = {"newton": 1e-11, "direct": 1e-8}[loop] if sliding == "small" else 1e-6
+    # loops stop at 1e-10 of the largest force; a drift would sum over the cycles
+    share = {"newton": 1e-11, "direct": 1e-8}[loop]
     for now, last in zip(ends[10], ends[-1], strict=True):
         assert_allclose(now, last, rtol=0, atol=share * np.abs(last).max())
     assert result.certificate.worst < 1e-9
+
+
+def test_X25_drift_of_finite_sliding():
+    """With frames that follow the surface forces drift by some 4e-6 per cycle at p/E = 1e-3.
+
+    Slip is a sum of increments, each in the frame of its moment. These tilt by p/E and back, so that
+    a way there and back does not cancel to second order: over the forces the drift is linear in p/E.
+    """
+    plain, cycle = fretting(sliding="finite", ways=(1.0, -1.0))
+    exact = sc.Options(placement_tolerance=1e-10)
+    solver = sc.ContactSolver(plain.system.bodies, plain.contacts, options=exact)
+    drift = []
+    for load in (1.0, 0.25):
+        steps = [{"f": {"up": load * step["f"]["up"]}} for step in cycle] * 20
+        ends = [r.state.tangential_force for r in solver.history(steps)][1::2]
+        drift.append(np.abs(np.diff(ends[5:], axis=0)).max() / np.abs(ends[-1]).max())
+    assert drift[0] < 5e-6
+    assert drift[0] / drift[1] == pytest.approx(4.0, rel=0.1)  # the order, not the next one
 
 
 def test_X25_every_cycle_loses_the_same_energy():
