@@ -148,7 +148,7 @@ def measure(problem: Problem) -> dict[str, Any]:
 
 
 def hertz(n: float, method: str, kind: str, ratio: float) -> Answer:
-    result, exact = test_mortar_hertz.hertz(n, method, kind, ratio)
+    result, exact = test_mortar_hertz.hertz.__wrapped__(n, method, kind, ratio)  # not to be kept
     return Answer(result, lambda x: exact.pressure(x[:, 0]))
 
 
