@@ -235,9 +235,13 @@ class Stepper:
             run = LOOPS[self.loop]
             patience = PATIENCE[self.loop]
             outcome = drive(run, step, guess, options.tolerance, limit, callback, patience)
-            if spent and spent.free is not None and not outcome.converged:
+            trace = (*(spent.trace if spent else ()), *outcome.trace)
+            if spent and spent.converged and not outcome.converged and not outcome.stopped:
+                # the same equations and tolerance: limits that lag ran away from their solution
+                outcome = replace(spent, message=f"{spent.message} of the loop 'newton'")
+            elif spent and spent.free is not None and not outcome.converged:
                 outcome = replace(outcome, free=spent.free)  # its limits do not lag
-            outcome = replace(outcome, trace=(*(spent.trace if spent else ()), *outcome.trace))
+            outcome = replace(outcome, trace=trace)
             state = self._state(outcome, walk, placement, load, case, seen)
         return Attempt(outcome, placement, load, case, seen, state, outcome.iterate.response.gap)
 

@@ -131,3 +131,13 @@ def test_sparse_route_ends_with_pivoting_too(seed):
 def test_direct_begins_at_the_exact_answer(seed):
     """With mu >= 2 lagged limits run away from an answer that pivoting knows to round-off only."""
     assert all(kind.startswith("right") for kind in kinds(seed))
+
+
+@pytest.mark.parametrize("cuts", [0, 6])
+def test_limits_that_lag_run_away_from_a_solution_that_newton_has(cuts):
+    """With mu = 4 the loop `direct` enlarges round-off; what it began from is the answer."""
+    steps = (StepChoice(load=1, force=-1.0, displacement=1.0),)
+    choice = Choice(
+        23817, 4.0, 3, False, (10.0, 0.01), 1000.0, {}, "mortar", "direct", "sparse", cuts, steps
+    )
+    assert [kind for kind, _ in judge(choice)] == ["right"]
