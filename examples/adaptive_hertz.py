@@ -105,9 +105,7 @@ print("\nrefined everywhere")
 uniform, _ = follow(lambda meshes, result: [mesh.refined() for mesh in meshes], 6)
 last_dofs, _, last_error = uniform[-1]
 same = np.interp(np.log(last_error), np.log(adaptive[::-1, 2]), np.log(adaptive[::-1, 0]))
-print(
-    f"\nfor {last_error:.1%} refining everywhere takes {last_dofs / np.exp(same):.0f} times as many DOFs"
-)
+print(f"\nfor {last_error:.1%} refining everywhere takes {last_dofs / np.exp(same):.0f} times the DOFs")
 error, tolerance = adaptive[-1, 2], goal
 
 # %% Picture: the mesh around the contact, and the errors over the number of unknowns
