@@ -16,6 +16,8 @@ Mask = NDArray[np.bool_]
 # Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
 # Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
 ROUND_OFF = 1e-11
+# That of a single number.
+EPS = float(np.finfo(float).eps)
 
 
 def propose(step: Step, current: Guess, response: Response) -> Guess:
@@ -60,9 +62,10 @@ def _slip_rule(
     unit = trial / np.where(size > 0, size, 1.0)[:, None]
     # where the slip turns back the point sticks first, or forward and backward slip alternate
     slips &= ~was_slip | (np.sum(unit * current.direction, axis=1) >= 0) | exact
-    # a coefficient of zero: no force can stick, not even the round-off of one
+    # a coefficient of zero, or one that no force can tell from it: nothing can stick, not even the
+    # round-off of a force
     probe = np.full_like(size, force_scale if force_scale > 0 else 1.0)
-    smooth = (step.limit(probe, response.slip) == 0) & step.frictional
+    smooth = (step.limit(probe, response.slip) <= EPS * probe) & step.frictional
     slips |= smooth
     keep = exact & was_slip
     direction = np.where(keep[:, None], current.direction, unit)
