@@ -55,10 +55,11 @@ def _contact_lines(result: ContactResult, values: ContactValues) -> list[str]:
     lines.append(f"  force on the secondary   {_vector(values.force)}")
     lines.append(f"  contact area             {values.contact_area:.6g}")
     if np.any(values.status != 0):
-        peak = int(np.argmax(values.pressure))
-        lines.append(
-            f"  largest pressure         {values.pressure[peak]:.6g} at {_vector(values.points[peak])}"
-        )
+        # glue pulls as well as it presses
+        size = np.linalg.norm(values.traction, axis=1) if contact.tied else values.pressure
+        what, peak = "traction" if contact.tied else "pressure", int(np.argmax(size))
+        where = _vector(values.points[peak])
+        lines.append(f"  {f'largest {what}':<24s} {size[peak]:.6g} at {where}")
     if contact.friction is not None:
         size = np.linalg.norm(values.tangential_force, axis=1)
         lines.append(f"  largest slip             {np.max(np.abs(values.slip), initial=0.0):.6g}")

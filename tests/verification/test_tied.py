@@ -13,6 +13,7 @@ import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
 from scenes import elastic
+from sheared import Sheared
 from skfem.helpers import grad
 from unlike_meshes import QUADRATIC, rectangle
 
@@ -262,3 +263,14 @@ def test_tied_flux_of_heat_is_exact_for_linear_fields():
         found[method] = np.abs(result.pressure + 0.5).max()
         assert_allclose(result.normal_force.sum(), -0.5, rtol=0.02)
     assert found["mortar"] < 1e-12 < found["node"]
+
+
+def test_report_of_glue_that_pulls():
+    """The report of glued surfaces shows the largest traction, not the smallest pull as a pressure."""
+    result = Sheared(U=0.0, d=-1e-3).solve(tied=True, friction=None)
+    pull = -result.pressure
+    assert pull.min() > 0
+    assert f"largest traction         {np.linalg.norm(result.traction, axis=1).max():.6g} at" in str(
+        result
+    )
+    assert "largest pressure" not in str(result)
