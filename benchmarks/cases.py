@@ -64,7 +64,7 @@ CASES = [
     Case("Q1 100k", 100e3),
     Case("P2 100k", 100e3, kind="P2"),
     Case("mortar 100k", 100e3, method="mortar", mismatch=0.83),
-    Case("Q1 400k", 400e3, rounds=2),
+    Case("Q1 400k", 400e3, rounds=2, sparse=False),
     Case("Q1 1M", 1e6, rounds=1, sparse=False, optional=True),
 ]
 
