@@ -219,12 +219,17 @@ def build(choice: Choice) -> Drawn:
     return Drawn(solver, problem, points, steps, choice)
 
 
+def _scale(size: float) -> float:
+    """What to divide by: one, where there is nothing, or nothing that has digits."""
+    return size if size > np.finfo(float).tiny else 1.0
+
+
 def residual(p: Problem, u: np.ndarray, lam: np.ndarray, tau: np.ndarray, slip: np.ndarray) -> float:
     """Largest violation of equilibrium, Signorini and Coulomb, over the largest force."""
     free = np.setdiff1d(np.arange(len(u)), p.D)
     balance = p.K @ u - p.f - p.B_n.T @ lam + p.B_t.T @ tau
     parts = [np.abs(p.K) @ np.abs(u), np.abs(p.f), np.abs(lam), np.abs(tau)]
-    force = max(float(np.max(part, initial=0.0)) for part in parts) or 1.0
+    force = _scale(max(float(np.max(part, initial=0.0)) for part in parts))
     touched = np.abs(p.B_n).sum(axis=0)[free] > 0
     stiff = np.median(np.diag(p.K)[free][touched]) if touched.any() else 1.0
     gap = p.gap0 + p.B_n @ u
@@ -236,14 +241,15 @@ def residual(p: Problem, u: np.ndarray, lam: np.ndarray, tau: np.ndarray, slip: 
     open_ = none | (stiff * gap > 1e-9 * stiff * length) & (np.abs(lam) <= 1e-12 * force)
     room = np.where(open_, 0.0, np.minimum(p.mu * lam + p.cohesion, p.cap) - np.abs(tau))
     moves = np.where(open_, 0.0, stiff * plastic)
+    length, moved = _scale(length), _scale(stiff * length)
     errors = [
         np.abs(balance[free]) / force,
-        np.minimum(lam / force, gap / (length or 1.0)),
+        np.minimum(lam / force, gap / length),
         np.minimum(0.0, room) / force,
-        np.minimum(np.maximum(room, 0.0) / force, np.abs(moves) / (stiff * length or 1.0)),
-        np.minimum(0.0, np.sign(tau) * moves) / (stiff * length or 1.0) * (np.abs(tau) > 1e-9 * force),
+        np.minimum(np.maximum(room, 0.0) / force, np.abs(moves) / moved),
+        np.minimum(0.0, np.sign(tau) * moves) / moved * (np.abs(tau) > 1e-9 * force),
         np.where(open_, tau, 0.0) / force,
-        (u - p.x)[p.D] / (length or 1.0),
+        (u - p.x)[p.D] / length,
     ]
     return max(float(np.max(np.abs(e), initial=0.0)) for e in errors)
 

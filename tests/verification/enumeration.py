@@ -124,7 +124,7 @@ def all_solutions(problem: Problem, tolerance: float = 1e-9) -> list[Solution]:
         room2 = np.minimum(room2, np.minimum(over, under))
     room2 = np.where(opened, np.inf, room2)
     scale = np.max(np.abs(y[:, : 2 * m]), axis=1, initial=0.0) + stiff * np.max(np.abs(z), axis=1)
-    scale = np.where(scale > 0, scale, 1.0)
+    scale = np.where(scale > np.finfo(float).tiny, scale, 1.0)  # denormal forces have no digits
     margin = np.minimum(room, room2).min(axis=1) / scale
     out: list[Solution] = []
     for i in np.flatnonzero(margin >= -tolerance):
