@@ -24,10 +24,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor
 
 from skfem_contact.points import LOOSE, PointSpace
 from skfem_contact.states import OPEN, SLIP, State
+from skfem_contact.substructure import inverse_of
 
 if TYPE_CHECKING:
     from skfem_contact.result import ContactResult
@@ -147,7 +148,7 @@ def critical_friction(space: PointSpace, status: NDArray[np.intp], friction: Arr
     free, A = _unheld(space, status == OPEN, soft, G)
     place = np.full(len(space.S), -1)
     place[free] = np.arange(len(free))
-    W = _inverse(A)
+    W = inverse_of(_factor(A))
     coupling = W @ space.S[free]  # of free rows to all others
 
     opened = able & (status == OPEN)
@@ -180,7 +181,7 @@ def orientation(space: PointSpace, state: State, friction: Array, G: Array) -> i
     slips = (state.status == SLIP) & exists
     soft = (state.status != OPEN) & exists & ~slips & np.isfinite(G)
     free, J = _unheld(space, state.status == OPEN, soft | slips, np.where(slips, 0.0, G))
-    _inverse(J, factor_only=True)
+    _factor(J)  # what follows has a meaning only where the bodies are held
     coupled = slips & (friction > 0) & (space.normal_rows >= 0)
     place = np.searchsorted(free, t[coupled])
     push = friction[coupled] * np.sign(state.tangential_force[coupled, 0])
@@ -205,13 +206,13 @@ def _unheld(space: PointSpace, opened: Mask, soft: Mask, G: Array) -> tuple[NDAr
     return free, A
 
 
-def _inverse(A: Array, factor_only: bool = False) -> Array:
-    """Inverse of a matrix that has to be positive definite."""
-    factor = cho_factor(A, lower=True, check_finite=False)
-    pivots = np.diag(factor[0])
+def _factor(A: Array) -> Array:
+    """Cholesky factor of the stiffness that free rows meet; closed points have to hold them."""
+    L = cho_factor(A, lower=True, check_finite=False)[0]
+    pivots = np.diag(L)
     if np.min(pivots, initial=1.0) < LOOSE * np.max(pivots, initial=0.0):
         raise LinAlgError("the closed points leave a motion free")
-    return A if factor_only else np.asarray(cho_solve(factor, np.eye(len(A)), check_finite=False))
+    return np.asarray(L)
 
 
 def _ratio(k_tt: Array, k_tn: Array, scale: Array) -> Array:
