@@ -101,9 +101,8 @@ def certify(result: ContactResult) -> Certificate:
     force = max(force, floor)
     length = system.extent
     gap = result.kin.B_n @ u + result.seen.gap0
-    gap = np.where(kin.paired, gap, np.inf)
+    gap = np.where(kin.paired, gap, 0.0)
     bilateral = kin.tied
-    closed = (state.status != 0) & kin.paired
     overlap = np.where(bilateral, np.abs(gap), np.maximum(-gap, 0.0))
     total = max(float(np.abs(part).sum()) for part in (f, reactions, contact))
     total = max(total, floor)
@@ -111,10 +110,8 @@ def certify(result: ContactResult) -> Certificate:
     limit_excess = _friction_excess(result, floor)
     return Certificate(
         equilibrium=_ratio(np.max(np.abs(residual), initial=0.0), force),
-        penetration=_ratio(np.max(overlap[kin.paired], initial=0.0), length),
-        complementarity=_ratio(
-            np.max(np.abs(state.normal_force[closed] * gap[closed]), initial=0.0), force * length
-        ),
+        penetration=_ratio(np.max(overlap, initial=0.0), length),
+        complementarity=_ratio(np.max(np.abs(state.normal_force * gap), initial=0.0), force * length),
         tension=_ratio(np.max(-state.normal_force[~bilateral], initial=0.0), force),
         friction=limit_excess,
         force_balance=_ratio(balance, total),

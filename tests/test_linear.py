@@ -56,6 +56,11 @@ def unsymmetric(K: sp.csr_matrix) -> sp.csr_matrix:
     return sp.csr_matrix(K + 0.3 * sp.eye_array(n, k=1) @ K @ sp.diags_array(np.arange(n) % 5 / 5))
 
 
+def name(backend: Backend) -> str:
+    """A name that is the same in every process, as running tests in parallel needs it."""
+    return "FromSolver" if isinstance(backend, FromSolver) else str(backend)
+
+
 BACKENDS = [
     Direct(),
     Direct("superlu"),
@@ -65,7 +70,7 @@ BACKENDS = [
 ]
 
 
-@pytest.mark.parametrize("backend", BACKENDS, ids=str)
+@pytest.mark.parametrize("backend", BACKENDS, ids=name)
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("columns", [(), (1,), (4,), (0,)])
 def test_solution(backend, dim, columns):
@@ -84,7 +89,7 @@ def test_solution(backend, dim, columns):
     assert factor.memory >= 0 and factor.name
 
 
-@pytest.mark.parametrize("backend", [Direct(), Dense(), FromSolver(solver_direct_scipy())], ids=str)
+@pytest.mark.parametrize("backend", [Direct(), Dense(), FromSolver(solver_direct_scipy())], ids=name)
 def test_unsymmetric(backend):
     """With spd=False the direct backends solve unsymmetric systems."""
     K, points = body()

@@ -1,0 +1,247 @@
+"""The certificate has eyes: answers spoiled on purpose show in the number that is made for them.
+
+Each number is small for the answer as solved, and large for one that is wrong in its own way; so a
+number that is left out, or always zero, is noticed here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+import skfem as fem
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact.certificate import Certificate, certify
+
+# Answers are exact to round-off of the condition number of bodies of some hundred DOFs.
+SOLVED = 1e-11
+# Forces are changed by a tenth or more, gaps by a hundredth of the bodies: nothing of it is lost in
+# the ratio to the largest force (each point carries some per cent of it) or to the extent.
+SEEN = 1e-3
+
+
+def block(name, x, y, **data):
+    """A block of 6 by 4 squares with E = 1."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(*x, 7), np.linspace(*y, 5)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    if "move" in data:
+        data["x"] = np.zeros(basis.N)
+        data["x"][basis.nodal_dofs] = np.reshape(data.pop("move"), (2, 1))
+    return sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), name=name, **data)
+
+
+def solved(sliding="small", gap=0.0):
+    """A block on a rough floor, another pressed on it and dragged, and a third glued to its side.
+
+    The upper one hangs over at the right, so that it lifts there: points are open, stick and slip.
+    """
+    low = block("low", (0, 1), (0, 1))
+    up = block("up", (0.3, 1.3), (1 + gap, 2 + gap), D="top", move=(0.02, -0.02 - gap))
+    side = block("side", (-0.5, 0), (0.2, 1))
+    contacts = [
+        sc.Contact(
+            low.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.3), name="base"
+        ),
+        sc.Contact(
+            up.surface("bottom"),
+            low.surface("top"),
+            friction=sc.Coulomb(0.2),
+            name="joint",
+            sliding=sliding,
+        ),
+        sc.Contact(low.surface("left"), side.surface("right"), tied=True, name="glue"),
+    ]
+    return sc.ContactSolver([low, up, side], contacts).solve()
+
+
+@pytest.fixture(scope="module")
+def result():
+    return solved()
+
+
+def spoiled(result, u=None, seen=None, mismatch=None, **state):
+    """The result with parts of its state, its gaps or its displacements replaced."""
+    parts = {"state": replace(result.state, **state)}
+    if seen is not None:
+        parts["seen"] = replace(result.seen, gap0=seen)
+    if mismatch is not None:
+        parts["mismatch"] = mismatch
+    wrong = replace(result, **parts)
+    vars(wrong)["u"] = result.u if u is None else u
+    return certify(wrong)
+
+
+def part(result, name):
+    return result.slices()[result.names.index(name)]
+
+
+def largest(result, name):
+    """The point of a contact that carries most."""
+    where = part(result, name)
+    return where.start + int(np.argmax(result.state.normal_force[where]))
+
+
+def forces_by_a_tenth(result):
+    return spoiled(result, normal_force=1.1 * result.state.normal_force)
+
+
+def friction_by_half(result):
+    return spoiled(result, tangential_force=0.5 * result.state.tangential_force)
+
+
+def friction_beyond_its_bound(result):
+    wrong = result.state.tangential_force.copy()
+    wrong[result.state.status == 2] *= 1.2
+    return spoiled(result, tangential_force=wrong)
+
+
+def friction_on_an_open_point(result):
+    status = result.state.status.copy()
+    status[largest(result, "joint")] = 0
+    return spoiled(result, status=status)
+
+
+def a_point_that_pulls(result):
+    wrong, i = result.state.normal_force.copy(), largest(result, "joint")
+    wrong[i] = -wrong[i]
+    return spoiled(result, normal_force=wrong)
+
+
+def lifted(result, name, by):
+    """Displacements with the secondary node of the most loaded point moved along the normal."""
+    i = largest(result, name)
+    contact = result.contacts[result.names.index(name)]
+    body = contact.secondary.body
+    u = result.u.copy()
+    dofs = contact.secondary.dofs[i - part(result, name).start]
+    u[result.system.slice(body).start + dofs] += by * result.kin.normal[i]
+    return u
+
+
+def a_closed_point_opened(result):
+    return spoiled(result, u=lifted(result, "base", 0.01))
+
+
+def an_open_point_with_force(result):
+    """Called open, apart, and yet it presses: equilibrium alone would not mind."""
+    status, i = result.state.status.copy(), largest(result, "joint")
+    status[i] = 0
+    gap0 = result.seen.gap0.copy()
+    gap0[i] += 0.01
+    return spoiled(result, seen=gap0, status=status)
+
+
+def a_gap_closed_too_far(result):
+    gap0 = result.seen.gap0.copy()
+    gap0[largest(result, "joint")] -= 0.01
+    return spoiled(result, seen=gap0)
+
+
+def glue_apart(result):
+    gap0 = result.seen.gap0.copy()
+    gap0[part(result, "glue")] += 0.01
+    return spoiled(result, seen=gap0)
+
+
+def forces_moved_along(result):
+    """Normal forces of the floor each at its neighbour: the resultant stays, its moment does not."""
+    wrong, where = result.state.normal_force.copy(), part(result, "base")
+    wrong[where] = np.roll(wrong[where], 1)
+    return spoiled(result, normal_force=wrong)
+
+
+def an_old_placement(result):
+    return spoiled(result, mismatch=0.02)
+
+
+CASES = [
+    (forces_by_a_tenth, {"equilibrium", "force_balance"}),
+    (friction_by_half, {"equilibrium", "force_balance"}),
+    (friction_beyond_its_bound, {"equilibrium", "friction"}),
+    (friction_on_an_open_point, {"friction"}),
+    (a_point_that_pulls, {"equilibrium", "tension"}),
+    (a_closed_point_opened, {"equilibrium", "complementarity"}),
+    (an_open_point_with_force, {"complementarity"}),
+    (a_gap_closed_too_far, {"penetration"}),
+    (glue_apart, {"penetration"}),
+    (forces_moved_along, {"equilibrium", "moment_balance"}),
+    (an_old_placement, {"placement"}),
+]
+
+
+@pytest.mark.parametrize(("spoil", "numbers"), CASES, ids=lambda v: getattr(v, "__name__", ""))
+def test_what_is_wrong_shows(result, spoil, numbers):
+    """The numbers made for a defect see it."""
+    certificate = spoil(result)
+    seen = {name for name in numbers if getattr(certificate, name) > SEEN}
+    assert seen == numbers
+    if numbers != {"placement"}:  # which the size of a step decides, no round-off
+        assert certificate.worst > SEEN
+
+
+def test_the_answer_as_solved(result):
+    """All numbers are round-off, but for the moment of friction on tilted and parted surfaces."""
+    values = {f.name: getattr(result.certificate, f.name) for f in fields(Certificate)}
+    assert set(result.state.status) == {0, 1, 2}
+    assert max(values.values()) < SOLVED
+    assert result.certificate.worst == max(values.values())
+
+
+def test_every_number_is_seen():
+    """No number of the certificate is without a defect of its own, here or in the next test."""
+    made_for = set().union(*(numbers for _, numbers in CASES)) | {"moment_gap", "moment_normal"}
+    assert made_for == {f.name for f in fields(Certificate)}
+
+
+def test_moments_of_gaps_and_of_normals():
+    """Friction across an initial gap of .2 has the moment Q .2; in the scene without one it has none.
+
+    Over the sum of the forces times the extent, as the certificate says.
+    """
+    apart = solved(gap=0.2)
+    joint = apart["joint"]
+    f = apart.case.f
+    K_u = np.concatenate(
+        [
+            K @ apart.displacement(name)
+            for K, name in zip(apart.stiffness, apart.system.names, strict=True)
+        ]
+    )
+    contact = apart.kin.B_n.T @ apart.state.normal_force
+    contact -= apart.kin.B_t.T @ apart.state.tangential_force.ravel()
+    reactions = (K_u - f - contact)[apart.system.D]
+    total = max(np.abs(reactions).sum(), np.abs(contact).sum())
+    expected = abs(0.2 * joint.force[0]) / (total * apart.system.extent)
+    assert expected > SEEN
+    assert abs(apart.certificate.moment_gap - expected) < 1e-12  # round-off
+    assert apart.certificate.moment_balance < SOLVED
+
+
+def quarter(name, r, facets, **data):
+    """A quarter of a ring, of straight facets."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(*r, 4), np.linspace(0, np.pi / 2, facets + 1))
+    mesh = mesh.with_defaults()
+    radius, angle = mesh.p
+    turned = np.array([radius * np.cos(angle), radius * np.sin(angle)])
+    mesh = type(mesh)(turned, mesh.t, _boundaries=mesh.boundaries)
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    return sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), name=name, **data)
+
+
+def test_moment_of_normals_that_are_not_the_facets_own():
+    """Nodes of a polygon on the facets of another are apart across the normal that is a mean."""
+    shaft, hub = quarter("shaft", (0.5, 1), 5, D="left"), quarter("hub", (1, 2), 8, D="right")
+    more_to_the_right = lambda x: 0.01 * x[0]  # noqa: E731
+    press = sc.Contact(
+        hub.surface("left"),
+        shaft.surface("right"),
+        method="node",
+        interference=more_to_the_right,
+        gap=0.0,
+    )
+    certificate = sc.ContactSolver([shaft, hub], [press]).solve().certificate
+    assert certificate.moment_normal > 1e-6
+    assert certificate.moment_balance < SOLVED
