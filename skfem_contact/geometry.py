@@ -160,21 +160,22 @@ class Geometry:
     def mismatch(self, placement: Placement, new: Kinematics, state: State) -> float:
         """How far the contact conditions of a placement are from those at its own answer.
 
-        The larger of the gaps of closed points over the extent of the bodies, and the change of the
-        contact forces' distribution over the largest of them.
+        The largest of the gaps of closed points and the overlaps of open ones, over the extent of
+        the bodies, and the change of the contact forces' distribution over the largest of them.
         """
         closed = (state.status != 0) & self.finite
-        if not closed.any():
+        if not (self.finite & new.paired).any():
             return 0.0
-        gap = np.where(new.paired[closed], new.gap0[closed], 0.0)
-        gap = np.where(placement.kin.tied[closed], 0.0, gap)
+        # an open point may lie in the other body: on the pairing that was solved it was elsewhere
+        wrong = np.where(closed, np.abs(new.gap0), np.maximum(-new.gap0, 0.0))
+        gap = np.where(self.finite & new.paired & ~new.tied, wrong, 0.0)
         old = placement.kin
         change = (new.B_n - old.B_n).T @ state.normal_force
         if state.tangential_force.any():
             change = change - (new.B_t - old.B_t).T @ state.tangential_force.ravel()
         scale = np.max(np.abs(state.normal_force), initial=0.0)
         moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
-        return float(max(np.max(np.abs(gap), initial=0.0) / self.system.extent, moved))
+        return float(max(np.max(gap, initial=0.0) / self.system.extent, moved))
 
 
 def surface_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.intp]:

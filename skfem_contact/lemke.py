@@ -127,6 +127,8 @@ def lemke_guess(step: Step, current: Guess) -> Guess | None:
     """
     if not isinstance(step.space, PointSpace) or step.space.tangential_rows.shape[1] > 1:
         return None
+    if not (step.paired & ~step.tied).any():  # contact has gone elsewhere: nothing is to be decided
+        return None
     for weak in WEAK if step.motions.k else WEAK[:1]:
         guess = _sweeps(step, _problem(step, step.space, weak), current)
         if guess is not None:
