@@ -11,6 +11,7 @@ import pytest
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_example_keeps_its_promise(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The `error` that an example ends with is below the `tolerance` it states."""

@@ -336,6 +336,7 @@ def test_diagnosis_of_swapped_and_distant_surfaces():
     assert "find nothing of 'a/top' that faces them" in said(disc, lower.surface("top"))
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_points_take_seconds():
     """Pairing costs n log n also where half of the points overhang; all pairs would take hours."""
     n = 100_000

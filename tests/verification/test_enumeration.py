@@ -68,7 +68,7 @@ def tally(loop: str, G: float, first: int, count: int, most: int = 4, floating: 
 # Tangential stiffness of a point; E is 0.1 to 10. The loop `fictitious` needs a soft one.
 EXACT, ELASTIC, SOFT = np.inf, 3.0, 0.3
 CASES = [("newton", EXACT), ("newton", ELASTIC), ("direct", EXACT), ("direct", ELASTIC)]
-COUNT = {("newton", EXACT): 200, ("fictitious", SOFT): 15}
+COUNT = {("fictitious", SOFT): 15}  # the slow test below has thousands
 
 
 @pytest.mark.parametrize(("loop", "G"), [*CASES, ("fictitious", SOFT)])

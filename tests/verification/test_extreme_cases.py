@@ -203,7 +203,7 @@ def fretting(linear="auto", loop="newton", sliding="small", ways=(0.0, 1.0, 0.0,
 
 
 CYCLES = [
-    ("auto", "newton"),
+    pytest.param("auto", "newton", marks=pytest.mark.slow),
     pytest.param("auto", "direct", marks=pytest.mark.slow),
     pytest.param("sparse", "newton", marks=pytest.mark.slow),
 ]
@@ -225,6 +225,7 @@ def test_X25_a_thousand_cycles_without_drift(linear, loop):
     assert result.certificate.worst < 1e-9
 
 
+@pytest.mark.slow
 def test_X25_drift_of_finite_sliding():
     """With frames that follow the surface forces drift by some 4e-6 per cycle at p/E = 1e-3.
 

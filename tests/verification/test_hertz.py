@@ -84,6 +84,7 @@ def test_H1_pressure_with_30_points_per_half_width(part, kind):
     assert error["certificate"] < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["Q1", "P1"])
 def test_H1_converges_with_order_one(kind):
     """On four meshes, with the edge halfway between nodes, the L2 error of pressure falls as h."""

@@ -137,6 +137,7 @@ def disc_on_block(method, nx, *, rigid=False, smooth=True):
     return np.array([r.force for r in solver.history([*down, *along])])[8:]
 
 
+@pytest.mark.slow
 def test_ironing_forces_converge():
     """Vertical and horizontal force of ironing converge under refinement of the block."""
     mean = np.array([disc_on_block("node", nx).mean(axis=0) for nx in (40, 80, 160)])

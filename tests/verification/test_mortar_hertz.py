@@ -64,6 +64,7 @@ def orders(points, errors):
 POINTS = (8.5, 16.5, 32.5, 48.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [2 / 3, 4 / 3])
 def test_H1_mortar_converges_and_node_to_segment_does_not(ratio):
     """L2 error of the Hertz pressure: mortar of order 1 and below 1 %, node-to-segment stays."""

@@ -295,6 +295,7 @@ def test_newton_from_a_cold_start_at_any_resolution(N):
                 assert relative(result.tangential_force, force) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mu", [0.1, 2.0])
 def test_history_of_a_body_held_by_friction_alone(mu):
     """Press, push to .95 mu P, reverse twice: few iterations, no cut, and the loop closes."""
@@ -309,7 +310,7 @@ def test_history_of_a_body_held_by_friction_alone(mu):
     assert_allclose([r.force[1] for r in results], scene.P, rtol=1e-9)
 
 
-@pytest.mark.parametrize("n", [1, pytest.param(3, marks=pytest.mark.slow), 8])
+@pytest.mark.parametrize("n", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (3, 8))])
 @pytest.mark.parametrize("mu", [1.0, 2.0])
 @pytest.mark.parametrize("E", [(1e3, 1.0), (1.0, 1e3)])
 def test_history_with_a_stiffness_contrast_of_1000(E, mu, n):
@@ -332,6 +333,7 @@ def test_history_with_a_stiffness_contrast_of_1000(E, mu, n):
     assert relative(results[-1].tangential_force, results[-1 - 4 * n].tangential_force) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_step_that_fails_is_cut_and_ends_in_the_same_state():
     """With too few iterations for the whole step the solver takes it in parts by itself."""
     scene = Scene(30.3, mu=1.0, fine_depth=0.2)

@@ -184,6 +184,7 @@ OBSTACLES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", OBSTACLES)
 def test_a_roller_that_spins_drags_by_mu(kind):
     """Spun about its axis by half a turn, a roller moves nowhere and drags by mu times its force."""
@@ -283,6 +284,7 @@ def ironing_ripple(method):
     return np.ptp(ratio) / ratio.mean()
 
 
+@pytest.mark.slow
 def test_ironing_with_mortar_ripples_less():
     """Nodes of the block that meet and leave the die are felt node by node, hardly with mortar."""
     node, mortar = ironing_ripple("node"), ironing_ripple("mortar")
