@@ -341,7 +341,7 @@ ROWS = (
         ("kinematics:tangential_rows",),
         operator,
     ),
-    Row("dissipation", "Coulomb, mu = 0.3", "no friction", friction, ("attempt:friction_work",)),
+    Row("dissipation", "Coulomb, mu = 0.3", "no friction", friction, ("attempt:friction_energy",)),
     Row("history", f"{STEPS} steps", "one solve", history, ("solver:history", "steps:read")),
     Row(
         "interior DOFs",

@@ -1,4 +1,4 @@
-"""One attempt at a load, the way of attempts to it, and the work that friction does on it."""
+"""One attempt at a load, the way of attempts to it, and the energy that friction takes on it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ class Attempt:
     case: LoadCase
     seen: LoadCase
     state: State
-    gap: Array
     mismatch: float = 0.0
     failure: str = ""
     travel: float = 0.0  # of the point that slid furthest, over what is allowed
@@ -43,13 +42,32 @@ class Attempt:
         return self.outcome.stopped
 
 
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """Energies of the way so far, per contact [energy].
+
+    Attributes
+    ----------
+    lost : ndarray
+        By friction, see `friction_energy`.
+    residual : ndarray
+        What the energy balance misses.
+    """
+
+    lost: Array
+    residual: Array
+
+    def __add__(self, other: Energy) -> Energy:
+        return Energy(self.lost + other.lost, self.residual + other.residual)
+
+
 @dataclass(eq=False)
 class Walk:
     """The way from a state to a load, so far."""
 
     state: State
     case: LoadCase
-    dissipation: Array
+    energy: Energy
     trace: list[Record] = field(default_factory=list)
     cuts: int = 0
     substeps: int = 1
@@ -63,16 +81,52 @@ class Walk:
         return f", step cut {self.cuts} times, substep {self.substeps}"
 
 
-def friction_work(interface: Interface, last: State, new: State) -> Array:
-    """Trapezoidal work of friction on the plastic slip, per contact [energy].
+def friction_energy(interface: Interface, last: State, new: State) -> Energy:
+    r"""Energy that friction takes between two states, and what the energy balance misses.
 
-    The rule that closes the energy balance of a step whose external work is trapezoidal too.
+    On its plastic slip ``s_p`` a point loses the mean of its friction bounds at both ends,
+
+        ``D = (L_n + L_n+1) / 2 |s_p|``,      ``L = 0`` where it is open,
+
+    never less than nothing; exact where the bound is constant, also if the slip turns round, and
+    where bound and slip grow in proportion. The forces themselves do other work in steps so large
+    that they do not follow their bounds, and so do the pressures of points that close or open: with
+    the loads' work ``W`` by the trapezoidal rule and the elastic energy ``U``,
+
+        ``W = U_n+1 - U_n + D + residual``.
+
+    Friction and opening make the residual: it is of second order in the step, and takes no ``K u``.
+    Overlaps of the meshes count as misfit that the loads' work has in it.
     """
     G = interface.stiffness[:, None]
     elastic = np.where(np.isfinite(G), (new.tangential_force - last.tangential_force) / G, 0.0)
-    mean = 0.5 * (last.tangential_force + new.tangential_force)
-    work = np.sum(mean * (new.slip - last.slip - elastic), axis=1)
-    # a point that opens slides under a force that falls to zero, so it counts as well
-    touched = (new.status != OPEN) | (last.status != OPEN)
-    work = np.where(interface.frictional & touched, work, 0.0)
-    return np.array([work[part].sum() for part in interface.parts])
+    plastic = np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
+    bound = 0.5 * (friction_bound(interface, last) + friction_bound(interface, new))
+    lost = bound * np.linalg.norm(plastic, axis=1)
+    work = np.sum(0.5 * (last.tangential_force + new.tangential_force) * plastic, axis=1)
+    force = 0.5 * (last.normal_force + new.normal_force)
+    acts = force != 0  # points without partner have no gap
+    moved = np.maximum(new.gap[acts], 0.0) - np.maximum(last.gap[acts], 0.0)
+    residual = work - lost
+    residual[acts] -= force[acts] * moved
+    parts = interface.parts
+    return Energy(
+        np.array([lost[part].sum() for part in parts]),
+        np.array([residual[part].sum() for part in parts]),
+    )
+
+
+def friction_bound(interface: Interface, state: State) -> Array:
+    """Bound of the friction force in a state by the present laws; zero at open points, (m,)."""
+    bound = np.zeros(len(state.status))
+    for part, law in interface.laws:
+        pressing = np.maximum(state.normal_force[part], 0.0)
+        slip = (state.slip - state.reference)[part]
+        bound[part] = law.limit(pressing, state.area[part], slip)
+    return np.where(state.status != OPEN, bound, 0.0)
+
+
+def nothing(interface: Interface) -> Energy:
+    """No energy lost."""
+    zero = np.zeros(len(interface.parts))
+    return Energy(zero, zero)

@@ -48,10 +48,15 @@ class ContactValues:
     action : ndarray, shape (m, d)
         Where the force of each point acts; its position in general.
     dissipation, dissipation_total : float
-        Energy lost by friction in this step, and since the start of the history [energy]. The mean
-        of the forces at both ends of a step times the slip, which closes the energy balance with
-        the trapezoidal work of the loads; a step that turns gross sliding round in one go counts
-        as nothing, so take several.
+        Energy lost by friction in this step, and since the start of the history [energy]: the mean
+        of the friction bounds at both ends of the step times the slip. Never negative, and exact
+        whatever the step where the pressure is constant or grows in proportion with the slip.
+    energy_residual : float
+        What the energy balance of this step misses: trapezoidal work of loads, supports and
+        obstacles, less elastic energy gained, less `dissipation` [energy]. Zero where forces and
+        slips follow a straight path; beside the dissipation it tells how coarse the step is, and
+        falls with the square of its size. With ``sliding="finite"`` without what turning frames
+        add, which is of second order too. Not measured without friction.
     """
 
     name: str
@@ -69,6 +74,7 @@ class ContactValues:
     action: Array
     dissipation: float
     dissipation_total: float
+    energy_residual: float
     assess: Callable[[ContactValues], ErrorEstimate] = field(repr=False)
 
     @property

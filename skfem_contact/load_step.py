@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,8 +50,9 @@ class LoadStep:
         fixed = geometry.prescribed
         check_loads(system, interface.contacts, interface.names, interface.parts, kin, fixed, target)
         if start is None:
-            state = natural_state(kin, len(geometry.surface_dofs))
             case = self.reader.unloaded()
+            state = natural_state(kin, len(geometry.surface_dofs))
+            state = replace(state, gap=case.gap0)  # without interference
         else:
             state, case = start.state, start.case
         warm = guess or start
@@ -101,7 +102,7 @@ class LoadStep:
             case=case,
             seen=attempt.seen,
             state=attempt.state,
-            gap=attempt.gap,
+            gap=attempt.state.gap,
             mismatch=attempt.mismatch,
             converged=attempt.good,
             message=message + walk.words,
@@ -109,7 +110,8 @@ class LoadStep:
             trace=tuple(walk.trace),
             timings={**self.model.timings, "loop": seconds},
             tangential_stiffness=interface.stiffness,
-            dissipation_by_contact=walk.dissipation,
+            dissipation_by_contact=walk.energy.lost,
+            residual_by_contact=walk.energy.residual,
             dissipation_before=before,
             recover=Recovery(
                 attempt.placement.rows,

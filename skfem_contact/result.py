@@ -67,6 +67,7 @@ class ContactResult:
     tangential_stiffness: Array = field(repr=False)
     dissipation_by_contact: Array
     dissipation_before: Array
+    residual_by_contact: Array
     recover: Any = field(repr=False)
     settings: Any = field(repr=False)
     factor: float | None = None
@@ -139,6 +140,7 @@ class ContactResult:
             action=kin.action[part],
             dissipation=float(self.dissipation_by_contact[i]),
             dissipation_total=float(self.dissipation_before[i] + self.dissipation_by_contact[i]),
+            energy_residual=float(self.residual_by_contact[i]),
             assess=lambda values: estimate(self, values),
         )
 
@@ -151,6 +153,11 @@ class ContactResult:
     def dissipation_total(self) -> float:
         """Energy lost by friction since the start of the history, all contacts [energy]."""
         return float(self.dissipation_before.sum() + self.dissipation_by_contact.sum())
+
+    @property
+    def energy_residual(self) -> float:
+        """What the energy balance of this step misses, all contacts [energy]; see `ContactValues`."""
+        return float(self.residual_by_contact.sum())
 
     @cached_property
     def rotations(self) -> dict[str, float]:

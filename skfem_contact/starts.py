@@ -102,8 +102,8 @@ def deepest(gap: Array, points: Array) -> NDArray[np.bool_]:
 def natural_state(kin: Kinematics, surface: int) -> State:
     """Before any load: nothing is known to touch, no slip, no friction."""
     zero = np.zeros((kin.m, kin.tangents))
-    none = np.zeros(surface)
-    return State(np.zeros(kin.m, dtype=int), zero, zero, np.zeros(kin.m), zero, none, none)
+    none, status = np.zeros(surface), np.zeros(kin.m, dtype=int)
+    return State(status, zero, zero, np.zeros(kin.m), zero, kin.gap0, kin.area, none, none)
 
 
 def as_guess(state: State) -> Guess:

@@ -32,6 +32,8 @@ class State:
     normal_force : ndarray, shape (m,)
     reference : ndarray, shape (m, d-1)
         Slip at which the point closed [length].
+    gap, area : ndarray, shape (m,)
+        Gap; tributary area, which follows the pairing [length], [area].
     surface, trend : ndarray
         Displacements of the surfaces that slide far, and their change in the last load step: where
         the pairing of the next one begins. Empty for small sliding [length].
@@ -42,6 +44,8 @@ class State:
     tangential_force: Array
     normal_force: Array
     reference: Array
+    gap: Array
+    area: Array
     surface: Array
     trend: Array
 

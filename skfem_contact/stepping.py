@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from skfem_contact import loops
 from skfem_contact.anderson import Anderson
-from skfem_contact.attempt import Attempt, Walk, friction_work
+from skfem_contact.attempt import Attempt, Walk, friction_energy, nothing
 from skfem_contact.driver import Options, Outcome, drive
 from skfem_contact.errors import ConstraintError
 from skfem_contact.geometry import Geometry, Placement
@@ -79,7 +79,7 @@ class Stepper:
         callback: Callable[[Record], object] | None,
     ) -> tuple[Attempt, Walk]:
         """Go from a state under `case` to `target`; the last attempt says whether it arrived."""
-        walk = Walk(state, case, np.zeros(len(self.interface.parts)))
+        walk = Walk(state, case, nothing(self.interface))
         known = warm
         starts = [start for start in self.starts() if known is not None or start != "warm"]
         done, share, fails = 0.0, 1.0, 0
@@ -100,8 +100,8 @@ class Stepper:
             walk.trace.extend(attempt.outcome.trace)
             if attempt.good:
                 if self.interface.laws:
-                    work = friction_work(self.interface, walk.state, attempt.state)
-                    walk.dissipation = walk.dissipation + work
+                    energy = friction_energy(self.interface, walk.state, attempt.state)
+                    walk.energy = walk.energy + energy
                 walk.state, walk.case, done = attempt.state, here, aim
                 if done >= 1.0:
                     return attempt, walk
@@ -182,8 +182,10 @@ class Stepper:
 
     def _settled(self, walk: Walk, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
         """The attempt whose pairing is that of its own answer, with the gaps of that."""
-        gap = np.where(self.geometry.finite & (attempt.state.status == OPEN), own.gap0, attempt.gap)
-        return self._travelled(walk, replace(attempt, mismatch=mismatch, gap=gap), 1.0)
+        state = attempt.state
+        gap = np.where(self.geometry.finite & (state.status == OPEN), own.gap0, state.gap)
+        attempt = replace(attempt, mismatch=mismatch, state=replace(state, gap=gap))
+        return self._travelled(walk, attempt, 1.0)
 
     def _travelled(self, walk: Walk, attempt: Attempt, limit: float) -> Attempt:
         """Measure how far points slid, over what is allowed; refuse what is beyond a limit."""
@@ -243,7 +245,7 @@ class Stepper:
                 outcome = replace(outcome, free=spent.free)  # its limits do not lag
             outcome = replace(outcome, trace=trace)
             state = self._state(outcome, walk, placement, load, case, seen)
-        return Attempt(outcome, placement, load, case, seen, state, outcome.iterate.response.gap)
+        return Attempt(outcome, placement, load, case, seen, state)
 
     def _state(
         self,
@@ -269,6 +271,8 @@ class Stepper:
             np.where(opened, 0.0, response.tangential_force),
             np.where(opened[:, 0], 0.0, response.normal_force),
             np.where(opened, slip, last.reference),
+            response.gap,
+            placement.kin.area,
             surface,
             (surface - last.surface) / walk.share,
         )

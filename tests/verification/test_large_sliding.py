@@ -229,9 +229,14 @@ def test_energy_over_a_sliding_cycle():
     moved = np.array(path[8:25])
     work = -np.sum(0.5 * (drag[1:] + drag[:-1]) * np.diff(moved))
     lost = cycle[-1].dissipation_total - cycle[0].dissipation_total
-    # trapezoidal work against trapezoidal dissipation, and the same elastic energy at both ends: all
-    # that is missing is the normal work of points that open and close at the reversals
-    assert_allclose(lost, work, rtol=2e-3)
+    # the same elastic energy at both ends. What the trapezoidal work misses is the two steps of .05
+    # in which the block turns round: half of the bound times their slip, which the residual tells
+    missed = sum(r.energy_residual for r in cycle[1:])
+    assert_allclose(lost + missed, work, rtol=2e-3)
+    smooth = [r for r in cycle[1:] if abs(r.energy_residual) < 0.1 * r.dissipation]
+    assert len(smooth) == len(cycle) - 3
+    # a constant force that slides over the way less what is elastic, which is p/E of it
+    assert_allclose([r.dissipation for r in smooth], MU * 1.0 * 0.05, rtol=5e-3)
 
 
 def drawn_onto_a_track(*distances):

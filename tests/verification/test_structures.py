@@ -84,8 +84,11 @@ def test_s1_energy_lost_per_cycle() -> None:
     lost = sum(r.dissipation for r in results[3:11])
     assert lost == pytest.approx(exact.dissipation(forces[2]), rel=1e-3)
     work = np.sum(0.5 * (forces[3:11] + forces[2:10]) * np.diff(tips[2:11]))
-    # the clamping pressure does no net work in a closed cycle, nor do the elastic bodies
-    assert lost == pytest.approx(work, rel=1e-9)
+    # the clamping pressure does no net work in a closed cycle, nor do the elastic bodies; what the
+    # trapezoidal work misses of the turns, where points slip a little before the others, is known
+    missed = sum(r.energy_residual for r in results[3:11])
+    assert lost + missed == pytest.approx(work, rel=1e-9)
+    assert abs(missed) < 1e-3 * lost
 
 
 def test_s1_the_second_cycle_repeats_the_first() -> None:
@@ -148,8 +151,11 @@ def test_s2_bar_slips_from_its_end() -> None:
     assert 1 - np.array(errors) == pytest.approx([0.9765, 0.9873, 0.9937], abs=1.5e-3)
     assert pulled == pytest.approx(exact.pull(force), rel=0.015)
     assert left == pytest.approx(exact.pull(0.0, turned_at=force), rel=0.015)
+    # what slips under constant pressure loses bound times slip, whatever the steps
+    assert lost == pytest.approx(exact.dissipation(force), rel=0.015)
     # the area between chords of the two parabolas, 1 - 1/CHORDS^2 of that between themselves
-    assert lost == pytest.approx(exact.dissipation(force) * (1 - CHORDS**-2), rel=0.015)
+    chords = lost + sum(r.energy_residual for r in results[2:])
+    assert chords == pytest.approx(exact.dissipation(force) * (1 - CHORDS**-2), rel=0.015)
 
 
 # -- S5: stack of blocks ------------------------------------------------------------------------
