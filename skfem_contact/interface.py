@@ -68,6 +68,26 @@ def contact_names(contacts: Sequence[Contact]) -> tuple[str, ...]:
     return names
 
 
+def can_carry(law: FrictionLaw | None, m: int) -> Mask:
+    """Points at which a law can give any friction: a coefficient of zero is no friction, (m,).
+
+    Nothing tangential is modelled at the others, as without a law: a point that may stick, if only
+    with a force of zero, would hold a body that nothing holds.
+
+    Examples
+    --------
+    >>> can_carry(Coulomb(0.0), 2), can_carry(Tresca([0.0, 1.0]), 2)
+    (array([False, False]), array([False,  True]))
+    """
+    if law is None:
+        return np.zeros(m, dtype=bool)
+    if type(law) not in (Coulomb, Tresca):
+        return np.ones(m, dtype=bool)  # what a user's own law gives is its own affair
+    one = np.ones(m)
+    limit = law.limit(one, one, np.zeros((m, 1)))
+    return np.asarray(np.broadcast_to(limit, m) > 0)
+
+
 def _check_law(law: FrictionLaw, m: int, label: str) -> None:
     """Parameters given point by point have to be as many as there are points."""
     if not isinstance(law, Coulomb | Tresca):
@@ -107,8 +127,11 @@ def interface(
                 "is no friction; leave friction out."
             )
         _check_law(law, part.stop - part.start, contact.label)
+        carries = can_carry(law, part.stop - part.start)
+        if not carries.any():
+            continue
         laws.append((part, law))
-        frictional[part] = True
+        frictional[part] = carries
         default = STIFFNESS[loop] * np.where(own[part] > 0, own[part], typical)
         G[part] = default if law.stiffness is None else law.stiffness
         if loop == "fictitious" and np.isinf(G[part]).any():

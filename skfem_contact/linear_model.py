@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.condensation import Condensed
 from skfem_contact.constraint_rows import point_labels, secondary_dofs
@@ -19,12 +19,16 @@ from skfem_contact.interface import Interface
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.linear import Direct
 from skfem_contact.multifrontal import Estimate
-from skfem_contact.rigid import RigidMotions, no_equilibrium
+from skfem_contact.rigid import RigidMotions, no_equilibrium, rigid_motions
 from skfem_contact.sparse_route import FullSystem
 from skfem_contact.substructure import Substructure
 from skfem_contact.threads import single_threaded
 
 Array = NDArray[np.float64]
+
+# Sets of springs whose twins are kept: two weak ones, and some of single DOFs.
+MOST_TWINS = 6
+EVEN_CLOSED = "even with every contact point closed"
 
 
 class LinearModel:
@@ -70,6 +74,7 @@ class LinearModel:
         self._bodies: Condensed | FullSystem | None = None
         self._base: Placement | None = None
         self._for_pivoting: Condensed | None = None
+        self._sprung: dict[bytes, LinearModel] = {}
 
     def with_interface(self, interface: Interface, timings: dict[str, float]) -> LinearModel:
         """The same bodies under other friction laws; shared, where the laws need the same rows."""
@@ -87,6 +92,33 @@ class LinearModel:
             self.prepare()
             twin._bodies, twin._base = self._bodies, self._base
         return twin
+
+    def with_springs(self, springs: NDArray[np.float64]) -> LinearModel:
+        """The same with springs to the ground on its DOFs (n,); kept, as load steps ask again."""
+        if not springs.any():
+            return self
+        key = springs.tobytes()
+        if key not in self._sprung:
+            stiffness, reuse = [], []
+            parts = self.parts or [None] * len(self.stiffness)
+            for body, K, part in zip(self.system.bodies, self.stiffness, parts, strict=True):
+                own = springs[self.system.slice(body)]
+                stiffness.append(csr_matrix(K + diags(own)) if own.any() else K)
+                reuse.append(None if own.any() else part)
+            motions = rigid_motions(self.system, self.kin, stiffness)
+            if len(self._sprung) >= MOST_TWINS:
+                self._sprung.pop(next(iter(self._sprung)))
+            self._sprung[key] = LinearModel(
+                self.geometry,
+                self.interface,
+                stiffness,
+                motions,
+                self.linear,
+                self.max_candidates,
+                self.timings,
+                reuse,
+            )
+        return self._sprung[key]
 
     def prepare(self) -> None:
         """Do now what the first load step would do once."""
@@ -195,7 +227,13 @@ class LinearModel:
         named = [point_labels(c, m) for c, m in zip(contacts, sizes, strict=True)]
         return [str(label) for label in np.concatenate(named)]
 
+    @cached_property
+    def loose(self) -> Array:
+        """Motions that stay free even with every point closed and sticking, shape (k, j)."""
+        if self.geometry.follows:  # other points will meet
+            return np.zeros((self.motions.k, 0))
+        return self.motions.free(self.kin.paired, self.interface.slipping & self.kin.paired)
+
     def _check_support(self) -> None:
-        free = self.motions.free(self.kin.paired, self.interface.slipping & self.kin.paired)
-        if free.shape[1] and not self.geometry.follows:
-            raise no_equilibrium(self.motions, free, "even with every contact point closed")
+        if self.loose.shape[1]:
+            raise no_equilibrium(self.motions, self.loose, EVEN_CLOSED)

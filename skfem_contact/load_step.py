@@ -3,27 +3,57 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from skfem_contact.arguments import check_kind
-from skfem_contact.attempt import Attempt, Walk
+from skfem_contact.attempt import Attempt, Walk, nothing
 from skfem_contact.checkpoint import SavedState
 from skfem_contact.diagnosis import check_loads
-from skfem_contact.errors import InputError, NoEquilibrium, NotConverged
-from skfem_contact.linear_model import LinearModel
+from skfem_contact.errors import ContactWarning, InputError, NoEquilibrium, NotConverged
+from skfem_contact.indifference import Indifference, Rest, idles, pins
+from skfem_contact.interface import Interface
+from skfem_contact.linear_model import EVEN_CLOSED, LinearModel
+from skfem_contact.loads import LoadCase
 from skfem_contact.recovery import Recovery
 from skfem_contact.result import ContactResult
 from skfem_contact.rigid import no_equilibrium
 from skfem_contact.rotation import warn_of_rotation
 from skfem_contact.starts import natural_state
-from skfem_contact.states import Record
+from skfem_contact.states import Record, State
+from skfem_contact.statics import drives, escape
 from skfem_contact.stepping import Stepper
 from skfem_contact.steps import Settings, StepReader
 
 Known = ContactResult | SavedState | None
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """From where to where a load step goes, and what is known beforehand."""
+
+    state: State
+    case: LoadCase
+    target: LoadCase
+    known: State | None
+    callback: Callable[[Record], object] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What came out: the last attempt and the way to it; `rest` where it leaves motions free.
+
+    `refuted`: statics alone has shown that there is no equilibrium.
+    """
+
+    attempt: Attempt
+    walk: Walk
+    rest: Rest | None = None
+    refuted: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +86,83 @@ class LoadStep:
         else:
             state, case = start.state, start.case
         warm = guess or start
-        attempt, walk = self.stepper.advance(
-            state, case, target, None if warm is None else warm.state, callback
-        )
-        result = self._result(attempt, walk, start, settings, time.perf_counter() - begin)
+        way = Way(state, case, target, None if warm is None else warm.state, callback)
+        found = self._find(way, start)
+        result = self._result(found, start, settings, time.perf_counter() - begin)
         warn_of_rotation(result.rotations)
+        if result.converged:
+            self._warn(result)
         if result.converged or not throw:
             return result
-        raise self._failure(attempt, result)
+        raise self._failure(found, result)
+
+    def _find(self, way: Way, start: Known) -> Found:
+        """The answer to a load; where it leaves motions free, at the place that moves least."""
+        model, f = self.model, way.target.f
+        if model.loose.shape[1] and drives(model.motions, f, model.loose):
+            raise no_equilibrium(model.motions, model.loose, EVEN_CLOSED, f, shown=True)
+        base = self._base
+        settled: list[Rest | None] = []
+        refuted: list[np.ndarray] = []
+
+        def doubt() -> bool:
+            """After the first failure: is there no equilibrium, or one that leaves a motion free?"""
+            kin = model.kin
+            refuted.extend(
+                [] if (c := escape(model.motions, self.interface, kin.paired, f)) is None else [c]
+            )
+            if not refuted:
+                settled.append(self._settle(way, start))
+            return bool(refuted) or settled[-1] is not None
+
+        may_float = bool(model.motions.k) and not model.geometry.follows
+        attempt, walk = base.advance(
+            way.state, way.case, way.target, way.known, way.callback, doubt if may_float else None
+        )
+        if attempt.good and may_float and self._idles(attempt):
+            settled.append(self._settle(way, start))
+        if settled and settled[-1] is not None:
+            rest = settled[-1]
+            rest.walk.trace[:0] = walk.trace
+            return Found(rest.attempt, rest.walk, rest)
+        return Found(attempt, walk, None, bool(refuted))
+
+    def _settle(self, way: Way, start: Known) -> Rest | None:
+        u_last = start.u if isinstance(start, ContactResult) else np.zeros(self.model.system.n)
+        walk = Walk(way.state, way.case, nothing(self.interface))
+        return self._indifference.settle(walk, way.target, u_last)
+
+    def _idles(self, attempt: Attempt) -> bool:
+        return bool(self.model.loose.shape[1]) or idles(
+            self.model.motions, attempt, self.interface.frictional | self.interface.tied
+        )
+
+    @property
+    def interface(self) -> Interface:
+        """Laws and masks of the contact points."""
+        return self.stepper.interface
+
+    @cached_property
+    def _indifference(self) -> Indifference:
+        return Indifference(self.model, self.stepper)
+
+    @cached_property
+    def _base(self) -> Stepper:
+        """The stepper; where motions stay free whatever contact does, with as many DOFs held."""
+        loose = self.model.loose
+        if not loose.shape[1]:
+            return self.stepper
+        held = self.model.with_springs(pins(self.model, loose))
+        return replace(self.stepper, place=held.place)
+
+    def _warn(self, result: ContactResult) -> None:
+        if result.indifferent and np.any(result.u):
+            warnings.warn(
+                " ".join(result.indifferent)
+                + " Prescribe a DOF (D=...) if the place matters, or the load should hold it.",
+                ContactWarning,
+                stacklevel=4,
+            )
 
     def check_start(self, start: Known, what: str) -> None:
         """Refuse a state of other bodies and contacts, or something else altogether."""
@@ -81,13 +180,12 @@ class LoadStep:
 
     def _result(
         self,
-        attempt: Attempt,
-        walk: Walk,
+        found: Found,
         start: Known,
         settings: Settings,
         seconds: float,
     ) -> ContactResult:
-        interface = self.model.interface
+        interface, attempt, walk, rest = self.model.interface, found.attempt, found.walk, found.rest
         before = np.zeros(len(interface.contacts))
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
@@ -118,16 +216,20 @@ class LoadStep:
                 attempt.load,
                 case,
                 attempt.outcome.iterate.response.solution,
+                None if rest is None else rest.shift,
             ),
             settings=settings,
             factor=settings.factor,
+            indifferent=() if rest is None else self.model.motions.indifferent(rest.free),
         )
 
-    def _failure(self, attempt: Attempt, result: ContactResult) -> NoEquilibrium | NotConverged:
+    def _failure(self, found: Found, result: ContactResult) -> NoEquilibrium | NotConverged:
+        attempt = found.attempt
         if attempt.outcome.free is not None:
             free, f = attempt.outcome.free, attempt.case.f
             when = "with the forces that contact can carry"
-            return no_equilibrium(self.model.motions, free, when, f, result)
+            motions = attempt.placement.motions
+            return no_equilibrium(motions, free, when, f, result, shown=found.refuted)
         return NotConverged(
             f"The loop '{self.stepper.loop}' did not converge: {result.message}. Usually the load has "
             "no equilibrium or several (a large coefficient of friction), or the step is too large "

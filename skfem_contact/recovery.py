@@ -24,11 +24,12 @@ class Recovery:
     load: Any
     case: LoadCase
     solution: Array
+    shift: Array | None = None  # along motions that nothing resists, see `indifference`
 
     def __call__(self) -> Array:
         with single_threaded():
             u: Array = self.rows.recover([self.load], [self.case], self.solution[:, None])[0]
-        return u
+        return u if self.shift is None else u + self.shift
 
 
 def recover_all(results: Sequence[ContactResult]) -> None:
@@ -43,4 +44,5 @@ def recover_all(results: Sequence[ContactResult]) -> None:
                 np.column_stack([r.recover.solution for r in group]),
             )
         for result, displacement in zip(group, u, strict=True):
-            result.__dict__["u"] = displacement
+            shift = result.recover.shift
+            result.__dict__["u"] = displacement if shift is None else displacement + shift

@@ -37,6 +37,7 @@ def report(result: ContactResult) -> str:
     if result.rotations:
         turned = ", ".join(f"{name} {angle:.2g} rad" for name, angle in result.rotations.items())
         lines += ["", f"rotation of the contact surfaces (linear bodies follow to 0.1): {turned}"]
+    lines += ["", *result.indifferent] if result.indifferent else []
     lines += ["", *other_answers] if (other_answers := words(result)) else []
     lines += ["", "Certificate (dimensionless; round-off where everything holds)"]
     certificate = result.certificate

@@ -15,7 +15,7 @@ from skfem_contact.contact_values import ContactValues
 from skfem_contact.errors import InputError
 from skfem_contact.estimate import estimate
 from skfem_contact.inputs import suggest
-from skfem_contact.interface import point_slices
+from skfem_contact.interface import can_carry, point_slices
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.rotation import rigid_rotations
@@ -47,6 +47,9 @@ class ContactResult:
         The number of the load step, where it was one.
     settings : Settings
         The loads in force, from which the next step of a history begins.
+    indifferent : tuple of str
+        A sentence per motion that nothing loads and nothing holds: the forces are those of every
+        place along it, and the body stands where it has moved least since the last result.
     """
 
     system: System
@@ -71,6 +74,7 @@ class ContactResult:
     recover: Any = field(repr=False)
     settings: Any = field(repr=False)
     factor: float | None = None
+    indifferent: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         # points without a multiplier of their own show the gap of the point that has it
@@ -117,11 +121,13 @@ class ContactResult:
         slip = (state.slip - state.reference)[part]
         contact = self.contacts[i]
         status = state.status[part]
-        if contact.friction is None and not contact.tied and t:
+        smooth = ~can_carry(contact.friction, len(status))
+        if smooth.any() and not contact.tied and t:
             rows = slice(part.start * t, part.stop * t)
-            slip = (kin.B_t[rows] @ self.u).reshape(-1, t) + self.seen.slip0[part]
-            slip = np.where(status[:, None] != 0, slip, 0.0)
-            status = np.where(status != 0, 2, 0)
+            moved = (kin.B_t[rows] @ self.u).reshape(-1, t) + self.seen.slip0[part]
+            moved = np.where(status[:, None] != 0, moved, 0.0)
+            slip = np.where(smooth[:, None], moved, slip)
+            status = np.where(smooth & (status != 0), 2, status)
         heir = kin.heir[part] - part.start
         own = heir == np.arange(len(heir))
         return ContactValues(

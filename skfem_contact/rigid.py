@@ -26,6 +26,16 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+# What is known of an equilibrium that was not found.
+SHOWN = (
+    "The load drives a motion that no force at the contact points can stop, friction at its bound "
+    "included: there is no equilibrium. "
+)
+NOT_SHOWN = (
+    "Whether there is an equilibrium is not shown: forces at the contact points could balance the "
+    "load, but no way to them was found. "
+)
+
 # A row that holds a mode of unit size resists it by a number of order one; one that does not, by
 # round-off. Everything below this counts as free: the matrix would lose more digits than it has.
 HELD = 1e-9
@@ -90,6 +100,21 @@ class RigidMotions:
         words = motions[0] if same else "; ".join(map(": ".join, zip(bodies, motions, strict=True)))
         return tuple(bodies), words
 
+    def indifferent(self, free: Array) -> tuple[str, ...]:
+        """A sentence for each body and motion that is free and not loaded, from (k, j)."""
+        u = self.modes @ free
+        sentences = []
+        for body, name, part in zip(self.system.bodies, self.system.names, self._parts(u), strict=True):
+            size = np.linalg.norm(part)
+            if size > 1e-6 * np.linalg.norm(u):
+                words = _motion_words(body.rigid_modes, body.rigid_mode_names, part)
+                sentences.append((name, words))
+        return tuple(
+            f"The place of body '{name}' is indifferent ({words}): nothing loads it and nothing holds "
+            "it there; it stands where it has moved least, and the forces are the same everywhere."
+            for name, words in sentences
+        )
+
     def _parts(self, u: Array) -> list[Array]:
         offsets = self.system.offsets
         return [u[offsets[i] : offsets[i + 1]] for i in range(len(offsets) - 1)]
@@ -98,6 +123,7 @@ class RigidMotions:
 def _motion_words(modes: Array, names: tuple[str, ...], u: Array) -> str:
     scaled = modes / np.max(np.abs(modes), axis=0)
     share = np.abs(np.linalg.lstsq(scaled, u, rcond=None)[0])
+    share = share if share.ndim == 1 else np.max(share, axis=1)
     return " with ".join(np.array(names)[share > 1e-3 * share.max()])
 
 
@@ -136,6 +162,7 @@ def no_equilibrium(
     when: str,
     f: Array | None = None,
     result: ContactResult | None = None,
+    shown: bool = False,
 ) -> NoEquilibrium:
     """The error for bodies that contact does not hold.
 
@@ -150,6 +177,8 @@ def no_equilibrium(
         Load [force]: of several motions the one that it drives is named.
     result : ContactResult, optional
         The last state reached, which the error carries.
+    shown : bool
+        Whether statics alone shows that there is none.
     """
     moves = free[:, 0]
     if f is not None:
@@ -158,8 +187,10 @@ def no_equilibrium(
     bodies, motion = motions.describe(moves)
     names = " and ".join(f"'{name}'" for name in bodies)
     verb = "is" if len(bodies) == 1 else "are together"
+    known = "" if f is None else NOT_SHOWN
+    known = SHOWN if shown else known
     return NoEquilibrium(
-        f"Body {names} {verb} free to move: {motion}, {when}. Usually a support is missing, "
+        f"Body {names} {verb} free to move: {motion}, {when}. {known}Usually a support is missing, "
         "the load pulls the bodies apart, or friction is too weak for the load. Prescribe a "
         "DOF (D=...), press the bodies together first, add friction, or hold the body with "
         "weak springs in K.",

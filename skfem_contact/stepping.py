@@ -62,6 +62,8 @@ class Stepper:
         ``place(kin, u)`` gives the `Placement` of a pairing; None, None that of the meshes.
     loop : str
     options : Options
+    barred : ndarray of bool, shape (m,), optional
+        Points that are left out.
     """
 
     interface: Interface
@@ -69,6 +71,7 @@ class Stepper:
     place: Callable[[Kinematics | None, Array | None], Placement]
     loop: str
     options: Options
+    barred: NDArray[np.bool_] | None = None  # points that stay open whatever happens
 
     def advance(
         self,
@@ -77,8 +80,12 @@ class Stepper:
         target: LoadCase,
         warm: State | None,
         callback: Callable[[Record], object] | None,
+        doubt: Callable[[], bool] | None = None,
     ) -> tuple[Attempt, Walk]:
-        """Go from a state under `case` to `target`; the last attempt says whether it arrived."""
+        """Go from a state under `case` to `target`; the last attempt says whether it arrived.
+
+        `doubt` is asked once, where the whole step has failed, whether to leave it at that.
+        """
         walk = Walk(state, case, nothing(self.interface))
         known = warm
         starts = [start for start in self.starts() if known is not None or start != "warm"]
@@ -98,6 +105,11 @@ class Stepper:
                 starts = ["apart"]
                 continue
             walk.trace.extend(attempt.outcome.trace)
+            lost = not attempt.good and not attempt.stopped and len(starts) == 1
+            if lost and doubt is not None and share == 1.0:
+                ask, doubt = doubt, None
+                if ask():
+                    return attempt, walk
             if attempt.good:
                 if self.interface.laws:
                     energy = friction_energy(self.interface, walk.state, attempt.state)
@@ -216,6 +228,8 @@ class Stepper:
             seen = self.geometry.case(placement, case, walk.state, walk.case)
             load = placement.rows.load(seen)
             paired = kin.paired & (interface.tied | placement.able)
+            if self.barred is not None:
+                paired &= ~self.barred
             step = Step(
                 space=placement.rows.space,
                 load=load,

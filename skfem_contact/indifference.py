@@ -1,0 +1,242 @@
+r"""Bodies that nothing loads: their place is indifferent, the forces are not.
+
+A body without net load may stand anywhere in a gap, and a block on a smooth floor anywhere along it:
+equilibrium leaves a motion free against which neither a load nor a contact force works. The forces
+are the same at each of these places. They are found in three steps, each only where it is needed:
+
+1. Weak springs on all nodes of bodies that supports do not hold; twice, one set ten times weaker. Point
+   forces that the springs alone have made fall with them, the others stay: these *carry*.
+2. Motions that carrying points leave free are indifferent. As many single DOFs are held as there are
+   such motions, a support without reaction, the points that these motions open and close are left
+   out, and the step is solved: exact forces, and deformations up to the free motion.
+3. Of all places without overlap the one is taken from which the nodes have moved the least, in the
+   mean square, since the last result: a least-distance problem in the few free motions (Lawson and
+   Hanson, Solving Least Squares Problems, 1974, chapter 23).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from skfem_contact.attempt import Attempt, Walk
+from skfem_contact.linear_model import LinearModel
+from skfem_contact.loads import LoadCase
+from skfem_contact.recovery import Recovery
+from skfem_contact.rigid import RigidMotions
+from skfem_contact.states import OPEN, STICK, State
+from skfem_contact.statics import drives
+from skfem_contact.stepping import Stepper
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# Weak springs, over the largest stiffness of a body: forces are found to six digits, and a factor of
+# ten between the two is far from one.
+WEAK = (1e-6, 1e-7)
+# Share of a point's force that is left with the weaker springs: 0.1 of what they make, 1 of the rest.
+FALLS = 0.5
+# A point force below this part of the largest is round-off and holds nothing.
+NOTHING = 1e-9
+# A force that is none whatever made it.
+ROUND_OFF = 1e-13
+# Overlap over the extent of the bodies that counts as none.
+TOUCH = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """An answer that leaves motions free.
+
+    Attributes
+    ----------
+    attempt : Attempt
+    walk : Walk
+    free : ndarray, shape (k, j)
+        Combinations of the model's free motions that are indifferent.
+    shift : ndarray, shape (n,)
+        What has to be added to the displacements that the attempt's own rows recover [length].
+    """
+
+    attempt: Attempt
+    walk: Walk
+    free: Array
+    shift: Array
+
+
+def idles(motions: RigidMotions, attempt: Attempt, holds: Mask) -> bool:
+    """Whether an answer rests on points that carry nothing: some motion is held by nothing else."""
+    if motions.k == 0:
+        return False
+    state = attempt.state
+    carrying = (state.status != OPEN) & (state.normal_force > NOTHING * _largest(state))
+    carrying |= motions.kin.tied & motions.kin.paired
+    stick = carrying & holds & (state.status == STICK)
+    return motions.free(carrying, stick).shape[1] > 0
+
+
+@dataclass(eq=False)
+class Indifference:
+    """Finds the answers of one solver that leave motions free.
+
+    Parameters
+    ----------
+    model : LinearModel
+    stepper : Stepper
+        That of the model.
+    """
+
+    model: LinearModel
+    stepper: Stepper
+
+    def settle(self, walk: Walk, target: LoadCase, u_last: Array) -> Rest | None:
+        """The answer to a load of which nothing else came; None where there is none to be found.
+
+        Parameters
+        ----------
+        walk : Walk
+            At the state and the load before.
+        target : LoadCase
+        u_last : ndarray, shape (n,)
+            Displacements of the last result [length].
+        """
+        soft = self._soft(walk, target, u_last)
+        if soft is None:
+            return None
+        carrying, known = soft
+        motions, interface = self.model.motions, self.stepper.interface
+        free = motions.free(carrying, carrying & interface.slipping)
+        if free.shape[1] == 0:  # what the springs found is held by what carries: no more is needed
+            attempt, way = self._advance(self.model, None, walk, target, known)
+            return Rest(attempt, way, free, np.zeros(len(u_last))) if attempt.good else None
+        if drives(motions, target.f, free):
+            return None
+        barred = motions.kin.paired & ~carrying & self._moved(motions, free)
+        twin = self.model.with_springs(pins(self.model, free))
+        attempt, way = self._advance(twin, barred, walk, target, known)
+        return place(motions, free, barred, attempt, way, u_last) if attempt.good else None
+
+    def _moved(self, motions: RigidMotions, free: Array) -> Mask:
+        """Points whose gap, or modelled slip, these motions change."""
+        moved = np.any(np.abs(motions.normal @ free) > NOTHING, axis=1)
+        if self.stepper.interface.frictional.any():
+            slides = np.any(np.abs(motions.tangential @ free) > NOTHING, axis=(1, 2))
+            moved |= slides & self.stepper.interface.frictional
+        return np.asarray(moved)
+
+    def _soft(self, walk: Walk, target: LoadCase, u_last: Array) -> tuple[Mask, State] | None:
+        """Points that carry forces, and the state on weak springs that found them."""
+        forces: list[Array] = []
+        known: State | None = None
+        for weak in WEAK:
+            springs = weak_springs(self.model, weak)
+            pull = springs * u_last
+            before = replace(walk, case=replace(walk.case, f=walk.case.f + pull))
+            load = replace(target, f=target.f + pull)
+            attempt, _ = self._advance(self.model.with_springs(springs), None, before, load, known)
+            if not attempt.good:
+                return None
+            known = attempt.state
+            forces.append(np.where(known.status != OPEN, known.normal_force, 0.0))
+        floor = ROUND_OFF * np.max(np.abs(forces), initial=0.0)
+        carrying = forces[1] > np.maximum(FALLS * forces[0], floor)
+        tied = self.stepper.interface.tied & self.model.kin.paired
+        return None if known is None else (carrying | tied, known)
+
+    def _advance(
+        self, model: LinearModel, barred: Mask | None, walk: Walk, target: LoadCase, known: State | None
+    ) -> tuple[Attempt, Walk]:
+        stepper = replace(self.stepper, place=model.place, barred=barred)
+        return stepper.advance(walk.state, walk.case, target, known, None)
+
+
+def weak_springs(model: LinearModel, weak: float) -> Array:
+    """Springs on all DOFs of bodies with free motions, together `weak` of their stiffness, (n,)."""
+    springs = np.zeros(model.system.n)
+    moves = np.any(model.motions.modes != 0, axis=1)
+    for body, K in zip(model.system.bodies, model.stiffness, strict=True):
+        part = model.system.slice(body)
+        if moves[part].any():
+            springs[part] = weak * np.max(K.diagonal()) / body.n
+    return springs
+
+
+def pins(model: LinearModel, free: Array) -> Array:
+    """Springs on as many single DOFs as there are motions (k, j) to hold, (n,)."""
+    U = model.motions.modes @ free
+    chosen = qr(U.T, mode="economic", pivoting=True)[2][: U.shape[1]]
+    springs = np.zeros(len(U))
+    diagonal = np.concatenate([K.diagonal() for K in model.stiffness])
+    springs[chosen] = diagonal[chosen]
+    return springs
+
+
+def place(
+    motions: RigidMotions, free: Array, barred: Mask, attempt: Attempt, walk: Walk, u_last: Array
+) -> Rest | None:
+    """Move an answer along its free motions to where it has moved least; None if bodies overlap.
+
+    Parameters
+    ----------
+    motions : RigidMotions
+    free : ndarray, shape (k, j)
+    barred : ndarray of bool, shape (m,)
+        Points without force that these motions open and close.
+    attempt : Attempt
+    walk : Walk
+    u_last : ndarray, shape (n,)
+        Displacements from which movement counts [length].
+    """
+    u = Recovery(
+        attempt.placement.rows, attempt.load, attempt.case, attempt.outcome.iterate.response.solution
+    )()
+    # motions of unit size in the mean square: the distance is that of their coefficients
+    Q, R = np.linalg.qr(motions.modes @ free)
+    open_ = barred & np.isfinite(attempt.gap)
+    A = np.linalg.solve(R.T, (motions.normal[open_] @ free).T).T
+    wanted = Q.T @ (u_last - u)
+    y = nearest(A, -attempt.gap[open_], wanted)
+    if y is None:
+        return None
+    gap = attempt.gap.copy()
+    gap[open_] += A @ y
+    if np.min(gap[open_], initial=0.0) < -TOUCH * max(motions.system.extent, np.max(np.abs(u_last))):
+        return None
+    state, shift = attempt.state, Q @ y
+    slip = state.slip
+    if slip.size and motions.kin.tangents:
+        moved = (motions.kin.B_t @ shift).reshape(slip.shape)
+        slip = np.where(barred[:, None], slip + moved, slip)
+    reference = np.where(barred[:, None], slip, state.reference)
+    state = replace(state, slip=slip, reference=reference)
+    return Rest(replace(attempt, gap=gap, state=state), walk, free, shift)
+
+
+def nearest(A: Array, b: Array, wanted: Array) -> Array | None:
+    """The point nearest to the one wanted with ``A y >= b``; None where there is none.
+
+    Examples
+    --------
+    >>> nearest(np.array([[1.0, 0.0]]), np.array([2.0]), np.array([0.0, 3.0]))
+    array([2., 3.])
+    """
+    h = b - A @ wanted
+    scale = float(np.max(h, initial=0.0))
+    if scale <= 0.0:  # the place that is wanted is free
+        return wanted
+    from scipy.optimize import nnls  # half of scipy's import time, for a rare question
+
+    E = np.vstack([A.T, h / scale])
+    target = np.zeros(len(E))
+    target[-1] = 1.0
+    r = E @ nnls(E, target)[0] - target
+    if not abs(r[-1]) > 1e-12:
+        return None
+    return np.asarray(wanted - scale * r[:-1] / r[-1])
+
+
+def _largest(state: State) -> float:
+    return float(np.max(np.abs(state.normal_force), initial=0.0))

@@ -1,0 +1,140 @@
+"""Bodies that nothing loads: forces as if they were held, a place by rule, and words that say so."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact.indifference import nearest
+from skfem_contact.statics import escape
+
+FLOOR = sc.RigidPlane((0, 0), (0, 1), name="floor")
+LINEAR = {"auto": "auto", "sparse": sc.Direct()}
+# Rigid motions of order 0.01, solved with stiffnesses of order one.
+EXACT = 1e-13
+
+
+def block(name, x=(0.0, 1.0), y=(0.0, 1.0), n=3, *, f=(0.0, 0.0), D=None):
+    """A rectangle with sides named left, right, bottom, top and a force spread over its nodes."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(*x, n + 1), np.linspace(*y, n + 1)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    load = np.zeros(basis.N)
+    load[basis.nodal_dofs] = np.reshape(f, (2, 1)) / mesh.p.shape[1]
+    return sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), load, D, name=name)
+
+
+def quiet(solve, *args, **settings):
+    """An answer and the words of its warnings."""
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        result = solve(*args, **settings)
+    return result, " ".join(str(w.message) for w in seen)
+
+
+@pytest.mark.parametrize("linear", LINEAR)
+def test_a_smooth_floor_leaves_the_place_along_it(linear):
+    """Pressed straight down on a smooth floor a block rests, wherever it stands; and it is said."""
+    punch = block("punch", f=(0.0, -1e-3))
+    contact = sc.Contact(punch.surface("bottom"), FLOOR)
+    solver = sc.ContactSolver(punch, contact, linear=LINEAR[linear])
+    result, words = quiet(solver.solve)
+    assert_allclose(result.force, [0.0, 1e-3], atol=1e-15)
+    assert result.certificate.worst < 1e-10
+    # the answer of the same block held at one node, less its mean movement along the floor
+    held = block("punch", f=(0.0, -1e-3), D=punch.basis.nodal_dofs[0, :1])
+    known = sc.ContactSolver(held, sc.Contact(held.surface("bottom"), FLOOR)).solve().u
+    along = punch.basis.nodal_dofs[0]
+    known[along] -= known[along].mean()
+    assert_allclose(result.u, known, atol=EXACT)
+    assert "'punch' is indifferent (translation along x): nothing loads it" in words
+    assert result.indifferent and result.indifferent[0] in str(result).replace("\n", " ")
+
+
+@pytest.mark.parametrize("friction", [None, sc.Coulomb(0.0), sc.Coulomb(0.4)], ids=str)
+@pytest.mark.parametrize("linear", LINEAR)
+@pytest.mark.parametrize("n", [1, 3])
+def test_a_block_in_a_gap_stays_where_it_is(n, linear, friction):
+    """An unloaded block between a floor 0.01 below and a punch 0.02 above: it stays until the punch
+    carries it along, is squeezed, and stays on the floor when the punch is withdrawn."""
+    loose = block("loose", y=(0.01, 1.01), n=n)
+    punch = block("punch", y=(1.03, 2.03), n=n, D="top")
+    contacts = [
+        sc.Contact(loose.surface("bottom"), FLOOR, friction=friction, name="below"),
+        sc.Contact(punch.surface("bottom"), loose.surface("top"), friction=friction, name="above"),
+    ]
+    solver = sc.ContactSolver([loose, punch], contacts, linear=LINEAR[linear])
+    down = np.isin(np.arange(punch.n), punch.basis.nodal_dofs[1]).astype(float)
+    levels = [-0.015, -0.025, -0.04, 0.0]
+    results, words = quiet(
+        lambda: list(solver.history([{"x": {"punch": level * down}} for level in levels]))
+    )
+    places = [r.displacement("loose")[loose.basis.nodal_dofs] for r in results]
+    for result, y in zip(results, [0.0, -0.005, None, -0.01], strict=True):
+        u = places.pop(0)
+        assert result.certificate.worst < 1e-9
+        if y is None:
+            assert result["above"].force[1] > 1e-3
+            assert_allclose(result["below"].force[1], result["above"].force[1], rtol=1e-9)
+            assert not any("along y" in sentence for sentence in result.indifferent)
+        else:
+            assert_allclose(u[1], y, atol=1e-9)
+            assert_allclose(u[0], 0.0, atol=1e-9)
+            assert max(np.abs(v.forces).max() for v in result.values) < 1e-13
+            assert any("along y" in sentence for sentence in result.indifferent)
+    assert "'loose' is indifferent" in words
+
+
+def test_no_friction_at_all_is_no_friction_law():
+    """A coefficient of zero models nothing tangential: the answers are the same to the last bit."""
+    answers = []
+    for friction in (None, sc.Coulomb(0.0), sc.Coulomb(0.3, tau_max=0.0), sc.Tresca(0.0)):
+        base = block("base", (-1.0, 2.0), (-1.0, 0.0), 6, D="bottom")
+        tilted = block("tilted", f=(0.0, -1e-3), D=[0])
+        joint = sc.Contact(tilted.surface("bottom"), base.surface("top"), friction=friction)
+        result = sc.ContactSolver([base, tilted], joint).solve()
+        answers.append((result.u, result.slip, result.normal_force, result.status))
+        assert not result.tangential_force.any()
+    for other in answers[1:]:
+        for one, two in zip(answers[0], other, strict=True):
+            assert np.array_equal(one, two)
+
+
+def test_statics_shows_that_there_is_no_equilibrium():
+    """Pulled off a floor, or pushed beyond friction: the words say that this is shown, and the motion
+    is a certificate: the load drives it and no force within the law works against it."""
+    for f, mu in [((0.0, 1e-3), 0.3), ((0.31e-3, -1e-3), 0.3)]:
+        punch = block("punch", f=f)
+        joint = sc.Contact(punch.surface("bottom"), FLOOR, friction=sc.Coulomb(mu))
+        solver = sc.ContactSolver(punch, joint)
+        with pytest.raises(sc.NoEquilibrium, match="friction at its bound included: there is no"):
+            solver.solve()
+        motions, kin = solver.linear_model.motions, solver.kin
+        c = escape(motions, solver.interface, kin.paired, punch.f)
+        assert (motions.modes @ c) @ punch.f > 0
+        for side in (-mu, mu):
+            assert np.min((motions.normal + side * motions.tangential[:, 0]) @ c) > -1e-12
+    rests = 0.29 * np.where(punch.dof_component == 0, 1e-3 / 16, 0.0) - np.where(
+        punch.dof_component == 1, 1e-3 / 16, 0.0
+    )
+    assert escape(motions, solver.interface, kin.paired, rests) is None
+
+
+def test_the_nearest_place_that_is_free():
+    """Against all sets of touching conditions in two dimensions."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        A, wanted = rng.standard_normal((5, 2)), rng.standard_normal(2)
+        b = A @ rng.standard_normal(2) - rng.random(5)  # so that some place is free
+        y = nearest(A, b, wanted)
+        tried = [wanted] + [wanted + a * (h - a @ wanted) / (a @ a) for a, h in zip(A, b, strict=True)]
+        tried += [np.linalg.solve(A[[i, j]], b[[i, j]]) for i in range(5) for j in range(i)]
+        free = [x for x in tried if np.min(A @ x - b) > -1e-9]
+        best = min(free, key=lambda x: np.linalg.norm(x - wanted))
+        assert_allclose(y, best, atol=1e-9)
+    assert nearest(np.array([[1.0], [-1.0]]), np.array([1.0, 1.0]), np.zeros(1)) is None
