@@ -195,13 +195,13 @@ def place(
     )()
     # motions of unit size in the mean square: the distance is that of their coefficients
     Q, R = np.linalg.qr(motions.modes @ free)
-    open_ = barred & np.isfinite(attempt.gap)
+    open_ = barred & np.isfinite(attempt.state.gap)
     A = np.linalg.solve(R.T, (motions.normal[open_] @ free).T).T
     wanted = Q.T @ (u_last - u)
-    y = nearest(A, -attempt.gap[open_], wanted)
+    y = nearest(A, -attempt.state.gap[open_], wanted)
     if y is None:
         return None
-    gap = attempt.gap.copy()
+    gap = attempt.state.gap.copy()
     gap[open_] += A @ y
     if np.min(gap[open_], initial=0.0) < -TOUCH * max(motions.system.extent, np.max(np.abs(u_last))):
         return None
@@ -211,8 +211,8 @@ def place(
         moved = (motions.kin.B_t @ shift).reshape(slip.shape)
         slip = np.where(barred[:, None], slip + moved, slip)
     reference = np.where(barred[:, None], slip, state.reference)
-    state = replace(state, slip=slip, reference=reference)
-    return Rest(replace(attempt, gap=gap, state=state), walk, free, shift)
+    state = replace(state, slip=slip, reference=reference, gap=gap)
+    return Rest(replace(attempt, state=state), walk, free, shift)
 
 
 def nearest(A: Array, b: Array, wanted: Array) -> Array | None:

@@ -1,4 +1,4 @@
-"""A disc, or a square, taken over the 90 degree corner of a block, and overlaps measured from outside."""
+"""A disc, or a square, over the 90 degree corner of a block, and overlaps measured from outside."""
 
 from __future__ import annotations
 
