@@ -14,9 +14,9 @@ The modules stand in the order of the theory, and each imports only from those a
   `facets`, `normals`, `surface`;
 * what meets what: `search`, `projection`, `closest`, `pairing`, `strips`, `segmentation`, `dual`,
   `mortar`, `pairing_diagnosis`, `obstacle`, `rigid_shapes`, `level_set`;
-* the contact conditions: `friction`, `contact`, `discretisation`, `loads`, `kinematics`, `diagnosis`,
-  `interface`, `rigid`, `statics`, `pivoting`, `constraint_inputs`, `constraint`, `elimination`,
-  `skfem_solve`, `constraint_rows`;
+* the contact conditions: `friction`, `checked_law`, `contact`, `discretisation`, `loads`,
+  `kinematics`, `diagnosis`, `interface`, `rigid`, `statics`, `pivoting`, `constraint_inputs`,
+  `constraint`, `elimination`, `skfem_solve`, `constraint_rows`;
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `front_assembly`, `multifrontal`,
   `backend`, `amg`, `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
 * iterations: `states`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;

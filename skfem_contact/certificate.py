@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.checked_law import CheckedLaw
 from skfem_contact.surface import ContactSurface
 
 if TYPE_CHECKING:
@@ -69,12 +70,14 @@ class Certificate:
     @property
     def worst(self) -> float:
         """The largest of the numbers that have to be round-off."""
-        names = "equilibrium penetration complementarity tension friction force_balance moment_balance"
-        return float(np.nanmax([getattr(self, name) for name in names.split()]))
+        names = "equilibrium penetration complementarity tension friction force_balance"
+        # NaN anywhere is the worst; only moments may be missing
+        moment = 0.0 if np.isnan(self.moment_balance) else self.moment_balance
+        return float(np.max([moment, *(getattr(self, name) for name in names.split())]))
 
     def __str__(self) -> str:
         pairs = [(f.name.replace("_", " "), getattr(self, f.name)) for f in fields(self)]
-        pairs = [(name, value) for name, value in pairs if not np.isnan(value)]
+        pairs = [(k, value) for k, value in pairs if not (k.startswith("moment") and np.isnan(value))]
         return "\n".join(f"  {name:<16s} {value:9.1e}" for name, value in pairs)
 
 
@@ -124,17 +127,19 @@ def certify(result: ContactResult) -> Certificate:
 
 def _friction_excess(result: ContactResult, floor: float) -> float:
     state, worst = result.state, 0.0
-    for contact, part in zip(result.contacts, result.slices(), strict=True):
+    for contact, part, name in zip(result.contacts, result.slices(), result.names, strict=True):
         if contact.friction is None:
             continue
         compressive = np.maximum(state.normal_force[part], 0.0)
         slip = (state.slip - state.reference)[part]
-        limit = contact.friction.limit(compressive, result.kin.area[part], slip)
+        law = CheckedLaw(contact.friction, name, contact.secondary.points)
+        limit = law.limit(compressive, result.kin.area[part], slip)
         limit = np.where(state.status[part] != 0, limit, 0.0)
         size = np.linalg.norm(state.tangential_force[part], axis=1)
         scale = _largest(state.normal_force[part], state.tangential_force[part])
-        worst = max(worst, _ratio(np.max(size - limit, initial=0.0), max(scale, floor)))
-    return worst
+        # np.maximum keeps NaN, which Python's max drops
+        worst = np.maximum(worst, _ratio(np.max(size - limit, initial=0.0), max(scale, floor)))
+    return float(worst)
 
 
 def _balance(result: ContactResult, external: Array, scale: float) -> tuple[float, float, float, float]:
@@ -223,8 +228,8 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _largest(*arrays: Array) -> float:
-    return max((float(np.max(np.abs(a), initial=0.0)) for a in arrays), default=0.0)
+    return float(np.max([np.max(np.abs(a), initial=0.0) for a in arrays], initial=0.0))
 
 
 def _ratio(value: float, scale: float) -> float:
-    return (float(value / scale) if scale > 0 else float(value)) + 0.0  # no negative zeros
+    return (float(value) if scale == 0 else float(value / scale)) + 0.0  # no negative zeros

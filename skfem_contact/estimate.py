@@ -63,12 +63,18 @@ class ErrorSources:
     @property
     def total(self) -> float:
         """Root of the sum of squares."""
-        return float(np.sqrt(sum(np.nan_to_num(getattr(self, f.name)) ** 2 for f in fields(self))))
+        return float(np.sqrt(sum(size**2 for size in self._known().values())))
 
     @property
     def largest(self) -> str:
         """Name of the largest part."""
-        return max((f.name for f in fields(self)), key=lambda n: np.nan_to_num(getattr(self, n)))
+        known = self._known()
+        return max(known, key=lambda name: np.inf if np.isnan(known[name]) else known[name])
+
+    def _known(self) -> dict[str, float]:
+        """The parts; without `bodies` where it is not known. NaN in any other is a defect, and seen."""
+        parts = {f.name: float(getattr(self, f.name)) for f in fields(self)}
+        return {k: v for k, v in parts.items() if not (k == "bodies" and np.isnan(v))}
 
 
 @dataclass(frozen=True, eq=False)

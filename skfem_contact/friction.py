@@ -19,6 +19,10 @@ from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
 
+# Step of difference quotients, as a share of the largest argument: the root of round-off and a digit
+# more, as a law may have several length scales. Quotients only speed up the loops.
+STEP = 1e-7
+
 
 @dataclass(frozen=True, eq=False)
 class FrictionLaw:
@@ -35,6 +39,10 @@ class FrictionLaw:
     -----
     :meth:`slope` is the derivative of the limit with respect to the normal force. It speeds up the
     loop ``newton`` and does not change the answer; the base class takes a difference quotient.
+    That with respect to the slip is always a difference quotient.
+
+    What a law returns is checked: a bound that is NaN, infinite or negative, at any point, is an
+    `InputError`. A law is asked with a normal force of zero, too.
 
     Examples
     --------
@@ -94,11 +102,11 @@ class FrictionLaw:
 
     def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
         """Derivative of the limit with respect to the normal force, shape (m,)."""
-        scale = np.max(np.abs(normal_force), initial=0.0)
+        scale = float(np.max(normal_force, initial=0.0))
         if scale == 0.0:
             return np.zeros_like(normal_force)
-        step = 1e-7 * scale
-        ahead = self.limit(normal_force + step, area, slip)
+        step = STEP * scale
+        ahead = self.limit(normal_force + step, area, slip.copy())
         return (ahead - self.limit(normal_force, area, slip)) / step
 
 

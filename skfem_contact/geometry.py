@@ -175,7 +175,7 @@ class Geometry:
             change = change - (new.B_t - old.B_t).T @ state.tangential_force.ravel()
         scale = np.max(np.abs(state.normal_force), initial=0.0)
         moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
-        return float(max(np.max(gap, initial=0.0) / self.system.extent, moved))
+        return float(np.maximum(np.max(gap, initial=0.0) / self.system.extent, moved))
 
 
 def surface_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.intp]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.checked_law import CheckedLaw
 from skfem_contact.contact import Contact
 from skfem_contact.errors import InputError
 from skfem_contact.friction import Coulomb, FrictionLaw, Tresca
@@ -33,7 +34,7 @@ class Interface:
     names : tuple of str
     parts : tuple of slice
         The points of each contact.
-    laws : tuple of (slice, FrictionLaw)
+    laws : tuple of (slice, CheckedLaw)
     frictional, tied : ndarray of bool, shape (m,)
     stiffness : ndarray, shape (m,)
         Tangential stiffness of sticking points [force/length]; ``inf`` is exact.
@@ -42,7 +43,7 @@ class Interface:
     contacts: tuple[Contact, ...]
     names: tuple[str, ...]
     parts: tuple[slice, ...]
-    laws: tuple[tuple[slice, FrictionLaw], ...]
+    laws: tuple[tuple[slice, CheckedLaw], ...]
     frictional: Mask
     tied: Mask
     stiffness: Array
@@ -106,7 +107,7 @@ def interface(
     contacts: tuple[Contact, ...], kin: Kinematics, stiffness: Sequence[csr_matrix], loop: str
 ) -> Interface:
     """Collect the laws of all contacts, each with the tangential stiffness that the loop needs."""
-    parts = point_slices(contacts)
+    parts, names = point_slices(contacts), contact_names(contacts)
     m = kin.m
     frictional, tied, G = np.zeros(m, dtype=bool), np.zeros(m, dtype=bool), np.full(m, np.inf)
     own = np.zeros(m)
@@ -116,7 +117,7 @@ def interface(
         own = compliance_scale(kin.B_t, diagonal).reshape(m, -1).min(axis=1)
     typical = np.median(own[own > 0]) if (own > 0).any() else 1.0
     laws = []
-    for contact, part in zip(contacts, parts, strict=True):
+    for contact, part, name in zip(contacts, parts, names, strict=True):
         tied[part] = contact.tied
         law = contact.friction
         if law is None:
@@ -130,7 +131,7 @@ def interface(
         carries = can_carry(law, part.stop - part.start)
         if not carries.any():
             continue
-        laws.append((part, law))
+        laws.append((part, CheckedLaw(law, name, contact.secondary.points)))
         frictional[part] = carries
         default = STIFFNESS[loop] * np.where(own[part] > 0, own[part], typical)
         G[part] = default if law.stiffness is None else law.stiffness
@@ -140,4 +141,4 @@ def interface(
                 f"stiffness, but the law has stiffness={law.stiffness}. Leave stiffness out for "
                 "the automatic one, or use loop='newton' for exact sticking."
             )
-    return Interface(contacts, contact_names(contacts), parts, tuple(laws), frictional, tied, G)
+    return Interface(contacts, names, parts, tuple(laws), frictional, tied, G)

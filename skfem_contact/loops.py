@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from skfem_contact.anderson import Anderson
 from skfem_contact.friction import return_map
 from skfem_contact.rules import disagreement, hold, law_residual, propose
+from skfem_contact.singular import SingularMatrix
 from skfem_contact.spaces import Conditions, Response
 from skfem_contact.states import OPEN, SLIP, STICK, Guess, Iterate, Step
 
@@ -59,7 +60,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
     while True:
         status, held = hold(step, current)
         current = replace(current, status=status)
-        response = step.space.solve(_conditions(step, current, coupled), step.load)
+        response = _solve(step, current, coupled)
         proposal = propose(step, current, response)
         wrong = disagreement(current, proposal)
         residual = law_residual(step, status, current.direction, response)
@@ -116,6 +117,17 @@ class Pace:
         )
 
 
+def _solve(step: Step, current: Guess, coupled: bool) -> Response:
+    """Solve for a set; where the law's tangent has no unique answer, with limits that lag."""
+    conditions = _conditions(step, current, coupled)
+    try:
+        return step.space.solve(conditions, step.load)
+    except SingularMatrix:
+        if not conditions.coupling.any():
+            raise
+    return step.space.solve(_conditions(step, current, coupled=False), step.load)
+
+
 def _conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
     closed = current.status != OPEN
     slips = (current.status == SLIP) & step.frictional
@@ -123,15 +135,20 @@ def _conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
     stick = (current.status == STICK) & (exact & step.frictional | step.tied)
     limit = step.limit(current.normal_force, current.slip)
     t = current.direction.shape[1]
-    coupling = np.zeros_like(current.direction)
-    if coupled:
+    coupling, spring = np.zeros_like(current.direction), np.zeros((len(closed), t, t))
+    if coupled and slips.any():
         slope = step.slope(current.normal_force, current.slip)
         coupling[slips] = (slope[:, None] * current.direction)[slips]
+        growth = np.where(
+            slips, step.hardening(current.normal_force, current.slip, current.direction), 0
+        )
+        along = current.direction
+        spring += growth[:, None, None] * along[:, :, None] * along[:, None, :]
         limit = limit - slope * np.maximum(current.normal_force, 0.0)
+        limit = limit - growth * np.sum(current.slip * along, axis=1)
     offset = np.where(slips[:, None], limit[:, None] * current.direction, 0.0)
     elastic = (current.status == STICK) & step.frictional & ~exact
     offset[elastic] = step.trial(np.zeros_like(offset))[elastic]
-    spring = np.zeros((len(closed), t, t))
     spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
     return Conditions(closed, stick, step.last.slip, spring, offset, coupling)
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.checked_law import CheckedLaw
 from skfem_contact.contact import Contact
 from skfem_contact.contact_values import ContactValues
 from skfem_contact.drawing import FRICTION, LINES, PRESSURE, arc_length, new_axes, require_plane
@@ -62,18 +63,14 @@ def plot_contact(
     ax.fill_between(s, pressure, color=PRESSURE, alpha=0.12, linewidth=0)
     ax.plot(s, pressure, color=PRESSURE, lw=1.8, label="pressure")
     if settings.friction is not None or settings.tied:
-        friction = np.divide(
-            values.tangential_force[:, 0],
-            values.area,
-            out=np.zeros_like(arc),
-            where=values.area > 0,
-        )
-        ax.plot(s, friction[order], color=FRICTION, lw=1.8, label="friction")
+        # at a point merged into another it is that of its heir, as the pressure is
+        ax.plot(s, values.friction_stress[order, 0], color=FRICTION, lw=1.8, label="friction")
     if settings.friction is not None:
         force = np.maximum(values.normal_force, 0.0)
-        limit = settings.friction.limit(force, values.area, values.slip)
+        law = CheckedLaw(settings.friction, values.name, values.points)
+        limit = law.limit(force, values.area, values.slip)
         bound = np.divide(limit, values.area, out=np.zeros_like(arc), where=values.area > 0)
-        bound = np.where(closed, bound[order], 0.0)
+        bound = np.where(closed, bound[values.heir][order], 0.0)
         ax.plot(s, bound, color=FRICTION, lw=0.7, ls=(0, (4, 2)), label="bounds of friction")
         ax.plot(s, -bound, color=FRICTION, lw=0.7, ls=(0, (4, 2)))
     ax.axhline(0.0, color=LINES, lw=0.6)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.friction import FrictionLaw
+from skfem_contact.checked_law import CheckedLaw
 from skfem_contact.rigid import RigidMotions
 from skfem_contact.spaces import Load, Response, Space
 
@@ -60,24 +60,29 @@ class Step:
     area: Array
     paired: Mask
     tied: Mask
-    laws: tuple[tuple[slice, FrictionLaw], ...]
+    laws: tuple[tuple[slice, CheckedLaw], ...]
     frictional: Mask
     stiffness: Array
     last: State
 
     def limit(self, normal_force: Array, slip: Array) -> Array:
         """Friction bound of every point; zero where there is no law."""
-        return self._law("limit", np.maximum(normal_force, 0.0), slip)
+        return self._ask("limit", normal_force, slip)
 
     def slope(self, normal_force: Array, slip: Array) -> Array:
         """Derivative of the bound by the normal force."""
-        return self._law("slope", np.maximum(normal_force, 0.0), slip)
+        return self._ask("slope", normal_force, slip)
 
-    def _law(self, method: str, normal_force: Array, slip: Array) -> Array:
+    def hardening(self, normal_force: Array, slip: Array, direction: Array) -> Array:
+        """By how much the bound grows with a slip along `direction` [force/length]."""
+        return self._ask("hardening", normal_force, slip, direction)
+
+    def _ask(self, method: str, normal_force: Array, slip: Array, *more: Array) -> Array:
         out = np.zeros_like(normal_force)
-        counted = slip - self.last.reference
+        force, counted = np.maximum(normal_force, 0.0), slip - self.last.reference
         for part, law in self.laws:
-            out[part] = getattr(law, method)(normal_force[part], self.area[part], counted[part])
+            rest = (array[part] for array in (self.area, counted, *more))
+            out[part] = getattr(law, method)(force[part], *rest)
         return out
 
     def trial(self, slip: Array) -> Array:

@@ -206,7 +206,7 @@ class Stepper:
         travel = 0.0
         for contact, part in zip(self.interface.contacts, self.interface.parts, strict=True):
             furthest = np.max(slid[part][closed[part]], initial=0.0)
-            travel = max(
+            travel = np.maximum(
                 travel, furthest / (self.options.max_travel * np.mean(contact.secondary.lengths))
             )
         failure = attempt.failure

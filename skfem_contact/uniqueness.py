@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor
 
+from skfem_contact.checked_law import CheckedLaw
 from skfem_contact.points import LOOSE, PointSpace
 from skfem_contact.states import OPEN, SLIP, State
 from skfem_contact.substructure import inverse_of
@@ -108,10 +109,11 @@ def coefficients(result: ContactResult) -> Array:
     state, kin = result.state, result.kin
     out = np.full(kin.m, np.nan)
     slip = state.slip - state.reference
-    for contact, part in zip(result.contacts, result.slices(), strict=True):
+    for contact, part, name in zip(result.contacts, result.slices(), result.names, strict=True):
         if contact.friction is not None:
             force = np.maximum(state.normal_force[part], 0.0)
-            out[part] = contact.friction.slope(force, kin.area[part], slip[part])
+            law = CheckedLaw(contact.friction, name, contact.secondary.points)
+            out[part] = law.slope(force, kin.area[part], slip[part])
     return np.where(kin.paired, out, np.nan)
 
 

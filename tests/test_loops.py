@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from skfem_contact import Coulomb, Options
 from skfem_contact.anderson import Anderson
+from skfem_contact.checked_law import CheckedLaw
 from skfem_contact.driver import drive
 from skfem_contact.loops import direct, fictitious, newton
 from skfem_contact.points import PointSpace
@@ -40,7 +41,7 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
         area=np.ones(m),
         paired=np.ones(m, dtype=bool),
         tied=np.full(m, tied),
-        laws=() if tied else ((slice(0, m), Coulomb(MU)),),
+        laws=() if tied else ((slice(0, m), CheckedLaw(Coulomb(MU), "joint", np.zeros((m, 2)))),),
         frictional=np.full(m, not tied),
         stiffness=np.full(m, stiffness),
         last=last or still,

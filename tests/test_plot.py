@@ -76,6 +76,32 @@ def test_pressure_is_drawn_over_the_arc() -> None:
     assert "block/bottom" in ax.get_xlabel()
 
 
+def test_friction_is_drawn_at_merged_points() -> None:
+    """All of a side slips: at every closed point the friction drawn is mu times the pressure drawn.
+
+    The primary ends within a facet of the secondary; the mortar method merges the node that is left
+    with almost nothing of its shape function.
+    """
+
+    def block(x: Any, y: float, **data: Any) -> sc.Body:
+        mesh = fem.MeshQuad.init_tensor(x, np.linspace(y, y + 1, 5)).with_defaults()
+        basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+        return sc.Body(basis, linear_elasticity(0.0, 0.5), **data)
+
+    upper = block(np.linspace(0, 1, 9), 0.0, D="top", name="upper")
+    lower = block(np.linspace(0, 0.755, 7), -1.0, D="bottom", name="lower")
+    move = upper.basis.project(lambda x: np.stack([0.1 + 0 * x[0], -0.01 + 0 * x[0]]))
+    pair = sc.Contact(upper.surface("bottom"), lower.surface("top"), friction=sc.Coulomb(0.2))
+    result = sc.ContactSolver([upper, lower], pair).solve(x={"upper": move})
+    values = result.values[0]
+    assert (values.heir != np.arange(len(values.heir))).any()
+    lines = {line.get_label(): line.get_ydata() for line in sc.plot_contact(result).get_lines()}
+    pressed = lines["pressure"] > 0
+    assert pressed.sum() == (values.status != 0).sum()
+    assert_allclose(np.abs(lines["friction"]), 0.2 * lines["pressure"], atol=1e-9)
+    assert_allclose(lines["bounds of friction"], 0.2 * lines["pressure"], atol=1e-9)
+
+
 def test_stick_and_slip_are_shaded_where_they_are() -> None:
     """Shades of sticking and slipping points fill the surface without gaps, and are named once."""
     solver = pressed(friction=sc.Coulomb(0.3))
