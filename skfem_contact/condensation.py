@@ -29,7 +29,7 @@ from skfem_contact.kinematics import FIXED, Kinematics, without_columns
 from skfem_contact.linear import Dense
 from skfem_contact.loads import LoadCase
 from skfem_contact.points import PointSpace
-from skfem_contact.spaces import Load, SparseSpace
+from skfem_contact.spaces import Load, Response, Source, SparseSpace
 from skfem_contact.substructure import Components, Substructure, inverse_of
 from skfem_contact.system import System
 
@@ -111,8 +111,18 @@ class Condensed:
         ]
         return np.concatenate([piece[0] for piece in pieces]), tuple(p[1] for p in pieces)
 
-    def recover(self, u_c: Array, loads: Sequence[Load], cases: Sequence[LoadCase]) -> list[Array]:
-        """All displacements, r arrays (n,), from those of the contact DOFs (n_c, r)."""
+    def contact_dofs(self, source: Source) -> Array:
+        """Displacements of the contact DOFs, (n_c,) or (n_c, r)."""
+        return self.flexibility(source.values) if source.forces else source.values
+
+    def recover(
+        self,
+        sources: Source,
+        components: Sequence[tuple[Components | None, ...] | None],
+        cases: Sequence[LoadCase],
+    ) -> list[Array]:
+        """All displacements, r arrays (n,), from r sources (n_c, r)."""
+        u_c = self.contact_dofs(sources)
         u = [np.array(case.x) for case in cases]
         for k, (span, kept) in enumerate(zip(self.spans(), self.kept_spans(), strict=True)):
             part = self.parts[k]
@@ -121,7 +131,7 @@ class Condensed:
                 some = slice(first, first + BLOCK)
                 x = part.recover(
                     u_c[kept, some],
-                    [load.components[k] for load in loads[some]],
+                    [known[k] if known else None for known in components[some]],
                     [(case.f[span], case.x[span]) for case in cases[some]],
                 )
                 for column, out in zip(np.ascontiguousarray(x.T), u[some], strict=True):
@@ -154,16 +164,12 @@ class Rows:
             slip0 = slip0 + (self.prescribed.B_t @ x_D).reshape(slip0.shape)
         return gap0, slip0
 
-    def contact_displacement(self, loads: Sequence[Load], z: Array, case: LoadCase) -> Array:
-        """Displacements (n, r) known without the interior: contact DOFs and prescribed ones."""
-        u = np.zeros((self.model.system.n, z.shape[1]))
-        u[self.model.system.D] = case.x[self.model.system.D, None]
-        u[self.model.columns] = self.contact_dofs(loads, z)
+    def contact_displacement(self, source: Source, case: LoadCase) -> Array:
+        """Displacements (n,) known without the interior: contact DOFs and prescribed ones."""
+        u = np.zeros(self.model.system.n)
+        u[self.model.system.D] = case.x[self.model.system.D]
+        u[self.model.columns] = self.model.contact_dofs(source)
         return u
-
-    def contact_dofs(self, loads: Sequence[Load], z: Array) -> Array:
-        """Displacements of the contact DOFs (n_c, r) for r solutions (q, r) of the space."""
-        raise NotImplementedError
 
 
 class PointRows(Rows):
@@ -199,13 +205,6 @@ class PointRows(Rows):
             return np.zeros_like(b)
         return np.asarray(lu_solve(self.rigid, b, check_finite=False))
 
-    def _stiff(self, b: Array) -> Array:
-        """``A b``, with ``A_zz = S + A_zq (A_qq - 1)^-1 A_qz``."""
-        z, q = b[: self.q], b[self.q :]
-        along = self.A_zq.T @ z
-        top = self.space.S @ z + self.A_zq @ (self._rigid_solve(along) + q)
-        return np.concatenate([top, along + self.A_qq @ q])
-
     def load(self, case: LoadCase) -> Load:
         """A load case in the unknowns of the space."""
         f_c, components = self.model.load(case.f, case.x)
@@ -213,21 +212,19 @@ class PointRows(Rows):
         # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
         force = self.space.S @ moved[: self.q] - self.A_zq @ self._rigid_solve(moved[self.q :])
         gap0, slip0 = self.constant(case)
-        return Load(force, gap0, slip0, f_c, components)
+        return Load(force, gap0, slip0, f_c, components, moved)
 
-    def contact_dofs(self, loads: Sequence[Load], z: Array) -> Array:
-        """Displacements of the contact DOFs (n_c, r) for r solutions (q, r) of the space."""
-        f_c = np.column_stack([load.prescribed for load in loads])
-        free = self.model.flexibility(f_c)  # where contact carries nothing
-        known = self.G @ free
-        q = self._rigid_solve(self._stiff(known)[self.q :] - self.A_zq.T @ z)
-        # A [z; q] - A G F f is the force on all rows, the springs on the anchors included
-        p = self._stiff(np.concatenate([z, q]) - known)
-        return free + self.model.flexibility(self.G.T @ p)
-
-    def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> list[Array]:
-        """Displacements of all bodies, r arrays (n,)."""
-        return self.model.recover(self.contact_dofs(loads, z), loads, cases)
+    def source(self, load: Load, response: Response) -> Source:
+        """Forces on the contact DOFs: loads, contact, and the springs on the anchors."""
+        assert load.moved is not None
+        # A [z; q] - A G F f is the force on all rows, of which the last is q itself
+        z, known = response.solution, load.moved
+        along = self.A_zq.T @ (known[: self.q] - z)
+        q = self._rigid_solve(along + self.A_qq @ known[self.q :])
+        force = load.prescribed + self.kin.B_n.T @ response.normal_force + self.model.P @ q
+        if self.slips:
+            force -= self.kin.B_t.T @ response.tangential_force.ravel()
+        return Source(force, forces=True)
 
 
 class ContactDofRows(Rows):
@@ -259,13 +256,9 @@ class ContactDofRows(Rows):
         gap0, slip0 = self.constant(case)
         return Load(f_c, gap0, slip0, np.zeros(len(f_c)), components)
 
-    def contact_dofs(self, loads: Sequence[Load], z: Array) -> Array:
+    def source(self, load: Load, response: Response) -> Source:
         """The unknowns are the displacements of the contact DOFs already."""
-        return z
-
-    def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> list[Array]:
-        """Displacements of all bodies, r arrays (n,)."""
-        return self.model.recover(z, loads, cases)
+        return Source(response.solution, forces=False)
 
 
 def _row_size(B: csr_matrix) -> Array:

@@ -31,8 +31,6 @@ class ContactValues:
     tangent : ndarray, shape (m, d-1, d)
     gap : ndarray, shape (m,)
         Positive where open; ``inf`` where a point has no partner [length].
-    slip : ndarray, shape (m, d-1)
-        Of the secondary relative to the primary, since the point closed [length].
     status : ndarray of int, shape (m,)
         0 open, 1 stick, 2 slip. Closed points of a frictionless contact are 2.
     normal_force : ndarray, shape (m,)
@@ -64,7 +62,6 @@ class ContactValues:
     normal: Array
     tangent: Array
     gap: Array
-    slip: Array
     status: NDArray[np.intp]
     normal_force: Array
     tangential_force: Array
@@ -76,6 +73,16 @@ class ContactValues:
     dissipation_total: float
     energy_residual: float
     assess: Callable[[ContactValues], ErrorEstimate] = field(repr=False)
+    slips: Callable[[], Array] = field(repr=False)
+
+    @cached_property
+    def slip(self) -> Array:
+        """Of the secondary relative to the primary, since the point closed, (m, d-1) [length].
+
+        Without friction nothing tangential is solved for: the slip is then measured on the
+        displacements of all bodies, which are recovered for it when first asked for.
+        """
+        return self.slips()
 
     @property
     def pressure(self) -> Array:

@@ -45,13 +45,15 @@ class Placement:
     kin : Kinematics
         Its `gap0` are the gaps at the displacements `u`.
     rows : object
-        The contact problem: ``space``, ``load``, ``contact_dofs``, ``recover``.
+        The contact problem: ``space``, ``load``, ``source``, ``contact_displacement``.
     motions : RigidMotions
     u : ndarray, shape (n,) or None
         Displacements of the surfaces at which the pairing was made; None for the undeformed bodies.
     dense_rows : callable
         ``dense_rows()`` gives the contact problem on gaps and slips for pivoting: on the condensed
         route `rows`, on the sparse one made for this alone, when nothing else has helped.
+    model : LinearModel
+        Whose bodies these are.
     """
 
     kin: Kinematics
@@ -59,6 +61,7 @@ class Placement:
     motions: RigidMotions
     u: Array | None
     dense_rows: Callable[[], Any]
+    model: Any
 
     @cached_property
     def able(self) -> Mask:

@@ -190,9 +190,7 @@ def place(
     u_last : ndarray, shape (n,)
         Displacements from which movement counts [length].
     """
-    u = Recovery(
-        attempt.placement.rows, attempt.load, attempt.case, attempt.outcome.iterate.response.solution
-    )()
+    u = Recovery.of(attempt)()
     # motions of unit size in the mean square: the distance is that of their coefficients
     Q, R = np.linalg.qr(motions.modes @ free)
     open_ = barred & np.isfinite(attempt.state.gap)

@@ -188,9 +188,9 @@ class LinearModel:
         self.timings["contact problem"] = self.timings.get("contact problem", 0.0) + spent
         dense = cache(lambda: self._dense_rows(own, rows))
         if kin is None:
-            self._base = Placement(self.kin, rows, self.motions, None, dense)
+            self._base = Placement(self.kin, rows, self.motions, None, dense, self)
             return self._base
-        return Placement(kin, rows, self.motions.seen_by(kin), u, dense)
+        return Placement(kin, rows, self.motions.seen_by(kin), u, dense, self)
 
     def _dense_rows(self, kin: Kinematics, rows: Any) -> Any:
         """The contact problem on gaps and slips; on the sparse route condensed for this alone.

@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.attempt import Attempt
+from skfem_contact.linear_model import LinearModel
 from skfem_contact.loads import LoadCase
+from skfem_contact.points import PointSpace
 from skfem_contact.result import ContactResult
+from skfem_contact.spaces import Source
 from skfem_contact.threads import single_threaded
 
 Array = NDArray[np.float64]
@@ -18,31 +22,85 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Recovery:
-    """What it takes to recover the displacements of all bodies for one result, when asked for."""
+    """What it takes to recover the displacements of all bodies for one result, when asked for.
 
-    rows: Any
-    load: Any
+    Vectors over the contact DOFs, and the bodies that all results of a solver share. The dense
+    contact problem on the pairing of the result is none of it: where contact slides far, every result
+    would keep one of its own.
+
+    Attributes
+    ----------
+    model : LinearModel
+    source : Source
+        What all displacements follow from.
+    components : tuple or None
+        What the bodies remember of the load; None where they remember nothing.
+    case : LoadCase
+    moved : bool
+        Whether the pairing is another than that of the undeformed bodies.
+    unknowns : int
+        Gaps and slips of the contact problem; zero where it is not on these.
+    shift : ndarray, shape (n,), optional
+        Along motions that nothing resists, see `indifference` [length].
+    """
+
+    model: LinearModel
+    source: Source
+    components: tuple[Any, ...] | None
     case: LoadCase
-    solution: Array
-    shift: Array | None = None  # along motions that nothing resists, see `indifference`
+    moved: bool
+    unknowns: int
+    shift: Array | None = None
+
+    @classmethod
+    def of(cls, attempt: Attempt, shift: Array | None = None) -> Recovery:
+        """That of the last iterate of an attempt."""
+        rows, load, response = attempt.placement.rows, attempt.load, attempt.outcome.iterate.response
+        return cls(
+            model=attempt.placement.model,
+            source=rows.source(load, response),
+            components=load.components,
+            case=attempt.case,
+            moved=attempt.placement.u is not None,
+            unknowns=len(rows.space.S) if isinstance(rows.space, PointSpace) else 0,
+            shift=shift,
+        )
 
     def __call__(self) -> Array:
-        with single_threaded():
-            u: Array = self.rows.recover([self.load], [self.case], self.solution[:, None])[0]
-        return u if self.shift is None else u + self.shift
+        return _recovered([self])[0]
+
+    def space(self, kin: Any) -> tuple[PointSpace, bool] | None:
+        """The contact problem on gaps and slips, and whether supports hold all bodies.
+
+        None where it is not on these. Where contact slides far it is computed anew.
+        """
+        if not self.unknowns:
+            return None
+        rows = self.model.place(kin if self.moved else None, None).rows
+        return (rows.space, rows.model.P.shape[1] == 0) if isinstance(rows.space, PointSpace) else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        # elsewhere the bodies are condensed anew, and remember no loads
+        return {**vars(self), "components": None}
 
 
 def recover_all(results: Sequence[ContactResult]) -> None:
-    """Recover the displacements of many results, with one solve per pairing for all of them."""
+    """Recover the displacements of many results, with one solve per model for all of them."""
     waiting = [r for r in results if "u" not in r.__dict__]
-    for rows in {id(r.recover.rows): r.recover.rows for r in waiting}.values():
-        group = [r for r in waiting if r.recover.rows is rows]
-        with single_threaded():
-            u = rows.recover(
-                [r.recover.load for r in group],
-                [r.case for r in group],
-                np.column_stack([r.recover.solution for r in group]),
-            )
-        for result, displacement in zip(group, u, strict=True):
-            shift = result.recover.shift
-            result.__dict__["u"] = displacement if shift is None else displacement + shift
+    groups: dict[tuple[int, bool], list[ContactResult]] = {}
+    for result in waiting:
+        key = id(result.recover.model), result.recover.source.forces
+        groups.setdefault(key, []).append(result)
+    for group in groups.values():
+        for result, u in zip(group, _recovered([r.recover for r in group]), strict=True):
+            result.__dict__["u"] = u
+
+
+def _recovered(some: Sequence[Recovery]) -> list[Array]:
+    """Displacements of all bodies for recoveries of one model and kind."""
+    bodies = some[0].model.bodies
+    with single_threaded():
+        sources = Source(np.column_stack([r.source.values for r in some]), some[0].source.forces)
+        components = [r.components for r in some]
+        u: list[Array] = bodies.recover(sources, components, [r.case for r in some])
+    return [v if r.shift is None else v + r.shift for v, r in zip(u, some, strict=True)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -116,18 +116,9 @@ class ContactResult:
         return tuple(self._values(i, part) for i, part in enumerate(self.slices()))
 
     def _values(self, i: int, part: slice) -> ContactValues:
-        kin, state = self.kin, self.state
-        t = kin.tangents
-        slip = (state.slip - state.reference)[part]
-        contact = self.contacts[i]
+        kin, state, contact = self.kin, self.state, self.contacts[i]
         status = state.status[part]
-        smooth = ~can_carry(contact.friction, len(status))
-        if smooth.any() and not contact.tied and t:
-            rows = slice(part.start * t, part.stop * t)
-            moved = (kin.B_t[rows] @ self.u).reshape(-1, t) + self.seen.slip0[part]
-            moved = np.where(status[:, None] != 0, moved, 0.0)
-            slip = np.where(smooth[:, None], moved, slip)
-            status = np.where(smooth & (status != 0), 2, status)
+        status = np.where(self._smooth(i, part) & (status != 0), 2, status)
         heir = kin.heir[part] - part.start
         own = heir == np.arange(len(heir))
         return ContactValues(
@@ -136,7 +127,6 @@ class ContactResult:
             normal=kin.normal[part],
             tangent=kin.tangent[part],
             gap=self.gap[part][heir],
-            slip=slip[heir],
             status=status[heir],
             normal_force=state.normal_force[part],
             tangential_force=-state.tangential_force[part],
@@ -147,8 +137,25 @@ class ContactResult:
             dissipation=float(self.dissipation_by_contact[i]),
             dissipation_total=float(self.dissipation_before[i] + self.dissipation_by_contact[i]),
             energy_residual=float(self.residual_by_contact[i]),
-            assess=lambda values: estimate(self, values),
+            assess=partial(estimate, self),
+            slips=partial(self._slip, i, part),
         )
+
+    def _smooth(self, i: int, part: slice) -> NDArray[np.bool_]:
+        """Points without friction or glue: nothing tangential is solved for."""
+        contact = self.contacts[i]
+        carries = can_carry(contact.friction, part.stop - part.start)
+        return ~carries & (not contact.tied and self.kin.tangents > 0)
+
+    def _slip(self, i: int, part: slice) -> Array:
+        kin, state, t = self.kin, self.state, self.kin.tangents
+        slip, smooth = (state.slip - state.reference)[part], self._smooth(i, part)
+        if smooth.any():
+            rows = slice(part.start * t, part.stop * t)
+            moved = (kin.B_t[rows] @ self.u).reshape(-1, t) + self.seen.slip0[part]
+            moved = np.where((state.status[part] != 0)[:, None], moved, 0.0)
+            slip = np.where(smooth[:, None], moved, slip)
+        return slip[kin.heir[part] - part.start]
 
     @property
     def dissipation(self) -> float:

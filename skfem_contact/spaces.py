@@ -77,6 +77,8 @@ class Load:
     ----------
     components : tuple
         What the bodies remember of the load, for the interior.
+    moved : ndarray
+        Changes of gaps, slips and anchors where contact carries nothing; on gaps and slips.
     """
 
     force: Array
@@ -84,6 +86,23 @@ class Load:
     slip0: Array
     prescribed: Array
     components: tuple[Any, ...] = ()
+    moved: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What the displacements of the bodies follow from.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n_c,) or (n_c, r), or with n in place of n_c
+        Forces on the contact DOFs, contact forces included; or displacements of the contact DOFs; or
+        of all DOFs.
+    forces : bool
+    """
+
+    values: Array
+    forces: bool
 
 
 class Space(Protocol):

@@ -13,7 +13,7 @@ from scipy.sparse import block_diag, csr_matrix
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.linear import as_linear_solver
 from skfem_contact.loads import LoadCase
-from skfem_contact.spaces import Load, SparseSpace
+from skfem_contact.spaces import Load, Response, Source, SparseSpace
 from skfem_contact.system import System
 
 Array = NDArray[np.float64]
@@ -31,6 +31,12 @@ class FullSystem:
         self.modes: Array | None = None
         if self.backend.uses_modes:
             self.modes = dense_block_diag(*(body.rigid_modes for body in system.bodies))
+
+    def recover(
+        self, sources: Source, components: Sequence[Any], cases: Sequence[LoadCase]
+    ) -> list[Array]:
+        """All displacements, r arrays (n,), which are the sources themselves (n, r)."""
+        return [np.array(u) for u in sources.values.T]
 
     def attach(self, kin: Kinematics, slipping: Mask, prefer: Mask, labels: Sequence[str]) -> FullRows:
         """The contact problem for one pairing."""
@@ -65,10 +71,10 @@ class FullRows:
         """The load case as it stands."""
         return Load(case.f, case.gap0, case.slip0, case.x)
 
-    def contact_displacement(self, loads: Sequence[Load], z: Array, case: LoadCase) -> Array:
-        """Displacements of all DOFs (n, r)."""
-        return z
+    def source(self, load: Load, response: Response) -> Source:
+        """The unknowns are the displacements of all DOFs already."""
+        return Source(response.solution, forces=False)
 
-    def recover(self, loads: Sequence[Load], cases: Sequence[LoadCase], z: Array) -> list[Array]:
-        """The unknowns are the displacements already."""
-        return [np.array(u) for u in z.T]
+    def contact_displacement(self, source: Source, case: LoadCase) -> Array:
+        """Displacements of all DOFs (n,)."""
+        return source.values

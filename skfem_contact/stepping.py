@@ -276,8 +276,8 @@ class Stepper:
         surface, slip = last.surface, response.slip
         if self.geometry.follows:
             dofs = self.geometry.surface_dofs
-            surface = placement.rows.contact_displacement([load], response.solution[:, None], case)
-            surface = surface[dofs, 0]
+            source = placement.rows.source(load, response)
+            surface = placement.rows.contact_displacement(source, case)[dofs]
             slip = self.geometry.slip(placement, seen, surface, slip, self.interface.slipping)
         return State(
             it.status,

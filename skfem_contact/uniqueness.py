@@ -91,17 +91,18 @@ def uniqueness(result: ContactResult) -> Uniqueness | None:
         None where it is not computed: on the sparse route, with contact rows that depend on each
         other, in 3-D, and where the answer leaves a motion free.
     """
-    rows = result.recover.rows
-    if not isinstance(rows.space, PointSpace) or rows.space.tangential_rows.shape[1] != 1:
+    found = result.recover.space(result.kin) if result.kin.tangents == 1 else None
+    if found is None:
         return None
+    space, held = found
     friction, G = coefficients(result), result.tangential_stiffness
-    friction = np.where(_able(rows.space, friction), friction, np.nan)
+    friction = np.where(_able(space, friction), friction, np.nan)
     try:
-        critical = critical_friction(rows.space, result.state.status, friction, G)
-        index = orientation(rows.space, result.state, friction, G)
+        critical = critical_friction(space, result.state.status, friction, G)
+        index = orientation(space, result.state, friction, G)
     except LinAlgError:
         return None
-    return Uniqueness(critical, friction, index, held=rows.model.P.shape[1] == 0)
+    return Uniqueness(critical, friction, index, held)
 
 
 def coefficients(result: ContactResult) -> Array:
@@ -227,8 +228,7 @@ def words(result: ContactResult) -> list[str]:
     """What a report says of other answers: nothing where none are to be feared."""
     if result.kin.tangents != 1 or not any(contact.friction for contact in result.contacts):
         return []
-    space = result.recover.rows.space
-    if not isinstance(space, PointSpace) or len(space.S) > MOST_ROWS:
+    if not 0 < result.recover.unknowns <= MOST_ROWS:
         return []
     known = result.uniqueness
     if known is None:
