@@ -41,8 +41,8 @@ WEAK = (1e-6, 1e-7)
 FALLS = 0.5
 # A point force below this part of the largest is round-off and holds nothing.
 NOTHING = 1e-9
-# A force that is none whatever made it.
-ROUND_OFF = 1e-13
+# A force that is none whatever made it, over the terms that cancel where nothing presses.
+ROUND_OFF = 1e-12
 # Overlap over the extent of the bodies that counts as none.
 TOUCH = 1e-11
 
@@ -67,12 +67,14 @@ class Rest:
     shift: Array
 
 
-def idles(motions: RigidMotions, attempt: Attempt, holds: Mask) -> bool:
+def idles(model: LinearModel, attempt: Attempt, holds: Mask) -> bool:
     """Whether an answer rests on points that carry nothing: some motion is held by nothing else."""
+    motions, state = model.motions, attempt.state
     if motions.k == 0:
         return False
-    state = attempt.state
-    carrying = (state.status != OPEN) & (state.normal_force > NOTHING * _largest(state))
+    largest = np.max(np.abs(state.normal_force), initial=0.0)
+    floor = max(NOTHING * largest, ROUND_OFF * force_terms(model, attempt.case))
+    carrying = (state.status != OPEN) & (state.normal_force > floor)
     carrying |= motions.kin.tied & motions.kin.paired
     stick = carrying & holds & (state.status == STICK)
     return motions.free(carrying, stick).shape[1] > 0
@@ -141,7 +143,7 @@ class Indifference:
                 return None
             known = attempt.state
             forces.append(np.where(known.status != OPEN, known.normal_force, 0.0))
-        floor = ROUND_OFF * np.max(np.abs(forces), initial=0.0)
+        floor = ROUND_OFF * max(np.max(np.abs(forces)), force_terms(self.model, target))
         carrying = forces[1] > np.maximum(FALLS * forces[0], floor)
         tied = self.stepper.interface.tied & self.model.kin.paired
         return None if known is None else (carrying | tied, known)
@@ -151,6 +153,15 @@ class Indifference:
     ) -> tuple[Attempt, Walk]:
         stepper = replace(self.stepper, place=model.place, barred=barred)
         return stepper.advance(walk.state, walk.case, target, known, None)
+
+
+def force_terms(model: LinearModel, case: LoadCase) -> float:
+    """The largest load, or product of stiffness and prescribed displacement [force]."""
+    largest = float(np.max(np.abs(case.f), initial=0.0))
+    for body, K in zip(model.system.bodies, model.stiffness, strict=True):
+        moved = np.max(np.abs(case.x[model.system.slice(body)][body.D]), initial=0.0)
+        largest = max(largest, float(np.max(K.diagonal()) * moved))
+    return largest
 
 
 def weak_springs(model: LinearModel, weak: float) -> Array:
@@ -234,7 +245,3 @@ def nearest(A: Array, b: Array, wanted: Array) -> Array | None:
     if not abs(r[-1]) > 1e-12:
         return None
     return np.asarray(wanted - scale * r[:-1] / r[-1])
-
-
-def _largest(state: State) -> float:
-    return float(np.max(np.abs(state.normal_force), initial=0.0))

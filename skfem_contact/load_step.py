@@ -134,7 +134,7 @@ class LoadStep:
 
     def _idles(self, attempt: Attempt) -> bool:
         return bool(self.model.loose.shape[1]) or idles(
-            self.model.motions, attempt, self.interface.frictional | self.interface.tied
+            self.model, attempt, self.interface.frictional | self.interface.tied
         )
 
     @property

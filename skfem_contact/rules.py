@@ -27,8 +27,9 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     was_open = current.status == OPEN
     finite = np.isfinite(response.gap)
     gap_scale = np.max(np.abs(response.gap[finite] - step.load.gap0[finite]), initial=0.0)
+    nothing = max(ROUND_OFF * force_scale, step.noise)
     penetrates = was_open & (response.gap < -ROUND_OFF * gap_scale) & step.paired
-    pulls = ~was_open & (response.normal_force < -ROUND_OFF * force_scale) & ~step.tied
+    pulls = ~was_open & (response.normal_force < -nothing) & ~step.tied
 
     slips, direction = np.zeros_like(was_open), np.zeros_like(response.slip)
     if step.laws:
@@ -51,7 +52,7 @@ def _slip_rule(
     exact = np.isinf(step.stiffness)
     trial = np.where(exact[:, None], response.tangential_force, step.trial(response.slip))
     size = np.linalg.norm(trial, axis=1)
-    beyond = size > limit + ROUND_OFF * force_scale
+    beyond = size > limit + max(ROUND_OFF * force_scale, step.noise)
     was_slip = current.status == SLIP
     # an exactly sticking point has no trial force while it slips: it goes on slipping as long as
     # the slip of this step follows the friction
@@ -62,6 +63,7 @@ def _slip_rule(
     unit = trial / np.where(size > 0, size, 1.0)[:, None]
     # where the slip turns back the point sticks first, or forward and backward slip alternate
     slips &= ~was_slip | (np.sum(unit * current.direction, axis=1) >= 0) | exact
+    slips &= force_scale > step.noise  # where nothing presses, slips are round-off as forces are
     # a coefficient of zero, or one that no force can tell from it: nothing can stick, not even the
     # round-off of a force
     probe = np.full_like(size, force_scale if force_scale > 0 else 1.0)
@@ -95,7 +97,7 @@ def law_residual(step: Step, status: NDArray[np.intp], direction: Array, respons
         return 0.0
     scale = np.max(np.abs(response.normal_force), initial=0.0)
     scale = max(scale, np.max(np.abs(response.tangential_force), initial=0.0))
-    if scale == 0.0:
+    if scale <= step.noise:
         return 0.0
     limit = step.limit(response.normal_force, response.slip)
     slips = (status == SLIP) & (response.normal_force >= 0)

@@ -52,7 +52,11 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One load step as a loop sees it: a linear world, a load, the laws and the history."""
+    """One load step as a loop sees it: a linear world, a load, the laws and the history.
+
+    `noise`: forces up to this are round-off of loads and stiffness, whatever the contact forces are;
+    where nothing presses it is all there is.
+    """
 
     space: Space
     load: Load
@@ -64,6 +68,7 @@ class Step:
     frictional: Mask
     stiffness: Array
     last: State
+    noise: float = 0.0
 
     def limit(self, normal_force: Array, slip: Array) -> Array:
         """Friction bound of every point; zero where there is no law."""

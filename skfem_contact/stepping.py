@@ -12,6 +12,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,8 @@ PLAIN = 3
 # Round from which on a point that has left the primary surface is not taken back in the same step:
 # at its very end there is no pairing that is that of its own answer.
 EDGE = 5
+# Round-off of contact forces over the terms that cancel where nothing presses.
+NOISE = 10 * float(np.finfo(float).eps)
 # A point that slides over just one facet per step does so up to this.
 ROUND_OFF = 1e-9
 
@@ -241,6 +244,7 @@ class Stepper:
                 frictional=interface.frictional & paired,
                 stiffness=interface.stiffness,
                 last=walk.state,
+                noise=NOISE * self._force_terms(case),
             )
             dense = step
             if start == "pivoting" and (rows := placement.dense_rows()) is not placement.rows:
@@ -260,6 +264,15 @@ class Stepper:
             outcome = replace(outcome, trace=trace)
             state = self._state(outcome, walk, placement, load, case, seen)
         return Attempt(outcome, placement, load, case, seen, state)
+
+    def _force_terms(self, case: LoadCase) -> float:
+        """Largest load, or what moves of D make of the softest body's stiffness [force]."""
+        moved = np.max(np.abs(case.x[self.geometry.system.D]), initial=0.0)
+        return float(max(np.max(np.abs(case.f), initial=0.0), self._softest * moved))
+
+    @cached_property
+    def _softest(self) -> float:
+        return min(float(np.max(body.K.diagonal())) for body in self.geometry.system.bodies)
 
     def _state(
         self,
