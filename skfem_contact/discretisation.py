@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.contact import Contact
+from skfem_contact.frames import loaded_frames
 from skfem_contact.mortar import dual_mortar
 from skfem_contact.obstacle import Obstacle
 from skfem_contact.pairing import Pairing, node_to_segment
@@ -38,8 +39,12 @@ def pair(contact: Contact, *, moved: Sequence[Array] = (), motion: object = None
     if len(moved):
         primary = primary.moved(moved[1])
     if contact.method == "mortar":
-        return dual_mortar(secondary, primary, reach=contact.reach)
-    return _without_idle(contact, node_to_segment(secondary, primary, reach=contact.reach))
+        pairing = dual_mortar(secondary, primary, reach=contact.reach)
+    else:
+        pairing = _without_idle(contact, node_to_segment(secondary, primary, reach=contact.reach))
+    if contact.sliding == "small" and not contact.tied and not len(moved):
+        return loaded_frames(secondary, primary, pairing)
+    return pairing
 
 
 def _without_idle(contact: Contact, pairing: Pairing) -> Pairing:

@@ -57,6 +57,8 @@ class Kinematics:
         `discretisation.carriers`.
     action : ndarray, shape (m, d)
         Where the force of each point acts on the secondary: its position in general.
+    tilt : ndarray, shape (m,)
+        Angle between the two sides' normals [rad], see `Pairing.tilt`.
     """
 
     B_n: csr_matrix
@@ -71,6 +73,7 @@ class Kinematics:
     tied: NDArray[np.bool_]
     heir: NDArray[np.intp]
     action: Array
+    tilt: Array
 
     @property
     def m(self) -> int:
@@ -133,6 +136,7 @@ def kinematics(
         tied=np.full(len(pairing.gap), contact.tied),
         heir=carriers(secondary, pairing),
         action=_action(pairing),
+        tilt=pairing.tilt,
     )
 
 
@@ -148,7 +152,7 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
         raise InputError("There is no contact: give at least one Contact.")
     stacked = {
         name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("gap0", "area", "points", "normal", "tangent", "paired", "tied", "action")
+        for name in ("gap0", "area", "points", "normal", "tangent", "paired", "tied", "action", "tilt")
     }
     first = np.cumsum([0, *(part.m for part in parts)])
     heir = np.concatenate([k + part.heir for k, part in zip(first[:-1], parts, strict=True)])

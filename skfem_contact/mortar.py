@@ -33,6 +33,7 @@ from scipy.spatial import cKDTree
 
 from skfem_contact.dual import WHOLE, dual_basis
 from skfem_contact.errors import InputError
+from skfem_contact.facing import mortar_normals
 from skfem_contact.normals import tangents
 from skfem_contact.pairing import Pairing
 from skfem_contact.segmentation import Quadrature, facet_areas, interface_quadrature
@@ -79,7 +80,8 @@ def dual_mortar(
     -----
     ``normal`` is minus the nodal normal of the *secondary*: it is defined at the nodes, where the
     rows are, needs no projection, and is the field along which the surfaces are projected, so
-    that the gap vector is parallel to it. It thus is the primary's normal where the two touch.
+    that the gap vector is parallel to it. It thus is the primary's normal where the two touch. For
+    small sliding `frames.loaded_frames` turns it to the normal of the loaded interface.
     Forces balance to round-off, as the weights of either side sum to 1; moments do but for
     ``normal_force x (tangential part of the weighted gap vector)``, zero on flat interfaces.
 
@@ -117,6 +119,7 @@ def dual_mortar(
     A, share, heir = _facet_bases(secondary, quadrature)
     D, covered_area, normal = _secondary_matrix(secondary, share, heir)
     M, facet = _primary_matrix(secondary, primary, quadrature, A)
+    of_secondary, of_primary = mortar_normals(secondary, primary, quadrature, A, normal)
     paired = (covered_area > 0) & ~_shared(secondary, primary)
     W_s = _divide(D, covered_area, paired)
     W_m = _divide(M, np.asarray(M.sum(axis=1), dtype=float).ravel(), paired)
@@ -138,6 +141,8 @@ def dual_mortar(
         paired=paired,
         miss=miss,
         facet=np.where(paired, facet, nearest),
+        secondary_normal=of_secondary,
+        primary_normal=of_primary,
     )
 
 

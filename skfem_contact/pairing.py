@@ -10,6 +10,7 @@ from scipy.sparse import csr_matrix, identity
 from skfem_contact.closest import closest_facets, overhang, search_range
 from skfem_contact.errors import InputError
 from skfem_contact.facets import facet_shapes
+from skfem_contact.facing import angle_between, node_normals
 from skfem_contact.normals import tangents
 from skfem_contact.projection import interpolated_normals
 from skfem_contact.surface import ContactSurface
@@ -24,7 +25,8 @@ class Pairing:
     points : ndarray, shape (m, d)
         Positions of the contact points, on the secondary surface [length].
     normal : ndarray, shape (m, d)
-        Unit normals, from primary to secondary.
+        Unit normals, from primary to secondary. A pairing takes them from one side; with small
+        sliding `frames.loaded_frames` weights those of both.
     tangent : ndarray, shape (m, d-1, d)
         Unit tangents; in 2-D the normal rotated by +90 degrees.
     gap : ndarray, shape (m,)
@@ -41,6 +43,9 @@ class Pairing:
         surface [length]; 0 where paired, infinite where there is nothing it could be beyond of.
     facet : ndarray of int, shape (m,)
         Primary facet; -1 where there is none.
+    secondary_normal, primary_normal : ndarray, shape (m, d), optional
+        Unit normals of the two sides at the points, both from primary to secondary; None where one
+        side has the frame for itself (rigid obstacles).
     """
 
     points: np.ndarray
@@ -53,6 +58,22 @@ class Pairing:
     paired: np.ndarray
     miss: np.ndarray
     facet: np.ndarray
+    secondary_normal: np.ndarray | None = None
+    primary_normal: np.ndarray | None = None
+
+    @property
+    def tilt(self) -> np.ndarray:
+        """Angle between the normals of the two sides, shape (m,) [rad]; zero where not paired.
+
+        Sides that are in contact have one normal, so under load both have turned, together by this
+        angle. With small sliding the frame is fixed and can only be the expected normal of the
+        loaded interface (`frames`): friction is trusted as far as the tilt is small against the
+        coefficient of friction. Zero for rigid obstacles, whose normal is exact.
+        """
+        if self.secondary_normal is None or self.primary_normal is None:
+            return np.zeros(len(self.gap))
+        angle = angle_between(self.secondary_normal, self.primary_normal)
+        return np.where(self.paired, angle, 0.0)
 
     def __repr__(self) -> str:
         return f"<Pairing: {np.count_nonzero(self.paired)} of {len(self.gap)} points paired>"
@@ -135,6 +156,9 @@ def node_to_segment(
         shape=(m, len(primary.points)),
     )
     weights.eliminate_zeros()
+    of_secondary, of_primary = -secondary.normals, normal.copy()
+    sides = node_normals(secondary, primary, point, normal[point], N, nodes)
+    of_secondary[point], of_primary[point] = sides
     miss, end_facet = overhang(secondary, primary, ~paired, outside, inside)
     end_facet[point] = facet
     return Pairing(
@@ -148,4 +172,6 @@ def node_to_segment(
         paired=paired,
         miss=miss,
         facet=end_facet,
+        secondary_normal=of_secondary,
+        primary_normal=of_primary,
     )
