@@ -89,6 +89,18 @@ class Geometry:
         self.surface_dofs = surface_dofs(system, contacts)
 
     @cached_property
+    def rank(self) -> NDArray[np.intp]:
+        """Places of the points in an order that their positions and normals make, shape (m,).
+
+        It does not depend on the order in which bodies, contacts and nodes were given.
+        """
+        kin = self.kin
+        order = np.lexsort(np.column_stack([kin.normal, kin.points]).T)
+        rank = np.empty_like(order)
+        rank[order] = np.arange(len(order))
+        return rank
+
+    @cached_property
     def prescribed(self) -> Mask:
         """Points of the undeformed bodies whose gap is prescribed, shape (m,)."""
         return self.kin.paired & prescribed_rows(self.kin.B_n, self.system.D)

@@ -172,6 +172,7 @@ def _problem(step: Step, space: PointSpace, weak: float) -> _Problem:
     at_rest = W @ (load.force - space.S @ z) + z
 
     points = np.flatnonzero(step.paired & ~step.tied & (space.normal_rows >= 0))
+    points = points[np.argsort(step.rank[points])]  # whichever order they were given in
     friction = points[step.frictional[points] & (t_rows[points] >= 0)]
     n, t = space.normal_rows[points], t_rows[friction]
     G = step.stiffness[friction]
@@ -206,7 +207,9 @@ def _solve(problem: _Problem, slope: Array, cohesion: Array) -> Array | None:
     a, b = len(problem.points), len(problem.friction)
     k = 1.0 / np.mean(np.diag(problem.W_nn))  # turns gaps and slips into forces
     P = np.zeros((b, a))
-    P[np.arange(b), np.searchsorted(problem.points, problem.friction)] = slope
+    place = np.full(np.max(problem.points, initial=-1) + 1, -1)
+    place[problem.points] = np.arange(a)
+    P[np.arange(b), place[problem.friction]] = slope
     W_nt, W_tt = k * problem.W_nt, k * problem.W_tt
     one, none = np.eye(b), np.zeros((b, b))
     M = np.block(

@@ -84,8 +84,8 @@ class Pace:
     """How many points may change at once (block principal pivoting of Judice and Pires, 1994).
 
     Whole sets change as long as their number falls; after a few iterations without progress, one
-    point at a time, by the largest index, until there is progress again. On problems with unique
-    solutions this ends; where it does not, the driver's count does.
+    point at a time, the last in the order of `Step.rank`, until there is progress again. On problems
+    with unique solutions this ends; where it does not, the driver's count does.
     """
 
     patience: int
@@ -109,7 +109,8 @@ class Pace:
         take = wrong
         if self.single and count:
             take = np.zeros_like(wrong)
-            take[np.flatnonzero(wrong)[-1]] = True
+            last = np.flatnonzero(wrong)
+            take[last[np.argmax(step.rank[last])]] = True
         return replace(
             proposal,
             status=np.where(take, proposal.status, current.status),

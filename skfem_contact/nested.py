@@ -59,7 +59,7 @@ def nested_guess(step: Step, guess: Guess, loop: Loop, points: Array, tolerance:
     tolerance : float
     """
     levels = [Level(step, lambda z: step.load.gap0)]
-    for keep in _halvings(step.paired & ~step.tied, points):
+    for keep in _halvings(step.paired & ~step.tied, points, step.rank):
         try:
             levels.append(_restrict(levels[-1].step, keep | step.tied & step.paired))
         except LinAlgError:  # the kept points can not hold the bodies: coarse enough
@@ -77,9 +77,10 @@ def nested_guess(step: Step, guess: Guess, loop: Loop, points: Array, tolerance:
     return guess
 
 
-def _halvings(candidates: Mask, points: Array) -> Iterator[Mask]:
+def _halvings(candidates: Mask, points: Array, rank: NDArray[np.intp]) -> Iterator[Mask]:
     """Masks of every second, fourth, ... candidate, along an order in which neighbours are near."""
     chosen = np.flatnonzero(candidates)
+    chosen = chosen[np.argsort(rank[chosen])]
     if len(chosen) == 0:
         return
     order = chosen[cKDTree(points[chosen], leafsize=1).indices]

@@ -16,6 +16,9 @@ Mask = NDArray[np.bool_]
 # Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
 # Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
 ROUND_OFF = 1e-11
+# Digits to which two points are told apart: fewer than round-off leaves of any number, so that points
+# which symmetry makes alike are so in whatever order they are numbered.
+ALIKE = 9
 # That of a single number.
 EPS = float(np.finfo(float).eps)
 
@@ -132,12 +135,11 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
     points = np.zeros(len(status), dtype=bool)
     limit = step.limit(current.normal_force, current.slip)
     excess = np.linalg.norm(current.tangential_force, axis=1) - limit
-    order = np.concatenate([_by(excess, status == SLIP), _by(step.load.gap0, status == OPEN)])
+    slipping, opened = _by(excess, status == SLIP, step), _by(step.load.gap0, status == OPEN, step)
+    order = np.concatenate([slipping, opened])
     for i in order:
         if free.shape[1] == 0:
             break
-        if not step.paired[i]:
-            continue
         resists = np.abs(motions.normal[i] @ free).max(initial=0.0) > 1e-6
         turns = holds[i] and np.abs(motions.tangential[i] @ free).max(initial=0.0) > 1e-6
         if (status[i] == OPEN and resists) or turns:
@@ -147,6 +149,9 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
     return status, Held(points, first)
 
 
-def _by(value: Array, mask: Mask) -> NDArray[np.intp]:
-    chosen = np.flatnonzero(mask)
-    return chosen[np.argsort(value[chosen], kind="stable")]
+def _by(value: Array, mask: Mask, step: Step) -> NDArray[np.intp]:
+    """Points from the smallest value to the largest; those alike up to round-off by their rank."""
+    chosen = np.flatnonzero(mask & step.paired)
+    largest = np.max(np.abs(value[chosen]), initial=0.0)
+    alike = np.round(value[chosen] / largest if largest > 0 else value[chosen], ALIKE)
+    return chosen[np.lexsort((step.rank[chosen], alike))]

@@ -80,7 +80,7 @@ def _cold(step: Step, kin: Kinematics, tolerance: float, apart: bool = False) ->
     zero = np.zeros((kin.m, kin.tangents))
     touching = step.paired & (step.load.gap0 <= 0)
     if apart:
-        touching &= deepest(step.load.gap0, kin.points)
+        touching &= deepest(step.load.gap0, kin.points, step.rank)
     status = np.where(touching | step.tied, STICK, OPEN)
     guess = Guess(status, zero, np.zeros(kin.m), zero, zero)
     if apart or touching.sum() > 0.5 * step.paired.sum():
@@ -90,9 +90,9 @@ def _cold(step: Step, kin: Kinematics, tolerance: float, apart: bool = False) ->
     return nested_guess(exact, guess, loops.newton, kin.points, tolerance)
 
 
-def deepest(gap: Array, points: Array) -> NDArray[np.bool_]:
-    """Of all points at one place that with the smallest gap, shape (m,)."""
-    order = np.argsort(gap, kind="stable")
+def deepest(gap: Array, points: Array, rank: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Of all points at one place that with the smallest gap, of equal ones the first by rank, (m,)."""
+    order = np.lexsort((rank, gap))
     _, first = np.unique(points[order], axis=0, return_index=True)
     chosen = np.zeros(len(gap), dtype=bool)
     chosen[order[first]] = True

@@ -55,7 +55,9 @@ class Step:
     """One load step as a loop sees it: a linear world, a load, the laws and the history.
 
     `noise`: forces up to this are round-off of loads and stiffness, whatever the contact forces are;
-    where nothing presses it is all there is.
+    where nothing presses it is all there is. `rank`: a number for every point that does not depend on
+    the order in which bodies, contacts and nodes were given; where points have to be taken one after
+    the other, or two are alike, it decides.
     """
 
     space: Space
@@ -68,6 +70,7 @@ class Step:
     frictional: Mask
     stiffness: Array
     last: State
+    rank: NDArray[np.intp]
     noise: float = 0.0
 
     def limit(self, normal_force: Array, slip: Array) -> Array:

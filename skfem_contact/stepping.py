@@ -244,6 +244,7 @@ class Stepper:
                 frictional=interface.frictional & paired,
                 stiffness=interface.stiffness,
                 last=walk.state,
+                rank=self.geometry.rank,
                 noise=NOISE * self._force_terms(case),
             )
             dense = step

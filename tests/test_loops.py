@@ -45,6 +45,7 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
         frictional=np.full(m, not tied),
         stiffness=np.full(m, stiffness),
         last=last or still,
+        rank=np.arange(m),
     )
 
 

@@ -140,18 +140,25 @@ def random_stack(seed: int, friction: bool | None = None) -> Stack:
     )
 
 
-def can_rest(stack: Stack, slack: float = 0.0) -> bool:
-    """Whether forces exist that keep every block in equilibrium, by a linear program.
+def can_rest(stack: Stack) -> bool | None:
+    """Whether forces exist that keep every block in equilibrium; None on the edge of it.
 
-    Unknowns are normal forces and friction at the nodes that have something below them, and reactions
-    of prescribed DOFs. `slack` widens (or, below zero, narrows) the friction bounds.
+    With mortar a multiplier acts at its node, which may be beyond the end of the surface below: there
+    blocks that rest on such points alone are not judged, nor those within 1e-6 of their friction.
     """
+    surely, perhaps = _feasible(stack, -1e-6, "node"), _feasible(stack, 1e-6, stack.method)
+    return surely if surely == perhaps else None
+
+
+def _feasible(stack: Stack, slack: float, method: str) -> bool:
+    """By a linear program in normal forces and friction at the nodes that have something below them,
+    and reactions of prescribed DOFs; `slack` widens, or narrows, the bounds of friction."""
     size = max(np.max(np.abs(load), initial=0.0) for load in stack.loads) or 1.0
     rows = 3 * len(stack.bases)
     columns, bounds, friction = [], [], []
     for k, (upper, lower) in enumerate(stack.pairs):
         p, mu = stack.bases[upper].mesh.p, stack.mu[k] or 0.0
-        for node in touching(stack, k):
+        for node in touching(stack, k, method):
             for direction in np.eye(2)[::-1]:
                 column = np.zeros(rows)
                 column[3 * upper : 3 * upper + 3] = _wrench(p[:, node], direction)
@@ -184,7 +191,7 @@ def can_rest(stack: Stack, slack: float = 0.0) -> bool:
     return bool(found.status == 0)
 
 
-def touching(stack: Stack, k: int) -> np.ndarray:
+def touching(stack: Stack, k: int, method: str) -> np.ndarray:
     """Nodes of the upper side of a joint that can carry a force: above the lower side, or, with
     mortar, at the end of a facet that is so in part."""
     upper, lower = stack.pairs[k]
@@ -197,7 +204,7 @@ def touching(stack: Stack, k: int) -> np.ndarray:
     top = q[0, q[1] > q[1].max() - 1e-9]
     x = p[0, base]
     inside = (x > top.min() - 1e-9) & (x < top.max() + 1e-9)
-    if stack.method == "mortar":
+    if method == "mortar":
         over = (x[1:] > top.min() + 1e-9) & (x[:-1] < top.max() - 1e-9)
         inside = np.append(over, False) | np.append(False, over)
     return base[inside]
