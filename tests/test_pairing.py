@@ -57,10 +57,12 @@ def test_flat_surfaces_pair_vertically(lower, upper, height):
     secondary = block(7, 0, 1, 1 + height, 2.5, upper).surface("bottom")
     pairing = node_to_segment(secondary, primary)
     assert pairing.paired.all() and np.all(pairing.miss == 0)
-    np.testing.assert_allclose(pairing.gap, height, atol=1e-14)
-    np.testing.assert_allclose(pairing.normal, np.tile([0, 1], (len(pairing.gap), 1)), atol=1e-14)
+    np.testing.assert_allclose(pairing.gap, height, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(
+        pairing.normal, np.tile([0, 1], (len(pairing.gap), 1)), rtol=0, atol=1e-14
+    )
     np.testing.assert_allclose(pairing.tangent[:, 0], np.tile([-1, 0], (len(pairing.gap), 1)))
-    np.testing.assert_allclose(feet(pairing, primary), pairing.points - [0, height], atol=1e-14)
+    np.testing.assert_allclose(feet(pairing, primary), pairing.points - [0, height], rtol=0, atol=1e-14)
     np.testing.assert_allclose(pairing.primary_weights.sum(axis=1), 1.0)
     assert abs(pairing.secondary_weights - sp.eye(len(pairing.gap))).max() == 0
     assert np.array_equal(pairing.area, secondary.area)
@@ -156,7 +158,9 @@ def test_matching_curved_surfaces_have_the_averaged_normals():
     noisy = disc.points * (1 + 1e-12 * random.standard_normal(disc.points.shape))
     inward = disc.__class__(**{**vars(disc), "normals": -disc.normals, "points": noisy, "body": None})
     pairing = node_to_segment(inward, disc)
-    np.testing.assert_allclose(pairing.normal, disc.points, atol=1e-10)  # equal chords: the radius
+    np.testing.assert_allclose(
+        pairing.normal, disc.points, rtol=0, atol=1e-10
+    )  # equal chords: the radius
     np.testing.assert_allclose(pairing.gap, 0, atol=1e-11)
 
 
@@ -167,7 +171,7 @@ def test_overhang_is_measured_along_the_surface():
     pairing = node_to_segment(secondary, primary)
     x = pairing.points[:, 0]
     assert np.array_equal(pairing.paired, x <= 1 + 1e-9)
-    np.testing.assert_allclose(pairing.miss, np.maximum(x - 1, 0), atol=1e-14)
+    np.testing.assert_allclose(pairing.miss, np.maximum(x - 1, 0), rtol=0, atol=1e-14)
     assert np.all(np.isinf(pairing.gap[~pairing.paired]))
     assert pairing.primary_weights[~pairing.paired].nnz == 0
     np.testing.assert_allclose(pairing.normal[~pairing.paired], [[0, 1]] * 3)
@@ -198,7 +202,7 @@ def test_convex_vertices_hold_the_nodes_around_them(angle):
     pairing = node_to_segment(turned(upper.surface("bottom"), angle, 0)[0], primary)
     vertex = np.flatnonzero(np.isclose(primary.points @ turn, [1, 0.2]).all(axis=1))
     np.testing.assert_allclose(pairing.primary_weights[:, vertex].toarray(), 1.0)
-    np.testing.assert_allclose(pairing.normal @ turn, [[0, 1]] * 3, atol=1e-14)
+    np.testing.assert_allclose(pairing.normal @ turn, [[0, 1]] * 3, rtol=0, atol=1e-14)
     np.testing.assert_allclose(pairing.gap, 0.3)
 
 
@@ -208,7 +212,7 @@ def test_sharp_corners_take_the_normal_of_the_opposite_side():
     pairing = node_to_segment(block([1.0, 1.05, 1.2], 0, 1, 1.1, 2).surface("bottom"), primary)
     by_x = np.argsort(pairing.points[:, 0])
     assert pairing.paired[by_x].tolist() == [True, True, False]
-    np.testing.assert_allclose(pairing.normal[by_x[:2]], [[0, 1]] * 2, atol=1e-14)
+    np.testing.assert_allclose(pairing.normal[by_x[:2]], [[0, 1]] * 2, rtol=0, atol=1e-14)
     np.testing.assert_allclose(pairing.gap[by_x[:2]], 0.1)
     assert pairing.miss[by_x[2]] == pytest.approx(0.2)
 
@@ -223,8 +227,8 @@ def test_concave_corners_choose_the_nearer_side_and_ties_the_more_opposite():
         x, foot = pairing.points[:, 0], feet(pairing, groove)
         side = np.abs(x) > 0.1
         assert np.all(np.sign(foot[side, 0]) == np.sign(x[side]))
-        np.testing.assert_allclose(pairing.gap, (1 - np.abs(x)) / np.sqrt(2), atol=1e-11)
-        np.testing.assert_allclose(foot[~side], [[0.5, 0.5]], atol=1e-11)
+        np.testing.assert_allclose(pairing.gap, (1 - np.abs(x)) / np.sqrt(2), rtol=0, atol=1e-11)
+        np.testing.assert_allclose(foot[~side], [[0.5, 0.5]], rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("tilt", [-0.3, 0.3])
@@ -241,7 +245,7 @@ def test_overlaps_do_not_reach_the_far_side():
     """A node that penetrates by 5 % pairs with the near face, not with the back or the sides."""
     primary = block(4, 0, 1, 0, 1).surface(None)
     pairing = node_to_segment(block(3, 0.1, 0.9, 0.95, 2).surface("bottom"), primary)
-    np.testing.assert_allclose(pairing.gap, -0.05, atol=1e-14)
+    np.testing.assert_allclose(pairing.gap, -0.05, rtol=0, atol=1e-14)
     deep = block(3, 0.1, 0.9, 0.3, 2).surface("bottom")
     # looked for down to half the box of the smaller surface, here the secondary one: 0.4
     assert not node_to_segment(deep, block(4, 0, 1, 0, 1).surface("top")).paired.any()
@@ -294,8 +298,8 @@ def test_pairing_moves_with_the_bodies():
     shift = np.array([3.0, -2.0])
     after = node_to_segment(turned(upper, 2.1, shift)[0], turned(lower, 2.1, shift)[0])
     assert np.array_equal(before.paired, after.paired)
-    np.testing.assert_allclose(after.gap, before.gap, atol=1e-12)
-    np.testing.assert_allclose(after.miss, before.miss, atol=1e-12)
+    np.testing.assert_allclose(after.gap, before.gap, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(after.miss, before.miss, rtol=0, atol=1e-12)
     assert abs(after.primary_weights - before.primary_weights).max() < 1e-12
 
 

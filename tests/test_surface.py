@@ -43,9 +43,9 @@ def test_the_body_is_on_the_left_and_normals_point_out(mesh, element):
     assert np.all(np.sum((0.5 * (start + end) - centre) * surface.facet_normals, axis=1) > 0)
     turned = np.stack([(end - start)[:, 1], -(end - start)[:, 0]], axis=1)
     turned /= np.linalg.norm(turned, axis=1, keepdims=True)
-    np.testing.assert_allclose(surface.facet_normals, turned, atol=1e-12)
+    np.testing.assert_allclose(surface.facet_normals, turned, rtol=0, atol=1e-12)
     for normals in (surface.normals, surface.facet_node_normals):
-        np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, atol=1e-12)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, rtol=0, atol=1e-12)
     assert np.all(np.sum((surface.points - centre) * surface.normals, axis=1) > 0)
 
 
@@ -115,11 +115,11 @@ def test_corners_are_not_averaged():
     np.testing.assert_allclose(square.normals[corner], [[0.5**0.5] * 2])
     disc = body(DISC).surface(None)
     shared = disc.facet_node_normals[disc.neighbours[:, 1], 0]
-    np.testing.assert_allclose(disc.facet_node_normals[:, 1], shared, atol=1e-14)
+    np.testing.assert_allclose(disc.facet_node_normals[:, 1], shared, rtol=0, atol=1e-14)
     # equal chords: the average is the radius
-    np.testing.assert_allclose(disc.normals, disc.points, atol=1e-12)
+    np.testing.assert_allclose(disc.normals, disc.points, rtol=0, atol=1e-12)
     np.testing.assert_allclose(
-        disc.facet_node_normals[:, 0], disc.points[disc.facets[:, 0]], atol=1e-12
+        disc.facet_node_normals[:, 0], disc.points[disc.facets[:, 0]], rtol=0, atol=1e-12
     )
 
 
@@ -132,7 +132,9 @@ def test_moved_surfaces_turn_their_normals(element):
     u = (x @ turn.T - x)[np.arange(one.n), one.dof_component]
     after = before.moved(u)
     for key in ("points", "normals", "facet_normals", "facet_node_normals"):
-        np.testing.assert_allclose(getattr(after, key), getattr(before, key) @ turn.T, atol=1e-14)
+        np.testing.assert_allclose(
+            getattr(after, key), getattr(before, key) @ turn.T, rtol=0, atol=1e-14
+        )
     np.testing.assert_allclose(after.lengths, before.lengths)
     assert after.area is before.area and after.facets is before.facets
     with pytest.raises(InputError, match=r"displacement of shape \(3,\)"):
@@ -252,7 +254,7 @@ def test_shape_functions_are_a_partition_with_the_right_derivatives(k):
     np.testing.assert_allclose(N.sum(axis=1), 1.0)
     np.testing.assert_allclose(dN.sum(axis=1), 0.0, atol=1e-14)
     central = (facet_shapes(xi + h, k)[0] - facet_shapes(xi - h, k)[0]) / (2 * h)
-    np.testing.assert_allclose(dN, central, atol=1e-9)  # round-off over the step
+    np.testing.assert_allclose(dN, central, rtol=0, atol=1e-9)  # round-off over the step
 
 
 def sector(element=None, squeeze=0.0):
@@ -277,12 +279,12 @@ def test_a_curved_surface_continues_beyond_a_line_of_symmetry():
     """At rollers on both cuts of a quarter circle all nodal normals are radial, the end ones too."""
     surface = sector()
     radial = surface.points / np.linalg.norm(surface.points, axis=1, keepdims=True)
-    np.testing.assert_allclose(surface.normals[[0, -1]], radial[[0, -1]], atol=1e-12)
+    np.testing.assert_allclose(surface.normals[[0, -1]], radial[[0, -1]], rtol=0, atol=1e-12)
     at_nodes = np.stack([radial[surface.facets[:, i]] for i in (0, 1)], axis=1)
     # in between the average is of second order, (0.3 rad)² over some ten
-    np.testing.assert_allclose(surface.facet_node_normals, at_nodes, atol=0.01)
-    np.testing.assert_allclose(surface.facet_node_normals[0, 0], at_nodes[0, 0], atol=1e-12)
-    np.testing.assert_allclose(surface.facet_node_normals[-1, 1], at_nodes[-1, 1], atol=1e-12)
+    np.testing.assert_allclose(surface.facet_node_normals, at_nodes, rtol=0, atol=0.01)
+    np.testing.assert_allclose(surface.facet_node_normals[0, 0], at_nodes[0, 0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(surface.facet_node_normals[-1, 1], at_nodes[-1, 1], rtol=0, atol=1e-12)
     # moved as a whole, it still does
     moved = surface.moved(np.zeros(surface.body.n))
     np.testing.assert_array_equal(moved.facet_node_normals, surface.facet_node_normals)

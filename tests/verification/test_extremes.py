@@ -55,7 +55,7 @@ def test_X1_moduli_of_any_ratio(k, way, linear):
     case.check(case.solve(linear=LINEAR[linear]), rtol)
 
 
-@pytest.mark.parametrize("k", range(-8, 9, 4))
+@pytest.mark.parametrize("k", range(-8, 9, 2))
 def test_X1_press_fit_of_any_ratio(k):
     """The pressure of a press fit has hub and sleeve in series, up to a sleeve that is rigid."""
     from scenes import ring_basis
@@ -104,9 +104,10 @@ def test_X2_any_tangential_stiffness(loop):
             rtol = max(EXACT, 1e-15 * kappa)
             assert_allclose(p, state.p, rtol=rtol)
             assert_allclose(tau, state.tau, rtol=rtol)
+            # never beyond the bound, and no smaller than with a softer law: to the same digits
+            assert tau.max() <= case.mu * case.state.p * (1 + rtol)
+            assert tau.max() >= max(found, default=0.0) * (1 - rtol)
             found.append(tau.max())
-        assert (np.diff(found) >= -1e-3 * case.state.tau).all()
-        assert max(found) <= case.mu * case.state.p * (1 + 1e-3)
 
 
 def test_X2_fictitious_forces_say_that_they_do_not_settle(refused):
@@ -130,8 +131,8 @@ def test_X3_zero_friction_is_no_friction(loop, linear):
     without = case.solve(loop=loop, linear=LINEAR[linear], friction=None)
     assert not with_law.tangential_force.any()
     scale = np.abs(without.normal_force).max()
-    assert_allclose(with_law.normal_force, without.normal_force, atol=1e-13 * scale)
-    assert_allclose(with_law.u, without.u, atol=1e-13 * 3e-3)
+    assert_allclose(with_law.normal_force, without.normal_force, rtol=0, atol=1e-14 * scale)
+    assert_allclose(with_law.u, without.u, rtol=0, atol=1e-14 * 3e-3)
     case.check(with_law, EXACT)
 
 
@@ -177,7 +178,7 @@ def test_X6_any_units(case, length, stress):
     assert_array_equal(result.status, reference.status)
     assert result.iterations == reference.iterations
     # the same operations on scaled numbers; powers of ten are rounded
-    assert_allclose(result.u / 10.0**length, reference.u, atol=1e-12 * case.U)
+    assert_allclose(result.u / 10.0**length, reference.u, rtol=0, atol=1e-12 * case.U)
 
 
 @pytest.mark.parametrize("linear", LINEAR)
@@ -201,8 +202,10 @@ def test_X7_any_load(size, mu, linear):
     assert (one.status == 0).any() and (one.status != 0).any()  # it recedes
     assert_array_equal(one.status, other.status)
     assert one.iterations == other.iterations
-    assert_allclose(other.u / size, one.u, atol=1e-11 * np.abs(one.u).max())
-    assert_allclose(other.normal_force / size, one.normal_force, atol=1e-12 * one.normal_force.max())
+    assert_allclose(other.u / size, one.u, rtol=0, atol=1e-12 * np.abs(one.u).max())
+    assert_allclose(
+        other.normal_force / size, one.normal_force, rtol=0, atol=1e-12 * one.normal_force.max()
+    )
 
 
 # -- gaps, meshes ---------------------------------------------------------------------------
@@ -229,8 +232,9 @@ def test_X8_huge_interference():
 
 @pytest.mark.parametrize(
     ("width", "rtol"),
-    # a slender column bends: (H/W)^4 eps of its digits go to the condition of K
-    [(1e4, EXACT), (1e2, EXACT), (1e-1, 1e-9), (1e-2, 1e-6)],
+    # a slender column bends: (H/W)^4 eps = 2e-8 of its digits go to the condition of K, where the row
+    # asks for 1e-9
+    [(1e4, EXACT), (1e2, EXACT), (1e-1, 1e-9), (1e-2, 2e-8)],
 )
 @pytest.mark.parametrize("linear", LINEAR)
 def test_X9_any_aspect(width, rtol, linear):
@@ -242,7 +246,12 @@ def test_X9_any_aspect(width, rtol, linear):
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("n", [(2, 200), (200, 2)], ids=str)
 def test_X10_meshes_of_very_different_size(n, method):
-    """Facets a hundred times longer on either side: mortar is exact, nodes carry the right sum."""
+    """Facets a hundred times longer on either side: mortar is exact, nodes carry the load.
+
+    Node by node with the coarse side secondary, three nodes dent two hundred facets between them. Under
+    a load the resultant is that load all the same; but the joint is softer by a sixth, so that under a
+    prescribed displacement the force is as much too small. The row's 1 % holds for the other choice.
+    """
     bodies = []
     for count, y, side, down in ((n[0], 0.0, "bottom", 0.0), (n[1], 1.0, "top", -0.02)):
         basis = block_basis(even(count), y + even(3))
@@ -253,8 +262,16 @@ def test_X10_meshes_of_very_different_size(n, method):
     if method == "mortar" or n[1] > n[0]:
         # elements 67 times as high as wide
         assert_allclose(result.pressure, 0.01, rtol=1e-9)
-    else:  # three nodes on two hundred facets: each presses a dent into the finer mesh
-        assert_allclose(result.normal_force.sum(), 0.01, rtol=0.25)
+    else:
+        # measured .836: a dent grows with the logarithm of the ratio of the facets
+        assert_allclose(result.normal_force.sum(), 0.836 * 0.01, rtol=5e-3)
+        top = bodies[1]
+        load = stress_load(top.basis, "top", [[0.0, 0.0], [0.0, -0.01]])
+        side = top.basis.get_dofs("top").all("u^1")
+        free = sc.Body(top.basis, elastic(1.0, 0.0), load, side, name="top")
+        contact = sc.Contact(free.surface("bottom"), bodies[0].surface("top"), method=method)
+        loaded = sc.ContactSolver([bodies[0], free], [contact]).solve()
+        assert_allclose(loaded.force, [0.0, 0.01], rtol=0, atol=EXACT * 0.01)
     assert result.certificate.worst < 1e-12
 
 
@@ -325,7 +342,7 @@ def test_X13_one_point(mu, f, u, linear):
     solver, node = triangle(f, mu, linear=LINEAR[linear])
     found = solver.solve().u[node]
     K = np.array([[0.5982905983, 0.3997497208], [0.3997497208, 1.1324786325]])
-    assert_allclose(found, u, atol=2e-8)  # printed with nine digits
+    assert_allclose(found, u, rtol=0, atol=2e-8)  # printed with nine digits
     assert solver.solve().certificate.worst < 1e-12
     if u[1] > 0:
         assert_allclose(K @ found, f, rtol=1e-9)
@@ -374,7 +391,7 @@ def test_X15_points_that_never_touch_change_nothing(gap, mu, linear):
     result = solver.solve()
     free = fem.solve(*fem.condense(body.K, body.f, D=body.D, x=body.x))
     assert (result.status == 0).all() and not result.normal_force.any()
-    assert_allclose(result.u, free, atol=1e-12 * np.abs(free).max())
+    assert_allclose(result.u, free, rtol=0, atol=1e-12 * np.abs(free).max())
 
 
 @pytest.mark.parametrize("loop", ["newton", "direct", "fictitious"])
@@ -400,7 +417,7 @@ def test_X17_held_by_friction_alone(share, linear):
         None, f=(share * 1e-4, -1e-3), friction=sc.Coulomb(0.1), linear=LINEAR[linear]
     )
     result = solver.solve()
-    assert_allclose(result.force, [-share * 1e-4, 1e-3], atol=1e-12)
+    assert_allclose(result.force, [-share * 1e-4, 1e-3], rtol=0, atol=1e-12)
     assert result.certificate.worst < 1e-9
 
 
@@ -429,10 +446,10 @@ def test_X18_prescribed_contact_nodes(held, mu, linear):
     friction = None if mu is None else sc.Coulomb(mu)
     contact = sc.Contact(body.surface("bottom"), FLOOR, friction=friction)
     result = sc.ContactSolver(body, contact, linear=LINEAR[linear]).solve()
-    assert_allclose(result.u, x, atol=1e-12)
+    assert_allclose(result.u, x, rtol=0, atol=1e-12)
     reaction = (body.K @ result.u - body.f)[low.all("u^2")].sum()
     assert_allclose(reaction, 0.01, rtol=EXACT)
-    assert_allclose(result.force[1], 0.01 if held == "tangential" else 0.0, atol=EXACT)
+    assert_allclose(result.force[1], 0.01 if held == "tangential" else 0.0, rtol=0, atol=EXACT)
 
 
 @pytest.mark.parametrize("linear", LINEAR)
@@ -448,7 +465,7 @@ def test_X18_prescribed_into_the_obstacle(mu, linear):
     solver = sc.ContactSolver(body, contact, linear=LINEAR[linear])
     with pytest.warns(sc.ContactWarning, match=r"push 5 of 5 points .* into 'floor', .* by 0\.01"):
         result = solver.solve()
-    assert_allclose(result.u, x, atol=1e-14)
+    assert_allclose(result.u, x, rtol=0, atol=1e-14)
     assert not result.normal_force.any()
     assert_allclose(result.gap, -0.01, rtol=1e-12)
 
@@ -491,7 +508,7 @@ def test_X19_junction_of_three_blocks(mu, linear):
     assert_allclose(result["west on east"].pressure, p_x, rtol=EXACT)
     for body in result.system.bodies:
         u = field(body.basis, lambda x: [-ex * x[0], -ey * x[1]])
-        assert_allclose(result.displacement(body), u, atol=EXACT * ey)
+        assert_allclose(result.displacement(body), u, rtol=0, atol=EXACT * ey)
 
 
 @pytest.mark.parametrize("linear", LINEAR)
@@ -502,9 +519,9 @@ def test_X19_both_surfaces_secondary_of_one_another(linear):
     contacts = [sc.Contact(a, b, name="there"), sc.Contact(b, a, name="back")]
     two = sc.ContactSolver(bodies, contacts, linear=LINEAR[linear]).solve()
     one = sc.ContactSolver(bodies, contacts[:1]).solve()
-    assert_allclose(two.u, one.u, atol=1e-12 * 1e-3)
+    assert_allclose(two.u, one.u, rtol=0, atol=1e-12 * 1e-3)
     both = two["there"].force - two["back"].force
-    assert_allclose(both, one.force, atol=EXACT * one.force[1])
+    assert_allclose(both, one.force, rtol=0, atol=EXACT * one.force[1])
 
 
 @pytest.mark.parametrize("linear", LINEAR)
@@ -553,7 +570,7 @@ def test_X20_nodes_on_joints(delta, method):
     assert_allclose(weights.sum(axis=1), own.sum(axis=1), rtol=1e-12)
     a, b = here.solve(), there.solve()
     assert_array_equal(a.status, b.status)
-    assert_allclose(b.forces, a.forces, atol=1e-6 * np.abs(a.forces).max())
+    assert_allclose(b.forces, a.forces, rtol=0, atol=1e-6 * np.abs(a.forces).max())
 
 
 @pytest.mark.parametrize("method", ["node", "mortar"])
@@ -576,7 +593,7 @@ def test_X21_overhang_carries_nothing(angle, method):
     # mortar: a point is an average over its two facets, which may reach beyond the end
     reach = 3 / 17 if method == "mortar" else 1e-6
     assert not result.normal_force[(x < 1 - reach) | (x > 2 + reach)].any()
-    assert_allclose(pose.back(result.force), [0.0, 3e-3], atol=1e-12)
+    assert_allclose(pose.back(result.force), [0.0, 3e-3], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("slope", [0.3, -0.3])
@@ -603,7 +620,7 @@ def test_X22_corners(slope):
     assert_allclose(results[0].force[0], 0.0, atol=1e-9 * peak)  # symmetry
     for other in results[1:]:
         assert_array_equal(other.status, results[0].status)
-        assert_allclose(other.forces, results[0].forces, atol=1e-6 * peak)
+        assert_allclose(other.forces, results[0].forces, rtol=0, atol=1e-6 * peak)
 
 
 def test_X23_facets_in_any_order_or_twice():
@@ -761,7 +778,7 @@ def test_X26_shear_cap(share, linear):
         assert not result.tangential_force.any()
     if share >= 1:
         other = SLIP.solve(linear=LINEAR[linear])
-        assert_allclose(result.forces, other.forces, atol=1e-12 * np.abs(other.forces).max())
+        assert_allclose(result.forces, other.forces, rtol=0, atol=1e-12 * np.abs(other.forces).max())
 
 
 @pytest.mark.parametrize("loop", ["newton", "direct", "fictitious"])
@@ -815,7 +832,7 @@ def test_X28_numbering_order_and_division(case):
     swapped = sc.ContactSolver(bodies[::-1], [case.contact(bodies)]).solve()
     for body in bodies:
         name = body.name
-        assert_allclose(swapped.displacement(name), plain.displacement(name), atol=1e-13)
+        assert_allclose(swapped.displacement(name), plain.displacement(name), rtol=0, atol=1e-13)
     west = bodies[1].surface(lambda x: (x[1] < 1 + 1e-9) & (x[0] < 0.5))
     east = bodies[1].surface(lambda x: (x[1] < 1 + 1e-9) & (x[0] > 0.5))
     parts = [
@@ -825,7 +842,9 @@ def test_X28_numbering_order_and_division(case):
     # the node in the middle is in both: it carries its force once, in shares
     divided = sc.ContactSolver(bodies, parts).solve()
     for body in bodies:
-        assert_allclose(divided.displacement(body), plain.displacement(body.name), atol=1e-10 * 1e-3)
+        assert_allclose(
+            divided.displacement(body), plain.displacement(body.name), rtol=0, atol=1e-10 * 1e-3
+        )
     total = divided["west"].force + divided["east"].force
     assert_allclose(total, plain.force, rtol=EXACT)
 
@@ -835,7 +854,7 @@ def test_X28_order_of_bodies_at_a_junction():
     results = [junction(mu=0.3, order=order)[0].solve() for order in ((0, 1, 2), (2, 0, 1))]
     for name in ("base", "west", "east"):
         u = [r.displacement(name) for r in results]
-        assert_allclose(u[1], u[0], atol=EXACT * 2e-3)
+        assert_allclose(u[1], u[0], rtol=0, atol=EXACT * 2e-3)
 
 
 def test_X30_no_contact(refused):
@@ -932,6 +951,5 @@ def test_X33_moved_as_a_whole(case):
     for b in bodies:
         moved[b.name][b.D] += by[b.dof_component[b.D]]
     first, second = solver.history([1.0, {"x": moved}])
-    # displacements of 0.3 in place of 1e-3: three digits less
-    assert_allclose(second.forces, first.forces, atol=1e-11 * 0.3 / 1e-3 * np.abs(first.forces).max())
+    assert_allclose(second.forces, first.forces, rtol=0, atol=1e-10 * np.abs(first.forces).max())
     assert_allclose(second.dissipation, 0.0, atol=1e-10 * 1e-3 * np.abs(first.forces).max())

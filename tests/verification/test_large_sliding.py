@@ -24,8 +24,8 @@ def test_P9_block_on_a_rigid_track():
     """On a rigid flat track the friction is mu P and the normal force P at every step."""
     results = travel(dragged_block(rigid=True), DISTANCES)
     force = np.array([r.force for r in saturated(results)])
-    # equilibrium and a flat rigid track: nothing but round-off
-    assert_allclose(force, np.tile([-MU, 1.0], (len(force), 1)), atol=1e-10)
+    # equilibrium and a flat rigid track: nothing but the round-off of one factorisation, 4e-12
+    assert_allclose(force, np.tile([-MU, 1.0], (len(force), 1)), rtol=0, atol=1e-11)
     assert all(r.certificate.worst < 1e-9 for r in results)
 
 
@@ -38,14 +38,27 @@ def test_P9_block_on_an_elastic_track(method):
         slips = r.status == 2
         # every slipping point is on the friction cone: the loop's own tolerance is 1e-10
         bound = MU * r.normal_force[slips]
-        assert_allclose(np.abs(r.tangential_force[slips, 0]), bound, atol=1e-8 * bound.max())
+        assert_allclose(np.abs(r.tangential_force[slips, 0]), bound, rtol=0, atol=1e-8 * bound.max())
         assert_allclose(r.force[1], 1.0, rtol=1e-9)  # vertical equilibrium
         # frames tilt by the slope of the surface, of the order of the largest pressure over E
         assert abs(-r.force[0] - MU) < 2 * r.pressure.max() / E
-    # the mean height goes up and down with the joints passed, whose facets are as long as the block's,
-    # and with the distance to the ends of the track; that nothing drifts is the next test but two
+
+
+@pytest.mark.parametrize(
+    ("method", "share"),
+    # on 40 facets of unequal length the mean height follows the mesh of the track, by 3 %; on 120 that
+    # is .6 % with mortar, where the row asks for 1 %. Node by node 1.7 % remain on any mesh: as in a
+    # patch test, where a node presses matters
+    [("mortar", 0.01), ("node", 0.02)],
+)
+def test_P9_height_on_unequal_facets(method, share):
+    """A block that passes facets of unequal length neither sinks nor rises, and loses no node."""
+    lengths = 1 + 0.5 * np.sin(1.7 * np.arange(120))  # .5 to 1.5 of the mean
+    joints = -3 + 10 * np.append(0, np.cumsum(lengths)) / lengths.sum()
+    results = travel(dragged_block(rigid=False, method=method, facets=joints), DISTANCES)
     height = np.array([r.displacement("block")[1::2].mean() for r in saturated(results)])
-    assert np.ptp(height) < 0.02 * abs(height.mean())
+    assert np.ptp(height) < share * abs(height.mean())
+    assert all(r.kin.paired.all() for r in results)
 
 
 def ripple(method):
@@ -87,17 +100,24 @@ def test_forward_and_back_returns_to_the_same_state():
     first = next(r for r, d in zip(results, there, strict=False) if np.isclose(d, 0.5))
     again = results[-1]
     # both at 0.5 in gross slip to the right: the pairing is iterated to 1e-8
-    assert_allclose(again.normal_force, first.normal_force, atol=1e-6 * first.normal_force.max())
-    assert_allclose(again.tangential_force, first.tangential_force, atol=1e-6 * MU)
+    assert_allclose(
+        again.normal_force, first.normal_force, rtol=0, atol=1e-6 * first.normal_force.max()
+    )
+    assert_allclose(again.tangential_force, first.tangential_force, rtol=0, atol=1e-6 * MU)
 
 
-@pytest.mark.parametrize("start", [0.0, 1.0, 4.0])
-def test_S3_capstan(start):
+@pytest.mark.parametrize(
+    ("start", "wrap", "ratio"),
+    # ratios of the thick-belt formula from an independent evaluation
+    [(start, np.pi / 2, 1.59387) for start in (0.0, 1.0, 4.0)] + [(0.5, np.pi, 2.54041)],
+)
+def test_S3_capstan(start, wrap, ratio):
     """A belt slips where its tensions have the ratio of the thick-belt formula, wherever it starts."""
-    solver, steps, tension = belt(start)
+    solver, steps, tension = belt(start, wrap=wrap, n=int(120 * wrap / (np.pi / 2)))
     *_, last = solver.history(steps)
     assert np.all(last.status == 2)
-    expected = reference.capstan_ratio(MU, np.pi / 2, 0.02)
+    expected = reference.capstan_ratio(MU, wrap, 0.02)
+    assert_allclose(expected, ratio, rtol=5e-6)  # of six digits
     # 120 elements of 1.3 hundredths of the radius: facets and belt differ from circles by 1e-4
     assert_allclose(tension(last), expected, rtol=3e-3)
 
@@ -180,13 +200,13 @@ def test_rigid_motion_of_everything_changes_nothing():
     for r in moved:
         scale = first.normal_force.max()
         # a translation changes no frame and no gap: what is left is the tolerance of the pairing
-        assert_allclose(r.normal_force, first.normal_force, atol=1e-8 * scale)
-        assert_allclose(r.tangential_force, first.tangential_force, atol=1e-8 * scale)
+        assert_allclose(r.normal_force, first.normal_force, rtol=0, atol=1e-8 * scale)
+        assert_allclose(r.tangential_force, first.tangential_force, rtol=0, atol=1e-8 * scale)
 
 
-def test_P4_wedge_with_large_sliding():
-    """NAFEMS CGS-4: pushed up its slope by 0.2, the wedge needs G (t + mu)/(1 - mu t)."""
-    slope, G = 0.1, 10.0
+def pushed_wedge(mu, G, E=1100.0):
+    """NAFEMS CGS-4: a wedge under the dead load G, pushed up its slope by 0.2; the force it takes."""
+    slope = 0.1
 
     def wedge(x0, x1, nx, ny, low):
         mesh = fem.MeshQuad.init_tensor(np.linspace(x0, x1, nx + 1), np.linspace(0, 1, ny + 1))
@@ -202,21 +222,29 @@ def test_P4_wedge_with_large_sliding():
         return fem.Basis(fem.MeshQuad(np.array([x, y]), mesh.t).with_boundaries(flat), QUAD)
 
     base_basis, top_basis = wedge(0, 6, 12, 3, True), wedge(1, 5, 9, 3, False)
-    base = sc.Body(base_basis, elastic(1.1e6, 0.0), D="bottom", name="base")
+    base = sc.Body(base_basis, elastic(E, 0.0), D="bottom", name="base")
     weight = fem.LinearForm(lambda v, w: -G / 4 * v[1]).assemble(top_basis.boundary("top"))
     D = top_basis.get_dofs("left").nodal["u^1"]
     x = np.zeros(top_basis.N)
     x[D] = 0.2
-    top = sc.Body(top_basis, elastic(1.1e6, 0.0), f=weight, D=D, x=x, name="top")
+    top = sc.Body(top_basis, elastic(E, 0.0), f=weight, D=D, x=x, name="top")
     contact = sc.Contact(
-        top.surface("bottom"), base.surface("top"), friction=sc.Coulomb(MU), sliding="finite"
+        top.surface("bottom"), base.surface("top"), friction=sc.Coulomb(mu), sliding="finite"
     )
     *_, last = sc.ContactSolver([base, top], contact).history(
         [{"x": {"top": k / 5}} for k in range(1, 6)]
     )
-    push = -last.force[0]
-    # a stiff wedge on a straight slope: what is left is its tilt, of the order p/E
-    assert_allclose(push / G, (slope + MU) / (1 - MU * slope), rtol=1e-3)
+    return -last.force[0]
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.1, 0.2, 0.3])
+def test_P4_wedge_with_large_sliding(mu):
+    """NAFEMS CGS-4: pushed up its slope t, the wedge needs G (t + mu)/(1 - mu t)."""
+    exact = (0.1 + mu) / (1 - 0.1 * mu)
+    errors = [pushed_wedge(mu, G) / G / exact - 1 for G in (1.0, 0.25)]
+    assert abs(errors[0]) < 1e-3
+    # what is left is the tilt of the slope under the load, in proportion to p/E
+    assert_allclose(errors[0] / errors[1], 4.0, rtol=0.02)
 
 
 def test_energy_over_a_sliding_cycle():

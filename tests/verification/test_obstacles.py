@@ -108,8 +108,8 @@ def test_hertz_under_a_rigid_round_obstacle(shape, kind):
     # measured .17 (Q1), .4 (P1), .19 % (Q2); the edge lies halfway between nodes
     assert np.sqrt(area @ (p - nodal) ** 2 / (area @ nodal**2)) < 6e-3
     # an arc is no parabola: (a/R)²/4 is 2.5e-5
-    assert_allclose(result.contact_edges[:, 0], [1.0, -1.0], atol=0.1 / 32)
-    assert_allclose(result.contact_area, 2.0, atol=0.2 / 32)
+    assert_allclose(result.contact_edges[:, 0], [1.0, -1.0], rtol=0, atol=0.1 / 32)
+    assert_allclose(result.contact_area, 2.0, rtol=0, atol=0.2 / 32)
     assert_allclose(result.force_on_primary[1], exact.P, rtol=1e-10)
     # triangles all cut the same way are no mirror image of themselves
     assert abs(result.force_on_primary[0]) < (1e-5 if kind == "P1" else 1e-10) * exact.P
@@ -121,7 +121,7 @@ def test_one_circle_in_different_words(shape):
     """Disc, function and signed distance are one obstacle: the answers agree to round-off."""
     ours, theirs = pressed_by("cylinder", "Q1")[0], pressed_by(shape, "Q1")[0]
     # gradients by central differences have some nine digits
-    assert_allclose(theirs.forces, ours.forces, atol=1e-8 * np.abs(ours.forces).max())
+    assert_allclose(theirs.forces, ours.forces, rtol=0, atol=1e-8 * np.abs(ours.forces).max())
 
 
 @pytest.mark.parametrize("kind", ["Q1", "Q2"])
@@ -144,9 +144,39 @@ def test_H2_rigid_sphere_on_an_axisymmetric_block(kind):
     weights = result.area / result.area.sum()
     nodal = exact.pressure(r)
     assert np.sqrt(weights @ (p - nodal) ** 2 / (weights @ nodal**2)) < 0.02
-    assert_allclose(result.contact_edges[:, 0], [exact.a], atol=0.15 / 32)
+    assert_allclose(result.contact_edges[:, 0], [exact.a], rtol=0, atol=0.15 / 32)
     assert_allclose(result.contact_area, np.pi * exact.a**2, rtol=0.02)
     assert (result.status[order[:6]] == 2).all()
+
+
+@pytest.mark.parametrize("shape", ["sphere", "paraboloid"])
+def test_H2_VM63(shape):
+    """R = 8, E = 1000, nu = 0.3, F = 60 pi: the radius of contact is 1.0096 (published: 1.010).
+
+    And H8 for a sphere: with a shear cap under full sliding, the share of mu P that the pressures
+    carry is that of the closed form. (An axisymmetric problem can not slide sideways by itself.)
+    """
+    F, mu, x, y = 60 * np.pi, 0.3, graded(1 / 32.5, 1.2, 40.0), -graded(1 / 32.5, 0.4, 40.0)[::-1]
+    basis = rectangle("Q1", x, y)
+    area = fem.LinearForm(lambda v, w: per_turn(w.x) * v[1]).assemble(basis.boundary("bottom"))
+    K = 1000.0 * axisymmetric(0.3).assemble(basis)
+    axis = basis.get_dofs("left").all("u^1")
+    body = sc.Body(basis, K, area * F / area.sum(), axis, measure=per_turn, name="block")
+    ball = {
+        "sphere": sc.RigidSphere((0, 8.0), 8.0),
+        "paraboloid": sc.LevelSet(lambda x: x[0] ** 2 / 16 - x[1]),
+    }[shape]
+    result = sc.ContactSolver([body], [sc.Contact(top(body, 3.0), ball)]).solve()
+    exact = hertz_point(F, 8.0, effective_modulus(1000.0, 0.3))
+    assert_allclose(exact.a, 1.0096, rtol=5e-5)
+    # the edge within a tenth of a facet; measured +.1 % under the paraboloid that Hertz assumes, and
+    # -.05 % under a sphere, whose edge is higher by (a/R)^2/4 = .4 % of the gap there
+    assert_allclose(result.contact_edges[:, 0], [exact.a], atol=0.1 / 32, rtol=0)
+    assert_allclose(result.force[1], -F, rtol=1e-9)  # along r it is no resultant
+    for s in (0.25, 0.5, 0.75):
+        carried = np.minimum(mu * result.pressure, s * mu * exact.p0) @ result.area / (mu * F)
+        # the tributary area of the last nodes: a facet in 33 of the radius, in part
+        assert_allclose(carried, 1.5 * s - 0.5 * s**3, rtol=5e-3)
 
 
 # -- flat punches ----------------------------------------------------------------------------------
@@ -195,7 +225,7 @@ def test_F2_bonded_punch(nu):
     """Full stick: the pressure in the middle, and how much stiffer the round punch is."""
     glued, rough = punched(40, nu, tied=True), punched(40, nu, friction=sc.Coulomb(1e6))
     # no point opens, so unlimited friction is glue
-    assert_allclose(rough.forces, glued.forces, atol=1e-9 * np.abs(glued.forces).max())
+    assert_allclose(rough.forces, glued.forces, rtol=0, atol=1e-9 * np.abs(glued.forces).max())
     P = glued.force_on_primary[1]
     middle = glued.interpolate(glued.pressure, [[0.0, 0.0]])[0]
     # the punch acts half an element wider, 1/80
@@ -237,7 +267,7 @@ def test_F3_stick_under_a_flat_punch(nu, mu):
     """Pressed by a flat punch with friction, the middle sticks as far as Spence's theory says."""
     # a block 20 half widths deep is .1 off: the strain along its surface decays like 1/H
     result = punched(40, nu, friction=sc.Coulomb(mu))
-    assert_allclose(stick_ratio(result, 40), PLANE[nu, mu], atol=0.03)
+    assert_allclose(stick_ratio(result, 40), PLANE[nu, mu], rtol=0, atol=0.03)
     assert_allclose(result.force_on_primary[0], 0.0, atol=1e-9 * result.force_on_primary[1])
 
 
@@ -264,8 +294,8 @@ def test_a_very_stiff_body_is_a_rigid_obstacle(method, law):
     result = sc.ContactSolver([body, stiff], [contact]).solve()
     # compliance of the punch, 1e-8, times a length ratio; at its edge the pressure is singular
     if method == "node" or law is None:
-        assert_allclose(result.forces, rigid.forces, atol=1e-5 * np.abs(rigid.forces).max())
-    assert_allclose(result.force, rigid.force, atol=1e-5 * np.abs(rigid.force).max())
+        assert_allclose(result.forces, rigid.forces, rtol=0, atol=1e-5 * np.abs(rigid.forces).max())
+    assert_allclose(result.force, rigid.force, rtol=0, atol=1e-5 * np.abs(rigid.force).max())
 
 
 # -- motion ----------------------------------------------------------------------------------------
@@ -280,7 +310,7 @@ def test_moving_is_placing():
     placed = sc.Contact(top(body, 3.0), ball.moved((0, -0.03)))
     once = sc.ContactSolver([body], [placed]).solve()
     # small sliding keeps the normals of the start, tilted the same at .03 from it: (a/R)²
-    assert_allclose(moved.forces, once.forces, atol=1e-3 * np.abs(once.forces).max())
+    assert_allclose(moved.forces, once.forces, rtol=0, atol=1e-3 * np.abs(once.forces).max())
     assert_allclose(moved.force, once.force, rtol=1e-4, atol=1e-10 * once.force[1] * -1)
 
 
@@ -306,7 +336,7 @@ def test_a_spinning_disc_drags_the_block():
         assert (result.status[result.normal_force > 0] == 2).all()
         along = sign * result.tangential_force[:, 0] * result.tangent[:, 0, 0]
         tilt = np.abs(result.tangent[:, 0, 0])
-        assert_allclose(along, mu * result.normal_force * tilt, atol=1e-10 * -result.force[1])
+        assert_allclose(along, mu * result.normal_force * tilt, rtol=0, atol=1e-10 * -result.force[1])
         # normals tilt by x/R, 1 % at most, and cancel on either side
         assert_allclose(sign * result.force[0], -mu * result.force[1], rtol=2e-2)
         assert_allclose(result.force_on_primary, -result.force, rtol=0)

@@ -256,9 +256,10 @@ def test_L2_quadratic_elements():
     errors = []
     for layers, n in ((2, 4), (4, 8), (8, 16)):
         errors.append(abs(mean(curved_fit(layers, n)) / 51.510989 - 1))
-    # an independent Q8 code is off by 4e-5 on 2 x 4 elements
-    assert errors[0] <= 2e-4
-    assert errors[1] <= 1e-4
+    # an independent code with eight nodes is off by 4e-5 on 2 x 4 elements; here these have 1.3e-4 with
+    # eight nodes or nine, and 4 x 8 elements 1e-5: the row's 1e-4 is met from there on
+    assert errors[0] <= 1.5e-4
+    assert errors[1] <= 2e-5
     assert rising(errors).min() >= 3.5
 
 
@@ -370,7 +371,7 @@ def test_L3_all_nodes_slip_together(n):
     solver = turned_fit(n)
     pressed = turn(solver, 0.0)
     # a star of normals in all directions: pressing alone neither turns nor shifts anything
-    assert_allclose(pressed.normal, -pressed.points / 2, atol=1e-12)
+    assert_allclose(pressed.normal, -pressed.points / 2, rtol=0, atol=1e-12)
     assert_allclose(pressed.tangential_force, 0.0, atol=1e-10 * pressed.normal_force.max())
     critical = onset(solver, pressed)
     for angle, status in ((1 - 1e-6, 1), (1 + 1e-6, 2), (2.0, 2)):
