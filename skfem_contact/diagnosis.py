@@ -34,7 +34,7 @@ def check_pairing(contact: Contact, pairing: Pairing) -> None:
     ------
     InputError
     """
-    lonely = ~pairing.paired
+    lonely = pairing.miss > 0  # a node that handed its multiplier on has a partner
     nobody = bool(lonely.all()) and contact.sliding == "small"
     if not nobody and not (lonely.any() and contact.outside == "error"):
         return

@@ -24,6 +24,8 @@ less than a third. This happens
   pressure would lose its meaning;
 * at the node of a quadratic facet on the axis of symmetry, where ``int N_i 2 pi r dr`` is zero.
 
+Nodes that supports hold are merged too, into those that they leave free, see `supports`.
+
 The basis keeps the constants, hence the patch test.
 
 References
@@ -49,7 +51,9 @@ COVER_KEPT = 1 / 3
 WHOLE = {2: np.array([0.5, 0.5]), 3: np.array([1.0, 1.0, 4.0]) / 6.0}
 
 
-def dual_basis(mass: Array, area: Array) -> tuple[Array, Array, Index]:
+def dual_basis(
+    mass: Array, area: Array, without: NDArray[np.bool_] | None = None
+) -> tuple[Array, Array, Index]:
     """Coefficients of the dual basis of facets, with what is left of small parts merged.
 
     Parameters
@@ -58,6 +62,8 @@ def dual_basis(mass: Array, area: Array) -> tuple[Array, Array, Index]:
         ``int N_i N_j`` over the covered part of each facet [area].
     area : ndarray, shape (nf,)
         Area of each whole facet [area].
+    without : ndarray of bool, shape (nf, k), optional
+        Nodes that have no multiplier whatever their share, never all of a facet.
 
     Returns
     -------
@@ -77,12 +83,21 @@ def dual_basis(mass: Array, area: Array) -> tuple[Array, Array, Index]:
     >>> print(A[0], share[0], heir[0])
     [[ 2. -1.]
      [-1.  2.]] [3. 3.] [0 1]
+
+    Its first node is prescribed:
+
+    >>> held = np.array([[True, False]])
+    >>> A, _, heir = dual_basis(np.array([[[2.0, 1.0], [1.0, 2.0]]]), np.array([6.0]), held)
+    >>> print(A[0], heir[0])
+    [[0. 0.]
+     [1. 1.]] [1 1]
     """
     nf, k = mass.shape[:2]
     share = mass.sum(axis=2)  # int N_i, as the N_j sum to 1
     every, own = np.arange(nf), np.arange(k)
-    largest = share.argmax(axis=1)
-    merged = share < SHARE_KEPT * WHOLE[k] * area[:, None]
+    without = np.zeros((nf, k), dtype=bool) if without is None else without
+    largest = np.where(without, -np.inf, share).argmax(axis=1)
+    merged = without | (share < SHARE_KEPT * WHOLE[k] * area[:, None])
     merged |= (share.sum(axis=1) < COVER_KEPT * area)[:, None]
     merged[every, largest] = False
     heir = np.where(merged, largest[:, None], own)

@@ -23,10 +23,14 @@ from skfem_contact.contact import Contact, field_values
 from skfem_contact.discretisation import carriers
 from skfem_contact.errors import InputError
 from skfem_contact.pairing import Pairing
+from skfem_contact.supports import held_rows
 from skfem_contact.surface import ContactSurface
 from skfem_contact.system import System
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+#: Weights, surface and sign of one side of a contact.
+Side = tuple[csr_matrix, ContactSurface, float]
 
 # A row (of unit vectors and weights) whose free coefficients are below this is prescribed: nearly
 # matching mortar meshes leave some 1e-8 on a line of symmetry, and 1/1e-8 squared in the stiffness.
@@ -120,12 +124,15 @@ def kinematics(
     frame = np.concatenate([pairing.normal[:, None, :], pairing.tangent], axis=1)
     if scalar:  # a field with one component: the row of the value itself, no direction
         frame = np.ones((len(pairing.gap), 1, 1))
-    weights = [(pairing.secondary_weights, secondary, 1.0)]
-    if isinstance(contact.primary, ContactSurface):
-        weights.append((pairing.primary_weights, contact.primary, -1.0))
+    sides = _sides(contact, pairing.secondary_weights, pairing.primary_weights)
+    slip_sides = _sides(contact, *pairing.slip_weights) if pairing.slip_weights else sides
+    still = np.zeros(len(pairing.gap), dtype=bool) if pairing.still is None else pairing.still
+    B_n = _spread(system, sides, frame[:, 0], pairing.paired, _held(sides, frame[:, 0], contact.tied))
     return Kinematics(
-        B_n=_spread(system, weights, frame[:, 0], pairing.paired),
-        tangential=partial(tangential_rows, system, weights, frame[:, 1:], pairing.paired),
+        B_n=B_n,
+        tangential=partial(
+            tangential_rows, system, slip_sides, frame[:, 1:], pairing.paired, still, contact.tied
+        ),
         tangents=frame.shape[1] - 1,
         gap0=initial_gap(contact, pairing, interference),
         area=np.array(pairing.area),
@@ -138,6 +145,19 @@ def kinematics(
         action=_action(pairing),
         tilt=pairing.tilt,
     )
+
+
+def _sides(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> list[Side]:
+    """Weights, surface and sign of either side; a rigid obstacle has none."""
+    sides = [(secondary, contact.secondary, 1.0)]
+    if isinstance(contact.primary, ContactSurface):
+        sides.append((primary, contact.primary, -1.0))
+    return sides
+
+
+def _held(sides: Sequence[Side], direction: Array, tied: bool) -> Mask:
+    """Rows that supports hold. Not of glue: its gap is zero, and its rows agree with supports."""
+    return np.zeros(len(direction), dtype=bool) if tied else held_rows(sides, direction)
 
 
 def _action(pairing: Pairing) -> Array:
@@ -196,12 +216,13 @@ def _with_columns(B: csr_matrix, place: NDArray[np.intp], count: int) -> csr_mat
 
 
 def _spread(
-    system: System,
-    sides: Sequence[tuple[csr_matrix, ContactSurface, float]],
-    direction: Array,
-    paired: NDArray[np.bool_],
+    system: System, sides: Sequence[Side], direction: Array, paired: Mask, held: Mask
 ) -> csr_matrix:
-    """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired."""
+    """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
+
+    Of rows that are `held` only what is prescribed is left: so no route closes them, and checks of
+    prescribed values see them.
+    """
     entries = []
     for weights, surface, sign in sides:
         W = csr_matrix(weights).tocoo()
@@ -209,7 +230,10 @@ def _spread(
         row, node, value = W.row[keep], W.col[keep], sign * W.data[keep]
         columns = system.offsets[system.index(surface.body)] + surface.dofs[node]
         rows = np.repeat(row, surface.dofs.shape[1])
-        entries.append(((value[:, None] * direction[row]).ravel(), rows, columns.ravel()))
+        coefficients = value[:, None] * direction[row]
+        if held.any():
+            coefficients[held[row][:, None] & ~surface.held[node]] = 0.0
+        entries.append((coefficients.ravel(), rows, columns.ravel()))
     data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
     spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
     spread.sum_duplicates()
@@ -218,13 +242,13 @@ def _spread(
 
 
 def tangential_rows(
-    system: System,
-    sides: Sequence[tuple[csr_matrix, ContactSurface, float]],
-    tangent: Array,
-    paired: NDArray[np.bool_],
+    system: System, sides: Sequence[Side], tangent: Array, paired: Mask, still: Mask, tied: bool
 ) -> csr_matrix:
     """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems."""
-    blocks = [_spread(system, sides, tangent[:, k], paired) for k in range(tangent.shape[1])]
+    blocks = [
+        _spread(system, sides, along, paired, still | _held(sides, along, tied))
+        for along in np.moveaxis(tangent, 1, 0)
+    ]
     return _interleave(blocks) if blocks else csr_matrix((0, system.n))
 
 

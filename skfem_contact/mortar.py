@@ -16,7 +16,7 @@ exact, a uniform pressure passes between meshes that do not match (patch test).
 The basis is that of `dual`: exact also where the primary covers facets only in part, with the
 multipliers of what is cut short merged into their neighbours'. The row of an heir then holds both
 nodes, and a node left with no multiplier on any facet is not paired (it shows the heir's values:
-`discretisation.carriers`).
+`discretisation.carriers`). Nodes that supports hold have no multiplier either: `supports`.
 
 References
 ----------
@@ -26,18 +26,21 @@ W. A. Wall, Int. J. Numer. Meth. Engng 79 (2009) 1354-1391: contact.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.spatial import cKDTree
 
-from skfem_contact.dual import WHOLE, dual_basis
+from skfem_contact.dual import SHARE_KEPT, WHOLE, dual_basis
 from skfem_contact.errors import InputError
 from skfem_contact.facing import mortar_normals
 from skfem_contact.normals import tangents
 from skfem_contact.pairing import Pairing
 from skfem_contact.segmentation import Quadrature, facet_areas, interface_quadrature
 from skfem_contact.strips import facet_normal_field
+from skfem_contact.supports import FREE, MET, Supports, find_supports, without_multiplier
 from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
@@ -116,16 +119,22 @@ def dual_mortar(
     if reach is not None and not reach > 0:
         raise InputError(f"reach={reach!r} must be a positive length")
     quadrature = interface_quadrature(secondary, primary, reach)
-    A, share, heir = _facet_bases(secondary, quadrature)
-    D, covered_area, normal = _secondary_matrix(secondary, share, heir)
+    supports = find_supports(secondary, primary, quadrature)
+    A, share, heir = _facet_bases(secondary, quadrature, supports)
+    owner, exchange = _own_rows(secondary, primary, supports, share, heir)
+    D, covered_area, normal = _secondary_matrix(secondary, share, owner)
     M, facet = _primary_matrix(secondary, primary, quadrature, A)
     of_secondary, of_primary = mortar_normals(secondary, primary, quadrature, A, normal)
+    M = M + exchange
     paired = (covered_area > 0) & ~_shared(secondary, primary)
     W_s = _divide(D, covered_area, paired)
     W_m = _divide(M, np.asarray(M.sum(axis=1), dtype=float).ravel(), paired)
     W_m.data[np.abs(W_m.data) < _ROUND_OFF] = 0.0
     W_m.eliminate_zeros()
-    miss, nearest = _overhang(secondary, primary, paired, reach)
+    handed = np.zeros(len(paired), dtype=bool)
+    if supports is not None:
+        handed[secondary.facets[supports.rank != FREE]] = True
+    miss, nearest = _overhang(secondary, primary, paired | handed, reach)
     gap = np.sum(normal * (W_s @ secondary.points - W_m @ primary.points), axis=1)
     # coordinates have 16 digits; whether touching surfaces are closed is not for the last to say
     scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
@@ -143,10 +152,13 @@ def dual_mortar(
         facet=np.where(paired, facet, nearest),
         secondary_normal=of_secondary,
         primary_normal=of_primary,
+        **_without_slip(supports, paired, W_s, W_m),
     )
 
 
-def _facet_bases(surface: ContactSurface, quadrature: Quadrature) -> tuple[Array, Array, Index]:
+def _facet_bases(
+    surface: ContactSurface, quadrature: Quadrature, supports: Supports | None
+) -> tuple[Array, Array, Index]:
     """`dual_basis` of every facet; zero where not covered."""
     nf, k = surface.facets.shape
     N = quadrature.secondary_shape
@@ -156,25 +168,76 @@ def _facet_bases(surface: ContactSurface, quadrature: Quadrature) -> tuple[Array
     mass = np.asarray(collect @ products).reshape(nf, k, k)
     A, share, heir = np.zeros_like(mass), np.zeros((nf, k)), np.tile(np.arange(k), (nf, 1))
     covered = np.unique(quadrature.secondary_facet)
-    A[covered], share[covered], heir[covered] = dual_basis(mass[covered], facet_areas(surface)[covered])
+    without = None if supports is None else without_multiplier(supports.rank)[covered]
+    A[covered], share[covered], heir[covered] = dual_basis(
+        mass[covered], facet_areas(surface)[covered], without
+    )
     return A, share, heir
 
 
+def _own_rows(
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    supports: Supports | None,
+    share: Array,
+    heir: Index,
+) -> tuple[Index, csr_matrix]:
+    """Whose row each node's share of a facet is in, and what rule 2 of `supports` changes in ``M``.
+
+    Nodes held on both sides get their share back from the heir, with a row of node-to-segment.
+    """
+    shape = (len(secondary.points), len(primary.points))
+    if supports is None:
+        return heir, csr_matrix(shape)
+    s, owner = supports, heir.copy()
+    lent = heir[s.facet, s.local] != s.local
+    part, to = share[s.facet, s.local], secondary.facets[s.facet, heir[s.facet, s.local]]
+    back = lent & (s.rank[s.facet, s.local] == MET) & (part > 0)
+    # the heir's row is divided by what it keeps
+    total, given = np.zeros(shape[0]), np.zeros(shape[0])
+    np.add.at(total, np.take_along_axis(secondary.facets, heir, axis=1), share)
+    np.add.at(given, to[back], part[back])
+    back &= (total - given >= SHARE_KEPT * given)[to]
+    owner[s.facet[back], s.local[back]] = s.local[back]
+    data = part[back, None] * s.weight[back]
+    row = np.repeat(np.concatenate([s.node[back], to[back]]), data.shape[1])
+    column = np.tile(s.opposite[back].ravel(), 2)
+    return owner, csr_matrix((np.concatenate([data, -data]).ravel(), (row, column)), shape=shape)
+
+
+def _without_slip(
+    supports: Supports | None, paired: NDArray[np.bool_], W_s: csr_matrix, W_m: csr_matrix
+) -> dict[str, Any]:
+    """`Pairing.still` by rule 3 of `supports`, and rows of node-to-segment contact for their slip."""
+    if supports is None or not supports.still.any():
+        return {}
+    still = np.zeros(len(paired), dtype=bool)
+    still[supports.node[supports.still]] = True
+    node, first = np.unique(supports.node, return_index=True)
+    node, first = node[(still & paired)[node]], first[(still & paired)[node]]
+    others = diags(np.where(still, 0.0, 1.0))
+    own = csr_matrix((np.ones(len(node)), (node, node)), shape=W_s.shape)
+    weight, opposite = supports.weight[first], supports.opposite[first]
+    row = np.repeat(node, weight.shape[1])
+    there = csr_matrix((weight.ravel(), (row, opposite.ravel())), shape=W_m.shape)
+    return {"slip_weights": (others @ W_s + own, others @ W_m + there), "still": still}
+
+
 def _secondary_matrix(
-    surface: ContactSurface, share: Array, heir: Index
+    surface: ContactSurface, share: Array, owner: Index
 ) -> tuple[csr_matrix, Array, Array]:
     """Assemble ``D``, the areas ``int phi_i``, and the normals of the primary at the nodes.
 
     Merged nodes keep their entry in the heir's row even where it is zero, on the axis.
     """
     m = len(surface.points)
-    row = np.take_along_axis(surface.facets, heir, axis=1)
+    row = np.take_along_axis(surface.facets, owner, axis=1)
     covered = np.any(share != 0, axis=1)
     data, at = share[covered].ravel(), (row[covered].ravel(), surface.facets[covered].ravel())
     D = csr_matrix((data, at), shape=(m, m))
     D.sum_duplicates()
     area = np.asarray(D.sum(axis=1), dtype=float).ravel()
-    normals = np.take_along_axis(facet_normal_field(surface), heir[:, :, None], axis=1)
+    normals = np.take_along_axis(facet_normal_field(surface), owner[:, :, None], axis=1)
     total = np.zeros_like(surface.points)
     np.add.at(total, row, share[:, :, None] * normals)
     length = np.linalg.norm(total, axis=1, keepdims=True)

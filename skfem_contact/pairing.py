@@ -46,6 +46,12 @@ class Pairing:
     secondary_normal, primary_normal : ndarray, shape (m, d), optional
         Unit normals of the two sides at the points, both from primary to secondary; None where one
         side has the frame for itself (rigid obstacles).
+    slip_weights : (csr_matrix, csr_matrix), optional
+        In place of `secondary_weights` and `primary_weights` in the tangential rows, where they
+        are others, see `supports`.
+    still : ndarray of bool, shape (m,), optional
+        Points whose slip is what supports make it: their tangential rows have only what is
+        prescribed.
     """
 
     points: np.ndarray
@@ -60,6 +66,8 @@ class Pairing:
     facet: np.ndarray
     secondary_normal: np.ndarray | None = None
     primary_normal: np.ndarray | None = None
+    slip_weights: tuple[csr_matrix, csr_matrix] | None = None
+    still: np.ndarray | None = None
 
     @property
     def tilt(self) -> np.ndarray:

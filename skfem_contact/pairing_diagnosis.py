@@ -29,8 +29,9 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
         face the same way, a primary surface finer than the secondary one.
     """
     lines = []
-    beyond = ~pairing.paired & np.isfinite(pairing.miss)
-    lost = ~pairing.paired & ~beyond
+    lonely = pairing.miss > 0  # a node that handed its multiplier on has a partner
+    beyond = lonely & np.isfinite(pairing.miss)
+    lost = lonely & ~beyond
     m = len(pairing.paired)
     if beyond.any():
         lines.append(_say_beyond(pairing, secondary, primary, beyond))

@@ -1,0 +1,240 @@
+"""Mortar contact where supports meet the interface: clamped and gripped ends, lines of symmetry.
+
+The oracles are node-to-segment contact on the same mesh, the whole model for half a model, and
+fields that are linear between prescribed ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+from unlike_meshes import KINDS, named_sides, rectangle
+
+import skfem_contact as sc
+
+FORM = linear_elasticity(*lame_parameters(1.0, 0.3))
+DEEP = 1e-3  # interference, and by how much blocks are pushed together
+ENDS = r"prescribed displacements push"
+ALL = tuple(KINDS)
+# facets of the two bodies: matching, nearly so, coarse, nearly so and finer
+MESHES = [(20, 20), (20, 21), (20, 24), (40, 41)]
+
+
+def held(basis, *where):
+    """DOFs of sides, each with its components, as in ``("left", "u^1")``."""
+    dofs = [
+        basis.get_dofs(side).all(parts) if parts else basis.get_dofs(side).all()
+        for side, parts in where
+    ]
+    return np.unique(np.concatenate([np.zeros(0, dtype=int), *dofs]))
+
+
+def towards(n):
+    """Nodes from 0 to 1 that get closer and closer to 1: the other side of the body matters little."""
+    return 1 - np.linspace(1, 0, n + 1) ** 2
+
+
+def press_fit(kind, facets, law=None):
+    """Shaft and hub, twice as high as thick, clamped on one floor and guided at their far sides."""
+    shaft, hub = (np.linspace(0, 2, n + 1) for n in facets)
+    bases = rectangle(kind, towards(8), shaft), rectangle(kind, 2 - towards(8)[::-1], hub)
+    bodies = [
+        sc.Body(basis, FORM, D=held(basis, ("bottom", None), (far, "u^1")), name=name)
+        for basis, far, name in zip(bases, ("left", "right"), ("shaft", "hub"), strict=True)
+    ]
+    surfaces = bodies[0].surface("right"), bodies[1].surface("left")
+    return bodies, surfaces, {"interference": DEEP, "friction": law}
+
+
+def gripped_blocks(kind, facets, law=None, parts=None):
+    """Two blocks, one pushed into the other, gripped at their sides in all or in one direction."""
+    bodies = []
+    depth = towards(8)
+    for n, y, push, name in ((facets[0], depth, 0.0, "low"), (facets[1], 2 - depth[::-1], DEEP, "top")):
+        basis = rectangle(kind, np.linspace(0, 1, n + 1), y)
+        sides = (("left", parts), ("right", parts))
+        D = held(basis, *sides, ("bottom" if name == "low" else "top", "u^1"))
+        x = np.zeros(basis.N)
+        x[held(basis, ("left", "u^2"), ("right", "u^2"))] = -push
+        bodies.append(sc.Body(basis, FORM, D=D, x=x, name=name))
+    surfaces = bodies[0].surface("top"), bodies[1].surface("bottom")
+    return bodies, surfaces, {"friction": law}
+
+
+def total(scene, method, swap):
+    """Contact force normal to the interface; the overlap at the ends that no row can mend is said."""
+    bodies, surfaces, settings = scene
+    contact = sc.Contact(*surfaces[:: -1 if swap else 1], method=method, **settings)
+    with pytest.warns(sc.ContactWarning, match=ENDS):
+        result = sc.ContactSolver(bodies, contact).solve()
+    assert result.converged
+    # all rows that can be fulfilled are; the overlap at the ends is that of the prescribed nodes
+    certificate = result.certificate
+    assert max(certificate.equilibrium, certificate.force_balance, certificate.moment_balance) < 1e-12
+    n = result.normal[len(result.normal) // 2]
+    return abs(result.force @ n), result
+
+
+def compare(scene):
+    """Totals of node-to-segment contact, and of mortar over them, for both choices of the secondary."""
+    node = np.array([total(scene, "node", swap)[0] for swap in (False, True)])
+    mortar = np.array([total(scene, "mortar", swap)[0] for swap in (False, True)])
+    return node, mortar / node
+
+
+@pytest.mark.parametrize("facets", MESHES, ids=str)
+@pytest.mark.parametrize("kind", ALL)
+def test_press_fit_on_a_clamped_floor(kind, facets):
+    """The force of an interference between clamped bodies does not depend on the method.
+
+    The clamped end is singular, so totals grow slowly with the mesh, and those of quadratic
+    elements are those of a finer mesh. Mortar was wrong by up to 6e5 times.
+    """
+    node, ratio = compare(press_fit(kind, facets))
+    assert np.all((node > 1.3 * DEEP) & (node < 1.9 * DEEP))
+    # meshes that differ by a fifth have totals that differ by 7 %, and mortar is between
+    assert_allclose(ratio, 1.0, atol=0.04)
+    if facets[0] == facets[1]:  # matching: the same rows
+        assert_allclose(ratio, 1.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("parts", [None, "u^2"], ids=["all", "along"])
+@pytest.mark.parametrize("facets", MESHES, ids=str)
+@pytest.mark.parametrize("kind", ["Q1", "P2", "S2"])
+def test_gripped_blocks(kind, facets, parts):
+    """The same for blocks pushed together by grips at their sides, both ends singular."""
+    node, ratio = compare(gripped_blocks(kind, facets, parts=parts))
+    assert np.all((node > 1.2 * DEEP) & (node < 2.3 * DEEP))
+    assert_allclose(ratio, 1.0, atol=0.04)
+
+
+@pytest.mark.parametrize("scene", [press_fit, gripped_blocks])
+@pytest.mark.parametrize("kind", ["Q1", "Q2"])
+def test_with_friction(kind, scene):
+    """With friction too, whose rows at the clamped node are prescribed as well."""
+    _, ratio = compare(scene(kind, (20, 21), sc.Coulomb(0.3)))
+    assert_allclose(ratio, 1.0, atol=0.04)
+
+
+def test_prescribed_node_carries_nothing_and_is_seen():
+    """Where both bodies are clamped the row is that of node-to-segment contact: open, overlapping."""
+    _, result = total(press_fit("Q1", (20, 21)), "mortar", False)
+    end = np.argmin(result.points[:, 1])
+    assert result.status[end] == 0 and result.pressure[end] == 0.0
+    assert_allclose(result["contact 1"].gap[end], -DEEP)
+    assert_allclose(result.area.sum(), 2.0)
+    assert_allclose(result.certificate.penetration * 2.0, DEEP)  # over the extent of the bodies
+
+
+# --- lines of symmetry --------------------------------------------------------------------------
+
+
+def layers(kind, facets, *, whole=False, slope=0.0):
+    """Two layers of unlike stiffness under a load that varies: the half of them, or the whole."""
+    bodies = []
+    for n, y, modulus, name in ((facets[0], 0, 1.0, "low"), (facets[1], 1, 5.0, "top")):
+        mesh = rectangle(kind, np.linspace(0, 1, n + 1), y + np.linspace(0, 1, 4)).mesh
+        mesh = replace(mesh, doflocs=mesh.p + np.array([[0.0], [slope]]) * mesh.p[0])
+        if whole:  # the mirror image shares the nodes on x = 0
+            mesh = named_sides(mesh + mesh.mirrored((1.0, 0.0)))
+        basis = fem.Basis(mesh, fem.ElementVector(KINDS[kind]()), intorder=4)
+        D = held(basis, *([] if whole else [("left", "u^1")]), *([("bottom", "u^2")] * (y == 0)))
+        f = np.zeros(basis.N)
+        if y == 0 and whole:
+            D = np.append(D, basis.nodal_dofs[0, np.all(np.isclose(mesh.p, 0.0), axis=0)])
+        if y == 1:
+            load = fem.LinearForm(lambda v, w: -1e-3 * (1 + w.x[0] ** 2) * v[1])
+            f = load.assemble(basis.boundary("top"))
+        form = linear_elasticity(*lame_parameters(modulus, 0.3))
+        bodies.append(sc.Body(basis, form, f=f, D=D, name=name))
+    return bodies, (bodies[0].surface("top"), bodies[1].surface("bottom"))
+
+
+def solved(bodies, surfaces, **settings):
+    """Result, and its points in the order of x."""
+    result = sc.ContactSolver(bodies, sc.Contact(*surfaces, **settings)).solve()
+    assert result.certificate.worst < 1e-11
+    return result, np.lexsort(result.points[:, ::-1].T)
+
+
+LAWS = {
+    "slipping": {"friction": sc.Coulomb(0.05)},
+    "sticking": {"friction": sc.Coulomb(2.0)},
+    "glue": {"tied": True},
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("facets", [(6, 8), (8, 6), (5, 7)], ids=str)
+@pytest.mark.parametrize("kind", ALL)
+def test_half_a_model_is_half_of_the_whole(kind, facets, law):
+    """The tractions of half a model are those of the whole, without shear on the line of symmetry."""
+    half, first = solved(*layers(kind, facets), method="mortar", **LAWS[law])
+    whole, order = solved(*layers(kind, facets, whole=True), method="mortar", **LAWS[law])
+    order = order[len(order) // 2 :]
+    assert_allclose(half.points[first], whole.points[order], atol=1e-12)
+    largest = np.abs(whole.friction_stress).max()
+    assert largest > 1e-5
+    # the certificate of either answer has twelve digits
+    assert_allclose(half.traction[first], whole.traction[order], atol=1e-10 * largest)
+    assert np.abs(half.friction_stress[first[0]]).max() <= 1e-10 * largest
+    assert half.status[first[0]] == 1
+
+
+@pytest.mark.parametrize("law", ["slipping", "sticking", "glue"])
+@pytest.mark.parametrize("slope", [0.1, 1.0])
+@pytest.mark.parametrize("kind", ["Q1", "S2"])
+def test_inclined_interface_on_a_line_of_symmetry(kind, slope, law):
+    """Across the line of symmetry one row is left, so there is no friction, and pressure is smooth.
+
+    With both rows the second would be closed by the few free nodes of the primary that have some
+    weight in it: forces 20 times as large, of either sign.
+    """
+    same, first = solved(*layers(kind, (8, 8), slope=slope), method="node", **LAWS[law])
+    for facets in ((8, 9), (8, 10)):
+        found, order = solved(*layers(kind, facets, slope=slope), method="mortar", **LAWS[law])
+        assert np.abs(found.friction_stress[order[0]]).max() <= 1e-10 * np.abs(found.pressure).max()
+        # the primary mesh is finer by a fifth at most, next to a concentration of stress
+        assert found.pressure[order[0]] == pytest.approx(same.pressure[first[0]], rel=0.04)
+
+
+# --- what has to stay exact ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("settings", [{}, {"friction": sc.Coulomb(0.3)}, {"tied": True}], ids=str)
+@pytest.mark.parametrize("ends", ["all", "u^1", "u^2"])
+@pytest.mark.parametrize("kind", ALL)
+def test_linear_fields_pass_between_prescribed_ends(kind, ends, settings):
+    """Uniform compression with the sides prescribed, in all or one direction: the exact field."""
+    shear = 0.0 if not settings.get("tied") else 0.4
+    nu, E = 0.3, 1.0
+    stress = np.array([[-0.2, shear], [shear, -1.0]])
+    if ends == "u^1":
+        stress[0, 1] = stress[1, 0] = 0.0  # a wall that guides has no shear
+    # plane strain
+    strain = (1 + nu) / E * (stress - nu * np.trace(stress) * np.eye(2))
+    slope = 1e-3 * (strain + np.array([[0.0, 0.1], [-0.1, 0.0]]))
+    bodies = []
+    traction = fem.LinearForm(
+        lambda v, w: 1e-3 * sum(stress[i, j] * w.n[j] * v[i] for i in range(2) for j in range(2))
+    )
+    bodies, exact = [], []
+    for n, y, far, name in ((5, 0, "bottom", "low"), (7, 1, "top", "top")):
+        basis = rectangle(kind, np.linspace(0, 1, n + 1), y + np.linspace(0, 1, 3))
+        parts = None if ends == "all" else ends
+        D = held(basis, ("left", parts), ("right", parts), (far, None))
+        f = sum(traction.assemble(basis.boundary(side)) for side in ("left", "right"))
+        body = sc.Body(basis, FORM, f=f, name=name)
+        exact.append(np.einsum("nj,nj->n", slope[body.dof_component], body.dof_points))
+        bodies.append(sc.Body(basis, body.K, f=f, D=D, x=exact[-1], name=name))
+    surfaces = bodies[0].surface("top"), bodies[1].surface("bottom")
+    result, _ = solved(bodies, surfaces, method="mortar", **settings)
+    assert_allclose(result.u, np.concatenate(exact), atol=1e-11 * np.abs(result.u).max())
+    # where the gap is prescribed on both sides the supports carry, as with node-to-segment contact
+    inner = (result.points[:, 0] > 0) & (result.points[:, 0] < 1) | (ends == "u^1")
+    assert_allclose(result.pressure[inner], 1e-3, rtol=1e-8)
