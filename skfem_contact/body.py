@@ -26,6 +26,7 @@ from skfem_contact.inputs import (
     prescribed_values,
     stiffness_of,
 )
+from skfem_contact.sealed import seal
 
 if TYPE_CHECKING:
     from skfem_contact.surface import ContactSurface
@@ -126,6 +127,7 @@ class Body:
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)
+        seal(self)
 
     def __repr__(self) -> str:
         return (

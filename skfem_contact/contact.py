@@ -13,6 +13,7 @@ from skfem_contact.arguments import check_name, check_switch, number, numbers, s
 from skfem_contact.errors import InputError
 from skfem_contact.friction import FrictionLaw
 from skfem_contact.obstacle import Obstacle
+from skfem_contact.sealed import kept
 from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
@@ -96,6 +97,8 @@ class Contact:
             if not isinstance(value, str) or value not in allowed:
                 raise InputError(f"Contact: {name} = {shown(value)} is not one of {allowed}.")
         check_switch(self.tied, "Contact: tied")
+        for name in ("interference", "gap"):
+            object.__setattr__(self, name, kept(getattr(self, name)))
         check_name(self.name, "Contact: name")
         if self.friction is not None and not isinstance(self.friction, FrictionLaw):
             raise InputError(

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.errors import InputError
 from skfem_contact.estimate import ErrorEstimate
 from skfem_contact.fields import closed_area, displaced, edge_positions, interpolate
+from skfem_contact.sealed import seal, sealed
 from skfem_contact.surface import ContactSurface
 
 Array = NDArray[np.float64]
@@ -75,6 +76,9 @@ class ContactValues:
     assess: Callable[[ContactValues], ErrorEstimate] = field(repr=False)
     slips: Callable[[], Array] = field(repr=False)
 
+    def __post_init__(self) -> None:
+        seal(self)
+
     @cached_property
     def slip(self) -> Array:
         """Of the secondary relative to the primary, since the point closed, (m, d-1) [length].
@@ -82,7 +86,7 @@ class ContactValues:
         Without friction nothing tangential is solved for: the slip is then measured on the
         displacements of all bodies, which are recovered for it when first asked for.
         """
-        return self.slips()
+        return sealed(self.slips())
 
     @property
     def pressure(self) -> Array:
@@ -142,7 +146,7 @@ class ContactValues:
         There ``gap**(2/3)``, extrapolated from the open side, vanishes; see `fields`. In the order
         of the points; ends of the surface that are closed are no edges.
         """
-        return edge_positions(self._placed, self.status != 0, self.gap)
+        return sealed(edge_positions(self._placed, self.status != 0, self.gap))
 
     @cached_property
     def contact_area(self) -> float:

@@ -16,6 +16,7 @@ from scipy.sparse import block_diag, csr_matrix, diags
 
 from skfem_contact.arguments import number, numbers
 from skfem_contact.errors import InputError
+from skfem_contact.sealed import kept
 
 Array = NDArray[np.float64]
 
@@ -166,6 +167,7 @@ class Coulomb(FrictionLaw):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("mu", "tau_max", "cohesion"):
+            object.__setattr__(self, name, kept(getattr(self, name)))
             _not_negative(name, getattr(self, name), "Coulomb")
         for name in ("mu", "cohesion"):
             _not_infinite(name, getattr(self, name), "Coulomb")
@@ -207,7 +209,7 @@ class Tresca(FrictionLaw):
 
     def __init__(self, limit: float | Array, *, stiffness: float | None = None) -> None:
         # written out: the argument is called like the method
-        object.__setattr__(self, "k", limit)
+        object.__setattr__(self, "k", kept(limit))
         object.__setattr__(self, "stiffness", stiffness)
         self.__post_init__()
         _not_negative("limit", limit, "Tresca")

@@ -14,6 +14,7 @@ from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 
 from skfem_contact.arguments import shown
 from skfem_contact.errors import ContactWarning, InputError
+from skfem_contact.sealed import sealed_matrix
 
 #: Lagrange elements whose DOFs are values at the nodes of the mesh: only these have contact nodes.
 SUPPORTED = (
@@ -87,6 +88,7 @@ def check_basis(basis: Any, whose: str) -> None:
 
 
 def stiffness_of(K: Any, basis: Any, whose: str) -> csr_matrix:
+    given = K
     if isinstance(K, BilinearForm):
         K = K.assemble(basis)
     is_matrix = issparse(K) or (isinstance(K, np.ndarray) and K.ndim == 2)
@@ -107,6 +109,8 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> csr_matrix:
         matrix = matrix.copy()  # summing duplicates works in place, and the matrix may be the user's
         matrix.sum_duplicates()
     matrix = csr32(matrix)
+    if issparse(given) and given.format == "csr" and np.may_share_memory(given.data, matrix.data):
+        matrix = matrix.copy()  # what the user does to the matrix later stays outside
     rows = np.repeat(np.arange(basis.N), np.diff(matrix.indptr))
     _check_finite(matrix.data, f"K of {whose}", rows, "row")
     scale = np.abs(matrix.data).max(initial=0.0)
@@ -120,7 +124,7 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> csr_matrix:
             ContactWarning,
             stacklevel=4,
         )
-    return matrix
+    return sealed_matrix(matrix)
 
 
 def load_of(f: Any, basis: Any, whose: str) -> np.ndarray:

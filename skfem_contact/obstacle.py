@@ -12,6 +12,7 @@ from skfem_contact.arguments import check_kind, check_name, number, numbers
 from skfem_contact.errors import InputError
 from skfem_contact.normals import tangents
 from skfem_contact.pairing import Pairing
+from skfem_contact.sealed import sealed
 from skfem_contact.surface import ContactSurface
 
 
@@ -136,7 +137,7 @@ def location(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
     array = numbers(value, f"{what} of {obstacle.label!r}", "give 2 or 3 finite coordinates")
     if array.shape not in ((2,), (3,)) or not np.isfinite(array).all():
         raise InputError(f"{what}={value!r} of {obstacle.label!r} is not a finite point in 2-D or 3-D")
-    return array
+    return sealed(array)
 
 
 def direction(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
@@ -144,7 +145,7 @@ def direction(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
     length = np.linalg.norm(array)
     if length == 0:
         raise InputError(f"{what}={value!r} of {obstacle.label!r} is zero, it has no direction")
-    return array / length
+    return sealed(array / length)
 
 
 def check_dimension(surface: ContactSurface, dim: int, obstacle: Obstacle) -> None:

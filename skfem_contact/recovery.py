@@ -14,6 +14,7 @@ from skfem_contact.linear_model import LinearModel
 from skfem_contact.loads import LoadCase
 from skfem_contact.points import PointSpace
 from skfem_contact.result import ContactResult
+from skfem_contact.sealed import sealed
 from skfem_contact.spaces import Source
 from skfem_contact.threads import single_threaded
 
@@ -93,7 +94,7 @@ def recover_all(results: Sequence[ContactResult]) -> None:
         groups.setdefault(key, []).append(result)
     for group in groups.values():
         for result, u in zip(group, _recovered([r.recover for r in group]), strict=True):
-            result.__dict__["u"] = u
+            result.__dict__["u"] = sealed(u)
 
 
 def _recovered(some: Sequence[Recovery]) -> list[Array]:

@@ -19,6 +19,7 @@ from skfem_contact.interface import can_carry, point_slices
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.rotation import rigid_rotations
+from skfem_contact.sealed import seal, sealed
 from skfem_contact.states import Record, State
 from skfem_contact.system import System
 from skfem_contact.uniqueness import Uniqueness, uniqueness
@@ -79,11 +80,13 @@ class ContactResult:
     def __post_init__(self) -> None:
         # points without a multiplier of their own show the gap of the point that has it
         object.__setattr__(self, "gap", self.gap[self.kin.heir])
+        for part in (self, self.kin, self.state, self.case, self.seen, self.settings):
+            seal(part)
 
     @cached_property
     def u(self) -> Array:
         """Displacements of all bodies, shape (n,) [length]; recovered when first asked for."""
-        return self.recover()
+        return sealed(self.recover())
 
     def displacement(self, body: Any) -> Array:
         """Displacements of one body, by name or itself, as its basis numbers them, (n_body,)."""

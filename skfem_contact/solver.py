@@ -22,6 +22,7 @@ from skfem_contact.driver import Options
 from skfem_contact.errors import InputError
 from skfem_contact.friction import FrictionLaw
 from skfem_contact.geometry import Geometry
+from skfem_contact.inputs import load_of, stiffness_of
 from skfem_contact.interface import contact_names, interface, point_slices
 from skfem_contact.linear_model import LinearModel
 from skfem_contact.load_step import LoadStep
@@ -29,6 +30,7 @@ from skfem_contact.multifrontal import Estimate
 from skfem_contact.recovery import recover_all
 from skfem_contact.result import ContactResult
 from skfem_contact.rigid import rigid_motions
+from skfem_contact.sealed import sealed
 from skfem_contact.sparse_route import FullSystem
 from skfem_contact.states import Record
 from skfem_contact.stepping import LOOPS, Stepper
@@ -109,8 +111,8 @@ class ContactSolver:
                 self.system.index(surface.body)  # refuses what is no body of this solver
         self.geometry = Geometry(self.system, self.contacts, point_slices(self.contacts))
         self.kin = self.geometry.kin
-        self._own_f = np.array(self.system.f)
-        self._reader = StepReader(self.system, self.contacts, self.names, self.kin, self._own_f)
+        self._own_f = self.system.f
+        self._reader = self._new_reader()
         self.timings = {"setup": 0.0}
         self._set_stiffness()
         self.timings["setup"] = time.perf_counter() - start
@@ -129,6 +131,9 @@ class ContactSolver:
             reuse,
         )
         self._load_step = self._new_load_step()
+
+    def _new_reader(self) -> StepReader:
+        return StepReader(self.system, self.contacts, self.names, self.kin, self._own_f)
 
     def _new_load_step(self) -> LoadStep:
         model, options = self.linear_model, self.options
@@ -202,12 +207,84 @@ class ContactSolver:
                 contacts[i] = replace(contacts[i], friction=friction)
         twin = copy.copy(self)
         twin.contacts = tuple(contacts)
-        twin._own_f, twin._stiffness = np.array(self._own_f), list(self._stiffness)
-        twin._reader = StepReader(self.system, twin.contacts, self.names, self.kin, twin._own_f)
+        twin._reader = twin._new_reader()
         twin.timings = {"setup": 0.0}
         twin.interface = interface(twin.contacts, self.kin, twin._stiffness, self.loop)
         twin.linear_model = self.linear_model.with_interface(twin.interface, twin.timings)
         twin._load_step = twin._new_load_step()
+        return twin
+
+    def with_load(self, body: Body | str, f: Any) -> ContactSolver:
+        """A solver with another own load of one body that shares all that has been computed.
+
+        Parameters
+        ----------
+        body : Body or str
+        f : ndarray (n_body,) or LinearForm
+            The body's own load, of which numeric load steps are multiples [force].
+
+        Raises
+        ------
+        InputError
+            As for `Body`: wrong shapes, NaN.
+        """
+        i = self.system.index(body)
+        own, name = self.system.bodies[i], self.system.names[i]
+        own_f = np.array(self._own_f)
+        own_f[self.system.slice(own)] = load_of(f, own.basis, f"body {name!r}")
+        twin = copy.copy(self)
+        twin._own_f = sealed(own_f)
+        twin._reader = twin._new_reader()
+        twin._load_step = twin._new_load_step()
+        return twin
+
+    def with_stiffness(self, body: Body | str, K: Any) -> ContactSolver:
+        """A solver with another stiffness of one body; only that body is condensed again.
+
+        The way in for bodies whose stiffness changes: a Newton loop of the user's own around this
+        solver, with the tangent stiffness and ``f = f_ext - f_int(u) + K u`` of each iterate.
+
+        Parameters
+        ----------
+        body : Body or str
+        K : sparse matrix (n_body, n_body) or BilinearForm
+            [force/length]
+
+        Raises
+        ------
+        InputError
+            As for `Body`: wrong shapes, NaN.
+
+        Examples
+        --------
+        Pressed by the same displacement, a block twice as stiff bears twice the force:
+
+        >>> import numpy as np
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> from skfem.models.elasticity import linear_elasticity
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> down = basis.project(lambda x: np.stack([0 * x[0], -0.01 + 0 * x[0]]))
+        >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=down, name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1))
+        >>> solver = sc.ContactSolver([block], [sc.Contact(block.surface("bottom"), floor)])
+        >>> for factor in (1.0, 2.0):
+        ...     result = solver.with_stiffness("block", factor * block.K).solve()
+        ...     print(f"{result.force[1]:.6f}")
+        0.010000
+        0.020000
+        """
+        i = self.system.index(body)
+        own, name = self.system.bodies[i], self.system.names[i]
+        stiffness = list(self._stiffness)
+        stiffness[i] = stiffness_of(K, own.basis, f"body {name!r}")
+        twin = copy.copy(self)
+        twin._stiffness, twin.timings = stiffness, {"setup": 0.0}
+        twin._set_stiffness(
+            [None if k == i else part for k, part in enumerate(self.linear_model.parts)]
+        )
         return twin
 
     def _position(self, contact: Contact | str) -> int:
@@ -342,10 +419,12 @@ class ContactSolver:
         return load_state(path, self.system.n, self.interface.parts)
 
     def update(self, body: Body | str, *, K: Any = None, f: Any = None) -> None:
-        """Replace the stiffness or the load of one body; only that body is condensed again.
+        """Replace the stiffness or the load of one body in this solver itself.
 
-        The way in for bodies whose stiffness changes: a Newton loop of the user's own around this
-        solver, with the tangent stiffness and ``f = f_ext - f_int(u) + K u`` of each iterate.
+        What `with_load` and `with_stiffness` do, which leave the solver as it is and are to be
+        preferred. Results that it has returned stay as they are, and good to go on from; a history
+        that is under way takes the new stiffness, and the new load from the next step on that is a
+        number.
 
         Parameters
         ----------
@@ -360,24 +439,13 @@ class ContactSolver:
         InputError
             As for `Body`: wrong shapes, NaN.
         """
-        i = self.system.index(body)
-        old = self.system.bodies[i]
-        part = self.system.slice(old)
-        checked = Body(
-            old.basis,
-            self._stiffness[i] if K is None else K,
-            self._own_f[part] if f is None else f,
-            old.D,
-            measure=old.measure,
-            name=old.name,
-        )
-        self._own_f[part] = checked.f
-        if K is None:
-            return
-        self._stiffness[i] = checked.K
-        self._set_stiffness(
-            [None if k == i else part for k, part in enumerate(self.linear_model.parts)]
-        )
+        self.system.index(body)  # refuses what is none
+        twin = self
+        if f is not None:
+            twin = twin.with_load(body, f)
+        if K is not None:
+            twin = twin.with_stiffness(body, K)
+        self.__dict__.update(vars(twin))
 
     def recover(self, results: Iterable[ContactResult]) -> list[Array]:
         """Displacements of all bodies for many results of this solver in one go.

@@ -16,6 +16,7 @@ from skfem_contact.inputs import suggest
 from skfem_contact.interface import point_slices
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase, Motion
+from skfem_contact.sealed import kept
 from skfem_contact.system import System
 
 Array = NDArray[np.float64]
@@ -123,7 +124,7 @@ class StepReader:
                 raise InputError(
                     f"interference: there is no contact {name!r}{suggest(name, self.names, 'contacts')}"
                 )
-            out[self.names.index(name)] = value
+            out[self.names.index(name)] = kept(value)
         return tuple(out)
 
     def _motion(self, given: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -143,7 +144,7 @@ class StepReader:
                     f"motion: there is no obstacle {name!r}{suggest(name, known, 'obstacles')}"
                 )
             for i in meant:
-                out[i] = value
+                out[i] = kept(value)
         return tuple(out)
 
     @staticmethod

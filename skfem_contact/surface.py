@@ -12,6 +12,7 @@ from skfem_contact.arguments import check_name, numbers
 from skfem_contact.errors import InputError
 from skfem_contact.facets import check_facets, facet_neighbours, order_along, oriented
 from skfem_contact.normals import lengths_and_normals, normals_at, tributary_areas
+from skfem_contact.sealed import seal
 from skfem_contact.selection import name_of, select_facets
 
 if TYPE_CHECKING:
@@ -176,7 +177,7 @@ def extract_surface(
 
     points = np.ascontiguousarray(basis.doflocs[:, dofs[:, 0]].T)
     check_facets(points, facets, numbers, mesh, label)
-    return ContactSurface(
+    surface = ContactSurface(
         body=body,
         name=name,
         points=points,
@@ -186,6 +187,8 @@ def extract_surface(
         mesh_facets=numbers,
         **lengths_and_normals(points, facets, _held(body, dofs), facet_neighbours(facets)),
     )
+    seal(surface)
+    return surface
 
 
 def _held(body: Body, dofs: np.ndarray) -> np.ndarray:

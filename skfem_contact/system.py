@@ -13,6 +13,7 @@ from skfem_contact import arguments
 from skfem_contact.body import Body
 from skfem_contact.errors import InputError
 from skfem_contact.inputs import csr32, suggest
+from skfem_contact.sealed import sealed, sealed_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,24 +41,23 @@ class System:
     @cached_property
     def K(self) -> csr_matrix:
         """Block diagonal stiffness, shape (n, n) [force/length]."""
-        return csr32(block_diag([body.K for body in self.bodies], format="csr"))
+        return sealed_matrix(csr32(block_diag([body.K for body in self.bodies], format="csr")))
 
     @cached_property
     def f(self) -> np.ndarray:
         """Load, shape (n,) [force]."""
-        return np.concatenate([body.f for body in self.bodies])
+        return sealed(np.concatenate([body.f for body in self.bodies]))
 
     @cached_property
     def D(self) -> np.ndarray:
         """Prescribed DOFs in the stacked numbering, sorted."""
-        return np.concatenate(
-            [body.D + start for body, start in zip(self.bodies, self.offsets, strict=False)]
-        )
+        parts = [body.D + start for body, start in zip(self.bodies, self.offsets, strict=False)]
+        return sealed(np.concatenate(parts))
 
     @cached_property
     def x(self) -> np.ndarray:
         """Prescribed values, shape (n,); zero where not prescribed [length]."""
-        return np.concatenate([body.x for body in self.bodies])
+        return sealed(np.concatenate([body.x for body in self.bodies]))
 
     @cached_property
     def extent(self) -> float:

@@ -110,7 +110,8 @@ def test_inputs_of_any_type_become_float64_and_are_never_modified():
     assert abs(body.K - K).max() <= 1e-12 and np.array_equal(body.f, f)
     assert np.array_equal(doubled.data, before)
     assert body.D.tolist() == [0, 1] and body.x.sum() == 2
-    body.f[0] = 7  # the body's own copy
+    with pytest.raises(ValueError, match="read-only"):
+        body.f[0] = 7  # the body's own copy, from which results are computed
     assert f[0] == 0
 
 

@@ -1,0 +1,61 @@
+"""What is kept never changes: copies of what users give, and arrays that can not be written to.
+
+A result is as good as long as all that it was computed from is what it was. NumPy refuses to write
+into a sealed array: ``result.u *= 2`` is an error where it is written, ``u = 2 * result.u`` is not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_matrix, issparse
+
+
+def sealed(array: np.ndarray) -> np.ndarray:
+    """The array itself, from now on read-only; for arrays that are nobody else's.
+
+    >>> sealed(np.zeros(2)).flags.writeable
+    False
+    """
+    array.flags.writeable = False
+    return array
+
+
+def sealed_matrix(matrix: csr_matrix) -> csr_matrix:
+    """The matrix itself with all its arrays read-only."""
+    matrix.has_canonical_format  # noqa: B018 (found out and remembered while it can be)
+    for part in (matrix.data, matrix.indices, matrix.indptr):
+        sealed(part)
+    return matrix
+
+
+def seal(value: Any) -> None:
+    """Make all arrays and matrices among the fields of a dataclass read-only."""
+    assert is_dataclass(value)
+    for field in fields(value):
+        part = getattr(value, field.name)
+        if isinstance(part, np.ndarray):
+            sealed(part)
+        elif issparse(part) and part.format == "csr":
+            sealed_matrix(part)
+
+
+def kept(value: Any) -> Any:
+    """A value of the user's as it is now: what the user does to it later stays outside.
+
+    Numbers, functions and read-only arrays of their own stay themselves.
+
+    >>> mine = np.ones(2)
+    >>> ours = kept((mine, 0.5))
+    >>> mine[0] = 3.0
+    >>> ours
+    (array([1., 1.]), 0.5)
+    """
+    if isinstance(value, np.ndarray):
+        own = not value.flags.writeable and value.base is None
+        return value if own else sealed(np.array(value))
+    if isinstance(value, list | tuple):
+        return type(value)([kept(part) for part in value]) if type(value) in (list, tuple) else value
+    return value
