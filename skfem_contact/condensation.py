@@ -266,10 +266,12 @@ def _row_size(B: csr_matrix) -> Array:
 
 
 def _inverse(W: Array) -> Array:
-    """Inverse of a symmetric positive definite matrix, refusing dependent rows."""
+    """Inverse of a symmetric positive definite matrix, refusing dependent rows.
+
+    No diagonal entry is zero: rows without free coefficients are left out before, and the flexibility
+    of the bodies is positive definite.
+    """
     scale = np.sqrt(np.diag(W))
-    if not np.all(scale > 0):
-        raise LinAlgError("a contact row without stiffness")
     W = 0.5 * (W + W.T) / np.outer(scale, scale)
     factor = cho_factor(W, lower=True, check_finite=False)
     if np.min(np.diag(factor[0]), initial=1.0) < DEPENDENT:

@@ -145,7 +145,8 @@ def _halves(nodes: np.ndarray, box: np.ndarray, centres: np.ndarray) -> tuple[np
     """Sort the nodes of each box along its longest side and cut in the middle.
 
     Returns the nodes in their new order and the half ``2 * box + (0 or 1)`` of each. Nodes that
-    are level with the middle stay together: on structured meshes that makes a straight cut.
+    are level with the middle stay together: on structured meshes that makes a straight cut. No half is
+    empty: a box that is cut has two nodes at least, at two places.
     """
     start, local = _groups(box)
     size = np.diff(np.append(start, nodes.size))
@@ -156,7 +157,6 @@ def _halves(nodes: np.ndarray, box: np.ndarray, centres: np.ndarray) -> tuple[np
     below = np.add.reduceat((t < middle).astype(np.int64), start)
     upto = np.add.reduceat((t <= middle).astype(np.int64), start)
     cut = np.where(2 * upto - size <= size - 2 * below, upto, below)
-    cut = np.where((cut == 0) | (cut == size), size // 2, cut)
     upper = np.arange(nodes.size) - start[local] >= cut[local]
     return nodes[order], 2 * box + upper
 

@@ -19,7 +19,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 from skfem_contact.errors import InputError
 from skfem_contact.fronts import analyse, find_runs
 from skfem_contact.multifrontal import MultifrontalCholesky, estimate
-from skfem_contact.ordering import dissect, dissection_order
+from skfem_contact.ordering import _halves, dissect, dissection_order
 from skfem_contact.singular import NotPositiveDefinite
 
 
@@ -221,6 +221,15 @@ def test_separators_separate():
     assert np.all(tree.parent > np.arange(tree.parent.size))
     assert_array_equal(tree.owner[0::2], tree.owner[1::2])  # the DOFs of a node stay together
     assert_array_equal(np.sort(dissection_order(K, points)), np.arange(len(points)))
+
+
+def test_halves_are_never_empty():
+    """However many nodes are level with the middle, or all but one: both halves have some."""
+    for x in ([0, 1, 1, 1, 1], [0, 0, 0, 0, 1], [0, 1], [0, 0, 1, 1, 1], [0, 1, 1, 1, 2]):
+        for side in (1.0, -1.0, 1e-300):
+            centres = np.column_stack([side * np.array(x, dtype=float), np.zeros(len(x))])
+            _, half = _halves(np.arange(len(x)), np.zeros(len(x), dtype=int), centres)
+            assert sorted(set(half)) == [0, 1]
 
 
 def test_separator_comes_from_the_smaller_side():
