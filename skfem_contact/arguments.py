@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
+WORDS = (bool, np.bool_, str, bytes)
 
 
 def shown(value: Any) -> str:
@@ -32,8 +33,10 @@ def numbers(value: Any, what: str, usage: str) -> Array:
     """
     try:
         array = np.asarray(value)
-        if array.dtype.kind not in "fiubO" or (
-            array.dtype.kind == "O" and any(entry is None for entry in array.flat)
+        # NumPy makes numbers of True, and of words such as "1.0" among objects
+        if array.dtype.kind not in "fiuO" or (
+            array.dtype.kind == "O"
+            and any(entry is None or isinstance(entry, WORDS) for entry in array.flat)
         ):
             raise TypeError
         return np.array(array, dtype=float)

@@ -44,7 +44,8 @@ class Body:
         Basis of an `ElementVector` of P1, P2, Q1, Q2 or S2 elements; of the scalar element itself
         for heat conduction and the like (tied contact only).
     K : sparse matrix, shape (n, n), or BilinearForm
-        Stiffness [force/length]. A form is assembled on `basis` here, once.
+        Stiffness [force/length]. A form is assembled on `basis` here, once. Of a matrix whose last
+        digits are not symmetric the symmetric part is kept.
     f : ndarray, shape (n,), or LinearForm, optional
         Load [force]; zero if not given. A form is integrated over the volume of `basis`; assemble
         loads on a boundary with a `FacetBasis` and pass the vector.
@@ -72,7 +73,8 @@ class Body:
     Raises
     ------
     InputError
-        Wrong element, shapes that belong to another basis, NaN or infinite numbers, unknown names.
+        Wrong element, shapes that belong to another basis, NaN or infinite numbers, unknown names, a
+        stiffness that is not symmetric.
 
     Examples
     --------

@@ -89,7 +89,9 @@ def contact_rows(
     held = kin.paired
     if closed is not None:
         usage = f"give one bool for each of the {kin.m} points"
-        mask = numbers(closed, "closed", usage)
+        mask = closed
+        if not (isinstance(mask, np.ndarray) and mask.dtype == bool):
+            mask = numbers(mask, "closed", usage)
         if mask.shape != (kin.m,):
             raise InputError(f"closed has shape {mask.shape}; {usage}.")
         held = held & (mask != 0)

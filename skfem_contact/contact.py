@@ -44,7 +44,7 @@ class Contact:
     adjust : float
         Initial gaps and overlaps up to this length are taken as closed, free of strain [length].
     reach : float, optional
-        How far a point looks for its partner [length]; by default any distance.
+        How far a point looks for its partner, outwards and inwards [length]; by default any distance.
     outside : {"open", "error"}
         What happens to points that miss the primary surface.
     sliding : {"small", "finite"}
@@ -114,10 +114,11 @@ class Contact:
             value = getattr(self, name)
             if value is None and name == "reach":
                 continue
-            length = number(value, f"Contact: {name}", "give a length >= 0")
+            bound = "> 0" if name == "reach" else ">= 0"  # within no reach there is no partner
+            length = number(value, f"Contact: {name}", f"give a length {bound}")
             # no limit to `reach` is what it has without; every gap closed is never what is meant
-            if not length >= 0 or (name == "adjust" and length == np.inf):
-                raise InputError(f"Contact: {name} = {value} has to be a length >= 0.")
+            if not length >= 0 or length == {"adjust": np.inf, "reach": 0.0}[name]:
+                raise InputError(f"Contact: {name} = {value} has to be a length {bound}.")
 
     def _check_sides(self) -> None:
         """Refuse a surface against itself: every point would be its own partner."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import warnings
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,35 @@ Mask = NDArray[np.bool_]
 ROUND_OFF = 1e-10
 # An overlap of this share of a body is no interference fit: small strains end long before.
 HUGE = 0.1
+
+
+def check_passes(contacts: Sequence[Contact], names: Sequence[str]) -> None:
+    """Refuse two contacts over one interface: the same pair again, or once in each direction.
+
+    Raises
+    ------
+    InputError
+    """
+    for (i, one), (j, other) in itertools.combinations(enumerate(contacts), 2):
+        rigid = one.primary is other.primary and _shared(one.secondary, other.secondary)
+        again = _shared(one.secondary, other.secondary) and _shared(one.primary, other.primary)
+        back = _shared(one.secondary, other.primary) and _shared(one.primary, other.secondary)
+        if not (rigid or again or back):
+            continue
+        raise InputError(
+            f"contacts '{names[i]}' ({one.label}) and '{names[j]}' ({other.label}) pair the same "
+            f"facets{', the one from one side and the other from the other' if back else ''}. "
+            "The force between two surfaces would be shared out among both, and nothing tells how "
+            "much each has. One contact holds both sides, with method='mortar' also between its nodes: "
+            "leave one of the two out, or give each its own part of the surface."
+        )
+
+
+def _shared(one: Any, other: Any) -> bool:
+    """Whether two sides are surfaces of one body with common facets."""
+    if not (isinstance(one, ContactSurface) and isinstance(other, ContactSurface)):
+        return False
+    return one.body is other.body and bool(np.isin(one.mesh_facets, other.mesh_facets).any())
 
 
 def check_pairing(contact: Contact, pairing: Pairing) -> None:

@@ -35,6 +35,8 @@ def pair(contact: Contact, *, moved: Sequence[Array] = (), motion: object = None
         secondary = secondary.moved(moved[0])
     if isinstance(primary, Obstacle):
         pairing = primary.pair(secondary, motion=motion)
+        if contact.reach is not None:
+            pairing = _without(pairing, ~(np.abs(pairing.gap) <= contact.reach))
         return _without_idle(contact, pairing)
     if len(moved):
         primary = primary.moved(moved[1])
@@ -56,11 +58,13 @@ def _without_idle(contact: Contact, pairing: Pairing) -> Pairing:
     idle = _idle_points(contact.secondary)
     if contact.tied or not (idle & pairing.paired).any():
         return pairing
-    return replace(
-        pairing,
-        paired=pairing.paired & ~idle,
-        gap=np.where(idle, np.inf, pairing.gap),
-    )
+    return _without(pairing, idle)
+
+
+def _without(pairing: Pairing, left_out: NDArray[np.bool_]) -> Pairing:
+    """The pairing less some points."""
+    gap = np.where(left_out, np.inf, pairing.gap)
+    return replace(pairing, paired=pairing.paired & ~left_out, gap=gap)
 
 
 def _idle_points(surface: ContactSurface) -> NDArray[np.bool_]:

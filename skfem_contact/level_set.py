@@ -12,11 +12,15 @@ from skfem_contact.arguments import check_name, numbers
 from skfem_contact.closest import FACING
 from skfem_contact.errors import InputError
 from skfem_contact.obstacle import Obstacle, rigid_motion
+from skfem_contact.selection import place
 from skfem_contact.surface import ContactSurface
 
 #: Steps of central differences, as fractions of the size of the surface: for gradients (the cube
 #: root of round-off) and for second derivatives, which only steer the Newton steps.
 STEP = (1e-5, 1e-4)
+#: An angle [rad] between a gradient and central differences, which have some nine digits, that no
+#: round-off explains; it moves a normal by as much. Curvature tells one-sided quotients apart by 1e-5.
+OFF = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +32,8 @@ class LevelSet(Obstacle):
     function : callable
         Function of the component-first position, ``(d, m) -> (m,)``; it need not be a distance.
     gradient : callable, optional
-        Its gradient, ``(d, m) -> (d, m)``; central differences if not given.
+        Its gradient, ``(d, m) -> (d, m)``; central differences if not given. Its direction is checked
+        against them; its length is free.
     name : str, optional
 
     Notes
@@ -75,7 +80,9 @@ class LevelSet(Obstacle):
         """Signed distances, normals and partners, see `Obstacle.distance`."""
         x = surface.points
         size = float(np.linalg.norm(np.ptp(x, axis=0)))
+        self._check_gradient(x, size)
         y, converged = self._closest(x, size)
+        self._check_gradient(y[converged], size)
         gradient = self._gradient(y, size)
         steep = np.linalg.norm(gradient, axis=1)
         normal = gradient / np.where(steep > 0, steep, 1.0)[:, None]
@@ -106,6 +113,33 @@ class LevelSet(Obstacle):
                 f"of shape {x.T.shape}; it must return as many finite numbers, component-first"
             )
         return gradient.T
+
+    def _check_gradient(self, x: np.ndarray, size: float) -> None:
+        """Refuse a gradient that points elsewhere than the function grows.
+
+        Where the two one-sided quotients differ the function has a kink, or noise, and no gradient.
+        """
+        if self.gradient is None or not len(x):
+            return
+        step = STEP[0] * size
+        here = self._value(x)
+        shifts = step * np.eye(x.shape[1])
+        ahead = np.stack([self._value(x + h) - here for h in shifts], axis=1) / step
+        behind = np.stack([here - self._value(x - h) for h in shifts], axis=1) / step
+        grows, given = 0.5 * (ahead + behind), self._gradient(x, size)
+        lengths = np.linalg.norm(grows, axis=1), np.linalg.norm(given, axis=1)
+        smooth = np.linalg.norm(ahead - behind, axis=1) <= OFF * lengths[0]
+        units = [
+            v / np.where(n > 0, n, 1.0)[:, None] for v, n in zip((grows, given), lengths, strict=True)
+        ]
+        off = np.where(smooth & (lengths[0] > 0), np.linalg.norm(units[0] - units[1], axis=1), 0.0)
+        worst = int(np.argmax(off))
+        if off[worst] > OFF:
+            raise InputError(
+                f"gradient of {self.label!r} is not that of its function: at {place(x[worst])} it is "
+                f"{place(given[worst])}, but the function grows by {place(grows[worst])} per length, "
+                f"another direction. Correct it, or leave gradient out: differences do as well."
+            )
 
     def _closest(self, x: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
         m, d = x.shape

@@ -17,7 +17,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import Interface
 from skfem_contact.kinematics import Kinematics
-from skfem_contact.linear import Direct
+from skfem_contact.linear import Direct, as_linear_solver
 from skfem_contact.multifrontal import Estimate
 from skfem_contact.rigid import RigidMotions, no_equilibrium, rigid_motions
 from skfem_contact.sparse_route import FullSystem
@@ -29,6 +29,18 @@ Array = NDArray[np.float64]
 # Sets of springs whose twins are kept: two weak ones, and some of single DOFs.
 MOST_TWINS = 6
 EVEN_CLOSED = "even with every contact point closed"
+
+
+def checked_linear(linear: Any) -> Any:
+    """The argument `linear` of a solver, refused at once where it is nothing that solves."""
+    if isinstance(linear, str) and linear not in ("auto", "condensed"):
+        raise InputError(
+            f"linear = {linear!r} is neither 'auto' nor 'condensed'; a backend is "
+            "given as an object, Direct() or AMG(), or as a callable solver(A, b)."
+        )
+    if not isinstance(linear, str):
+        as_linear_solver(linear)
+    return linear
 
 
 class LinearModel:
@@ -68,7 +80,7 @@ class LinearModel:
         self.system, self.kin = geometry.system, geometry.kin
         self.stiffness = tuple(stiffness)
         self.motions = motions
-        self.linear, self.max_candidates = linear, max_candidates
+        self.linear, self.max_candidates = checked_linear(linear), max_candidates
         self.timings = timings
         self._reuse = list(reuse)
         self._bodies: Condensed | FullSystem | None = None
@@ -151,11 +163,6 @@ class LinearModel:
         """Whether the bodies are condensed to their contact DOFs, or solved with all of them."""
         if not isinstance(self.linear, str):
             return False
-        if self.linear not in ("auto", "condensed"):
-            raise InputError(
-                f"linear = {self.linear!r} is neither 'auto' nor 'condensed'; a backend is "
-                "given as an object, Direct() or AMG(), or as a callable solver(A, b)."
-            )
         return self.linear == "condensed" or len(self.touched()) <= self.max_candidates
 
     @property

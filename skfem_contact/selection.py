@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from skfem.assembly import DofsView
 
 from skfem_contact.errors import InputError
 from skfem_contact.inputs import unknown_boundary
@@ -54,6 +55,8 @@ def _normalize(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
         return _satisfying(mesh, where, nodes, label)
     if where is None:
         return mesh.boundary_facets()
+    if isinstance(where, DofsView):
+        return _facets_of_dofs(mesh, where, label)
     numbers = np.atleast_1d(np.asarray(where))
     if numbers.dtype == bool and numbers.shape == (mesh.nfacets,):
         return np.flatnonzero(numbers)
@@ -70,6 +73,18 @@ def _normalize(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
             f"facets 0 to {mesh.nfacets - 1}; are these node numbers, or numbers of another mesh?"
         )
     return numbers.astype(np.int64)
+
+
+def _facets_of_dofs(mesh: Any, dofs: DofsView, label: str) -> np.ndarray:
+    """The facets that were asked for their DOFs; known where facets have some of their own."""
+    facets = dofs.facet_ix
+    if isinstance(facets, np.ndarray) and facets.size and dofs.obj.topo is mesh:
+        return facets.astype(np.int64)
+    raise InputError(
+        f"surface {label!r}: where is what get_dofs returned, DOF numbers, and which facets they "
+        f"belong to is not known{'' if dofs.obj.topo is mesh else ' (of another mesh, moreover)'}. "
+        "Give what get_dofs was given: the boundary name, the function of position or facet numbers."
+    )
 
 
 def _satisfying(mesh: Any, test: Any, nodes: bool, label: str) -> np.ndarray:

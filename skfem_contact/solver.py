@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from skfem_contact.body import Body
 from skfem_contact.checkpoint import SavedState, load_state
 from skfem_contact.condensation import Condensed
 from skfem_contact.contact import Contact
+from skfem_contact.diagnosis import check_passes
 from skfem_contact.driver import Options
 from skfem_contact.errors import InputError
 from skfem_contact.friction import FrictionLaw
@@ -105,6 +106,7 @@ class ContactSolver:
         usage = "make each by Contact(surface, other, ...)"
         self.contacts = tuple(members(contacts, Contact, "contacts", usage))
         self.names = contact_names(self.contacts)
+        check_passes(self.contacts, self.names)
         self._stiffness = [body.K for body in self.system.bodies]
         for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
             if isinstance(surface, ContactSurface):
@@ -383,7 +385,8 @@ class ContactSolver:
         self._load_step.check_start(start, "start")
         settings = self._reader.initial() if start is None else start.settings
         before = start
-        if not isinstance(steps, Iterable) or getattr(steps, "shape", None) == ():
+        single = isinstance(steps, str | bytes | Mapping) or getattr(steps, "shape", None) == ()
+        if single or not isinstance(steps, Iterable):
             raise InputError(
                 f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
             )

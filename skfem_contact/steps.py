@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arguments import numbers, shown
+from skfem_contact.arguments import number, numbers, shown
 from skfem_contact.contact import Contact, field_values
 from skfem_contact.errors import InputError
 from skfem_contact.inputs import suggest
@@ -82,14 +82,20 @@ class StepReader:
                 self._motion(step.get("motion"), before.motion),
             )
         try:
-            factor = float(step)
-        except (TypeError, ValueError, OverflowError):
+            factor = number(step, "a load step", "")
+        except InputError:
             raise InputError(
                 f"a load step is {shown(step)}: it has to be a number (the factor on the bodies' own f "
                 "and x) or a dict with some of the keys " + ", ".join(KEYS)
             ) from None
         if not np.isfinite(factor):
             raise InputError(f"a load step is {factor}: give a finite factor.")
+        if factor not in (0.0, 1.0) and not (self.own_f.any() or self.system.x.any()):
+            raise InputError(
+                f"a load step is {shown(step)}, a factor on the bodies' own f and x, but these are "
+                "zero: nothing would change. Give f or x to a Body, or the loads of the step by name; "
+                "an interference is not scaled by a number, write {'interference': {...}}."
+            )
         return Settings(
             factor * self.own_f,
             factor * self.system.x,
@@ -108,7 +114,18 @@ class StepReader:
         for name, value in given.items():
             part = self.system.slice(name)
             given_part = _checked(value, None, f"{what} of body {name!r}")
+            if what == "x" and not len(self.system.bodies[self.system.index(name)].D):
+                raise InputError(
+                    f"x of body {name!r} prescribes values, but the body has no prescribed DOFs: say "
+                    "at which by D of its Body(...). A load goes to f."
+                )
             if given_part.ndim == 0:  # a number is a factor on the body's own
+                if given_part != 0 and not own[part].any():
+                    raise InputError(
+                        f"{what} of body {name!r} is {shown(value)}, a factor on its own {what}, "
+                        f"but that is zero: nothing would change. Give {what} to the Body, or a vector "
+                        "here."
+                    )
                 out[part] = given_part * own[part]
             else:
                 size = part.stop - part.start
@@ -177,23 +194,19 @@ class StepReader:
 def read_motion(motion: Any, d: int, name: str) -> Motion:
     """A translation (d,), or (translation, angle, centre)."""
     angle, centre = 0.0, np.zeros(d)
+    usage = f"give a translation of {d} numbers, or (translation, angle, centre)."
     translation = np.zeros(d) if motion is None else motion
     parts = isinstance(motion, tuple | list) and len(motion) == 3
     if parts and (isinstance(motion[0], tuple | list) or np.ndim(motion[0]) == 1):
         translation, angle, centre = motion
     try:
-        out = Motion(
-            np.array(np.broadcast_to(np.asarray(translation, dtype=float), (d,))),
-            float(angle),
-            np.array(np.broadcast_to(np.asarray(centre, dtype=float), (d,))),
-        )
-    except (TypeError, ValueError):
-        raise InputError(
-            f"motion of {name!r} is {motion!r}; give a translation of {d} numbers, or "
-            "(translation, angle, centre)."
-        ) from None
+        out = Motion(numbers(translation, "", ""), number(angle, "", ""), numbers(centre, "", ""))
+    except InputError:
+        raise InputError(f"motion of {name!r} is {shown(motion)}; {usage}") from None
+    if not out.translation.shape == out.centre.shape == (d,):
+        raise InputError(f"motion of {name!r} is {shown(motion)}; {usage}")
     if not np.isfinite([*out.translation, out.angle, *out.centre]).all():
-        raise InputError(f"motion of {name!r} is not finite: {motion!r}.")
+        raise InputError(f"motion of {name!r} is not finite: {shown(motion)}.")
     return out
 
 

@@ -226,7 +226,7 @@ def test_numbers_in_other_clothes_are_taken():
     )
     assert len(list(SOLVER.history(steps))) == 3
     assert len(list(SOLVER.history(np.linspace(0.5, 1, 2)))) == 2
-    assert len(list(SOLVER.history([{"f": {"block": np.float64(2)}, "x": {"block": 1}}]))) == 1
+    assert len(list(SOLVER.history([{"f": {"block": np.float64(0)}, "x": {"block": 1}}]))) == 1
 
 
 def test_law_with_wrong_number_of_points():
