@@ -8,7 +8,9 @@ obstacles, meshes that match or not, caps and cohesion, loops and linear routes 
 every problem is a history of up to three steps. An answer counts as right if it satisfies the
 conditions of contact and friction, checked here with dense matrices, and as wrong otherwise. With up
 to six points all patterns are tried: a refusal counts as missed if one of them would have been a
-solution, and not just on the edge. With more points (`--points`) refusals are not judged.
+solution, and not just on the edge. With more points (`--points`) the refusal of a held body counts
+as missed, as it has an answer to every load, and that of a floating one as in order where statics
+knows none: where no forces within the friction cones balance the load (linear programming).
 `--only N` shows one problem.
 """
 
@@ -28,6 +30,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.linalg import null_space
+from scipy.optimize import linprog
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "verification"))
 
@@ -47,6 +51,7 @@ MU = (0.0, 1e-6, 0.1, 0.3, 0.6, 1.0, 2.0, 5.0)
 # Without load, or pulled off, a floating body has no place of its own.
 HELD_SHARES, FLOATING_SHARES = [0.0, 1.0, -1.0, 3.0], [1.0, 1.0, 3.0]
 MOST_ENUMERATED = 6  # points for which all patterns are tried
+ROUND_OFF = 1e-10  # of the terms of K u: what a factorisation leaves of them, with its condition number
 EDGE = 1e-9  # solutions as near as this to breaking an inequality may be refused
 KINDS = (
     "right",
@@ -55,6 +60,7 @@ KINDS = (
     "right, few digits",
     "refused",
     "refused, on the edge",
+    "refused, though statics would allow it",
     "missed",
     "wrong",
     "crashed",
@@ -228,7 +234,10 @@ def residual(p: Problem, u: np.ndarray, lam: np.ndarray, tau: np.ndarray, slip: 
     """Largest violation of equilibrium, Signorini and Coulomb, over the largest force."""
     free = np.setdiff1d(np.arange(len(u)), p.D)
     balance = p.K @ u - p.f - p.B_n.T @ lam + p.B_t.T @ tau
-    parts = [np.abs(p.K) @ np.abs(u), np.abs(p.f), np.abs(lam), np.abs(tau)]
+    # forces that act; not the terms that cancel in K u, which in a stiff body are any multiple of
+    # them and would hide what is wrong. Only where nothing acts are their last digits the scale
+    terms = np.abs(p.K) @ np.abs(u)
+    parts = [np.abs(p.K @ u), np.abs(p.f), np.abs(lam), np.abs(tau), ROUND_OFF * terms]
     force = _scale(max(float(np.max(part, initial=0.0)) for part in parts))
     touched = np.abs(p.B_n).sum(axis=0)[free] > 0
     stiff = np.median(np.diag(p.K)[free][touched]) if touched.any() else 1.0
@@ -287,7 +296,7 @@ def _judge(drawn: Drawn, show: bool) -> list[tuple[str, str]]:
         try:
             result = next(drawn.solver.history([step], start=before))
         except (sc.NotConverged, sc.NoEquilibrium) as error:
-            out.append(_refusal(error, known, held=len(p.D) > 0, name=name))
+            out.append(_refusal(error, known, same, name))
             break
         lam = result.normal_force[points]
         tau = -result.tangential_force[points, 0]
@@ -325,17 +334,40 @@ def _judge(drawn: Drawn, show: bool) -> list[tuple[str, str]]:
 
 
 def _refusal(
-    error: sc.NotConverged | sc.NoEquilibrium, known: list[Any] | None, held: bool, name: str
+    error: sc.NotConverged | sc.NoEquilibrium, known: list[Any] | None, p: Problem, name: str
 ) -> tuple[str, str]:
     """Whether a refusal is in order, and words."""
     what = type(error).__name__
     if len(str(error)) < 60 or (error.result is not None and error.result.converged):
         return "crashed", f"{name}: unclear {what}: {error}"
     if known is None:  # held bodies have an answer to every load, whatever the friction
-        return "missed" if held else "refused", f"{name}: {what}"
+        if len(p.D) > 0:
+            return "missed", f"{name}: {what}"
+        feasible = balanced(p)
+        kind = "refused, though statics would allow it" if feasible else "refused"
+        return kind, f"{name}: {what}"
     best = max((s.margin for s in known), default=-np.inf)
     kind = "missed" if best > EDGE else "refused, on the edge" if known else "refused"
     return kind, f"{name}: {what}, {len(known)} known, margin {best:.1e}"
+
+
+def balanced(p: Problem) -> bool:
+    """Whether any forces within the friction cones balance the load of bodies that nothing holds."""
+    free = null_space(p.K)
+    m = len(p.B_n)
+    bound = np.hstack([-p.mu * np.eye(m), np.eye(m)]), np.hstack([-p.mu * np.eye(m), -np.eye(m)])
+    cap = np.broadcast_to(p.cap, m)
+    balance = np.hstack([free.T @ p.B_n.T, -free.T @ p.B_t.T])
+    size = _scale(float(np.abs(p.f).max()))
+    found = linprog(
+        np.zeros(2 * m),
+        A_ub=np.vstack(bound),
+        b_ub=np.tile(np.broadcast_to(p.cohesion, m), 2) / size,
+        A_eq=balance,
+        b_eq=-free.T @ p.f / size,
+        bounds=[(0, None)] * m + [(-c, c) for c in cap / size],
+    )
+    return bool(found.status == 0)
 
 
 def foretold_wrongly(result: Any, known: list[Any]) -> bool:
@@ -355,7 +387,7 @@ def table(runs: list[dict[str, Any]]) -> str:
     for what in ("problems", "steps"):
         lines.append(f"| {what} | " + " | ".join(f"{r[what]:,}" for r in runs) + " |")
     for kind in KINDS:
-        lines.append(f"| {kind} | " + " | ".join(f"{r['kinds'][kind]:,}" for r in runs) + " |")
+        lines.append(f"| {kind} | " + " | ".join(f"{r['kinds'].get(kind, 0):,}" for r in runs) + " |")
     return "\n".join(lines)
 
 
