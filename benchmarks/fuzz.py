@@ -51,7 +51,9 @@ MU = (0.0, 1e-6, 0.1, 0.3, 0.6, 1.0, 2.0, 5.0)
 # Without load, or pulled off, a floating body has no place of its own.
 HELD_SHARES, FLOATING_SHARES = [0.0, 1.0, -1.0, 3.0], [1.0, 1.0, 3.0]
 MOST_ENUMERATED = 6  # points for which all patterns are tried
-ROUND_OFF = 1e-10  # of the terms of K u: what a factorisation leaves of them, with its condition number
+ROUND_OFF = (
+    1e-8  # of the terms of K u are no scale: their own last digits, 1e-16, are below DIGITS of it
+)
 EDGE = 1e-9  # solutions as near as this to breaking an inequality may be refused
 KINDS = (
     "right",
