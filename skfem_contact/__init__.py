@@ -15,15 +15,16 @@ The modules stand in the order of the theory, and each imports only from those a
 * what meets what: `search`, `projection`, `closest`, `strips`, `segmentation`, `supports`, `facing`,
   `pairing`, `dual`, `mortar`, `frames`, `pairing_diagnosis`, `obstacle`, `rigid_shapes`, `level_set`;
 * the contact conditions: `friction`, `checked_law`, `contact`, `discretisation`, `loads`,
-  `kinematics`, `diagnosis`, `interface`, `rigid`, `statics`, `pivoting`, `constraint_inputs`,
-  `constraint`, `elimination`, `skfem_solve`, `constraint_rows`;
+  `kinematics`, `diagnosis`, `interface`, `identity`, `rigid`, `statics`, `pivoting`,
+  `constraint_inputs`, `constraint`, `elimination`, `skfem_solve`, `constraint_rows`;
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `front_assembly`, `multifrontal`,
   `backend`, `amg`, `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
 * iterations: `states`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
 * answers: `fields`, `rotation`, `certificate`, `uniqueness`, `misfit`, `surface_error`,
   `body_error`, `estimate`, `contact_values`, `result`;
 * the way through a load history: `driver`, `linear_model`, `nested`, `starts`, `attempt`,
-  `stepping`, `steps`, `checkpoint`, `recovery`, `indifference`, `load_step`, `solver`;
+  `stepping`, `steps`, `checkpoint`, `recovery`, `indifference`, `load_step`,
+  `yielded`, `solver`;
 * what is shown: `report`, `stress`, `io`, `drawing`, `plot_bodies`, `plot_contacts`.
 
 Closed forms to compare with are in `reference`, which needs none of these.

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import warnings
+import zlib
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import shown
-from skfem_contact.errors import InputError
+from skfem_contact.errors import ContactWarning, InputError
+from skfem_contact.identity import Identity
 from skfem_contact.loads import LoadCase, Motion
 from skfem_contact.states import State
 from skfem_contact.steps import Settings
@@ -20,7 +24,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-FORMAT = 1  # of the file; a file of another one is refused
+FORMAT = 2  # of the file; a file of another one is refused
+# What reading a file may raise that is damaged, or that is none of ours.
+DAMAGED = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +43,11 @@ class SavedState:
         The loads in force, which stay as they are where the next step does not name them.
     dissipation_before, dissipation_by_contact : ndarray
         Energy lost before and in the last step, per contact [energy].
+    identity : Identity
+        The bodies and contacts that this is a state of.
+    converged : bool
+        A state that is not can be a `guess`, but no `start`.
+    message : str
     """
 
     state: State
@@ -44,6 +55,9 @@ class SavedState:
     settings: Settings
     dissipation_before: Array
     dissipation_by_contact: Array
+    identity: Identity
+    converged: bool
+    message: str
 
 
 def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
@@ -63,6 +77,16 @@ def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
     -------
     Path
         Of the file written.
+
+    Raises
+    ------
+    InputError
+        If there is no such folder, or the file can not be written.
+
+    Warns
+    -----
+    ContactWarning
+        The result did not converge: no history can go on from it.
     """
     path = _path(path)
     if not hasattr(result, "state") or not hasattr(result, "settings"):
@@ -79,11 +103,33 @@ def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
     data["settings_factor"] = np.nan if settings.factor is None else settings.factor
     data["dissipation_before"] = result.dissipation_before
     data["dissipation_by_contact"] = result.dissipation_by_contact
-    partial = path.with_name(path.name + ".part")
-    with partial.open("wb") as file:
-        np.savez(file, **data)
-    partial.replace(path)  # an interruption while writing leaves the old file whole
+    data |= {f"identity_{name}": value for name, value in result.identity.as_arrays().items()}
+    data |= {"converged": result.converged, "message": result.message}
+    _write(path, data)
+    if not result.converged:
+        warnings.warn(
+            f"the state in {str(path)!r} did not converge ({result.message}); it can be a guess, but "
+            "no history can start from it",
+            ContactWarning,
+            stacklevel=2,
+        )
     return path
+
+
+def _write(path: Path, data: dict[str, Any]) -> None:
+    if not path.parent.is_dir():
+        raise InputError(
+            f"there is no folder {str(path.parent)!r} to save a state in; make it first, for example "
+            "by Path(...).mkdir(parents=True)"
+        )
+    partial = path.with_name(path.name + ".part")
+    try:
+        with partial.open("wb") as file:
+            np.savez(file, **data)
+        partial.replace(path)  # an interruption while writing leaves the old file whole
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise InputError(f"the state could not be written to {str(path)!r}: {error}") from None
 
 
 def _path(path: Any) -> Path:
@@ -93,37 +139,60 @@ def _path(path: Any) -> Path:
         raise InputError(f"path is {shown(path)}; give the name of a file, or a Path") from None
 
 
-def load_state(path: str | Path, n: int, points: tuple[slice, ...]) -> SavedState:
+def load_state(path: str | Path, identity: Identity, points: tuple[slice, ...]) -> SavedState:
     """Read a state back; see `ContactSolver.load_state`.
 
     Parameters
     ----------
     path : str or Path
-    n : int
-        DOFs of all bodies.
+    identity : Identity
+        The bodies and contacts that it has to be a state of.
     points : tuple of slice
         The points of each contact.
 
     Raises
     ------
     InputError
-        If the file is none of `save_state`, or of other bodies and contacts.
+        If the file is none of `save_state`, damaged, or of other bodies and contacts.
     """
     path = _path(path)
     if not path.is_file():
         raise InputError(f"there is no file {str(path)!r} to load a state from")
-    with np.load(path, allow_pickle=False) as file:
-        data = dict(file)
-    if int(data.get("format", 0)) != FORMAT:
-        raise InputError(f"{str(path)!r} is no file written by this version's save_state(...)")
-    state = State(**{f.name: data[f"state_{f.name}"] for f in fields(State)})
-    m, count = len(state.status), len(data["motion_angle"])
-    if len(data["case_f"]) != n or m != points[-1].stop or count != len(points):
+    try:
+        data = _read(path)
+        found = int(data.get("format", 0))
+        if found == FORMAT:
+            return _state(path, data, identity, points)
+    except InputError:
+        raise
+    except DAMAGED as error:
         raise InputError(
-            f"{str(path)!r} is a state of {len(data['case_f'])} DOFs, {m} contact points and {count} "
-            f"contacts; this solver has {n}, {points[-1].stop} and {len(points)}. A state can be "
-            "carried over only between solvers of the same bodies and contacts, in the same order."
+            f"{str(path)!r} can not be read as a state ({error}): it was not written by "
+            "save_state(...), or it is damaged or cut off. Take the one saved before it."
+        ) from None
+    if found:
+        raise InputError(
+            f"{str(path)!r} has format {found}, this version reads {FORMAT}: files of earlier versions "
+            "do not say which meshes they belong to. Compute the state again, and save it anew."
         )
+    raise InputError(f"{str(path)!r} is no file written by save_state(...)")
+
+
+def _read(path: Path) -> dict[str, Any]:
+    with path.open("rb") as stream:  # NumPy leaves it open where it can not read it
+        file = np.load(stream, allow_pickle=False)
+        if isinstance(file, np.ndarray):
+            raise ValueError("a single array")
+        with file:
+            return dict(file)
+
+
+def _state(
+    path: Path, data: dict[str, Any], identity: Identity, points: tuple[slice, ...]
+) -> SavedState:
+    state = State(**{f.name: data[f"state_{f.name}"] for f in fields(State)})
+    own = Identity(**{f.name: data[f"identity_{f.name}"] for f in fields(Identity)})
+    identity.refuse(own, repr(str(path)))
     motion = tuple(
         Motion(shift, float(angle), centre)
         for shift, angle, centre in zip(
@@ -141,7 +210,9 @@ def load_state(path: str | Path, n: int, points: tuple[slice, ...]) -> SavedStat
         tuple(m.as_argument() if there else None for m, there in moved),
         None if np.isnan(factor) else factor,
     )
-    return SavedState(state, case, settings, data["dissipation_before"], data["dissipation_by_contact"])
+    lost = data["dissipation_before"], data["dissipation_by_contact"]
+    converged, message = bool(data["converged"]), str(data["message"])
+    return SavedState(state, case, settings, *lost, own, converged, message)
 
 
 def _motions(motions: tuple[Motion, ...]) -> dict[str, Any]:

@@ -17,7 +17,17 @@ class ContactWarning(UserWarning):
 
 
 class ContactError(Exception):
-    """Base of all errors of this library."""
+    """Base of all errors of this library.
+
+    Attributes
+    ----------
+    results : tuple of ContactResult
+        Where a step of `history` failed, the results of the steps before it: also those of
+        ``list(solver.history(steps))``, which nobody has seen. Any other exception that ends a history
+        has them too, KeyboardInterrupt included.
+    """
+
+    results: tuple[ContactResult, ...] = ()
 
 
 class InputError(ContactError, ValueError):

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from skfem_contact.contact import Contact
 from skfem_contact.diagnosis import check_pairing, check_side, prescribed_rows
 from skfem_contact.discretisation import pair
+from skfem_contact.identity import Identity
 from skfem_contact.kinematics import Kinematics, initial_gap, join, kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.pairing import Pairing
@@ -104,6 +105,11 @@ class Geometry:
     def prescribed(self) -> Mask:
         """Points of the undeformed bodies whose gap is prescribed, shape (m,)."""
         return self.kin.paired & prescribed_rows(self.kin.B_n, self.system.D)
+
+    @cached_property
+    def identity(self) -> Identity:
+        """What a state has to belong to."""
+        return Identity.of(self.system, self.contacts)
 
     @property
     def follows(self) -> bool:

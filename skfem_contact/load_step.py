@@ -170,12 +170,14 @@ class LoadStep:
             return
         usage = "give what solve(...) returned, or load_state(...)"
         check_kind(start, (ContactResult, SavedState), what, usage)
-        m, n = len(start.state.status), len(start.case.f)
-        if m != self.model.kin.m or n != self.model.system.n:
+        if start.identity is not self.model.geometry.identity:
+            self.model.geometry.identity.refuse(start.identity, what)
+        if what == "start" and not start.converged:
             raise InputError(
-                f"{what} has {m} contact points and {n} DOFs, this solver "
-                f"{self.model.kin.m} and {self.model.system.n}. A state can be carried over only "
-                "between solvers of the same bodies and contacts, in the same order."
+                f"start did not converge ({start.message}): forces and slips of a state that is no "
+                "equilibrium are no history. Go on from the last result that did (the last one in "
+                "`.results` of the exception) in smaller steps; as starting values alone this one can "
+                "be the `guess` of solve(...)."
             )
 
     def _result(
@@ -228,6 +230,6 @@ class LoadStep:
             f"The loop '{self.stepper.loop}' did not converge: {result.message}. Usually the load has "
             "no equilibrium or several (a large coefficient of friction), or the step is too large "
             "for its path. Try smaller load steps in history(...), another loop, or a smaller mu; "
-            "the last state is in `.result` of this exception.",
+            "the last state is in `.result` of this exception, the steps before it in `.results`.",
             result,
         )

@@ -14,6 +14,7 @@ from skfem_contact.contact import Contact
 from skfem_contact.contact_values import ContactValues
 from skfem_contact.errors import InputError
 from skfem_contact.estimate import estimate
+from skfem_contact.identity import Identity
 from skfem_contact.inputs import suggest
 from skfem_contact.interface import can_carry, point_slices
 from skfem_contact.kinematics import Kinematics
@@ -159,6 +160,12 @@ class ContactResult:
             moved = np.where((state.status[part] != 0)[:, None], moved, 0.0)
             slip = np.where(smooth[:, None], moved, slip)
         return slip[kin.heir[part] - part.start]
+
+    @property
+    def identity(self) -> Identity:
+        """The bodies and contacts that this is a state of."""
+        known: Identity = self.recover.model.geometry.identity
+        return known
 
     @property
     def dissipation(self) -> float:

@@ -39,6 +39,7 @@ from skfem_contact.steps import StepReader
 from skfem_contact.substructure import Substructure
 from skfem_contact.surface import ContactSurface
 from skfem_contact.system import stack
+from skfem_contact.yielded import Yielded
 
 Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
@@ -375,7 +376,8 @@ class ContactSolver:
         ContactResult
             One per step. A step that does not converge is cut and recovered; the substeps are not
             yielded, their dissipation is summed. If a step fails for good, all results before it
-            have been yielded: the history can go on from the last of them.
+            have been yielded, and are in ``results`` of the exception: the history can go on from
+            the last of them.
 
         Warns
         -----
@@ -390,11 +392,17 @@ class ContactSolver:
             raise InputError(
                 f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
             )
-        for step in _with_progress(steps, progress):
-            settings = self._reader.read(step, settings)
-            before = self._load_step.solve(settings, before, None, None, True)
-            logger.info("step %s: %s", step if np.ndim(step) == 0 else "", before.message)
-            yield before
+        yielded = Yielded()
+        try:
+            for step in _with_progress(steps, progress):
+                settings = self._reader.read(step, settings)
+                before = self._load_step.solve(settings, before, None, None, True)
+                logger.info("step %s: %s", step if np.ndim(step) == 0 else "", before.message)
+                yielded.add(before, self._reader)
+                yield before
+        except (Exception, KeyboardInterrupt) as error:
+            error.results = yielded.all()  # type: ignore[union-attr]
+            raise
 
     def load_state(self, path: str | Path) -> SavedState:
         """A state written by `save_state`, as the ``start`` of ``solve`` or ``history``.
@@ -419,7 +427,7 @@ class ContactSolver:
             for result in solver.history(rest_of_the_steps, start=start):
                 ...
         """
-        return load_state(path, self.system.n, self.interface.parts)
+        return load_state(path, self.geometry.identity, self.interface.parts)
 
     def update(self, body: Body | str, *, K: Any = None, f: Any = None) -> None:
         """Replace the stiffness or the load of one body in this solver itself.

@@ -176,3 +176,213 @@ def test_sliding_is_no_rotation():
     *_, last = dragged_block(rigid=True).history([{"x": {"block": d}} for d in (0.1, 0.2)])
     # its edges are lifted by a little more at the rear than at the front: p/E
     assert abs(last.rotations["block"]) < 5e-3
+
+
+def on_a_plane(mesh_of=None, *, swap=False, sliding="small", **given):
+    """Two blocks side by side on a plane; `mesh_of` changes the mesh of the second."""
+    bodies = []
+    for i in range(2):
+        basis = rectangle(np.linspace(2 * i, 2 * i + 1, 5), np.linspace(0, 1, 5))
+        if i and mesh_of is not None:
+            basis = fem.Basis(mesh_of(basis.mesh), basis.elem, intorder=2)
+        x = np.zeros(basis.N)
+        x[basis.get_dofs("top").nodal["u^2"]] = -1e-3
+        bodies.append(sc.Body(basis, elastic(1e3), D="top", x=x, name=f"block {i}", **given))
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    contacts = [
+        sc.Contact(
+            b.surface("bottom"), floor, friction=sc.Coulomb(0.3), sliding=sliding, name=f"on {b.name}"
+        )
+        for b in (bodies[::-1] if swap else bodies)
+    ]
+    return sc.ContactSolver(bodies, contacts)
+
+
+def bent(mesh):
+    """The same connectivity, one inner node elsewhere."""
+    p = mesh.p.copy()
+    inside = np.flatnonzero((p[0] > p[0].min()) & (p[1] == 0.5))[0]
+    p[0, inside] += 1e-3
+    return type(mesh)(p, mesh.t, sort_t=False).with_defaults()
+
+
+def mirrored(mesh):
+    """As many nodes and elements, numbered the other way."""
+    return type(mesh)(mesh.p[:, ::-1], mesh.nvertices - 1 - mesh.t, sort_t=False).with_defaults()
+
+
+def rounded(mesh):
+    """What another machine makes of the same script: the last bits of the coordinates differ."""
+    rng = np.random.default_rng(0)
+    p = mesh.p * (1 + 4e-16 * rng.integers(-1, 2, mesh.p.shape))
+    return type(mesh)(p, mesh.t, sort_t=False).with_defaults()
+
+
+OTHERS = {
+    "nodes": ({"mesh_of": bent}, "a mesh whose nodes are elsewhere: body 'block 1'"),
+    "numbers": ({"mesh_of": mirrored}, "another mesh: body 'block 1'"),
+    "order": ({"swap": True}, "contact 'on block 0' there is not contact 'on block 1'"),
+    "sliding": ({"sliding": "finite"}, "another sliding"),
+}
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_states_of_other_meshes_are_refused(tmp_path, other):
+    """Equal numbers of DOFs, points and contacts do not make a state fit: in memory and in a file."""
+    settings, words = OTHERS[other]
+    result = on_a_plane().solve()
+    path = sc.save_state(tmp_path / "state", result)
+    solver = on_a_plane(**settings)
+    assert solver.system.n == result.system.n and solver.kin.m == result.kin.m
+    with pytest.raises(sc.InputError, match=words):
+        solver.load_state(path)
+    for what in ("start", "guess"):
+        with pytest.raises(sc.InputError, match=words):
+            solver.solve(**{what: result})
+    with pytest.raises(sc.InputError, match=words):
+        next(solver.history([1.0], start=result))
+
+
+def test_states_of_the_same_mesh_are_taken(tmp_path):
+    """Other loads, stiffness, friction and obstacles, and the round-off of another machine."""
+    result = on_a_plane().solve()
+    path = sc.save_state(tmp_path / "state", result)
+    for solver in (
+        on_a_plane(f=np.ones(50)),
+        on_a_plane(rounded),
+        on_a_plane().with_friction(sc.Coulomb(0.1)),
+        on_a_plane().with_stiffness("block 0", 2.0 * on_a_plane().system.bodies[0].K),
+    ):
+        assert solver.solve(start=solver.load_state(path)).converged
+        assert solver.solve(start=result).converged
+
+
+def test_states_that_did_not_converge_are_no_history(tmp_path):
+    """Refused as a start, in memory and from a file, which keeps the flag; good as a guess."""
+    solver = on_a_plane()
+    whole = solver.solve()
+
+    def stop(record):
+        raise StopIteration
+
+    broken = solver.solve({"block 0": np.ones(50)}, callback=stop, throw=False)
+    assert not broken.converged
+    with pytest.warns(sc.ContactWarning, match=r"did not converge .* no history can start"):
+        path = sc.save_state(tmp_path / "broken", broken)
+    loaded = solver.load_state(path)
+    assert not loaded.converged and loaded.message == broken.message
+    for state in (broken, loaded):
+        with pytest.raises(sc.InputError, match=r"start did not converge .*guess"):
+            solver.solve(start=state)
+        with pytest.raises(sc.InputError, match="start did not converge"):
+            next(solver.history([1.0], start=state))
+        guessed = solver.solve(guess=state)
+        assert_allclose(guessed["on block 0"].forces, whole["on block 0"].forces, atol=1e-13)
+
+
+def test_damaged_files_are_refused_in_words(tmp_path):
+    """Garbage, a file cut off anywhere, another format, an earlier version: no error of NumPy's."""
+    solver = on_a_plane()
+    path = sc.save_state(tmp_path / "state.npz", solver.solve())
+    content = path.read_bytes()
+    files = {
+        "garbage": b"\x80\x04garbage" * 50,
+        "empty": b"",
+        "text": b"load factor 1\n",
+        "cut": content[: len(content) // 2],
+        "cut at the end": content[:-10],
+        "flipped": content[:300] + bytes(255 - b for b in content[300:340]) + content[340:],
+    }
+    for name, damaged in files.items():
+        wrong = tmp_path / f"{name}.npz"
+        wrong.write_bytes(damaged)
+        with pytest.raises(sc.InputError, match="can not be read as a state"):
+            solver.load_state(wrong)
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    with pytest.raises(sc.InputError, match="a single array"):
+        solver.load_state(tmp_path / "array.npy")
+    with np.load(path) as file:
+        data = dict(file)
+    np.savez(tmp_path / "old.npz", **{**data, "format": 1})
+    with pytest.raises(sc.InputError, match="has format 1, this version reads 2"):
+        solver.load_state(tmp_path / "old.npz")
+    del data["state_slip"]
+    np.savez(tmp_path / "part.npz", **data)
+    with pytest.raises(sc.InputError, match=r"can not be read as a state .*state_slip"):
+        solver.load_state(tmp_path / "part.npz")
+
+
+def test_states_are_saved_whole_or_not_at_all(tmp_path, monkeypatch):
+    """A missing folder is named; a disk that is full leaves the old file and nothing else."""
+    result = on_a_plane().solve()
+    with pytest.raises(sc.InputError, match=r"there is no folder .*mkdir"):
+        sc.save_state(tmp_path / "none" / "state", result)
+    path = sc.save_state(tmp_path / "state", result)
+    content = path.read_bytes()
+
+    def full(file, **data):
+        file.write(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "savez", full)
+    with pytest.raises(sc.InputError, match=r"could not be written .*No space left"):
+        sc.save_state(path, result)
+    assert path.read_bytes() == content and list(tmp_path.iterdir()) == [path]
+
+
+FAILING = [{"x": {"block": 0.1}}, {"x": {"block": 0.2}}, {"f": {"block": -1.0}}]
+
+
+def test_the_exception_carries_the_results():
+    """``list(history)`` gives all before the step that fails; a loop that keeps nothing, equal ones."""
+    solver = dragged_block(rigid=True)
+    good = list(solver.history(FAILING[:2]))
+    with pytest.raises(sc.ContactError) as failure:
+        list(solver.history(FAILING))
+    with pytest.raises(sc.ContactError) as other:
+        [result.force for result in solver.history(FAILING)]
+    for error in (failure.value, other.value):
+        assert len(error.results) == 2 and all(r.converged for r in error.results)
+        for a, b in zip(good, error.results, strict=True):
+            same(a, b, 1e-12)
+            assert_allclose(b.u, a.u, atol=1e-12)
+        after = next(solver.history([{"x": {"block": 0.3}}], start=error.results[-1]))
+        assert_allclose(after.force, [-0.3, 1.0], atol=1e-10)
+
+
+@pytest.mark.parametrize("wrong", ["two", KeyboardInterrupt(), ZeroDivisionError()], ids=str)
+def test_any_end_of_a_history_keeps_its_results(wrong):
+    """A wrong step, an error of the user's own, Ctrl-C: the results of numeric steps, with loads."""
+    solver = on_a_plane(f=np.linspace(0.0, 0.1, 50))
+
+    def steps():
+        yield from (0.5, 1.0)
+        if isinstance(wrong, BaseException):
+            raise wrong
+        yield wrong
+
+    kept = []
+    with pytest.raises((sc.InputError, KeyboardInterrupt, ZeroDivisionError)) as failure:
+        for result in solver.history(steps()):
+            kept.append(str(result.certificate))
+            del result
+    results = failure.value.results
+    assert [r.factor for r in results] == [0.5, 1.0]
+    assert [str(r.certificate) for r in results] == kept
+    assert_allclose(results[0].case.f, 0.5 * results[1].case.f)
+    assert_allclose(results[1].u, solver.solve().u, atol=1e-14)
+
+
+def test_results_so_far_are_light():
+    """What a history keeps for its exception does not grow with the bodies, if nobody else keeps it."""
+    solver = on_a_plane()
+    history = solver.history(np.linspace(0.1, 1.0, 10))
+    for result in history:
+        assert result.u.any()
+    yielded = history.gi_frame.f_locals["yielded"] if history.gi_frame else None
+    assert yielded is None  # and nothing at all after its end
+    history = solver.history([0.5, 1.0])
+    first = next(history)
+    assert first.u.any()
+    light, _ = history.gi_frame.f_locals["yielded"]._light[0]
+    assert "u" not in vars(light) and not len(light.case.f) and light.recover.case is light.case
