@@ -72,13 +72,16 @@ class Walk:
     cuts: int = 0
     substeps: int = 1
     share: float = 1.0  # of the step that is attempted next
+    coarse: int = 0  # iterations on fewer points, of nested starts
 
     @property
     def words(self) -> str:
-        """How the step was cut, for messages."""
+        """What else it took, for messages: a nested start, cuts of the step."""
+        plural = "" if self.coarse == 1 else "s"
+        nested = f" after a nested start of {self.coarse} iteration{plural}" if self.coarse else ""
         if not self.cuts:
-            return ""
-        return f", step cut {self.cuts} times, substep {self.substeps}"
+            return nested
+        return f"{nested}, step cut {self.cuts} times, substep {self.substeps}"
 
 
 def friction_energy(interface: Interface, last: State, new: State) -> Energy:

@@ -111,7 +111,10 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """How a loop ended: its last iterate, the log, and the reason in words."""
+    """How a loop ended: its last iterate, the log, and the reason in words.
+
+    `coarse` and `note` are what the log does not show of its start: iterations on fewer points, words.
+    """
 
     iterate: Iterate
     trace: tuple[Record, ...]
@@ -119,6 +122,16 @@ class Outcome:
     message: str
     free: np.ndarray | None = None
     stopped: bool = False
+    coarse: int = 0
+    note: str = ""
+
+
+def converged_words(count: int) -> str:
+    """
+    >>> converged_words(1), converged_words(2)
+    ('converged in 1 iteration', 'converged in 2 iterations')
+    """
+    return f"converged in {count} iteration{'' if count == 1 else 's'}"
 
 
 def drive(
@@ -149,9 +162,7 @@ def drive(
             message = "the linear solve returned numbers that are not finite"
             break
         if iterate.converged:
-            plural = "" if len(trace) == 1 else "s"
-            words = f"converged in {len(trace)} iteration{plural}"
-            return Outcome(iterate, tuple(trace), True, words)
+            return Outcome(iterate, tuple(trace), True, converged_words(len(trace)))
         if iterate.held is not None:
             key = iterate.status.tobytes()
             if key in unheld:

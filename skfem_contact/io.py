@@ -17,6 +17,7 @@ from skfem_contact.body import Body
 from skfem_contact.contact_values import ContactValues
 from skfem_contact.errors import InputError
 from skfem_contact.result import ContactResult
+from skfem_contact.stress import field_name
 from skfem_contact.surface import ContactSurface
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def write(
     result : ContactResult
     stress : callable, optional
         ``stress(body, u)`` returns a number for each node of the body, such as
-        `skfem_contact.von_mises`; written as ``von_mises``.
+        `skfem_contact.von_mises`; written by the name of the function, ``stress`` for a lambda.
 
     Returns
     -------
@@ -218,8 +219,13 @@ def bodies_grid(result: ContactResult, stress: Stress | None = None) -> meshio.M
     field = np.concatenate(values)
     data = {"u": field[:, 0]} if field.shape[1] == 1 else {"displacement": three(field)}
     if stress is not None:
-        data["von_mises"] = np.concatenate(scalars)
+        data[_free_name(field_name(stress), data)] = np.concatenate(scalars)
     return meshio.Mesh(np.concatenate(points), cells, data, {"body": number})
+
+
+def _free_name(name: str, taken: Iterable[str]) -> str:
+    """The name of a field, or one beside it where another field has that name."""
+    return f"{name}_given" if name in taken else name
 
 
 def _nodal(values: Any, count: int, name: str) -> Array:

@@ -238,4 +238,4 @@ def _statuses(step: Step, problem: _Problem, z: Array, current: Guess) -> Guess:
         slips = (sigma > 0) & (status[problem.friction] != OPEN) & (friction != 0)
         status[problem.friction[slips]] = SLIP
         direction[problem.friction[slips], 0] = np.sign(friction[slips])
-    return Guess(status, direction, force, tangential, current.slip)
+    return Guess(status, direction, force, tangential, current.slip, pivoted=True)

@@ -14,6 +14,7 @@ from skfem_contact.arguments import check_kind
 from skfem_contact.attempt import Attempt, Walk, nothing
 from skfem_contact.checkpoint import SavedState
 from skfem_contact.diagnosis import check_loads
+from skfem_contact.driver import converged_words
 from skfem_contact.errors import ContactWarning, InputError, NoEquilibrium, NotConverged
 from skfem_contact.indifference import Indifference, Rest, idles, pins
 from skfem_contact.interface import Interface
@@ -192,6 +193,8 @@ class LoadStep:
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
         message = attempt.failure or attempt.outcome.message
+        if attempt.good:  # with all rounds, attempts and substeps that came before the last one
+            message = converged_words(len(walk.trace)) + attempt.outcome.note
         case = attempt.case
         return ContactResult(
             system=self.model.system,

@@ -73,7 +73,8 @@ def nested_guess(step: Step, guess: Guess, loop: Loop, points: Array, tolerance:
         except SingularMatrix:  # only a start: the next level begins without this one
             continue
         logger.debug("nested start on %d points: %s", allowed.sum(), outcome.message)
-        guess = _refine(outcome.iterate, level)
+        coarse = guess.coarse + len(outcome.trace)
+        guess = replace(_refine(outcome.iterate, level), coarse=coarse)
     return guess
 
 

@@ -12,8 +12,14 @@ from skfem_contact.pairing import Pairing
 from skfem_contact.selection import place
 from skfem_contact.surface import ContactSurface
 
+# Facets this much smaller, and bodies this much stiffer, than those of the other side make the choice
+# of the secondary worth a line.
+FINER, STIFFER = 0.75, 3.0
 
-def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[str]:
+
+def diagnose(
+    pairing: Pairing, secondary: ContactSurface, primary: Any, method: str = "node"
+) -> list[str]:
     """Say in sentences what looks wrong with a pairing; an empty list if nothing does.
 
     Parameters
@@ -21,6 +27,8 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
     pairing : Pairing
     secondary : ContactSurface
     primary : ContactSurface or rigid obstacle
+    method : {"node", "mortar"}
+        Mortar holds the nodes of both sides: no side need be the finer one.
 
     Returns
     -------
@@ -34,7 +42,7 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
     lost = lonely & ~beyond
     m = len(pairing.paired)
     if beyond.any():
-        lines.append(_say_beyond(pairing, secondary, primary, beyond))
+        lines.append(_say_beyond(pairing, secondary, primary, beyond, method))
     if not pairing.paired.any():
         lines.append(
             f"None of the {m} points of surface {secondary.label!r} finds a partner on "
@@ -48,10 +56,9 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
             f'{place(secondary.points[worst])}. They can never touch (outside="open"). Fine where '
             "the surface curves away; else enlarge `reach`, or the primary surface."
         )
-    if isinstance(primary, ContactSurface) and pairing.paired.any():
+    if isinstance(primary, ContactSurface) and pairing.paired.any() and method == "node":
         coarse, fine = _facet_sizes(pairing, secondary, primary)
-        # closer than this the choice makes no difference worth a line
-        if fine < 0.75 * coarse:
+        if fine < FINER * coarse:
             lines.append(
                 f"The primary surface {primary.label!r} is finer than the secondary one, "
                 f"{secondary.label!r}: facets of {fine:.3g} against {coarse:.3g}. Nodes of the "
@@ -60,6 +67,38 @@ def diagnose(pairing: Pairing, secondary: ContactSurface, primary: Any) -> list[
                 'or use method="mortar".'
             )
     return lines
+
+
+def say_stiffer(pairing: Pairing, secondary: ContactSurface, primary: Any, method: str) -> list[str]:
+    """Say that the secondary side is much the stiffer one, where nothing speaks against a swap.
+
+    Node by node the finer side is the better secondary, whatever the stiffness: advice to swap two
+    sides is never followed by advice to swap them back.
+    """
+    if not isinstance(primary, ContactSurface) or not pairing.paired.any():
+        return []
+    mine, met = _facet_sizes(pairing, secondary, primary)
+    ratio = _stiffness(secondary) / _stiffness(primary)
+    if ratio <= STIFFER or (method == "node" and mine < FINER * met):
+        return []
+    return [
+        f"the secondary side is {ratio:.3g} times stiffer than the primary (by the diagonal of K at "
+        "the surface); the softer side is the better secondary: swap secondary and primary"
+    ]
+
+
+def _stiffness(surface: ContactSurface) -> float:
+    return float(np.median(surface.body.K.diagonal()[surface.dofs]))
+
+
+def _swap_is_good(pairing: Pairing, secondary: ContactSurface, primary: Any, method: str) -> bool:
+    """Whether the two sides could be swapped without the advice to swap them back."""
+    if not isinstance(primary, ContactSurface) or not pairing.paired.any():
+        return isinstance(primary, ContactSurface)
+    mine, met = _facet_sizes(pairing, secondary, primary)
+    if method == "node" and (mine < FINER * met or met < FINER * mine):
+        return bool(met < mine)
+    return _stiffness(primary) <= STIFFER * _stiffness(secondary)
 
 
 def say_wrong_side(pairing: Pairing, secondary: ContactSurface, primary: Any) -> str:
@@ -80,7 +119,9 @@ def say_wrong_side(pairing: Pairing, secondary: ContactSurface, primary: Any) ->
     )
 
 
-def _say_beyond(pairing: Pairing, secondary: ContactSurface, primary: Any, beyond: np.ndarray) -> str:
+def _say_beyond(
+    pairing: Pairing, secondary: ContactSurface, primary: Any, beyond: np.ndarray, method: str
+) -> str:
     worst = int(np.argmax(np.where(beyond, pairing.miss, -1.0)))
     miss = pairing.miss[worst]
     facets = ""
@@ -90,8 +131,12 @@ def _say_beyond(pairing: Pairing, secondary: ContactSurface, primary: Any, beyon
         f"{np.count_nonzero(beyond)} of {len(beyond)} points of surface {secondary.label!r} "
         f"project outside surface {primary.label!r}; the farthest, point {worst} at "
         f"{place(secondary.points[worst])}, misses by {miss:.3g}{facets}. They can never touch "
-        '(outside="open"). If they should: the primary surface may be too short, or the two are '
-        "swapped; enlarge it, or swap secondary and primary."
+        '(outside="open"). If they should: the primary surface may be too short'
+        + (
+            ", or the two are swapped; enlarge it, or swap secondary and primary."
+            if _swap_is_good(pairing, secondary, primary, method)
+            else "; enlarge it."
+        )
     )
 
 

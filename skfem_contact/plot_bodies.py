@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skfem_contact.drawing import FRICTION, LINES, arc_length, new_axes, require_plane
 from skfem_contact.io import Stress, body_cells, body_nodes
 from skfem_contact.result import ContactResult
+from skfem_contact.stress import field_name
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ def plot_deformed(
     arrows : bool
         Draw the traction at closed points. The head is on the secondary surface.
     label : str, optional
-        Of the colour bar, to add a unit.
+        Of the colour bar, to add a unit; by default the name of the function `stress`.
     cmap : str
 
     Returns
@@ -87,7 +88,8 @@ def plot_deformed(
         _outline(ax, x, cells, kind)
     if arrows:
         _arrows(ax, result, factor)
-    label = label or ("displacement" if stress is None else "von Mises stress")
+    if label is None:
+        label = "displacement" if stress is None else field_name(stress).replace("_", " ")
     ax.figure.colorbar(image, ax=ax, label=label, shrink=0.85, pad=0.02)
     ax.set(aspect="equal", xlabel="x", ylabel="y")
     ax.set_title(f"deformation magnified {factor:g} times" if factor != 1 else "true deformation")

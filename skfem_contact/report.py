@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skfem_contact.body import Body
 from skfem_contact.estimate import percent
-from skfem_contact.pairing_diagnosis import diagnose
+from skfem_contact.pairing_diagnosis import diagnose, say_stiffer
 from skfem_contact.states import STATUS
-from skfem_contact.surface import ContactSurface
 from skfem_contact.uniqueness import words
 
 if TYPE_CHECKING:
@@ -124,8 +122,8 @@ def dry_run(solver: ContactSolver) -> str:
         lines += ["", f"{name}: {contact.label}"]
         lines.append(f"  {_model_words(contact)}")
         lines += [f"  {line}" for line in _gap_words(solver, part)]
-        lines += [f"  {line}" for line in diagnose(pairing, contact.secondary, contact.primary)]
-        lines += [f"  {line}" for line in _softer(contact)]
+        sides = pairing, contact.secondary, contact.primary, contact.method
+        lines += [f"  {line}" for line in (*diagnose(*sides), *say_stiffer(*sides))]
     return "\n".join(lines)
 
 
@@ -191,19 +189,3 @@ def _gap_words(solver: ContactSolver, part: slice) -> list[str]:
             f"{touching} closed, {int(np.sum(gap < 0))} overlap (deepest {deepest:.6g})"
         )
     return lines
-
-
-def _softer(contact: Contact) -> list[str]:
-    if not isinstance(contact.primary, ContactSurface):
-        return []
-    k = [_stiffness(s.body, s) for s in (contact.secondary, contact.primary)]
-    if k[0] > 3 * k[1]:
-        return [
-            f"the secondary side is {k[0] / k[1]:.3g} times stiffer than the primary (by the "
-            "diagonal of K at the surface); the softer side is the better secondary"
-        ]
-    return []
-
-
-def _stiffness(body: Body, surface: ContactSurface) -> float:
-    return float(np.median(body.K.diagonal()[surface.dofs]))

@@ -133,13 +133,19 @@ class Iterate:
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """Starting values of a loop; never part of the answer."""
+    """Starting values of a loop; never part of the answer.
+
+    `coarse` are the iterations on fewer points that a nested start took, and `pivoted` says whether
+    complementary pivoting found the values: work that the iterations of the loop do not count.
+    """
 
     status: NDArray[np.intp]
     direction: Array
     normal_force: Array
     tangential_force: Array
     slip: Array
+    coarse: int = 0
+    pivoted: bool = False
 
 
 @dataclass(frozen=True)

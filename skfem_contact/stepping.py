@@ -108,6 +108,7 @@ class Stepper:
                 starts = ["apart"]
                 continue
             walk.trace.extend(attempt.outcome.trace)
+            walk.coarse += attempt.outcome.coarse
             lost = not attempt.good and not attempt.stopped and len(starts) == 1
             if lost and doubt is not None and share == 1.0:
                 ask, doubt = doubt, None
@@ -164,11 +165,14 @@ class Stepper:
         u = geometry.spread(at)
         placement = self.place(geometry.at(u, case), u)
         trace: tuple[Record, ...] = ()
+        coarse = 0
         secant, lost = Anderson(), np.zeros(len(geometry.finite), dtype=bool)
         for number in range(options.max_placements):
             attempt = self._solve(walk, case, placement, start, known, callback)
             trace += attempt.outcome.trace
-            attempt = replace(attempt, outcome=replace(attempt.outcome, trace=trace))
+            coarse += attempt.outcome.coarse
+            outcome = replace(attempt.outcome, trace=trace, coarse=coarse)
+            attempt = replace(attempt, outcome=outcome)
             if not attempt.good:
                 return attempt
             attempt = self._travelled(walk, attempt, 1.0 if number else FAR)
@@ -259,10 +263,11 @@ class Stepper:
             trace = (*(spent.trace if spent else ()), *outcome.trace)
             if spent and spent.converged and not outcome.converged and not outcome.stopped:
                 # the same equations and tolerance: limits that lag ran away from their solution
-                outcome = replace(spent, message=f"{spent.message} of the loop 'newton'")
+                outcome = replace(spent, note=" of the loop 'newton'")
             elif spent and spent.free is not None and not outcome.converged:
                 outcome = replace(outcome, free=spent.free)  # its limits do not lag
-            outcome = replace(outcome, trace=trace)
+            note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
+            outcome = replace(outcome, trace=trace, coarse=guess.coarse, note=note)
             state = self._state(outcome, walk, placement, load, case, seen)
         return Attempt(outcome, placement, load, case, seen, state)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,6 +81,17 @@ def nodal_stress(
         if (i < d and j < d) or i == j:
             nodal[:, i, j] = nodal[:, j, i] = scalar.project(stress[i, j])
     return nodal
+
+
+def field_name(field: Any) -> str:
+    """What a function ``(body, u) -> values`` is called in files and pictures: by its own name.
+
+    >>> from functools import partial
+    >>> field_name(von_mises), field_name(partial(von_mises, E=1.0, nu=0.3)), field_name(lambda b, u: u)
+    ('von_mises', 'von_mises', 'stress')
+    """
+    name = getattr(getattr(field, "func", field), "__name__", "<lambda>")
+    return "stress" if name == "<lambda>" else str(name)
 
 
 def von_mises(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -214,9 +215,31 @@ def test_stress_is_written_where_asked_for(tmp_path: Path) -> None:
         return sc.von_mises(body, u, E=1.0, nu=0.0, plane="stress")
 
     data = meshio.read(sc.write(tmp_path / "bars.vtu", result, stress=mises)[0]).point_data
-    assert_allclose(data["von_mises"], 0.01, rtol=1e-9)
+    assert_allclose(data["mises"], 0.01, rtol=1e-9)
     with pytest.raises(sc.InputError, match="81 nodes"):
         sc.write(tmp_path / "bars.vtu", result, stress=lambda body, u: u)
+
+
+def test_fields_are_written_by_their_names(tmp_path: Path) -> None:
+    """Any field was stored as von_mises; it has the name of its function, von_mises if it is that."""
+
+    def height(body: sc.Body, u: np.ndarray) -> np.ndarray:
+        return body.dof_points[body_nodes(body)[:, 0], 1]
+
+    result, file = stacked().solve(), tmp_path / "bars.vtu"
+    data = meshio.read(sc.write(file, result, stress=height)[0]).point_data
+    assert set(data) == {"displacement", "height"}
+    assert data["height"].max() == 2.0
+    mises = partial(sc.von_mises, E=1.0, nu=0.0, plane="stress")
+    assert "von_mises" in meshio.read(sc.write(file, result, stress=mises)[0]).point_data
+    data = meshio.read(sc.write(file, result, stress=lambda body, u: height(body, u))[0]).point_data
+    assert set(data) == {"displacement", "stress"}
+
+    def displacement(body: sc.Body, u: np.ndarray) -> np.ndarray:
+        return height(body, u)
+
+    data = meshio.read(sc.write(file, result, stress=displacement)[0]).point_data
+    assert data["displacement"].shape[1] == 3 and "displacement_given" in data
 
 
 def test_unknown_extensions_are_refused(tmp_path: Path) -> None:

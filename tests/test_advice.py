@@ -1,0 +1,84 @@
+"""What the dry run and the message advise is one thing: followed, it leaves nothing to advise."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import skfem as fem
+from skfem.models.elasticity import linear_elasticity
+
+import skfem_contact as sc
+
+
+def block(name, y, n, E, width=1.0, **data):
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, width, n + 1), y + np.linspace(0, 1, 4))
+    basis = fem.Basis(mesh.with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    return sc.Body(basis, linear_elasticity(0.0, 0.5 * E), name=name, **data)
+
+
+def advice(secondary, primary, method):
+    """What print(solver) recommends: a swap, mortar, both, or nothing."""
+    bodies = [secondary.body, primary.body]
+    text = str(sc.ContactSolver(bodies, sc.Contact(secondary, primary, method=method)))
+    return "swap secondary and primary" in text, 'use method="mortar"' in text
+
+
+SCENES = list(itertools.product([(4, 4), (4, 8), (8, 4), (8, 7)], [1.0, 100.0, 0.01, 2.0], [1.0, 0.8]))
+
+
+@pytest.mark.parametrize("method", ["node", "mortar"])
+def test_followed_advice_leaves_none(method):
+    """Coarse and fine, soft and stiff, long and short sides: no advice is taken back by the next."""
+    swaps = 0
+    for (n, m), E, width in SCENES:
+        upper = block("upper", 0.0, n, E, D="top").surface("bottom")
+        lower = block("lower", -1.0, m, 1.0, width, D="bottom").surface("top")
+        for one, other in ((upper, lower), (lower, upper)):
+            swap, mortar = advice(one, other, method)
+            if swap:
+                swaps += 1
+                assert advice(other, one, method) == (False, False), (n, m, E, width)
+            if mortar:
+                assert method == "node" and not advice(one, other, "mortar")[1]
+    assert swaps > 5
+
+
+def pressed(n, friction=None, **settings):
+    """A block with a rounded bottom, of which few points touch."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(-1, 1, n + 1), np.linspace(0, 1, 5)).with_defaults()
+    mesh.doflocs[1] += 0.05 * mesh.p[0] ** 2 * (1 - mesh.p[1])
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    x = basis.project(lambda x: np.stack([0 * x[0], -0.01 + 0 * x[0]]))
+    body = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=x)
+    pair = sc.Contact(
+        body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=friction, **settings
+    )
+    return sc.ContactSolver(body, pair)
+
+
+def test_iterations_of_the_nested_start_are_said(caplog):
+    """What the log of the coarse levels counts is in the message; without a nested start it is not."""
+    solver = pressed(64)
+    with caplog.at_level("DEBUG", logger="skfem_contact"):
+        result = solver.solve()
+    levels = [m for m in caplog.messages if m.startswith("nested start on")]
+    lines = [m for m in caplog.messages if " open " in m]  # one per iteration, coarse ones too
+    coarse = len(lines) - len(result.trace)
+    assert levels and coarse > 0
+    plural = "" if result.iterations == 1 else "s"
+    words = (
+        f"converged in {result.iterations} iteration{plural} after a nested start of {coarse} iteration"
+    )
+    assert result.message.startswith(words)
+    assert words in str(result)
+    again = solver.solve(start=result)
+    assert "nested" not in again.message
+
+
+def test_all_iterations_are_said():
+    """With finite sliding a step is solved in rounds, and the message counts those of all."""
+    result = pressed(16, sc.Coulomb(0.2), sliding="finite").solve()
+    assert result.iterations == len(result.trace) > 1
+    assert f"converged in {result.iterations} iterations" in result.message
