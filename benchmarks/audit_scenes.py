@@ -303,6 +303,10 @@ def certificate(blocks: Blocks, present: bool) -> Done:
     return blocks.solve(after=(lambda result: result.certificate) if present else None)
 
 
+def validity(blocks: Blocks, present: bool) -> Done:
+    return blocks.solve(after=(lambda result: result.validity) if present else None)
+
+
 def checkpoint(blocks: Blocks, present: bool) -> Done:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "state.npz"
@@ -409,6 +413,13 @@ ROWS = (
         ("lemke:",),
     ),
     Row("certificate", "of every step", "not asked for", certificate, ("certificate:",)),
+    Row(
+        "validity",
+        "of every step",
+        "not asked for",
+        validity,
+        ("validity:", "overlap:", "meeting:", "condensation:recover"),
+    ),
     Row("checkpoints", "after every step", "none", checkpoint, ("checkpoint:",)),
     Row("report", "of every step", "none", report, ("report:",)),
     Row("pictures", "one, at the end", "none", pictures, ("plot_contacts:", "drawing:")),

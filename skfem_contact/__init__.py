@@ -20,8 +20,9 @@ The modules stand in the order of the theory, and each imports only from those a
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `front_assembly`, `multifrontal`,
   `backend`, `amg`, `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
 * iterations: `states`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
-* answers: `fields`, `rotation`, `certificate`, `uniqueness`, `misfit`, `surface_error`,
-  `body_error`, `estimate`, `contact_values`, `result`;
+* answers: `fields`, `rotation`, `support`, `drift`, `watch`, `certificate`, `uniqueness`, `misfit`,
+  `surface_error`, `body_error`, `estimate`, `overlap`, `meeting`, `validity`, `contact_values`,
+  `result`;
 * the way through a load history: `driver`, `linear_model`, `nested`, `starts`, `attempt`,
   `stepping`, `steps`, `checkpoint`, `recovery`, `indifference`, `load_step`,
   `yielded`, `solver`;
@@ -62,6 +63,7 @@ from skfem_contact.solver import ContactSolver
 from skfem_contact.stress import nodal_stress, von_mises
 from skfem_contact.surface import ContactSurface
 from skfem_contact.system import System, stack
+from skfem_contact.validity import ContactValidity, Validity
 
 __all__ = [
     "AMG",
@@ -75,6 +77,7 @@ __all__ = [
     "ContactResult",
     "ContactSolver",
     "ContactSurface",
+    "ContactValidity",
     "ContactWarning",
     "Coulomb",
     "Direct",
@@ -93,6 +96,7 @@ __all__ = [
     "SavedState",
     "System",
     "Tresca",
+    "Validity",
     "condense",
     "contact_rows",
     "eliminate",

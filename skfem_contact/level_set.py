@@ -90,6 +90,17 @@ class LevelSet(Obstacle):
         facing = np.einsum("md,md->m", normal, surface.normals) < -FACING
         return gap, normal, converged & (steep > 0) & facing & (gap >= -0.5 * size)
 
+    def first_order(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What `distance` gives, by the value over the gradient: right near the obstacle."""
+        x = surface.points
+        gradient = self._gradient(x, float(np.linalg.norm(np.ptp(x, axis=0))))
+        steep = np.linalg.norm(gradient, axis=1)
+        there = steep > 0
+        steep = np.where(there, steep, 1.0)
+        normal = gradient / steep[:, None]
+        facing = np.einsum("md,md->m", normal, surface.normals) < -FACING
+        return self._value(x) / steep, normal, there & facing
+
     def _value(self, x: np.ndarray) -> np.ndarray:
         usage = "it must return one finite number for each position"
         value = numbers(self.function(x.T), f"what the function of {self.label!r} returned", usage)

@@ -23,12 +23,12 @@ from skfem_contact.loads import LoadCase
 from skfem_contact.recovery import Recovery
 from skfem_contact.result import ContactResult
 from skfem_contact.rigid import no_equilibrium
-from skfem_contact.rotation import warn_of_rotation
 from skfem_contact.starts import natural_state
 from skfem_contact.states import Record, State
 from skfem_contact.statics import drives, escape
 from skfem_contact.stepping import Stepper
 from skfem_contact.steps import Settings, StepReader
+from skfem_contact.watch import Said, Watch
 
 Known = ContactResult | SavedState | None
 
@@ -90,8 +90,9 @@ class LoadStep:
         way = Way(state, case, target, None if warm is None else warm.state, callback)
         found = self._find(way, start)
         result = self._result(found, start, settings, time.perf_counter() - begin)
-        warn_of_rotation(result.rotations)
         if result.converged:
+            watched = self.watch.look(result.state, result.gap, result.case, _said(start))
+            result = replace(result, watched=self.watch.warn(watched))
             self._warn(result)
         if result.converged or not throw:
             return result
@@ -165,6 +166,11 @@ class LoadStep:
                 stacklevel=4,
             )
 
+    @cached_property
+    def watch(self) -> Watch:
+        """What is looked at after every step, made in the first."""
+        return Watch(self.model.geometry, self.stepper.interface, self.model.stiffness)
+
     def check_start(self, start: Known, what: str) -> None:
         """Refuse a state of other bodies and contacts, or something else altogether."""
         if start is None:
@@ -236,3 +242,8 @@ class LoadStep:
             "the last state is in `.result` of this exception, the steps before it in `.results`.",
             result,
         )
+
+
+def _said(start: Known) -> Said:
+    """What has been warned of in the history so far; a file does not know."""
+    return start.watched.said if isinstance(start, ContactResult) else frozenset()

@@ -36,6 +36,7 @@ def report(result: ContactResult) -> str:
         turned = ", ".join(f"{name} {angle:.2g} rad" for name, angle in result.rotations.items())
         lines += ["", f"rotation of the contact surfaces (linear bodies follow to 0.1): {turned}"]
     lines += ["", *result.indifferent] if result.indifferent else []
+    lines += ["", *validity_lines(result)]
     lines += ["", *other_answers] if (other_answers := words(result)) else []
     lines += ["", "Certificate (dimensionless; round-off where everything holds)"]
     certificate = result.certificate
@@ -43,6 +44,16 @@ def report(result: ContactResult) -> str:
     seconds = ", ".join(f"{k} {v:.3g} s" for k, v in result.timings.items())
     lines += ["", f"{result.iterations} iterations; {seconds}"]
     return "\n".join(lines)
+
+
+def validity_lines(result: ContactResult) -> list[str]:
+    """Whether the model holds at the answer, and what to change where it does not."""
+    validity = result.validity
+    lines = [f"Validity of the model: {'holds' if validity.holds else 'DOES NOT HOLD'}"]
+    lines += str(validity).splitlines()
+    for text in validity.problems.values():
+        lines += [f"  ! {textwrap.fill(text, 96, subsequent_indent='    ')}"]
+    return lines
 
 
 def _contact_lines(result: ContactResult, values: ContactValues) -> list[str]:

@@ -24,6 +24,8 @@ from skfem_contact.sealed import seal, sealed
 from skfem_contact.states import Record, State
 from skfem_contact.system import System
 from skfem_contact.uniqueness import Uniqueness, uniqueness
+from skfem_contact.validity import Validity, assess
+from skfem_contact.watch import Watched
 
 Array = NDArray[np.float64]
 
@@ -52,6 +54,8 @@ class ContactResult:
     indifferent : tuple of str
         A sentence per motion that nothing loads and nothing holds: the forces are those of every
         place along it, and the body stands where it has moved least since the last result.
+    watched : Watched
+        What every step tells of the bounds of the model; `validity` has more.
     """
 
     system: System
@@ -77,6 +81,7 @@ class ContactResult:
     settings: Any = field(repr=False)
     factor: float | None = None
     indifferent: tuple[str, ...] = ()
+    watched: Watched = field(default_factory=Watched, repr=False)
 
     def __post_init__(self) -> None:
         # points without a multiplier of their own show the gap of the point that has it
@@ -194,6 +199,17 @@ class ContactResult:
     def certificate(self) -> Certificate:
         """Dimensionless numbers measured from the answer, for all degrees of freedom."""
         return certify(self)
+
+    @cached_property
+    def validity(self) -> Validity:
+        """Whether the model holds at the answer; computed when first asked for, see `Validity`.
+
+        Warns
+        -----
+        ContactWarning
+            What is beyond its bound and has not been said in this history.
+        """
+        return assess(self)
 
     @cached_property
     def uniqueness(self) -> Uniqueness | None:

@@ -7,14 +7,12 @@ not. Their stiffness and loads keep their directions, and a rotation by :math:`\
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.contact import Contact
-from skfem_contact.errors import ContactWarning
 from skfem_contact.geometry import surface_dofs
 from skfem_contact.surface import ContactSurface
 from skfem_contact.system import System
@@ -61,28 +59,24 @@ def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array)
     return angles
 
 
-def warn_of_rotation(angles: dict[str, float]) -> None:
-    """Say in words that bodies have turned further than linear elasticity follows.
+def rotation_words(far: dict[str, float]) -> str:
+    """That bodies have turned further than linear elasticity follows, and what to do.
 
-    Warns
-    -----
-    ContactWarning
+    Parameters
+    ----------
+    far : dict
+        Rotations by body name [rad].
     """
-    far = {name: angle for name, angle in angles.items() if abs(angle) > LARGE}
-    if not far:
-        return
     worst = max(abs(angle) for angle in far.values())
     listed = " and ".join(
         f"'{name}' has turned by {angle:.3g} rad ({np.degrees(angle):.3g} degrees)"
         for name, angle in far.items()
     )
     strain = 1 - np.cos(worst)
-    warnings.warn(
-        f"Body {listed}, by the displacements of its contact surface. Bodies are linear: their "
-        f"stiffness and loads do not turn with them, so a rotation is a strain of {strain:.1g} to "
-        f"them, and contact forces, whose directions do turn, are off by about {100 * worst:.0f} %. "
+    return (
+        f"Body {listed}, by the displacements of its contact surface or supports. Bodies are linear: "
+        f"their stiffness and loads do not turn with them, so a rotation is a strain of {strain:.1g} "
+        f"to them, and contact forces, whose directions do turn, are off by about {100 * worst:.0f} %. "
         "Sliding may be large, rotations of deformable bodies may not. Turn the rigid obstacle "
-        "instead (motion=...), or rebuild the body in its turned position and continue there.",
-        ContactWarning,
-        stacklevel=5,
+        "instead (motion=...), or rebuild the body in its turned position and continue there."
     )

@@ -222,6 +222,7 @@ def test_torn_ties_are_an_error(linear, move):
         solver.solve()
 
 
+@pytest.mark.filterwarnings("ignore:.*a strain or rotation of about:skfem_contact.ContactWarning")
 def test_huge_interference_is_warned_about():
     """An overlap as large as the body is no press fit; a tenth of a per cent is."""
     with pytest.warns(

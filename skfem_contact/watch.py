@@ -1,0 +1,205 @@
+"""Looks at every load step for what the model does not follow, and says so once in a history."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from skfem_contact.drift import GAP, STRAIN, TILT, Drift, Track
+from skfem_contact.errors import ContactWarning
+from skfem_contact.geometry import Geometry
+from skfem_contact.interface import Interface
+from skfem_contact.loads import LoadCase
+from skfem_contact.rotation import LARGE, rigid_rotations, rotation_words
+from skfem_contact.states import OPEN, State
+from skfem_contact.support import Support
+
+Array = NDArray[np.float64]
+Said = frozenset[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What is known of the bounds of the model at an answer.
+
+    Attributes
+    ----------
+    drifts : tuple of Drift
+        Of every contact.
+    turns : dict
+        Rotation of bodies as a whole, by name, as far as known: of surfaces that slide far, and of
+        supports [rad].
+    said : frozenset
+        What has been warned of in this history: kind, and name of the contact or body.
+    tracks : tuple of Track
+        Of every contact, for `validity`.
+    """
+
+    drifts: tuple[Drift, ...] = ()
+    turns: dict[str, float] = field(default_factory=dict)
+    said: Said = frozenset()
+    tracks: tuple[Track, ...] = ()
+
+
+class Watch:
+    """What is looked at after every load step; made once for a solver.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    interface : Interface
+    stiffness : sequence of csr_matrix
+        Of every body.
+    """
+
+    def __init__(
+        self, geometry: Geometry, interface: Interface, stiffness: Sequence[csr_matrix]
+    ) -> None:
+        self.interface, self.contacts = interface, interface.contacts
+        self.system, kin = geometry.system, geometry.kin
+        self.plane = kin.points.shape[1] == 2 and kin.tangents == 1
+        if not self.plane:  # a scalar field moves nothing
+            return
+        self.supports = [
+            Support.of(body, int(start))
+            for body, start in zip(self.system.bodies, self.system.offsets[:-1], strict=True)
+        ]
+        self.tracks, self.bodies, self.held, self.extent, self.soft = [], [], [], [], []
+        for contact, pairing, part in zip(
+            self.contacts, geometry.pairings, interface.parts, strict=True
+        ):
+            self.tracks.append(Track(contact, pairing, kin.gap0[part]))
+            sides = [contact.secondary] if contact.rigid else [contact.secondary, contact.primary]
+            bodies = [self.system.index(side.body) for side in sides]  # type: ignore[union-attr]
+            # the diagonal of K at a surface is of the order of the modulus, whatever the mesh
+            diagonals = [
+                stiffness[b].diagonal()[side.dofs]  # type: ignore[union-attr]
+                for b, side in zip(bodies, sides, strict=True)
+            ]
+            self.soft.append(sum(1 / np.median(d[d > 0]) for d in diagonals if (d > 0).any()))
+            at = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
+            self.bodies.append(bodies)
+            self.held.append(all(self.supports[b].holds(*at) for b in bodies))
+            self.extent.append(sum(self.supports[b].arm for b in bodies))
+
+    def look(self, state: State, gap: Array, case: LoadCase, said: Said) -> Watched:
+        """See an answer; `said` is what has been warned of before in its history."""
+        if not self.plane:
+            return Watched(said=said)
+        motions = [support.motion(case.x) for support in self.supports]
+        drifts = tuple(self._drift(i, motions, state, gap, case) for i in range(len(self.contacts)))
+        turns = {
+            name: float(motion[2] / support.arm)
+            for name, support, motion in zip(self.system.names, self.supports, motions, strict=True)
+            if len(support.dofs)
+        }
+        turns |= rigid_rotations(self.system, self.contacts, state.surface)
+        return Watched(drifts, turns, said, tuple(self.tracks))
+
+    def _drift(self, i: int, motions: list[Array], state: State, gap: Array, case: LoadCase) -> Drift:
+        contact, part, track = self.contacts[i], self.interface.parts[i], self.tracks[i]
+        closed = (state.status[part] != OPEN) & track.paired
+        small = contact.sliding == "small"
+        if not closed.any() and not (small and contact.rigid):
+            return Drift()
+        width = float(track.step[closed].sum())
+        pressed = float(np.sum(np.abs(state.normal_force[part][closed])) * self.soft[i])
+        strain = pressed / width if width else 0.0
+        if not small:
+            return Drift(int(closed.sum()), approach=pressed, strain=strain)
+        # points without a partner have no gap
+        gap0, gap = (np.where(track.paired, g[part], 0.0) for g in (case.gap0, gap))
+        approach = pressed
+        moved = [self.supports[b].at(track.points, motions[b]) for b in self.bodies[i]]
+        rigid = moved[0] - moved[1] if len(moved) == 2 else moved[0]
+        if self.held[i] and closed.any():
+            lifted = (gap0 - gap)[closed] + np.einsum("md,md->m", track.normal, rigid)[closed]
+            elastic = float(np.max(np.abs(lifted)))
+            approach, strain = max(approach, elastic), max(strain, elastic / self.extent[i])
+        if contact.friction is not None or contact.tied:
+            slip = state.slip[part][:, 0] - case.slip0[part][:, 0]
+            # a belt is pressed in by its stretch along the drum
+            stretch = (slip - np.einsum("md,md->m", track.tangent, rigid))[closed]
+            approach = max(approach, float(np.ptp(stretch)) if len(stretch) else 0.0)
+        else:
+            slip = np.einsum("md,md->m", track.tangent, rigid)
+        found = track.drift(closed, slip, gap, approach, case, i, part)
+        return Drift(int(closed.sum()), approach=approach, strain=strain, **found)
+
+    def warn(self, watched: Watched) -> Watched:
+        """Say what is beyond the bounds and has not been said in this history.
+
+        Warns
+        -----
+        ContactWarning
+            One for each contact and body, with the numbers and the setting to change.
+        """
+        new = set()
+        for contact, name, drift in zip(
+            self.contacts, self.interface.names, watched.drifts, strict=False
+        ):
+            lines = []
+            if not drift.small_sliding_holds and ("sliding", name) not in watched.said:
+                new.add(("sliding", name))
+                lines.append(sliding_words(drift))
+            if drift.strain > STRAIN and ("strain", name) not in watched.said:
+                new.add(("strain", name))
+                lines.append(strain_words(drift))
+            if lines:
+                text = f"Contact {name!r} ({contact.label}): " + " ".join(lines)
+                warnings.warn(text + ONCE, ContactWarning, stacklevel=4)
+        far = {
+            name: turn
+            for name, turn in watched.turns.items()
+            if abs(turn) > LARGE and ("rotation", name) not in watched.said
+        }
+        if far:
+            new |= {("rotation", name) for name in far}
+            warnings.warn(rotation_words(far) + ONCE, ContactWarning, stacklevel=4)
+        return replace(watched, said=watched.said | new)
+
+
+ONCE = " (Said once in a history, at the first step beyond the bound; result.validity has the numbers.)"
+
+
+def sliding_words(drift: Drift) -> str:
+    """What small sliding does wrong, and what to do."""
+    found = []
+    if drift.slides_far:
+        found.append(
+            f"points have slid by up to {drift.slip:.3g}, {drift.facets:.3g} facets of the primary "
+            f"and {drift.widths:.3g} times the width of the contact, and press where they began"
+        )
+        if drift.beyond:
+            found.append(
+                f"{drift.beyond} of {drift.closed} closed points lie beyond the end of the primary "
+                f"surface, by up to {drift.overhang:.3g}"
+            )
+    if drift.tilt > TILT:
+        found.append(f"normals are off by up to {drift.tilt:.3g} rad, and so are the forces")
+    if drift.gap_share > GAP:
+        found.append(
+            f"gaps are wrong by up to {drift.gap_error:.3g}, {100 * drift.gap_share:.3g} % of the "
+            f"elastic approach of {drift.approach:.3g}, and forces by as much"
+        )
+    if drift.motion and not drift.slides_far:
+        found.append(f"the obstacle has moved by {drift.motion:.3g}")
+    return (
+        "small sliding, which keeps partners, normals and gaps of the undeformed bodies, does not "
+        "follow: " + "; ".join(found) + ". Give the contact sliding='finite'."
+    )
+
+
+def strain_words(drift: Drift) -> str:
+    """What linear elasticity does wrong, and what to do."""
+    return (
+        f"the bodies take up {drift.approach:.3g} elastically, a strain or rotation of about "
+        f"{drift.strain:.2g}. Bodies are linear: errors are of that order, {100 * drift.strain:.0f} %. "
+        "Check units, load and modulus; large strains need a body that is linearised in each step "
+        "(solver.update)."
+    )

@@ -1,0 +1,67 @@
+"""How far a pairing is from that of its own answer: gaps, and where contact forces go."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+from skfem.models.elasticity import linear_elasticity
+
+import skfem_contact as sc
+
+
+def block(x, y, name, D):
+    mesh = fem.MeshQuad.init_tensor(np.asarray(x, float), np.asarray(y, float)).with_defaults()
+    return sc.Body(
+        fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1())), linear_elasticity(), D=D, name=name
+    )
+
+
+@pytest.fixture(scope="module")
+def slid():
+    """One facet on a track of facets of length one, and slid along it by 0.2: node by node."""
+    track = block([-1, 0, 1, 2, 3], [-1, 0], "track", "bottom")
+    punch = block([0.25, 1.25], [0, 1], "punch", "top")
+    contact = sc.Contact(
+        punch.surface("bottom"),
+        track.surface("top"),
+        friction=sc.Coulomb(0.5),
+        sliding="finite",
+        method="node",
+    )
+    solver = sc.ContactSolver([track, punch], [contact])
+    u = np.zeros(solver.system.n)
+    u[solver.system.slice("punch")] = punch.basis.project(
+        lambda x: np.stack([0.2 + 0 * x[0], 0 * x[0]])
+    )
+    case = solver._load_step.reader.unloaded()
+    return solver.geometry, SimpleNamespace(kin=solver.kin), solver.geometry.at(u, case)
+
+
+def state(normal, tangential):
+    return SimpleNamespace(
+        status=np.array([2, 2]),
+        normal_force=np.array(normal),
+        tangential_force=np.array(tangential)[:, None],
+    )
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 3.0])
+def test_forces_that_move_to_other_nodes(slid, share):
+    """A slip of 0.2 facets moves 0.2 of a point's forces to the next node, friction like pressure.
+
+    On a flat track the normal forces are those along y, friction those along x; a law of a user's own
+    may have friction that is larger than the pressure.
+    """
+    geometry, placement, new = slid
+    found = geometry.mismatch(placement, new, state([1.0, 0.0], [share, 0.0]))
+    assert_allclose(found, 0.2 * max(share, 1.0), rtol=1e-12)
+
+
+def test_gaps_count_where_no_force_moves(slid):
+    """Without forces only gaps are left, and there are none."""
+    geometry, placement, new = slid
+    assert geometry.mismatch(placement, new, state([0.0, 0.0], [0.0, 0.0])) == 0.0

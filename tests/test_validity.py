@@ -1,0 +1,396 @@
+"""Is the model valid at the answer? Scenes far beyond it, each with a twin that is within."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact.drift import curvatures, node_lengths, ways_to_ends
+from skfem_contact.overlap import Outline, outline
+
+QUAD = fem.ElementVector(fem.ElementQuad1())
+E = 1e3
+
+
+def rectangle(x, y, *, nu=0.3, modulus=E, cut=None, D=None, move=None, name=None):
+    """A body of Q1 elements on a tensor grid, its prescribed side moved by a vector."""
+    mesh = fem.MeshQuad.init_tensor(np.asarray(x, float), np.asarray(y, float))
+    if cut is not None:
+        middle = mesh.p[:, mesh.t].mean(axis=1)
+        mesh = mesh.remove_elements(np.flatnonzero(cut(middle)))
+    basis = fem.Basis(mesh.with_defaults(), QUAD)
+    x = None
+    if move is not None:
+        x = basis.project(lambda x: np.stack([move[0] + 0 * x[0], move[1] + 0 * x[0]]))
+    return sc.Body(basis, linear_elasticity(*lame_parameters(modulus, nu)), D=D, x=x, name=name)
+
+
+def dragged(way, mu=0.3, sliding="small", steps=None, method="mortar"):
+    """A unit block pressed on a track of 4 and dragged along it; the last result of the history."""
+    track = rectangle(np.linspace(0, 4, 33), np.linspace(-1, 0, 5), D="bottom", name="track")
+    up = np.linspace(0, 1, 5)
+    block = rectangle(np.linspace(0, 1, 9), up, D="top", move=(1.0, 0.0), name="block")
+    contact = sc.Contact(
+        block.surface("bottom"),
+        track.surface("top"),
+        friction=sc.Coulomb(mu) if mu else None,
+        sliding=sliding,
+        method=method,
+        interference=0.005,
+        name="joint",
+    )
+    solver = sc.ContactSolver([block, track], [contact])
+    return list(solver.history([way] if steps is None else np.linspace(0, way, steps + 1)[1:]))[-1]
+
+
+def under_disc(*motions, mu=0.0, sliding="small", disc=None):
+    """A steel block (200 mm by 100 mm) under a rigid disc of radius 50 mm, pressed in by 0.1 mm."""
+    block = rectangle(
+        np.linspace(-0.1, 0.1, 41), np.linspace(-0.1, 0, 11), modulus=210e9, D="bottom", name="block"
+    )
+    disc = disc or sc.RigidCylinder((0, 0.05), 0.05, name="disc")
+    friction = sc.Coulomb(mu) if mu else None
+    contact = sc.Contact(block.surface("top"), disc, friction=friction, sliding=sliding, name="joint")
+    solver = sc.ContactSolver([block], [contact])
+    steps = [((0.0, -1e-4), 0.0, (0, 0.05)), *motions]
+    return list(solver.history([{"motion": {"joint": motion}} for motion in steps]))
+
+
+def moved(x, angle=0.0):
+    return ((x, -1e-4), angle, (0, 0.05))
+
+
+def squeezed(strain, by="displacement", mu=0.0):
+    """A unit block without lateral contraction on a plane, pressed by a share of its height."""
+    grid = np.linspace(0, 1, 5)
+    if by == "displacement":
+        block = rectangle(grid, grid, nu=0.0, D="top", move=(0.0, -strain), name="block")
+    else:
+        mesh = fem.MeshQuad.init_tensor(grid, grid).with_defaults()
+        basis = fem.Basis(mesh, QUAD)
+        load = fem.LinearForm(lambda v, w: -strain * E * v[1]).assemble(basis.boundary("top"))
+        D = basis.get_dofs("left").all("u^1")
+        block = sc.Body(basis, linear_elasticity(0.0, E / 2), f=load, D=D, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    friction = sc.Coulomb(mu) if mu else None
+    contact = sc.Contact(block.surface("bottom"), floor, friction=friction, name="joint")
+    return sc.ContactSolver([block], [contact]).solve()
+
+
+# -- scenes that have to warn without being asked, each with a twin that must not --------------
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+@pytest.mark.parametrize("method", ["mortar", "node"])
+def test_block_dragged_off_its_track(mu, method):
+    """It presses where it began, also with the half of it that is beyond the end of the track."""
+    with pytest.warns(sc.ContactWarning, match=r"'joint' \(block/bottom on track/top\)") as caught:
+        result = dragged(3.5, mu, method=method)
+    (warning,) = caught
+    assert "28 facets of the primary" in str(warning.message)
+    assert "sliding='finite'" in str(warning.message)
+    # nodes at 3.5 .. 4.5 with facets of 0.125: four of nine lie on or beyond 4.0625, half a facet
+    # beyond the end; elastic slip is below half a facet
+    assert "4 of 9 closed points lie beyond the end" in str(warning.message)
+    assert result.force[1] > 0  # still presses
+    (drift,) = result.watched.drifts
+    assert_allclose(drift.slip, 3.5, rtol=0.01)
+    assert_allclose(drift.overhang, 0.5, atol=0.01)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_block_dragged_by_less_than_a_facet(mu):
+    """What the mesh does not resolve is no cause for a warning; the exact slip is the measured one."""
+    result = dragged(0.1, mu)
+    assert result.validity.holds and 0 < result.validity.worst < 1
+    # drag stretches the block a little: slips of its nodes differ by strains of 1e-3
+    assert_allclose(result.validity.contacts["joint"].drift.slip, 0.1, atol=0.01)
+
+
+def test_block_dragged_with_finite_sliding():
+    """The same way, followed."""
+    result = dragged(2.0, sliding="finite", steps=3)
+    assert result.validity.holds
+    assert result.validity.contacts["joint"].overlap < 0.2 * result.watched.drifts[0].approach
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_disc_moved_away(mu):
+    """30 mm aside the disc presses a hundred times as hard as it should: along its old normals."""
+    with pytest.warns(
+        sc.ContactWarning, match="gaps are wrong by .* Give the contact sliding='finite'"
+    ):
+        before, after = under_disc(moved(0.03), mu=mu)
+    assert after.force[1] < 50 * before.force[1] < 0
+    assert after.watched.drifts[0].tilt > 0.3
+    assert_allclose(after.watched.drifts[0].motion, 0.03, rtol=1e-3)
+
+
+def test_disc_moved_a_little():
+    """0.5 mm aside its gaps are off by s^2/2R: 2.5 % of the 0.1 mm that it is pressed in."""
+    result = under_disc(moved(0.5e-3))[-1]
+    # the distance to a circle, to second order of s/R = 0.01
+    assert_allclose(result.watched.drifts[0].gap_share, 0.5 * 0.5e-3**2 / 0.05 / 1e-4, rtol=1e-3)
+    assert result.validity.holds
+
+
+def test_disc_moved_away_with_finite_sliding():
+    """Followed, the disc presses as before."""
+    before, after = under_disc(moved(0.03), sliding="finite")
+    assert_allclose(after.force[1], before.force[1], rtol=0.1)  # 30 mm nearer to the side of the block
+    assert after.validity.holds
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+@pytest.mark.parametrize("angle", [0.03, 1.0])
+def test_spinning_disc_loses_its_force(angle, mu):
+    """Its points move along chords, so its gap opens by R(1 - cos): in part, or all at once."""
+    with pytest.warns(sc.ContactWarning, match="gaps are wrong by .* sliding='finite'"):
+        before, after = under_disc(moved(0.0, angle), mu=mu)
+    assert abs(after.force[1]) < 0.8 * abs(before.force[1])
+    error = min(0.05 * (1 - np.cos(angle)), 1e-4)  # no more than it was pressed in
+    # friction drags the points along by its share of the force: 1e-5 of the radius
+    assert_allclose(after.watched.drifts[0].gap_error, error, rtol=1e-3)
+
+
+def test_spinning_disc_keeps_its_force():
+    """Turned a little, or with finite sliding."""
+    assert under_disc(moved(0.0, 0.01))[-1].validity.holds
+    before, after = under_disc(moved(0.0, 1.0), mu=0.3, sliding="finite")
+    assert_allclose(after.force[1], before.force[1], rtol=0.01)  # friction lifts it a little
+
+
+def test_level_set_is_watched_like_the_disc():
+    """An obstacle given by a function is looked at to first order: right where it touches."""
+    circle = sc.LevelSet(lambda x: x[0] ** 2 + (x[1] - 0.05) ** 2 - 0.05**2, name="disc")
+    plain = under_disc(moved(0.5e-3))[-1].watched.drifts[0]
+    drift = under_disc(moved(0.5e-3), disc=circle)[-1].watched.drifts[0]
+    # the second order of the gap over the radius
+    assert_allclose(drift.gap_error, plain.gap_error, rtol=1e-2)
+    with pytest.warns(sc.ContactWarning, match="gaps are wrong by"):
+        under_disc(moved(2e-3), disc=circle)
+
+
+@pytest.mark.parametrize("by", ["displacement", "force"])
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_squeeze(by, mu):
+    """90 % is no linear elasticity, 5 % is; the strain of a square is what is prescribed."""
+    with pytest.warns(sc.ContactWarning, match=r"strain or rotation of about 0\.9\..* errors are"):
+        result = squeezed(0.9, by, mu)
+    assert result.converged
+    assert result.validity.strain["block"] == pytest.approx(0.9)
+    assert squeezed(0.05, by, mu).validity.holds
+
+
+def at_a_wall(way):
+    """A block on a floor with a step, followed by the pairing of its bottom; its side is in none."""
+    floor = rectangle(
+        np.linspace(0, 3, 25),
+        np.linspace(-0.5, 0.5, 9),
+        cut=lambda x: (x[0] < 2) & (x[1] > 0),
+        D="bottom",
+        name="floor",
+    )
+    half = np.linspace(0, 0.5, 5)
+    block = rectangle(np.linspace(0.5, 1.5, 9), half, D="top", move=(1.0, 0.0), name="block")
+    ground = floor.surface(lambda x: (np.abs(x[1]) < 1e-9) & (x[0] < 2), name="ground")
+    sides = block.surface(["bottom", "right"], name="skin")
+    contact = sc.Contact(sides, ground, interference=1e-3, sliding="finite", name="joint")
+    return list(sc.ContactSolver([block, floor], [contact]).history([0.1, way]))[-1]
+
+
+def test_overlap_that_no_pairing_sees():
+    """The block is driven into the step by 0.1: the conditions hold at all points with a partner."""
+    result = at_a_wall(0.6)
+    assert result.converged and result.certificate.worst < 1e-9
+    with pytest.warns(sc.ContactWarning, match=r"overlap by up to 0\.1.*, 4 points without partner"):
+        validity = result.validity
+    assert not validity.holds and validity.worst > 1
+    assert_allclose(validity.contacts["joint"].overlap, 0.1, rtol=0.05)  # elastic strain of 1e-3
+    assert "DOES NOT HOLD" in str(result)
+
+
+def test_no_overlap_before_the_wall():
+    result = at_a_wall(0.4)
+    assert result.validity.holds
+    assert result.validity.contacts["joint"].unseen == 0
+
+
+# -- once in a history ------------------------------------------------------------------------
+
+
+def test_said_once_in_a_history():
+    """Twenty steps beyond the bound make one warning; who goes on hears nothing new."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        last = dragged(3.0, steps=20)
+    assert len(caught) == 1
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        last.validity, str(last)
+    assert not caught
+
+
+def test_a_new_history_says_it_again():
+    solver_results = []
+    for _ in range(2):
+        with pytest.warns(sc.ContactWarning, match="small sliding"):
+            solver_results.append(dragged(3.0))
+
+
+def test_prescribed_turn_is_a_rotation():
+    """Supports that turn a body by 0.3 say so, also with small sliding."""
+    grid = np.linspace(0, 1, 5)
+    for angle in (0.3, 0.05):
+        block = rectangle(grid, grid, D="top", name="block")
+        x = block.basis.project(
+            lambda x, a=angle: np.stack([-a * (x[1] - 1), a * (x[0] - 0.5) - 0.001])
+        )
+        contact = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), name="joint")
+        solver = sc.ContactSolver([block], [contact])
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            result = solver.solve(x={"block": x})
+        said = [str(w.message) for w in caught if "has turned by" in str(w.message)]
+        assert len(said) == (angle > 0.1)
+        assert_allclose(result.watched.turns["block"], angle, rtol=1e-9)
+
+
+# -- the numbers grow when an answer is spoiled ------------------------------------------------
+
+
+def spoiled(result, name, shift):
+    """The answer with one body displaced."""
+    u = result.u.copy()
+    body = result.system.bodies[result.system.names.index(name)]
+    part = u[result.system.slice(name)]
+    part += np.asarray(shift)[body.dof_component]
+    return replace(result, recover=lambda: u)
+
+
+@pytest.fixture(scope="module")
+def fine():
+    """The block where it began, whose validity holds."""
+    return dragged(0.02)
+
+
+@pytest.mark.parametrize(
+    "shift, number",
+    [((0.0, -1e-3), "overlap"), ((0.0, 1e-3), "opening"), ((0.05, 0.0), "slip")],
+)
+def test_shifted_body(fine, shift, number):
+    """Into the other body, off it, along it: the number that tells grows by the shift."""
+
+    def read(result):
+        part = result.validity.contacts["joint"]
+        return part.drift.slip if number == "slip" else getattr(part, number)
+
+    # the interference of 5e-3 is no gap: of the meshes the bodies are apart by it
+    grown = read(spoiled(fine, "block", shift)) - read(fine)
+    assert_allclose(grown, np.abs(shift).max(), rtol=0.25)  # deepest elsewhere, by elastic waviness
+
+
+def test_strained_and_turned_body(fine):
+    """A strain of 0.2 and a turn by 0.2 added to the answer are seen, and nothing else."""
+    body = fine.system.bodies[0]
+    for gradient, kind in (([[0, 0], [0, 0.2]], "strain"), ([[0, -0.2], [0.2, 0]], "rotation")):
+        added = body.basis.project(lambda x, H=gradient: np.einsum("ij,j...->i...", H, x))
+        u = fine.u.copy()
+        u[fine.system.slice("block")] += added
+        spoilt = replace(fine, recover=lambda u=u: u)
+        with pytest.warns(sc.ContactWarning):
+            validity = spoilt.validity
+        assert_allclose(getattr(validity, kind)["block"], 0.2, rtol=0.05)  # its own strain is 5e-3
+        assert (kind, "block") in validity.problems
+
+
+# -- the parts --------------------------------------------------------------------------------
+
+
+def test_hole_is_outside():
+    """A ring: inside the material, in the hole, outside; depths against radii."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 2 * np.pi, 65), np.linspace(1, 2, 5))
+    angle, r = mesh.p
+    ring = fem.MeshQuad(np.array([r * np.cos(angle), r * np.sin(angle)]), mesh.t)
+    joined, at = np.unique(np.round(ring.p, 9), axis=1, return_inverse=True)
+    ring = fem.MeshQuad(joined, at.reshape(-1)[ring.t])
+    body = sc.Body(fem.Basis(ring, QUAD), linear_elasticity())
+    line = outline(body, np.zeros(body.n))
+    points = np.array([[1.5, 0.0], [0.5, 0.1], [2.5, 0.0], [0.0, -1.2]])
+    assert line.inside(points).tolist() == [True, False, False, True]
+    # chords of 64 sides miss the circle by R (1 - cos(pi / 64)) = 2.4e-3 at the most
+    assert_allclose(line.signed(points), [-0.5, 1 - np.hypot(0.5, 0.1), 0.5, -0.2], atol=2.5e-3)
+
+
+def test_curved_facets_are_followed():
+    """Quadratic facets of a disc: eight pieces miss 1/64 of the sagitta of one chord."""
+    mesh = fem.MeshTri2.init_circle(2)
+    body = sc.Body(fem.Basis(mesh, fem.ElementVector(fem.ElementTriP2())), linear_elasticity())
+    line = outline(body, np.zeros(body.n))
+    r = np.linalg.norm(line.start, axis=1)
+    middle = np.linalg.norm(0.5 * (line.start + line.end), axis=1)
+    chord = np.linalg.norm(line.end - line.start, axis=1)
+    # a parabola through three points of the circle, and its chords
+    assert_allclose(r, 1.0, atol=1e-4)
+    assert_allclose(middle, 1 - chord**2 / 8, atol=1e-4)
+
+
+def test_many_points_go_in_blocks(monkeypatch):
+    """What does not fit into one block is done in several, with the same result."""
+    corners = np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0, 2 * np.pi, 100)[:-1]])
+    circle = Outline(corners, np.roll(corners, -1, axis=0))
+    points = np.random.default_rng(1).uniform(-1.2, 1.2, (500, 2))
+    whole = circle.signed(points)
+    monkeypatch.setattr("skfem_contact.overlap.BLOCK", 1000)
+    np.testing.assert_array_equal(circle.signed(points), whole)
+    assert_allclose(whole, np.linalg.norm(points, axis=1) - 1, atol=1e-3)  # chords: 5e-4
+
+
+def test_ways_to_the_ends_of_surfaces():
+    """Along two pieces that have ends, and round a circle that has none."""
+    grid = np.linspace(0, 2, 5)
+    body = rectangle(grid, grid, name="block")
+    both = body.surface(["bottom", "top"], name="both")
+    facet = np.arange(len(both.facets))
+    start, end = (both.points[both.facets[:, k]] for k in (0, 1))
+    behind, ahead = ways_to_ends(both, facet, 0.5 * (start + end))
+    assert_allclose(behind + ahead, 2.0)
+    assert_allclose(np.sort(behind), np.repeat([0.25, 0.75, 1.25, 1.75], 2))
+    assert_allclose(node_lengths(both).sum(), 4.0)
+    disc = fem.MeshTri.init_circle(3)
+    rim = sc.Body(fem.Basis(disc, fem.ElementVector(fem.ElementTriP1())), linear_elasticity())
+    rim = rim.surface(lambda x: x[0] ** 2 + x[1] ** 2 > 0.9, name="rim")
+    behind, ahead = ways_to_ends(rim, np.arange(len(rim.facets)), rim.points[rim.facets[:, 0]])
+    assert np.isinf(behind).all() and np.isinf(ahead).all()
+    assert_allclose(curvatures(rim), 1.0, rtol=0.01)  # facets of 0.1
+
+
+def test_angle_between_the_sides(fine):
+    """Flat on flat it is zero; of a disc on a block the arc sine of where contact ends."""
+    assert fine.validity.contacts["joint"].angle == pytest.approx(0.0, abs=1e-12)
+    result = under_disc(moved(0.0), mu=0.3)[-1]
+    closed = result.points[result.status != 0, 0]
+    part = result.validity.contacts["joint"]
+    assert_allclose(part.angle, np.arcsin(np.abs(closed).max() / 0.05), atol=1e-12)
+    assert_allclose(part.angle_over_mu, part.angle / 0.3)
+
+
+def test_scalar_fields_have_no_validity():
+    """Heat moves nothing: nothing is looked at, and nothing is said."""
+    mesh = fem.MeshQuad().refined(2).with_defaults()
+    conduct = fem.BilinearForm(lambda u, v, w: u.grad[0] * v.grad[0] + u.grad[1] * v.grad[1])
+    low = sc.Body(fem.Basis(mesh, fem.ElementQuad1()), conduct, D="bottom", name="low")
+    top = fem.Basis(mesh.translated((0, 1)).with_defaults(), fem.ElementQuad1())
+    x = np.zeros(top.N)
+    x[top.get_dofs("top").all()] = 1.0
+    top = sc.Body(top, conduct, D="top", x=x, name="top")
+    glue = sc.Contact(top.surface("bottom"), low.surface("top"), tied=True)
+    validity = sc.ContactSolver([low, top], [glue]).solve().validity
+    assert validity.holds and validity.worst == 0.0 and not validity.contacts
