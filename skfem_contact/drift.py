@@ -19,7 +19,6 @@ the way along the surface is that of the supports, as a rigid motion. `validity`
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -133,35 +132,10 @@ class Track:
         # nothing is wrong with gaps of glued points
         self.follows = not contact.tied
         if isinstance(primary, ContactSurface):
-            self.number = np.where(self.paired, pairing.facet, 0)
-            self.facet = primary.lengths[self.number]
-            self.curvature = np.where(self.follows, curvatures(primary)[self.number], 0.0)
-            self.behind, self.ahead = ways_to_ends(primary, self.number, self.points)
-
-    @cached_property
-    def angles(self) -> Array:
-        """Angles between the normals of both sides at every point, undeformed, (m,) [rad].
-
-        At a corner of the secondary that of the facet which is most opposite; at obstacles those to
-        the obstacle's normal.
-        """
-        there = self.normal
-        if isinstance(self.primary, ContactSurface):
-            ends = self.primary.points[self.primary.facets[self.number, :2]]
-            along = ends[:, 1] - ends[:, 0]
-            share = np.einsum("md,md->m", self.points - ends[:, 0], along) / self.facet**2
-            share = np.clip(share, 0.0, 1.0)[:, None]
-            normals = self.primary.facet_node_normals[self.number]
-            there = (1 - share) * normals[:, 0] + share * normals[:, 1]
-        out = np.full(len(self.points), np.pi)
-        for side in range(self.secondary.facets.shape[1]):
-            node = self.secondary.facets[:, side]
-            own = self.secondary.facet_normals if side == 2 else None
-            own = self.secondary.facet_node_normals[:, side] if own is None else own
-            cross = own[:, 0] * there[node, 1] - own[:, 1] * there[node, 0]
-            angle = np.arctan2(np.abs(cross), -np.einsum("md,md->m", own, there[node]))
-            np.minimum.at(out, node, angle)
-        return out
+            facet = np.where(self.paired, pairing.facet, 0)
+            self.facet = primary.lengths[facet]
+            self.curvature = np.where(self.follows, curvatures(primary)[facet], 0.0)
+            self.behind, self.ahead = ways_to_ends(primary, facet, self.points)
 
     def drift(
         self,

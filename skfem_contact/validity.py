@@ -57,7 +57,8 @@ class ContactValidity:
     opening : float
         Largest true gap of a closed point [length]; NaN for two surfaces of one body.
     angle : float
-        Largest angle between the normals of the two sides at closed points, undeformed [rad].
+        Largest angle between the normals of the two sides at closed points [rad]: undeformed with
+        small sliding, see `pairing.Pairing.tilt`; zero at obstacles.
     angle_over_mu : float
         That over the coefficient of friction: what the choice of one side's normal may change of the
         friction; NaN without a coefficient.
@@ -250,7 +251,7 @@ def _contact(result: ContactResult, i: int, outlines: dict[str, Outline]) -> Con
         chords = sagitta(secondary, secondary.facet_node_normals)
         chords += sagitta(contact.primary, contact.primary.facet_node_normals)
         meeting = between(outlines[names[0]], outlines[names[1]], chords, result.system.extent, *args)
-    angle = float(np.max(track.angles[closed], initial=0.0)) if contact.sliding == "small" else 0.0
+    angle = float(np.max(result.kin.tilt[part][closed], initial=0.0))
     mu = float(np.max(getattr(contact.friction, "mu", np.nan)))
     share = angle / mu if mu > 0 else np.nan
     return ContactValidity(

@@ -162,7 +162,10 @@ def test_spinning_disc_loses_its_force(angle, mu):
 
 def test_spinning_disc_keeps_its_force():
     """Turned a little, or with finite sliding."""
-    assert under_disc(moved(0.0, 0.01))[-1].validity.holds
+    turned = under_disc(moved(0.0, 0.01))[-1]
+    assert turned.validity.holds
+    # the arc that has passed: the lowest point of the disc is 0.1 mm below the surface
+    assert_allclose(turned.watched.drifts[0].slip, 0.05 * 0.01, rtol=5e-3)
     before, after = under_disc(moved(0.0, 1.0), mu=0.3, sliding="finite")
     assert_allclose(after.force[1], before.force[1], rtol=0.01)  # friction lifts it a little
 
@@ -223,6 +226,81 @@ def test_no_overlap_before_the_wall():
     assert result.validity.contacts["joint"].unseen == 0
 
 
+def ring(inner, outer, name, **settings):
+    """A ring of 96 by 2 elements, held at the boundary away from the contact."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 2 * np.pi, 97), np.linspace(inner, outer, 3))
+    a, r = mesh.p
+    p, at = np.unique(np.round([r * np.cos(a), r * np.sin(a)], 9), axis=1, return_inverse=True)
+    mesh = fem.MeshQuad(p, at.reshape(-1)[mesh.t])
+    middle = 0.5 * (inner + outer)
+    tags = {
+        "inner": mesh.facets_satisfying(lambda x: np.hypot(*x) < middle - 0.2 * (outer - inner), True),
+        "outer": mesh.facets_satisfying(lambda x: np.hypot(*x) > middle + 0.2 * (outer - inner), True),
+    }
+    basis = fem.Basis(mesh.with_boundaries(tags), QUAD)
+    return sc.Body(basis, linear_elasticity(*lame_parameters(E, 0.3)), name=name, **settings)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.1])
+def test_shaft_turned_in_its_hub(mu):
+    """Turned by 0.2 its normals are off by that, and its gaps by half the square times the radius."""
+    hub = ring(1.0, 1.5, "hub", D="outer")
+    shaft = ring(0.5, 1.0, "shaft", D="inner")
+    contact = sc.Contact(
+        shaft.surface("outer"),
+        hub.surface("inner"),
+        friction=sc.Coulomb(mu) if mu else None,
+        interference=2e-3,
+        name="fit",
+    )
+    solver = sc.ContactSolver([shaft, hub], [contact])
+    for turn in (0.2, 0.01):
+        x = shaft.basis.project(lambda x, a=turn: np.stack([-a * x[1], a * x[0]]))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            result = solver.solve(x={"shaft": x})
+        # friction holds back by a bound over a shear stiffness: 1e-3 of the radius; chords: 5e-4
+        (drift,) = result.watched.drifts
+        assert_allclose(drift.tilt, turn, atol=2e-3)
+        assert_allclose(drift.gap_error, turn**2 / 2, rtol=0.3 if mu else 0.01)
+        said = " ".join(str(w.message) for w in caught)
+        assert ("normals are off by up to" in said) == (turn > 0.1)
+        assert ("'shaft' has turned by 0.2 rad" in said) == (turn > 0.1)
+        assert ("gaps are wrong" in said) == (turn > 0.1)
+
+
+def test_turned_plane():
+    """A plane turned by 0.2 about a point of it has other normals; by 0.02 it is followed well."""
+    grid = np.linspace(0, 1, 5)
+    for turn in (0.2, 0.02):
+        block = rectangle(grid, grid, D="top", move=(0, -0.05), name="block")
+        floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        solver = sc.ContactSolver([block], [sc.Contact(block.surface("bottom"), floor, name="joint")])
+        steps = [{"motion": {"floor": ((0.0, 0.0), turn * s, (0.5, 0.0))}} for s in (0.5, 1.0)]
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            *_, last = solver.history(steps)
+        assert_allclose(last.watched.drifts[0].tilt, turn, rtol=1e-12)
+        said = " ".join(str(w.message) for w in caught)
+        assert (f"normals are off by up to {turn:.3g} rad" in said) == (turn > 0.1)
+
+
+def test_interference_of_a_step_is_no_error():
+    """Gaps of a disc are measured with the interference in force, whatever the contact's own."""
+    block = rectangle(
+        np.linspace(-0.1, 0.1, 41), np.linspace(-0.1, 0, 11), modulus=210e9, D="bottom", name="block"
+    )
+    disc = sc.RigidCylinder((0, 0.05), 0.05, name="disc")
+    contact = sc.Contact(block.surface("top"), disc, interference=5e-5, name="joint")
+    solver = sc.ContactSolver([block], [contact])
+    for result in solver.history(
+        [{"interference": {"joint": 1e-4}}, {"interference": {"joint": 1e-5}}]
+    ):
+        # elastic displacements along the surface squared over the radius
+        assert result.watched.drifts[0].gap_error < 1e-8
+        assert result.validity.holds
+
+
 # -- once in a history ------------------------------------------------------------------------
 
 
@@ -239,10 +317,10 @@ def test_said_once_in_a_history():
 
 
 def test_a_new_history_says_it_again():
-    solver_results = []
+    """A history that begins anew knows nothing of the one before."""
     for _ in range(2):
         with pytest.warns(sc.ContactWarning, match="small sliding"):
-            solver_results.append(dragged(3.0))
+            dragged(3.0)
 
 
 def test_prescribed_turn_is_a_rotation():
@@ -373,12 +451,28 @@ def test_ways_to_the_ends_of_surfaces():
 
 
 def test_angle_between_the_sides(fine):
-    """Flat on flat it is zero; of a disc on a block the arc sine of where contact ends."""
+    """Flat on flat it is zero; of an elastic disc on a block the arc sine of where contact ends."""
     assert fine.validity.contacts["joint"].angle == pytest.approx(0.0, abs=1e-12)
-    result = under_disc(moved(0.0), mu=0.3)[-1]
-    closed = result.points[result.status != 0, 0]
+    angle, r = np.linspace(-0.3, 0.3, 25) - np.pi / 2, np.linspace(0.6, 1.0, 5)
+    mesh = fem.MeshQuad.init_tensor(angle, r)
+    a, r = mesh.p
+    rim, inner = (mesh.facets_satisfying(lambda x, at=at: np.isclose(x[1], at)) for at in (1.0, 0.6))
+    mesh = fem.MeshQuad(np.array([r * np.cos(a), 1 + r * np.sin(a)]), mesh.t)
+    mesh = mesh.with_boundaries({"rim": rim, "inner": inner})
+    move = np.array([0.0, -2e-3])
+    basis = fem.Basis(mesh, QUAD)
+    x = basis.project(lambda x: np.stack([move[0] + 0 * x[0], move[1] + 0 * x[0]]))
+    arc = sc.Body(basis, linear_elasticity(*lame_parameters(E, 0.3)), D="inner", x=x, name="arc")
+    grid = np.linspace(-0.3, 0.3, 25)
+    block = rectangle(grid, np.linspace(-0.4, 0, 9), D="bottom", name="block")
+    contact = sc.Contact(
+        arc.surface("rim"), block.surface("top"), friction=sc.Coulomb(0.3), method="node", name="joint"
+    )
+    result = sc.ContactSolver([arc, block], [contact]).solve()
+    edge = np.abs(result.points[result.status != 0, 0]).max()
     part = result.validity.contacts["joint"]
-    assert_allclose(part.angle, np.arcsin(np.abs(closed).max() / 0.05), atol=1e-12)
+    assert edge > 0
+    assert_allclose(part.angle, np.arcsin(edge), rtol=1e-3)
     assert_allclose(part.angle_over_mu, part.angle / 0.3)
 
 
