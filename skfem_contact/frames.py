@@ -26,7 +26,7 @@ from scipy.spatial import cKDTree
 from skfem_contact.facets import facet_shapes
 from skfem_contact.facing import angle_between
 from skfem_contact.normals import GAUSS, normals_at, tangents, unit
-from skfem_contact.pairing import Pairing
+from skfem_contact.pairing import Pairing, gap_vectors
 from skfem_contact.strips import dot
 from skfem_contact.surface import ContactSurface
 
@@ -66,7 +66,8 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
     share = np.divide(soft_p, both, out=np.full_like(both, 0.5), where=both > 0)[:, None]
     mean = unit(share * of_secondary + (1 - share) * of_primary)
     normal = np.where(turns[:, None], mean, pairing.normal)
-    away = pairing.secondary_weights @ secondary.points - pairing.primary_weights @ primary.points
+    weights = pairing.secondary_weights, pairing.primary_weights, pairing.primary_bulge
+    away = gap_vectors(secondary, primary, *weights)
     measured = np.where(pairing.gap == 0.0, 0.0, dot(normal, away))  # closed ones stay closed
     gap = np.where(turns, measured, pairing.gap)
     return replace(pairing, normal=normal, tangent=tangents(normal), gap=gap)

@@ -23,6 +23,7 @@ from skfem_contact.contact import Contact, field_values
 from skfem_contact.discretisation import carriers
 from skfem_contact.errors import InputError
 from skfem_contact.pairing import Pairing
+from skfem_contact.strips import turned
 from skfem_contact.supports import held_rows
 from skfem_contact.surface import ContactSurface
 from skfem_contact.system import System
@@ -127,11 +128,22 @@ def kinematics(
     sides = _sides(contact, pairing.secondary_weights, pairing.primary_weights)
     slip_sides = _sides(contact, *pairing.slip_weights) if pairing.slip_weights else sides
     still = np.zeros(len(pairing.gap), dtype=bool) if pairing.still is None else pairing.still
-    B_n = _spread(system, sides, frame[:, 0], pairing.paired, _held(sides, frame[:, 0], contact.tied))
+    bulge = None
+    if pairing.primary_bulge is not None and isinstance(contact.primary, ContactSurface) and not scalar:
+        bulge = (pairing.primary_bulge, contact.primary, -1.0)
+    held = _held(sides, frame[:, 0], contact.tied)
+    B_n = _spread(system, sides, frame[:, 0], pairing.paired, held, bulge)
     return Kinematics(
         B_n=B_n,
         tangential=partial(
-            tangential_rows, system, slip_sides, frame[:, 1:], pairing.paired, still, contact.tied
+            tangential_rows,
+            system,
+            slip_sides,
+            frame[:, 1:],
+            pairing.paired,
+            still,
+            contact.tied,
+            bulge,
         ),
         tangents=frame.shape[1] - 1,
         gap0=initial_gap(contact, pairing, interference),
@@ -216,15 +228,23 @@ def _with_columns(B: csr_matrix, place: NDArray[np.intp], count: int) -> csr_mat
 
 
 def _spread(
-    system: System, sides: Sequence[Side], direction: Array, paired: Mask, held: Mask
+    system: System,
+    sides: Sequence[Side],
+    direction: Array,
+    paired: Mask,
+    held: Mask,
+    bulge: Side | None = None,
 ) -> csr_matrix:
     """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
 
     Of rows that are `held` only what is prescribed is left: so no route closes them, and checks of
-    prescribed values see them.
+    prescribed values see them. The weights `bulge` act on displacements turned by -90 degrees.
     """
     entries = []
-    for weights, surface, sign in sides:
+    given = [(*side, direction) for side in sides]
+    if bulge is not None:
+        given.append((*bulge, turned(direction)))
+    for weights, surface, sign, direction in given:
         W = csr_matrix(weights).tocoo()
         keep = paired[W.row]
         row, node, value = W.row[keep], W.col[keep], sign * W.data[keep]
@@ -242,11 +262,17 @@ def _spread(
 
 
 def tangential_rows(
-    system: System, sides: Sequence[Side], tangent: Array, paired: Mask, still: Mask, tied: bool
+    system: System,
+    sides: Sequence[Side],
+    tangent: Array,
+    paired: Mask,
+    still: Mask,
+    tied: bool,
+    bulge: Side | None = None,
 ) -> csr_matrix:
     """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems."""
     blocks = [
-        _spread(system, sides, along, paired, still | _held(sides, along, tied))
+        _spread(system, sides, along, paired, still | _held(sides, along, tied), bulge)
         for along in np.moveaxis(tangent, 1, 0)
     ]
     return _interleave(blocks) if blocks else csr_matrix((0, system.n))

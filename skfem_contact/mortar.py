@@ -37,8 +37,9 @@ from skfem_contact.dual import SHARE_KEPT, WHOLE, dual_basis
 from skfem_contact.errors import InputError
 from skfem_contact.facing import mortar_normals
 from skfem_contact.normals import tangents
-from skfem_contact.pairing import Pairing
+from skfem_contact.pairing import Pairing, gap_vectors
 from skfem_contact.segmentation import Quadrature, facet_areas, interface_quadrature
+from skfem_contact.smooth import common_heights
 from skfem_contact.strips import facet_normal_field
 from skfem_contact.supports import FREE, MET, Supports, find_supports, without_multiplier
 from skfem_contact.surface import ContactSurface
@@ -124,18 +125,21 @@ def dual_mortar(
     owner, exchange = _own_rows(secondary, primary, supports, share, heir)
     D, covered_area, normal = _secondary_matrix(secondary, share, owner)
     M, facet = _primary_matrix(secondary, primary, quadrature, A)
+    bulge = _bulge_matrix(secondary, primary, quadrature, A)
     of_secondary, of_primary = mortar_normals(secondary, primary, quadrature, A, normal)
     M = M + exchange
     paired = (covered_area > 0) & ~_shared(secondary, primary)
     W_s = _divide(D, covered_area, paired)
-    W_m = _divide(M, np.asarray(M.sum(axis=1), dtype=float).ravel(), paired)
+    sums = np.asarray(M.sum(axis=1), dtype=float).ravel()
+    W_m = _divide(M, sums, paired)
     W_m.data[np.abs(W_m.data) < _ROUND_OFF] = 0.0
     W_m.eliminate_zeros()
     handed = np.zeros(len(paired), dtype=bool)
     if supports is not None:
         handed[secondary.facets[supports.rank != FREE]] = True
     miss, nearest = _overhang(secondary, primary, paired | handed, reach)
-    gap = np.sum(normal * (W_s @ secondary.points - W_m @ primary.points), axis=1)
+    bulge = None if bulge is None else _divide(bulge, sums, paired)
+    gap = np.sum(normal * gap_vectors(secondary, primary, W_s, W_m, bulge), axis=1)
     # coordinates have 16 digits; whether touching surfaces are closed is not for the last to say
     scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
     gap[np.abs(gap) <= _ROUND_OFF * scale] = 0.0
@@ -152,6 +156,7 @@ def dual_mortar(
         facet=np.where(paired, facet, nearest),
         secondary_normal=of_secondary,
         primary_normal=of_primary,
+        primary_bulge=bulge,
         **_without_slip(supports, paired, W_s, W_m),
     )
 
@@ -266,6 +271,28 @@ def _primary_matrix(
     order = np.argsort(parts.data, kind="stable")  # the last written is the largest
     facet[parts.row[order]] = parts.col[order]
     return M, facet
+
+
+def _bulge_matrix(
+    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature, A: Array
+) -> csr_matrix | None:
+    """Assemble the heights of both smooth boundaries above their chords; None where there are none.
+
+    Both in terms of the primary's facets, so that rows keep one node of the secondary (what slips
+    strains alike but for the gradient of the slip); on matching meshes they cancel.
+    """
+    e, f = quadrature.secondary_facet, quadrature.primary_facet
+    ends = quadrature.secondary_shape[:, 1], quadrature.primary_shape[:, 1]
+    height = common_heights(secondary, primary, e, f, *ends)
+    if not height.any():
+        return None
+    phi = quadrature.weight[:, None] * np.einsum("qik,qk->qi", A[e], quadrature.secondary_shape)
+    turn = phi * (height / primary.lengths[f])[:, None]
+    data = turn[:, :, None] * np.array([-1.0, 1.0])
+    row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
+    col = np.broadcast_to(primary.facets[f][:, None, :2], data.shape)
+    shape = (len(secondary.points), len(primary.points))
+    return csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=shape)
 
 
 def _divide(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:

@@ -15,6 +15,14 @@ from skfem_contact.facets import facet_shapes
 CORNER = np.cos(np.pi / 4)
 
 
+#: A facet stands for a piece of a curve if the smooth boundary leaves it by no more than 11.25 degrees:
+#: 16 facets to the circle. With fewer the polygon is meant, as it is of a chamfer of 30 degrees.
+STEEPEST = np.tan(np.pi / 16)
+
+#: ... and by about as much at both ends: where a straight side passes into an arc, one end turns by
+#: half of the other, and beside a kink in a straight side one end does not turn at all.
+ALIKE = 2 / 3
+
 #: Gauss points per facet for the areas: exact up to order 9, so also for a curved quadratic facet
 #: (whose length element is no polynomial) far below the error of its geometry.
 GAUSS = np.polynomial.legendre.leggauss(5)
@@ -104,6 +112,35 @@ def _on_symmetry(
     ahead = middle + share * (middle - middle[inner])
     left = np.abs(np.sum(ahead * here, axis=1)), np.abs(np.sum(middle * here, axis=1))
     return np.asarray(last & (left[0] <= 0.5 * left[1]))
+
+
+def end_slopes(points: np.ndarray, facets: np.ndarray, averaged: np.ndarray) -> np.ndarray:
+    """Slopes of the smooth boundary through the nodes against the chords, shape (nf, 2).
+
+    Parameters
+    ----------
+    points, facets : ndarray
+    averaged : ndarray, shape (nf, 2, 2)
+        Normals at start and end of each facet, averaged with the neighbours.
+
+    Returns
+    -------
+    ndarray, shape (nf, 2)
+        At start and end; positive and negative where the boundary bulges outward. Zero on straight
+        and on quadratic facets, and on those that are no piece of a curve (`STEEPEST`, `ALIKE`).
+    """
+    slopes = np.zeros((len(facets), 2))
+    if facets.shape[1] != 2 or points.shape[1] != 2:
+        return slopes
+    chord = normals_at(points, facets, np.array([0.5]))[0]
+    forward = np.stack([-averaged[..., 1], averaged[..., 0]], axis=2)
+    across = np.einsum("fsd,fsd->fs", forward, np.broadcast_to(chord, forward.shape))
+    along = chord[..., 0] * forward[..., 1] - chord[..., 1] * forward[..., 0]
+    slopes = across / along
+    start, end = slopes[:, 0], -slopes[:, 1]
+    least, most = np.minimum(np.abs(start), np.abs(end)), np.maximum(np.abs(start), np.abs(end))
+    curve = (start * end > 0) & (most <= STEEPEST) & (least >= ALIKE * most)
+    return np.where(curve[:, None], slopes, 0.0)
 
 
 def tributary_areas(points: np.ndarray, facets: np.ndarray, measure: Any, label: str) -> np.ndarray:

@@ -13,6 +13,7 @@ from skfem_contact.facets import facet_shapes
 from skfem_contact.facing import angle_between, node_normals
 from skfem_contact.normals import tangents
 from skfem_contact.projection import interpolated_normals
+from skfem_contact.strips import turned
 from skfem_contact.surface import ContactSurface
 
 
@@ -52,6 +53,10 @@ class Pairing:
     still : ndarray of bool, shape (m,), optional
         Points whose slip is what supports make it: their tangential rows have only what is
         prescribed.
+    primary_bulge : csr_matrix, shape (m, number of primary nodes), optional
+        Weights of the primary nodes turned by -90 degrees, by which the smooth boundaries stand above
+        their chords (`smooth`); they sum to zero in each row. None where facets are straight or curved
+        themselves.
     """
 
     points: np.ndarray
@@ -68,6 +73,7 @@ class Pairing:
     primary_normal: np.ndarray | None = None
     slip_weights: tuple[csr_matrix, csr_matrix] | None = None
     still: np.ndarray | None = None
+    primary_bulge: csr_matrix | None = None
 
     @property
     def tilt(self) -> np.ndarray:
@@ -85,6 +91,20 @@ class Pairing:
 
     def __repr__(self) -> str:
         return f"<Pairing: {np.count_nonzero(self.paired)} of {len(self.gap)} points paired>"
+
+
+def gap_vectors(
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    secondary_weights: csr_matrix,
+    primary_weights: csr_matrix,
+    primary_bulge: csr_matrix | None = None,
+) -> np.ndarray:
+    """From the primary to the secondary at each point of a pairing, shape (m, d) [length]."""
+    away = secondary_weights @ secondary.points - primary_weights @ primary.points
+    if primary_bulge is None:
+        return np.asarray(away)
+    return np.asarray(away + turned(primary_bulge @ primary.points))
 
 
 def node_to_segment(

@@ -11,7 +11,7 @@ import numpy as np
 from skfem_contact.arguments import check_name, numbers
 from skfem_contact.errors import InputError
 from skfem_contact.facets import check_facets, facet_neighbours, order_along, oriented
-from skfem_contact.normals import lengths_and_normals, normals_at, tributary_areas
+from skfem_contact.normals import end_slopes, lengths_and_normals, normals_at, tributary_areas
 from skfem_contact.sealed import seal
 from skfem_contact.selection import name_of, select_facets
 
@@ -56,6 +56,9 @@ class ContactSurface:
         Lengths of the facets [length].
     mesh_facets : ndarray of int, shape (nf,)
         Facet numbers in the mesh.
+    slopes : ndarray, shape (nf, 2)
+        Slopes of the smooth boundary against the chord at start and end of each linear facet of a
+        curve, of the undeformed body (`smooth.end_slopes`); zero elsewhere.
 
     Examples
     --------
@@ -83,6 +86,7 @@ class ContactSurface:
     area: np.ndarray
     lengths: np.ndarray
     mesh_facets: np.ndarray
+    slopes: np.ndarray
 
     def __repr__(self) -> str:
         kind = "quadratic" if self.quadratic else "linear"
@@ -177,6 +181,7 @@ def extract_surface(
 
     points = np.ascontiguousarray(basis.doflocs[:, dofs[:, 0]].T)
     check_facets(points, facets, numbers, mesh, label)
+    normals = lengths_and_normals(points, facets, _held(body, dofs), facet_neighbours(facets))
     surface = ContactSurface(
         body=body,
         name=name,
@@ -185,7 +190,8 @@ def extract_surface(
         facets=facets,
         area=tributary_areas(points, facets, body.measure, label),
         mesh_facets=numbers,
-        **lengths_and_normals(points, facets, _held(body, dofs), facet_neighbours(facets)),
+        slopes=end_slopes(points, facets, normals["facet_node_normals"]),
+        **normals,
     )
     seal(surface)
     return surface
