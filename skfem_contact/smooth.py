@@ -9,8 +9,8 @@ the facets. With the slopes ``s`` of the averaged tangents against a chord of le
 
     x(xi) = N x + b(xi) n,      b = L (s_0 xi (1 - xi)^2 - s_1 xi^2 (1 - xi)).
 
-As ``n = J (x_1 - x_0) / L`` with J, a turn by -90 degrees, this is linear in the positions once ``b / L``
-is fixed, and so is the displacement
+As ``n = J (x_1 - x_0) / L`` with J, a turn by -90 degrees, this is linear in the positions once
+``b / L`` is fixed, and so is the displacement
 
     u(xi) = N u + (b / L) J (u_1 - u_0) :
 

@@ -1,0 +1,131 @@
+"""Smooth boundaries through the nodes of linear facets: where they are taken, and what rows know."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+from skfem.models.elasticity import linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact.kinematics import kinematics
+from skfem_contact.mortar import dual_mortar
+from skfem_contact.pairing import gap_vectors
+
+
+def body(outline, *, element=None, shrunk=0.5, name="body"):
+    """A strip of quadrilaterals below (shrunk < 1) or above a curve of points (n, 2), seen from 0."""
+    n = len(outline)
+    p = np.concatenate([shrunk * outline, outline]).T
+    i = np.arange(n - 1)
+    t = np.stack([i, i + 1, i + 1 + n, i + n])
+    if shrunk > 1:
+        t = t[[3, 2, 1, 0]]
+    mesh = fem.MeshQuad(np.ascontiguousarray(p), t)
+    on = {tuple(sorted(pair)) for pair in zip(i + n, i + 1 + n, strict=True)}
+    face = [k for k, ends in enumerate(mesh.facets.T) if tuple(sorted(ends)) in on]
+    mesh = mesh.with_boundaries({"face": np.array(face)})
+    basis = fem.Basis(mesh, fem.ElementVector(element or fem.ElementQuad1()))
+    return sc.Body(basis, linear_elasticity(1.0, 1.0), name=name)
+
+
+def arc(n, radius=1.0, start=0.5, stop=2.6, graded=False):
+    angle = np.linspace(start, stop, n + 1)
+    if graded:
+        angle = start + (stop - start) * np.linspace(0, 1, n + 1) ** 1.3
+    return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def sides(n=(12, 16), radii=(1.0, 1.0), **settings):
+    inner = body(arc(n[0], radii[0], **settings), name="inner")
+    outer = body(arc(n[1], radii[1], **settings), shrunk=1.5, name="outer")
+    return inner.surface("face"), outer.surface("face")
+
+
+@pytest.mark.parametrize("graded", [False, True])
+def test_slopes_of_a_circle(graded):
+    """On a circle the smooth boundary leaves the chord by half of the angle that it spans."""
+    surface = body(arc(20, 3.0, graded=graded)).surface("face")
+    half = np.arcsin(surface.lengths / 2 / 3.0)
+    inner = np.all(surface.neighbours >= 0, axis=1)
+    assert_allclose(surface.slopes[inner], np.tan(half)[inner, None] * [1, -1], rtol=0.02)
+    assert not surface.slopes[~inner].any()  # at an open end the direction of the curve is not known
+
+
+def test_what_is_no_curve():
+    """Straight sides, kinks, chamfers of 30 degrees, coarse polygons and quadratic facets have none."""
+
+    def slopes(points, **settings):
+        return body(np.array(points, dtype=float), **settings).surface("face").slopes
+
+    x = np.linspace(1.0, -1.0, 9)
+    assert not slopes(np.stack([x, 1 + 0 * x], axis=1)).any()
+    assert not slopes(np.stack([x, 1 - 0.1 * np.abs(x)], axis=1)).any()
+    t = np.tan(np.pi / 6)
+    assert not slopes([(2, 0.5), (1.5, 1 - t / 2), (1, 1), (0.5, 1), (-0.5, 1)]).any()
+    chamfer = [(2.4, 0.6), (2.1, 1.6), (1.4, 2.3), (0.4, 2.6), (-0.6, 2.6)]  # 30 degrees at each
+    assert not slopes(chamfer).any()
+    assert not slopes(arc(5)).any()
+    assert not slopes(arc(20), element=fem.ElementQuad2()).any()
+    assert slopes(arc(20)).any()
+
+
+@pytest.mark.parametrize("swap", [False, True])
+def test_gaps_of_two_arcs(swap):
+    """The clearance of two arcs, measured to 2 % where chords are wrong by a third of it."""
+    clearance = 3e-3
+    pair = sides(radii=(1.0, 1.0 + clearance))
+    secondary, primary = pair[::-1] if swap else pair
+    pairing = dual_mortar(secondary, primary)
+    away = np.abs(np.arctan2(pairing.points[:, 1], pairing.points[:, 0]) - 1.55) < 0.6
+    # along the secondary's normals, which are off by the square of a facet's angle
+    assert_allclose(pairing.gap[away], clearance, rtol=2e-2)
+    weights = pairing.secondary_weights, pairing.primary_weights
+    by_chords = np.sum(pairing.normal * gap_vectors(secondary, primary, *weights), axis=1)
+    assert np.abs(by_chords[away] / clearance - 1).max() > 0.3
+
+
+def test_an_arc_on_a_plane_keeps_its_chords():
+    """An arc that is pressed flat loses its height: gaps to it stay those of its chords."""
+    x = np.linspace(2.0, -2.0, 31)
+    flat = body(np.stack([x, 0 * x + 1], axis=1), shrunk=1.5, name="flat")
+    assert dual_mortar(body(arc(20)).surface("face"), flat.surface("face")).primary_bulge is None
+    # ... and so do arcs of curvatures 1 and 2.2
+    assert dual_mortar(*sides(n=(16, 16), radii=(0.45, 1.0))).primary_bulge is None
+
+
+@pytest.mark.parametrize("swap", [False, True])
+def test_rows_know_motions_and_dilatations(swap):
+    """Gap rows measure what they say: nothing for a common motion, and the growth of one arc."""
+    pair = sides()
+    secondary, primary = pair[::-1] if swap else pair
+    pairing = dual_mortar(secondary, primary)
+    assert pairing.primary_bulge is not None
+    assert_allclose(np.asarray(pairing.primary_bulge.sum(axis=1)), 0.0, atol=1e-15)
+    system = sc.stack([secondary.body, primary.body])
+    kin = kinematics(system, sc.Contact(secondary, primary), pairing)
+    x = np.concatenate([b.dof_points for b in system.bodies])
+    component = np.concatenate([b.dof_component for b in system.bodies])
+
+    def both(field):
+        return np.where(component == 0, *field)
+
+    for rows in (kin.B_n, kin.B_t):
+        for move in ((1.0, 0.0), (0.0, 1.0)):
+            assert_allclose(rows @ both(np.broadcast_to(np.array(move)[:, None], x.T.shape)), 0, atol=1e-14)
+    # turned together, arcs that fit slide in themselves; grown, they grow alike
+    inner = np.abs(np.arctan2(kin.points[:, 1], kin.points[:, 0]) - 1.55) < 0.6
+    for field in ((-x[:, 1], x[:, 0]), (x[:, 0], x[:, 1])):
+        assert_allclose((kin.B_n @ both(field))[inner], 0.0, atol=1e-4)
+    # the gap is the rows applied to the positions ...
+    assert_allclose(kin.B_n @ both((x[:, 0], x[:, 1])), kin.gap0, atol=1e-14)
+    # ... and a turn of all moves it like any vector between two points: so moments balance
+    vector = sum(
+        (rows @ both((x[:, 0], x[:, 1])))[:, None] * axis
+        for rows, axis in ((kin.B_n, kin.normal), (kin.B_t, kin.tangent[:, 0]))
+    )
+    turn = np.stack([-vector[:, 1], vector[:, 0]], axis=1)
+    for rows, axis in ((kin.B_n, kin.normal), (kin.B_t, kin.tangent[:, 0])):
+        moved = rows @ both((-x[:, 1], x[:, 0]))
+        assert_allclose(moved, np.sum(axis * turn, axis=1), atol=1e-14)
