@@ -10,8 +10,8 @@ A scikit-fem script has bases, a stiffness and a load; five lines more and its b
 
 The modules stand in the order of the theory, and each imports only from those above it:
 
-* what the user gives: `errors`, `arguments`, `sealed`, `inputs`, `selection`, `body`, `system`,
-  `facets`, `normals`, `surface`;
+* what the user gives: `errors`, `arguments`, `sealed`, `carried`, `inputs`, `selection`, `body`,
+  `system`, `facets`, `normals`, `surface`;
 * what meets what: `search`, `projection`, `closest`, `strips`, `segmentation`, `supports`, `facing`,
   `pairing`, `dual`, `smooth`, `mortar`, `frames`, `pairing_diagnosis`, `obstacle`, `rigid_shapes`,
   `level_set`;

@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from skfem.assembly import BilinearForm, CellBasis
 
 from skfem_contact.arguments import check_name
+from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError
 from skfem_contact.inputs import (
     check_basis,
@@ -129,6 +130,18 @@ class Body:
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)
+        seal(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        known = dict(vars(self))
+        if self.measure is not None and self.components > 1:
+            known["axisymmetric"] = self.axisymmetric  # what depends on it is told without it
+        known["measure"] = carried(self.measure, f"measure of body {self.name or 'without name'!r}")
+        known["form"] = self.form if can_be_carried(self.form) else None  # K is what it gave
+        return known
+
+    def __setstate__(self, known: dict[str, Any]) -> None:
+        vars(self).update(known)
         seal(self)
 
     def __repr__(self) -> str:

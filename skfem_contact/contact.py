@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import check_name, check_switch, number, numbers, shown
+from skfem_contact.carried import carried
 from skfem_contact.errors import InputError
 from skfem_contact.friction import FrictionLaw
 from skfem_contact.obstacle import Obstacle
@@ -119,6 +120,12 @@ class Contact:
             # no limit to `reach` is what it has without; every gap closed is never what is meant
             if not length >= 0 or length == {"adjust": np.inf, "reach": 0.0}[name]:
                 raise InputError(f"Contact: {name} = {value} has to be a length {bound}.")
+
+    def __getstate__(self) -> dict[str, Any]:
+        known = dict(vars(self))
+        for name in ("interference", "gap"):
+            known[name] = carried(known[name], f"{name} of contact {self.label}")
+        return known
 
     def _check_sides(self) -> None:
         """Refuse a surface against itself: every point would be its own partner."""

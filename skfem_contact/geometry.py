@@ -111,6 +111,11 @@ class Geometry:
         """What a state has to belong to."""
         return Identity.of(self.system, self.contacts)
 
+    def __getstate__(self) -> dict[str, Any]:
+        if self.follows:
+            self._offsets  # noqa: B018 (of given gaps, whose functions may stay behind)
+        return dict(vars(self))
+
     @property
     def follows(self) -> bool:
         """Whether any contact slides far."""
@@ -130,9 +135,8 @@ class Geometry:
             motion = case.motion[i].as_argument()
             pairing = pair(contact, moved=moved, motion=None if len(moved) == 2 else motion)
             check_pairing(contact, pairing)
-            kin = kinematics(self.system, contact, pairing)
             gap = pairing.gap + self._offsets[i] - case.interference[self.parts[i]]
-            parts.append(replace(kin, gap0=gap))
+            parts.append(kinematics(self.system, contact, pairing, gap))
         return join(parts)
 
     @cached_property

@@ -108,7 +108,7 @@ def initial_gap(contact: Contact, pairing: Pairing, interference: object = None)
 
 
 def kinematics(
-    system: System, contact: Contact, pairing: Pairing, interference: object = None
+    system: System, contact: Contact, pairing: Pairing, gap0: Array | None = None
 ) -> Kinematics:
     """Gap and slip operators of one contact over the DOFs of all bodies.
 
@@ -117,8 +117,8 @@ def kinematics(
     system : System
     contact : Contact
     pairing : Pairing
-    interference : optional
-        In place of the contact's own.
+    gap0 : ndarray, shape (m,), optional
+        Initial gaps, where they are known; else those of the pairing and the contact [length].
     """
     secondary = contact.secondary
     scalar = secondary.dofs.shape[1] == 1
@@ -146,7 +146,7 @@ def kinematics(
             bulge,
         ),
         tangents=frame.shape[1] - 1,
-        gap0=initial_gap(contact, pairing, interference),
+        gap0=initial_gap(contact, pairing) if gap0 is None else gap0,
         area=np.array(pairing.area),
         points=pairing.points,
         normal=pairing.normal,

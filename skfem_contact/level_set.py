@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.arguments import check_name, numbers
+from skfem_contact.carried import carried
 from skfem_contact.closest import FACING
 from skfem_contact.errors import InputError
 from skfem_contact.obstacle import Obstacle, rigid_motion
@@ -51,6 +52,12 @@ class LevelSet(Obstacle):
     function: Callable[[np.ndarray], np.ndarray]
     gradient: Callable[[np.ndarray], np.ndarray] | None = None
     name: str | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        known = dict(vars(self))
+        for key in ("function", "gradient"):
+            known[key] = carried(known[key], f"{key} of {self.label!r}")
+        return known
 
     def __post_init__(self) -> None:
         check_name(self.name, "name of a LevelSet")

@@ -144,6 +144,8 @@ class FromSolver(Backend):
         def solve(b: np.ndarray) -> np.ndarray:
             try:
                 x = np.asarray(self.solver(A, b), dtype=float)
+            except InputError:
+                raise
             except ValueError as error:
                 raise LinearSolveError(
                     f"The linear solver {name!r} failed: {error}. Some solvers of skfem.utils keep "

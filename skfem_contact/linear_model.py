@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
+from skfem_contact.carried import carried
 from skfem_contact.condensation import Condensed
 from skfem_contact.constraint_rows import point_labels, secondary_dofs
 from skfem_contact.errors import InputError
@@ -87,6 +88,11 @@ class LinearModel:
         self._base: Placement | None = None
         self._for_pivoting: Condensed | None = None
         self._sprung: dict[bytes, LinearModel] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
+        known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
+        return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting"))
 
     def with_interface(self, interface: Interface, timings: dict[str, float]) -> LinearModel:
         """The same bodies under other friction laws; shared, where the laws need the same rows."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -86,8 +86,31 @@ class ContactResult:
     def __post_init__(self) -> None:
         # points without a multiplier of their own show the gap of the point that has it
         object.__setattr__(self, "gap", self.gap[self.kin.heir])
+        self._seal()
+
+    def _seal(self) -> None:
         for part in (self, self.kin, self.state, self.case, self.seen, self.settings):
             seal(part)
+        if "u" in vars(self):
+            sealed(self.u)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All that reports and pictures need, without the factors of the bodies.
+
+        What the bodies' factors and functions are needed for is computed before they stay behind.
+        """
+        self.u  # noqa: B018
+        for values in self.values:
+            values.contact_area  # noqa: B018
+            if values.points.shape[1] == 2 and np.any(values.status != 0):
+                values.error_estimate  # noqa: B018
+        parts = self.slices()
+        given = tuple(self.case.interference[part] for part in parts)
+        return {**vars(self), "settings": replace(self.settings, interference=given)}
+
+    def __setstate__(self, known: dict[str, Any]) -> None:
+        vars(self).update(known)
+        self._seal()
 
     @cached_property
     def u(self) -> Array:

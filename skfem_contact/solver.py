@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.arguments import check_kind, members, shown
 from skfem_contact.body import Body
+from skfem_contact.carried import carried
 from skfem_contact.checkpoint import SavedState, load_state
 from skfem_contact.condensation import Condensed
 from skfem_contact.contact import Contact
@@ -135,6 +135,14 @@ class ContactSolver:
         )
         self._load_step = self._new_load_step()
 
+    def _copied(self) -> ContactSolver:
+        twin = object.__new__(type(self))
+        vars(twin).update(vars(self))
+        return twin
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "linear": carried(self.linear, "linear")}
+
     def _new_reader(self) -> StepReader:
         return StepReader(self.system, self.contacts, self.names, self.kin, self._own_f)
 
@@ -208,7 +216,7 @@ class ContactSolver:
         for i in chosen:
             if contact is not None or not contacts[i].tied:
                 contacts[i] = replace(contacts[i], friction=friction)
-        twin = copy.copy(self)
+        twin = self._copied()
         twin.contacts = tuple(contacts)
         twin._reader = twin._new_reader()
         twin.timings = {"setup": 0.0}
@@ -235,7 +243,7 @@ class ContactSolver:
         own, name = self.system.bodies[i], self.system.names[i]
         own_f = np.array(self._own_f)
         own_f[self.system.slice(own)] = load_of(f, own.basis, f"body {name!r}")
-        twin = copy.copy(self)
+        twin = self._copied()
         twin._own_f = sealed(own_f)
         twin._reader = twin._new_reader()
         twin._load_step = twin._new_load_step()
@@ -283,7 +291,7 @@ class ContactSolver:
         own, name = self.system.bodies[i], self.system.names[i]
         stiffness = list(self._stiffness)
         stiffness[i] = stiffness_of(K, own.basis, f"body {name!r}")
-        twin = copy.copy(self)
+        twin = self._copied()
         twin._stiffness, twin.timings = stiffness, {"setup": 0.0}
         twin._set_stiffness(
             [None if k == i else part for k, part in enumerate(self.linear_model.parts)]

@@ -1,0 +1,47 @@
+"""Functions of the user's where bodies, solvers and results are pickled: process pools, joblib, files.
+
+Pickle knows a function by its name. Lambdas and functions within functions, such as the forms that
+scikit-fem makes, have none to be found by; they stay behind, and what needs them later says so.
+"""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass
+from typing import Any
+
+from skfem_contact.errors import InputError
+
+
+@dataclass(frozen=True)
+class LeftBehind:
+    """In place of a function that could not be carried along; an error where it is called."""
+
+    what: str
+
+    def __call__(self, *given: Any) -> Any:
+        raise InputError(
+            f"{self.what} is a function that was left behind when this was pickled or copied: pickle "
+            "finds functions by their name in a module, and lambdas and functions within functions "
+            "have none. Define it by def at the top of a module, or make the solver where it is used."
+        )
+
+
+def carried(function: Any, what: str) -> Any:
+    """The function itself where pickle can take it along, and else what says that it is missing.
+
+    Anything that is no function stays what it is.
+
+    >>> carried(abs, "measure"), carried(lambda x: x, "measure"), carried(0.5, "gap")
+    (<built-in function abs>, LeftBehind(what='measure'), 0.5)
+    """
+    return function if not callable(function) or can_be_carried(function) else LeftBehind(what)
+
+
+def can_be_carried(thing: Any) -> bool:
+    """Whether pickle takes it."""
+    try:
+        pickle.dumps(thing)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return False
+    return True
