@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import skfem as fem
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact.estimate import _advice
 
 
 def block(name, y, n, E, width=1.0, **data):
@@ -82,3 +84,17 @@ def test_all_iterations_are_said():
     result = pressed(16, sc.Coulomb(0.2), sliding="finite").solve()
     assert result.iterations == len(result.trace) > 1
     assert f"converged in {result.iterations} iterations" in result.message
+
+
+def test_the_body_that_errs_most_is_named():
+    """Of two meshes the one with the larger share in the error of the energy is to be refined."""
+    upper = block("upper", 0.0, 4, 1.0).surface("bottom")
+    contact = sc.Contact(upper, sc.RigidPlane((0, 0), (0, 1)))
+    sources = sc.ErrorSources(bodies=0.1, edges=0.01)
+    values = SimpleNamespace(points=upper.points)
+    line = SimpleNamespace(ends=np.zeros(5, dtype=bool))
+    for coarse, fine in (("upper", "lower"), ("lower", "upper")):
+        numbers = np.arange(2)
+        elements = {fine: (numbers, np.array([0.3, 0.1])), coarse: (numbers, np.array([0.25, 0.35]))}
+        words = _advice(contact, values, line, sources, np.zeros(5), elements, 0)
+        assert f"the mesh of {coarse} around the contact" in words

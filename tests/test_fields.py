@@ -110,3 +110,19 @@ def test_interpolation_says_what_it_needs():
     top = surface([0, 1.0])
     with pytest.raises(sc.InputError, match=r"positions \(p, 2\)"):
         interpolate(top, np.zeros(2), np.zeros((4, 3)))
+
+
+def test_lengths_along_curved_facets():
+    """A quadratic facet on a parabola is as long as its arc; its halves in proportion to the chords."""
+    mesh = fem.MeshQuad2.from_mesh(fem.MeshQuad().with_defaults()).with_defaults()
+    points = mesh.doflocs.copy()
+    points[1] += points[1] * points[0] ** 2  # the top becomes 1 + x^2
+    basis = fem.Basis(fem.MeshQuad2(points, mesh.t), fem.ElementVector(fem.ElementQuad2()), intorder=4)
+    top = sc.Body(basis, linear_elasticity()).surface(lambda x: x[1] > 1.2)
+    steps = Steps.of(top)
+    arc = 0.5 * np.sqrt(5) + 0.25 * np.arcsinh(2.0)
+    chords = np.hypot(0.5, [0.75, 0.25])
+    # five Gauss points: 1e-6 of a facet that turns by 63 degrees
+    assert_allclose(steps.length.sum(), arc, rtol=2e-6)
+    assert_allclose(np.sort(steps.length), np.sort(arc * chords / chords.sum()), rtol=2e-6)
+    assert_allclose(closed_area(top, np.ones(3, dtype=bool), np.zeros(3)), arc, rtol=2e-6)

@@ -16,7 +16,7 @@ from skfem_contact.driver import drive
 from skfem_contact.loops import direct, fictitious, newton
 from skfem_contact.points import PointSpace
 from skfem_contact.rigid import RigidMotions
-from skfem_contact.rules import hold, propose
+from skfem_contact.rules import disagreement, hold, propose
 from skfem_contact.spaces import Conditions, Load
 from skfem_contact.starts import natural_state
 from skfem_contact.states import OPEN, SLIP, STICK, Guess, Step
@@ -174,3 +174,19 @@ def test_anderson_solves_linear_fixed_points():
     for _ in range(6):
         x = mixing.next(x, A @ x + b)
     assert_allclose(x, np.linalg.solve(np.eye(3) - A, b), rtol=1e-8)
+
+
+def test_a_slip_that_turns_round_is_a_change():
+    """Points differ by status, or as slipping points by a direction that has turned by more than 60
+    degrees; what else has a direction does not count."""
+    zero = np.zeros(4)
+
+    def guess(status, direction):
+        return Guess(np.array(status), np.array(direction, dtype=float), zero, zero, zero)
+
+    now = guess([SLIP, SLIP, STICK, SLIP], [[1], [1], [1], [1]])
+    asked = guess([SLIP, SLIP, STICK, STICK], [[1], [-1], [-1], [1]])
+    assert_array_equal(disagreement(now, asked), [False, True, False, True])
+    plane = guess([SLIP] * 4, [[1, 0], [1, 0], [1, 0], [0, 1]])
+    turned = guess([SLIP] * 4, [[0.8, 0.6], [0, 1], [-1, 0], [0.6, 0.8]])
+    assert_array_equal(disagreement(plane, turned), [False, True, True, False])

@@ -351,3 +351,24 @@ def test_a_hundred_thousand_points_take_seconds():
     # measured 0.5 s on one core; the margin is for busy machines
     assert time.perf_counter() - start < 15
     assert np.count_nonzero(pairing.paired) == n // 2
+
+
+def test_feet_on_a_bulge_are_the_closest_of_several():
+    """Inside a strongly curved facet the distance has several minima: the foot is the smallest.
+
+    Judged by the distance to two thousand points of the facet.
+    """
+    mesh = fem.MeshTri2.from_mesh(fem.MeshTri())
+    points = mesh.doflocs.copy()
+    bottom = np.isclose(points[1], 0.0) & np.isclose(points[0], 0.5)
+    points[1, bottom] = -1.0
+    surface = body(fem.MeshTri2(points, mesh.t), fem.ElementTriP2()).surface(lambda x: x[1] < 0.1)
+    x = np.random.default_rng(3).uniform([-0.2, -1.2], [1.2, 0.3], (400, 2))
+    facet = np.flatnonzero(surface.points[surface.facets[:, 2], 1] < -0.9)
+    assert len(facet) == 1
+    _, foot, _ = project(surface, np.repeat(facet, len(x)), x)
+    corners = surface.points[surface.facets[facet[0]]]
+    along = facet_shapes(np.linspace(0.0, 1.0, 2001), 3)[0] @ corners
+    least = np.linalg.norm(x[:, None] - along, axis=2).min(axis=1)
+    # points of the facet are 2e-3 apart: beside the foot they are farther by the square of that
+    np.testing.assert_array_less(np.linalg.norm(x - foot, axis=1), least + 1e-9)

@@ -178,3 +178,33 @@ def test_starting_values_from_a_state():
     assert_array_equal(guess.status[state.status == SLIP], STICK)
     size = np.linalg.norm(as_guess(state).direction, axis=1)
     assert_allclose(size[state.status == SLIP], 1.0)
+
+
+def pressed(**settings):
+    """A frictionless block, nu = 0: an overlap d of its height h presses with E d / h."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 0.5, 3)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    x = basis.project(lambda x: np.stack([0 * x[0], -0.01 + 0 * x[0]]))
+    body = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=x, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    return sc.ContactSolver(body, sc.Contact(body.surface("bottom"), floor, name="joint", **settings))
+
+
+def test_an_interference_of_a_step_replaces_that_of_the_contact():
+    """Steps give the whole interference, and the contact has its own again where none is named."""
+    solver = pressed(interference=4e-3)
+    steps = [1.0, {"interference": {"joint": 1e-3}}, {"x": {"block": 0.5}}]
+    overlaps = [0.014, 0.011, 0.006]
+    for result, overlap in zip(solver.history(steps), overlaps, strict=True):
+        assert_allclose(result.pressure, overlap / 0.5, rtol=1e-12)
+    field = {"interference": {"joint": lambda x: 2e-3 + 0 * x[0]}}
+    [result] = solver.history([field])
+    assert_allclose(result.pressure, 0.012 / 0.5, rtol=1e-12)
+
+
+def test_a_number_leaves_obstacles_where_they_are():
+    """A factor is on loads and prescribed displacements; a floor that has risen stays where it is."""
+    steps = [{"motion": {"floor": (0, 2e-3)}}, 0.5, {"motion": {"floor": (0, 0)}}, 1.0]
+    overlaps = [0.012, 0.007, 0.005, 0.01]
+    for result, overlap in zip(pressed().history(steps), overlaps, strict=True):
+        assert_allclose(result.pressure, overlap / 0.5, rtol=1e-12)
