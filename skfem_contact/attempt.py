@@ -19,13 +19,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """One attempt at a load: how the loop ended, and on which pairing."""
+    """One attempt at a load: how the loop ended, from which state, and on which pairing."""
 
     outcome: Outcome
     placement: Placement
     load: Any
     case: LoadCase
     seen: LoadCase
+    start: State
     state: State
     mismatch: float = 0.0
     failure: str = ""
@@ -101,9 +102,7 @@ def friction_energy(interface: Interface, last: State, new: State) -> Energy:
     Friction and opening make the residual: it is of second order in the step, and takes no ``K u``.
     Overlaps of the meshes count as misfit that the loads' work has in it.
     """
-    G = interface.stiffness[:, None]
-    elastic = np.where(np.isfinite(G), (new.tangential_force - last.tangential_force) / G, 0.0)
-    plastic = np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
+    plastic = plastic_slip(interface, last, new)
     bound = 0.5 * (friction_bound(interface, last) + friction_bound(interface, new))
     lost = bound * np.linalg.norm(plastic, axis=1)
     work = np.sum(0.5 * (last.tangential_force + new.tangential_force) * plastic, axis=1)
@@ -117,6 +116,13 @@ def friction_energy(interface: Interface, last: State, new: State) -> Energy:
         np.array([lost[part].sum() for part in parts]),
         np.array([residual[part].sum() for part in parts]),
     )
+
+
+def plastic_slip(interface: Interface, last: State, new: State) -> Array:
+    """Slip between two states that a finite tangential stiffness does not give back, (m, d-1)."""
+    G = interface.stiffness[:, None]
+    elastic = np.where(np.isfinite(G), (new.tangential_force - last.tangential_force) / G, 0.0)
+    return np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
 
 
 def friction_bound(interface: Interface, state: State) -> Array:

@@ -1,8 +1,8 @@
 r"""The certificate: how well an answer satisfies the equations, measured from the answer itself.
 
 All numbers are dimensionless. Forces are divided by the largest force in the problem (load, contact
-or reaction), lengths by the extent of the bodies. Where a body moves rigidly, all forces are
-round-off and nothing to divide by: the scale is at least `FLOOR` of the terms that cancel in ``K u``.
+or reaction), lengths by the extent of the bodies. Where unloaded bodies move rigidly, all forces are
+round-off and nothing to divide by: the scale is then `FLOOR` of the terms that cancel in ``K u``.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.checked_law import CheckedLaw
+from skfem_contact.friction import return_map
+from skfem_contact.states import OPEN
 from skfem_contact.surface import ContactSurface
 
 if TYPE_CHECKING:
@@ -23,6 +25,9 @@ Array = NDArray[np.float64]
 
 #: Forces below this part of the terms of ``K u`` are no scale: their own round-off is 1e-10 of it.
 FLOOR = 1e-6
+
+#: Without a load, forces below this part of the terms of ``K u`` are what cancelling them leaves.
+ROUND_OFF = 1e-10
 
 
 @dataclass(frozen=True)
@@ -40,7 +45,8 @@ class Certificate:
     tension : float
         Largest tensile force at a unilateral point, over the largest force.
     friction : float
-        Largest excess of the friction force over its limit, over the largest contact force.
+        Largest violation of the friction law, over the largest contact force: a force beyond its
+        bound, one below it at a point that slips, or one that is not along its slip.
     force_balance : float
         Resultant of all loads, reactions and obstacle forces, over the sum of their sizes.
     moment_balance : float
@@ -92,7 +98,6 @@ def certify(result: ContactResult) -> Certificate:
         abs(K) @ np.abs(u[system.slice(body)])
         for body, K in zip(system.bodies, result.stiffness, strict=True)
     ]
-    floor = FLOOR * _largest(*terms)
     contact = kin.B_n.T @ state.normal_force
     if state.tangential_force.any():
         contact = contact - kin.B_t.T @ state.tangential_force.ravel()
@@ -101,6 +106,9 @@ def certify(result: ContactResult) -> Certificate:
     reactions[system.D] = residual[system.D]
     residual[system.D] = 0.0
     force = _largest(f, contact, reactions, state.normal_force, state.tangential_force)
+    # a load is a scale however small: a body that ran away with it has not carried it
+    noise = _largest(*terms)
+    floor = FLOOR * noise if not f.any() and force < ROUND_OFF * noise else 0.0
     force = max(force, floor)
     length = system.extent
     gap = result.kin.B_n @ u + result.seen.gap0
@@ -110,13 +118,13 @@ def certify(result: ContactResult) -> Certificate:
     total = max(float(np.abs(part).sum()) for part in (f, reactions, contact))
     total = max(total, floor)
     balance, moment, across, normal = _balance(result, f + reactions, total * length)
-    limit_excess = _friction_excess(result, floor)
+    violation = _friction_violation(result, floor)
     return Certificate(
         equilibrium=_ratio(np.max(np.abs(residual), initial=0.0), force),
         penetration=_ratio(np.max(overlap, initial=0.0), length),
         complementarity=_ratio(np.max(np.abs(state.normal_force * gap), initial=0.0), force * length),
         tension=_ratio(np.max(-state.normal_force[~bilateral], initial=0.0), force),
-        friction=limit_excess,
+        friction=violation,
         force_balance=_ratio(balance, total),
         moment_balance=moment,
         moment_gap=across,
@@ -125,20 +133,33 @@ def certify(result: ContactResult) -> Certificate:
     )
 
 
-def _friction_excess(result: ContactResult, floor: float) -> float:
+def _friction_violation(result: ContactResult, floor: float) -> float:
+    """Largest distance of a friction force from what the law makes of it and of the slip.
+
+    The law holds exactly if the force is the projection of ``force + r plastic_slip`` onto the bound,
+    for any r > 0: within the bound, at the bound where it slips, and along the slip. The r that makes
+    the largest slip the largest force gives both the same say.
+    """
     state, worst = result.state, 0.0
+    # slips below this part of the displacements they are differences of have no digits
+    still = FLOOR * _largest(result.u)
     for contact, part, name in zip(result.contacts, result.slices(), result.names, strict=True):
         if contact.friction is None:
             continue
         compressive = np.maximum(state.normal_force[part], 0.0)
-        slip = (state.slip - state.reference)[part]
         law = CheckedLaw(contact.friction, name, contact.secondary.points)
-        limit = law.limit(compressive, result.kin.area[part], slip)
-        limit = np.where(state.status[part] != 0, limit, 0.0)
-        size = np.linalg.norm(state.tangential_force[part], axis=1)
-        scale = _largest(state.normal_force[part], state.tangential_force[part])
+        counted, area = (state.slip - state.reference)[part], result.kin.area[part]
+        closed = state.status[part] != OPEN
+        limit = np.where(closed, law.limit(compressive, area, counted), 0.0)
+        force = state.tangential_force[part]
+        plastic = np.where(closed[:, None], result.plastic_slip[part], 0.0)
+        scale = max(_largest(state.normal_force[part], force), floor)
+        furthest = max(_largest(plastic), still)
+        r = scale / furthest if furthest > 0 else 0.0
+        lawful, _ = return_map(force + r * plastic, limit)
+        away = np.linalg.norm(force - lawful, axis=1)
         # np.maximum keeps NaN, which Python's max drops
-        worst = np.maximum(worst, _ratio(np.max(size - limit, initial=0.0), max(scale, floor)))
+        worst = np.maximum(worst, _ratio(np.max(away, initial=0.0), scale))
     return float(worst)
 
 

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from skfem_contact.arguments import check_kind
-from skfem_contact.attempt import Attempt, Walk, nothing
+from skfem_contact.attempt import Attempt, Walk, nothing, plastic_slip
 from skfem_contact.checkpoint import SavedState
 from skfem_contact.diagnosis import check_loads
 from skfem_contact.driver import converged_words
@@ -212,6 +212,7 @@ class LoadStep:
             seen=attempt.seen,
             state=attempt.state,
             gap=attempt.state.gap,
+            plastic_slip=plastic_slip(interface, attempt.start, attempt.state),
             mismatch=attempt.mismatch,
             converged=attempt.good,
             message=message + walk.words,

@@ -49,6 +49,9 @@ class ContactResult:
         Of sticking points, ``inf`` where they stick exactly [force/length].
     factor : float or None
         The number of the load step, where it was one.
+    plastic_slip : ndarray, shape (m, d-1)
+        What friction acts on: slip of this step, or of its last part where it was cut, less what a
+        finite tangential stiffness gives back; positive as the resisting force is [length].
     settings : Settings
         The loads in force, from which the next step of a history begins.
     indifferent : tuple of str
@@ -67,6 +70,7 @@ class ContactResult:
     seen: LoadCase
     state: State
     gap: Array = field(repr=False)
+    plastic_slip: Array = field(repr=False)
     mismatch: float
     converged: bool
     message: str

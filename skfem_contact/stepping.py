@@ -269,7 +269,7 @@ class Stepper:
             note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
             outcome = replace(outcome, trace=trace, coarse=guess.coarse, note=note)
             state = self._state(outcome, walk, placement, load, case, seen)
-        return Attempt(outcome, placement, load, case, seen, state)
+        return Attempt(outcome, placement, load, case, seen, walk.state, state)
 
     def _force_terms(self, case: LoadCase) -> float:
         """Largest load, or what moves of D make of the softest body's stiffness [force]."""

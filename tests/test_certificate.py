@@ -62,9 +62,11 @@ def result():
     return solved()
 
 
-def spoiled(result, u=None, seen=None, mismatch=None, **state):
+def spoiled(result, u=None, seen=None, mismatch=None, plastic=None, **state):
     """The result with parts of its state, its gaps or its displacements replaced."""
     parts = {"state": replace(result.state, **state)}
+    if plastic is not None:
+        parts["plastic_slip"] = plastic
     if seen is not None:
         parts["seen"] = replace(result.seen, gap0=seen)
     if mismatch is not None:
@@ -90,6 +92,17 @@ def forces_by_a_tenth(result):
 
 def friction_by_half(result):
     return spoiled(result, tangential_force=0.5 * result.state.tangential_force)
+
+
+def no_friction_where_it_slips(result):
+    """Equilibrium with half the friction would be fine with a law that is an upper bound only."""
+    force = result.state.tangential_force
+    return spoiled(result, tangential_force=np.where(result.state.status[:, None] == 2, 0.0, force))
+
+
+def friction_along_the_slip(result):
+    """Forces within their bounds that drive the slip instead of resisting it."""
+    return spoiled(result, plastic=-result.plastic_slip)
 
 
 def friction_beyond_its_bound(result):
@@ -159,7 +172,9 @@ def an_old_placement(result):
 
 CASES = [
     (forces_by_a_tenth, {"equilibrium", "force_balance"}),
-    (friction_by_half, {"equilibrium", "force_balance"}),
+    (friction_by_half, {"equilibrium", "force_balance", "friction"}),
+    (no_friction_where_it_slips, {"equilibrium", "friction"}),
+    (friction_along_the_slip, {"friction"}),
     (friction_beyond_its_bound, {"equilibrium", "friction"}),
     (friction_on_an_open_point, {"friction"}),
     (a_point_that_pulls, {"equilibrium", "tension"}),
