@@ -10,6 +10,7 @@ import numpy as np
 
 from skfem_contact.arguments import number
 from skfem_contact.errors import InputError
+from skfem_contact.singular import SingularMatrix
 from skfem_contact.states import OPEN, SLIP, STICK, Guess, Iterate, Record, Step
 
 logger = logging.getLogger("skfem_contact")
@@ -148,13 +149,26 @@ def drive(
     A `StopIteration` raised by `callback` ends the run where it stands, as in SciPy. With `patience`
     it ends after so many iterations in which neither fewer points changed than ever before nor the
     law came twice as close to being satisfied.
+
+    Raises
+    ------
+    SingularMatrix
+        In the first iteration; later it ends the run.
     """
     trace: list[Record] = []
     unheld: set[bytes] = set()
     suspect: np.ndarray | None = None
     progress = Progress()
     message = f"no convergence in {limit} iterations"
-    for iterate in loop(step, guess, tolerance):
+    iterates = loop(step, guess, tolerance)
+    while True:
+        try:
+            iterate = next(iterates)
+        except SingularMatrix:
+            if not trace:
+                raise
+            message = "points that hold a body too weakly were left closed"
+            break
         record = _record(len(trace) + 1, step, iterate)
         trace.append(record)
         logger.debug("%s", record)

@@ -23,6 +23,7 @@ from skfem_contact.loads import LoadCase
 from skfem_contact.recovery import Recovery
 from skfem_contact.result import ContactResult
 from skfem_contact.rigid import no_equilibrium
+from skfem_contact.singular import SingularMatrix
 from skfem_contact.starts import natural_state
 from skfem_contact.states import Record, State
 from skfem_contact.statics import drives, escape
@@ -48,13 +49,13 @@ class Way:
 class Found:
     """What came out: the last attempt and the way to it; `rest` where it leaves motions free.
 
-    `refuted`: statics alone has shown that there is no equilibrium.
+    `refuted`: a motion (k,) by which statics alone shows that there is no equilibrium.
     """
 
     attempt: Attempt
     walk: Walk
     rest: Rest | None = None
-    refuted: bool = False
+    refuted: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,12 +128,15 @@ class LoadStep:
             rest = settled[-1]
             rest.walk.trace[:0] = walk.trace
             return Found(rest.attempt, rest.walk, rest)
-        return Found(attempt, walk, None, bool(refuted))
+        return Found(attempt, walk, None, refuted[0] if refuted else None)
 
     def _settle(self, way: Way, start: Known) -> Rest | None:
         u_last = start.u if isinstance(start, ContactResult) else np.zeros(self.model.system.n)
         walk = Walk(way.state, way.case, nothing(self.interface))
-        return self._indifference.settle(walk, way.target, u_last)
+        try:
+            return self._indifference.settle(walk, way.target, u_last)
+        except SingularMatrix:  # springs as weak as these do not hold a body everywhere
+            return None
 
     def _idles(self, attempt: Attempt) -> bool:
         return bool(self.model.loose.shape[1]) or idles(
@@ -231,11 +235,12 @@ class LoadStep:
 
     def _failure(self, found: Found, result: ContactResult) -> NoEquilibrium | NotConverged:
         attempt = found.attempt
-        if attempt.outcome.free is not None:
-            free, f = attempt.outcome.free, attempt.case.f
-            when = "with the forces that contact can carry"
-            motions = attempt.placement.motions
-            return no_equilibrium(motions, free, when, f, result, shown=found.refuted)
+        motions, free = attempt.placement.motions, attempt.outcome.free
+        if free is None and found.refuted is not None:
+            motions, free = self.model.motions, found.refuted[:, None]
+        if free is not None:
+            when, shown = "with the forces that contact can carry", found.refuted is not None
+            return no_equilibrium(motions, free, when, attempt.case.f, result, shown)
         return NotConverged(
             f"The loop '{self.stepper.loop}' did not converge: {result.message}. Usually the load has "
             "no equilibrium or several (a large coefficient of friction), or the step is too large "

@@ -78,14 +78,17 @@ class RigidMotions:
         """The same motions seen from another pairing."""
         return replace(self, kin=kin)
 
-    def free(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_]) -> Array:
-        """Combinations of modes that closed and sticking points do not hold, shape (k, j)."""
+    def free(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_], firmly: float = HELD) -> Array:
+        """Combinations of modes that closed and sticking points do not hold, shape (k, j).
+
+        `firmly`: how far a point has to move at least where a mode of unit size is held.
+        """
         if self.k == 0:
             return np.zeros((0, 0))
         rows = [self.normal[closed]]
         if stick.any():
             rows.append(self.tangential[stick].reshape(-1, self.k))
-        return null_space(np.concatenate(rows))
+        return null_space(np.concatenate(rows), firmly)
 
     def describe(self, combination: Array) -> tuple[tuple[str, ...], str]:
         """The bodies that move and their motion in words."""
@@ -200,11 +203,11 @@ def no_equilibrium(
     )
 
 
-def null_space(rows: Array) -> Array:
+def null_space(rows: Array, least: float = HELD) -> Array:
     """Directions that all rows leave at zero, shape (k, j), orthonormal."""
     k = rows.shape[1]
     if rows.shape[0] == 0:
         return np.eye(k)
     _, values, directions = np.linalg.svd(rows, full_matrices=rows.shape[0] < k)
     values = np.concatenate([values, np.zeros(len(directions) - len(values))])
-    return directions[values < HELD * max(1.0, np.max(values, initial=0.0))].T
+    return directions[values < least * max(1.0, np.max(values, initial=0.0))].T

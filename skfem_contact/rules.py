@@ -19,6 +19,9 @@ ROUND_OFF = 1e-11
 # Digits to which two points are told apart: fewer than round-off leaves of any number, so that points
 # which symmetry makes alike are so in whatever order they are numbered.
 ALIKE = 9
+# A set of points that holds a body by less than this is none that can be solved for: stiffnesses are
+# squares of it, and those have sixteen digits.
+FIRMLY = 1e-7
 # That of a single number.
 EPS = float(np.finfo(float).eps)
 
@@ -128,7 +131,7 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
     if motions.k == 0:
         return status, None
     holds = step.frictional | step.tied
-    free = motions.free(status != OPEN, (status == STICK) & holds)
+    free = motions.free(status != OPEN, (status == STICK) & holds, FIRMLY)
     if free.shape[1] == 0:
         return status, None
     status, first = status.copy(), free
@@ -145,7 +148,7 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
         if (status[i] == OPEN and resists) or turns:
             status[i] = STICK
             points[i] = True
-            free = motions.free(status != OPEN, (status == STICK) & holds)
+            free = motions.free(status != OPEN, (status == STICK) & holds, FIRMLY)
     return status, Held(points, first)
 
 

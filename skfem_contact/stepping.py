@@ -27,6 +27,7 @@ from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import Interface
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase
+from skfem_contact.singular import SingularMatrix
 from skfem_contact.starts import NEWTON_ITERATIONS, admissible, possible_starts, starting_values
 from skfem_contact.states import OPEN, Record, State, Step
 from skfem_contact.threads import single_threaded
@@ -106,6 +107,12 @@ class Stepper:
                 if starts == ["apart"]:
                     raise
                 starts = ["apart"]
+                continue
+            except SingularMatrix:
+                # not of the bodies, if another set of points can be solved for
+                if len(starts) == 1:
+                    raise
+                starts.pop(0)
                 continue
             walk.trace.extend(attempt.outcome.trace)
             walk.coarse += attempt.outcome.coarse
