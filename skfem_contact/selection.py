@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 from skfem.assembly import DofsView
 
-from skfem_contact.errors import InputError
+from skfem_contact.errors import ContactWarning, InputError
 from skfem_contact.inputs import unknown_boundary
 
 
@@ -71,6 +72,15 @@ def _normalize(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
         raise InputError(
             f"surface {label!r}: facet numbers {numbers.min()} to {numbers.max()}, the mesh has "
             f"facets 0 to {mesh.nfacets - 1}; are these node numbers, or numbers of another mesh?"
+        )
+    inside = ~np.isin(numbers, mesh.boundary_facets())
+    if inside.any() and not inside.all():
+        warnings.warn(
+            f"surface {label!r}: {np.count_nonzero(inside)} of the {len(numbers)} facet numbers given "
+            "are inside the mesh and left out. Usually these are numbers of something else: DOFs, nodes. A "
+            "boundary name or a function of position selects facets of the boundary only.",
+            ContactWarning,
+            stacklevel=2,
         )
     return numbers.astype(np.int64)
 

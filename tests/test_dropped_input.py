@@ -108,6 +108,9 @@ def test_dofs_are_no_facets():
     linear, quadratic = block("punch"), block("punch", element=fem.ElementQuad2())
     with pytest.raises(sc.InputError, match=r"surface 'punch/surface': where is what get_dofs"):
         linear.surface(linear.basis.get_dofs("left"))
+    # as plain numbers they can not be told from facets, except that most of these lie inside
+    with pytest.warns(sc.ContactWarning, match=r"facet numbers given are inside the mesh and left out"):
+        linear.surface(linear.basis.get_dofs("left").all())
     # facets that have DOFs of their own are known from them
     left = quadratic.surface(quadratic.basis.get_dofs("left"))
     assert_array_equal(left.mesh_facets, quadratic.surface("left").mesh_facets)

@@ -113,7 +113,9 @@ def test_rows_know_motions_and_dilatations(swap):
 
     for rows in (kin.B_n, kin.B_t):
         for move in ((1.0, 0.0), (0.0, 1.0)):
-            assert_allclose(rows @ both(np.broadcast_to(np.array(move)[:, None], x.T.shape)), 0, atol=1e-14)
+            assert_allclose(
+                rows @ both(np.broadcast_to(np.array(move)[:, None], x.T.shape)), 0, atol=1e-14
+            )
     # turned together, arcs that fit slide in themselves; grown, they grow alike
     inner = np.abs(np.arctan2(kin.points[:, 1], kin.points[:, 0]) - 1.55) < 0.6
     for field in ((-x[:, 1], x[:, 0]), (x[:, 0], x[:, 1])):
