@@ -77,7 +77,7 @@ def _normalize(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
     if inside.any() and not inside.all():
         warnings.warn(
             f"surface {label!r}: {np.count_nonzero(inside)} of the {len(numbers)} facet numbers given "
-            "are inside the mesh and left out. Usually these are numbers of something else: DOFs, nodes. A "
+            "are inside the mesh and left out. Usually these are numbers of DOFs or nodes. A "
             "boundary name or a function of position selects facets of the boundary only.",
             ContactWarning,
             stacklevel=2,
