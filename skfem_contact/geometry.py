@@ -193,7 +193,11 @@ class Geometry:
             return 0.0
         # an open point may lie in the other body: on the pairing that was solved it was elsewhere
         wrong = np.where(closed, np.abs(new.gap0), np.maximum(-new.gap0, 0.0))
-        gap = np.where(self.finite & new.paired & ~new.tied, wrong, 0.0)
+        # where supports hold both bodies no pairing mends an overlap; it is warned of
+        judged = self.finite & new.paired & ~new.tied
+        if judged.any():
+            judged &= ~prescribed_rows(new.B_n, self.system.D)
+        gap = np.where(judged, wrong, 0.0)
         old = placement.kin
         change = (new.B_n - old.B_n).T @ state.normal_force
         if state.tangential_force.any():

@@ -161,6 +161,22 @@ def test_weights_stay_bounded(k, bound):
     assert (size[kept] / total[kept]).max() < 1.01 * bound
 
 
+@pytest.mark.parametrize(
+    ("k", "without"), [(2, (0,)), (2, (1,)), (3, (0,)), (3, (1,)), (3, (0, 1)), (3, (0, 2))]
+)
+def test_prescribed_nodes_have_no_multiplier(k, without):
+    """Their part of the facet is in the row of the largest that is left, whatever its own share."""
+    N = line_shapes(k)
+    mass = np.array([[integral(a * b, 0, 1) for b in N] for a in N])
+    held = np.isin(np.arange(k), without)
+    (A,), (share,), (heir,) = dual_basis(mass[None], np.ones(1), held[None])
+    left = [i for i in (2, 0, 1) if i < k and i not in without]  # by size
+    assert_allclose(heir, np.where(held, left[0], np.arange(k)))
+    D = A @ mass
+    assert_allclose(D, np.where(heir == np.arange(k)[:, None], share, 0.0), atol=ROUND_OFF)
+    assert_allclose(A.sum(axis=0), 1.0, atol=ROUND_OFF)  # uniform pressure in the space
+
+
 # --- rows -------------------------------------------------------------------------------------
 
 
@@ -190,6 +206,43 @@ def test_rows_reproduce_linear_fields(kinds, lines, angle, gap):
     assert np.all(np.isinf(pairing.gap[~paired])) and np.all(pairing.area > 0)
     assert np.all(pairing.facet[paired] >= 0)
     assert np.array_equal(pairing.miss > 0, ~paired)
+
+
+@pytest.mark.parametrize("kinds", [("Q1", "Q1"), ("Q2", "Q2"), ("P2", "Q1")])
+@given(lines=overlapping(), data=st.data(), angle=st.sampled_from([0.0, 0.4, np.pi / 2]))
+@settings(max_examples=25, deadline=None)
+def test_rows_at_supports_reproduce_linear_fields(kinds, lines, data, angle):
+    """Wherever nodes are prescribed, rows agree on linear fields and take all that is covered."""
+    x_s, x_m = lines
+
+    def held(surface):
+        parts = data.draw(st.lists(st.sampled_from([0, 0, 1, 2, 3]), min_size=30, max_size=30))
+        parts = np.array((*parts, *([0] * len(surface.points))))[: len(surface.points)]
+        D = np.concatenate([surface.dofs[parts & 1 > 0, 0], surface.dofs[parts & 2 > 0, 1]])
+        body = Body(surface.body.basis, surface.body.K, D=D)
+        return body.surface(surface.mesh_facets)
+
+    s, p = map(held, pair_of_blocks(kinds[0], x_m, x_s, gap=0.1, angle=angle, both=kinds[1]))
+    pairing = dual_mortar(s, p)
+    paired = pairing.paired
+    covered = max(min(x_s[-1], x_m[-1]) - max(x_s[0], x_m[0]), 0.0)
+    assert_allclose(pairing.area[paired].sum(), covered, atol=ROUND_OFF)
+    if covered < 1e-8:
+        return
+    normal = np.array([-np.sin(angle), np.cos(angle)])
+    # a node that is held may end with a small share of a cut facet beside what it is handed
+    tol = 1e-9
+    weights = [(pairing.secondary_weights, pairing.primary_weights)]
+    if pairing.slip_weights is not None:
+        weights.append(pairing.slip_weights)
+    for W_s, W_m in weights:
+        for W in (W_s, W_m):
+            assert_allclose(np.asarray(W.sum(axis=1)).ravel()[paired], 1.0, atol=tol)
+        away = W_s @ s.points - W_m @ p.points
+        assert_allclose(away[paired], np.outer(np.full(paired.sum(), 0.1), normal), atol=tol)
+    # who has no row shows those of a point that has one, if anything opposite is covered
+    heir = carriers(s, pairing)
+    assert np.all(paired[heir] | (pairing.miss > 0))
 
 
 @pytest.mark.parametrize("kind", ["Q1", "Q2", "S2", "P2"])

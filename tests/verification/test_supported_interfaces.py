@@ -13,6 +13,7 @@ import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
 from skfem.models.elasticity import lame_parameters, linear_elasticity
+from skfem.models.poisson import laplace
 from unlike_meshes import KINDS, named_sides, rectangle
 
 import skfem_contact as sc
@@ -131,6 +132,50 @@ def test_prescribed_node_carries_nothing_and_is_seen():
     assert_allclose(result.certificate.penetration * 2.0, DEEP)  # over the extent of the bodies
 
 
+@pytest.mark.parametrize("scene", [press_fit, gripped_blocks])
+@pytest.mark.parametrize("method", ["node", "mortar"])
+def test_finite_sliding_and_all_dofs_agree(method, scene):
+    """The same forces where the pairing follows, and where nothing is condensed.
+
+    Displacements are a thousandth of the bodies, and so is what they change of the forces.
+    """
+    bodies, surfaces, settings = scene("Q1", (12, 13), sc.Coulomb(0.3))
+    forces = []
+    for sliding, linear in (("small", "auto"), ("small", sc.Direct()), ("finite", "auto")):
+        contact = sc.Contact(*surfaces, method=method, sliding=sliding, **settings)
+        with pytest.warns(sc.ContactWarning, match=ENDS):
+            forces.append(sc.ContactSolver(bodies, contact, linear=linear).solve().force)
+    assert_allclose(forces[1], forces[0], rtol=1e-9, atol=1e-9 * DEEP)
+    assert_allclose(forces[2], forces[0], rtol=DEEP, atol=DEEP * DEEP)
+
+
+def pressed_at_one_side(n, method):
+    """A block guided down at its left side, on a longer layer: a secondary that is clamped alone."""
+    layer = rectangle("Q1", np.linspace(-1, 2, 3 * n + 4), np.linspace(-1, 0, n // 2 + 1))
+    basis = rectangle("Q1", np.linspace(0, 1, n + 1), np.linspace(0, 1, n // 2 + 1))
+    x = np.zeros(basis.N)
+    x[held(basis, ("left", "u^2"))] = -DEEP
+    low = sc.Body(layer, FORM, D="bottom", name="layer")
+    top = sc.Body(basis, FORM, D="left", x=x, name="block")
+    contact = sc.Contact(top.surface("bottom"), low.surface("top"), method=method)
+    return sc.ContactSolver([low, top], contact).solve()
+
+
+def test_clamped_alone_hands_its_multiplier_over():
+    """The clamped corner shows its neighbour's pressure, forces are exact, the total is nearer."""
+    result = pressed_at_one_side(12, "mortar")
+    corner, beside = np.argsort(result.points[:, 0])[:2]
+    assert result.certificate.worst < 1e-12
+    assert result.pressure[corner] == result.pressure[beside] > 0
+    assert result.area[corner] == result.normal_force[corner] == 0.0
+    assert_allclose(result.integrate(result.traction), result.force, rtol=1e-12)
+    # of three halves of a facet in the row one is the corner's, and acts there
+    assert_allclose(result["contact 1"].action[beside, 0], 2 / 3 / 12, rtol=1e-12)
+    exact = pressed_at_one_side(96, "mortar").force[1]
+    coarse = pressed_at_one_side(12, "node").force[1]
+    assert abs(result.force[1] / exact - 1) < 0.5 * abs(coarse / exact - 1)
+
+
 # --- lines of symmetry --------------------------------------------------------------------------
 
 
@@ -238,3 +283,19 @@ def test_linear_fields_pass_between_prescribed_ends(kind, ends, settings):
     # where the gap is prescribed on both sides the supports carry, as with node-to-segment contact
     inner = (result.points[:, 0] > 0) & (result.points[:, 0] < 1) | (ends == "u^1")
     assert_allclose(result.pressure[inner], 1e-3, rtol=1e-8)
+
+
+@pytest.mark.parametrize("kind", ALL)
+def test_linear_temperatures_pass_between_prescribed_ends(kind):
+    """Heat through glue between sides of given temperature: the exact field, and its flux."""
+    bodies, exact = [], []
+    for n, y, far, name in ((5, 0, "bottom", "low"), (7, 1, "top", "top")):
+        basis = rectangle(kind, np.linspace(0, 1, n + 1), y + np.linspace(0, 1, 3), scalar=True)
+        exact.append(1 + basis.doflocs[0] - 2 * basis.doflocs[1])
+        D = np.concatenate([basis.get_dofs(side).all() for side in ("left", "right", far)])
+        bodies.append(sc.Body(basis, laplace, D=D, x=exact[-1], name=name))
+    surfaces = bodies[0].surface("top"), bodies[1].surface("bottom")
+    result, _ = solved(bodies, surfaces, method="mortar", tied=True)
+    assert_allclose(result.u, np.concatenate(exact), atol=1e-12)
+    inner = (result.points[:, 0] > 0) & (result.points[:, 0] < 1)
+    assert_allclose(np.abs(result.pressure[inner]), 2.0, rtol=1e-9)
