@@ -132,6 +132,28 @@ def test_prescribed_node_carries_nothing_and_is_seen():
     assert_allclose(result.certificate.penetration * 2.0, DEEP)  # over the extent of the bodies
 
 
+@pytest.mark.parametrize("facets", [(20, 21), (40, 41)], ids=str)
+@pytest.mark.parametrize("method", ["node", "mortar"])
+def test_clamps_that_end_near_each_other(method, facets):
+    """Of bodies clamped up to a fifth of their height one clamp ends a fifth of a facet earlier.
+
+    The secondary's last clamped node stands beside the primary's, before the free one. To close its gap
+    that one would have to go five times as far: the force was 29 times that of clamps of one length.
+    """
+
+    def force(facets, method):
+        bodies, surfaces, settings = press_fit("Q1", facets)
+        clamped = [
+            sc.Body(b.basis, FORM, D=np.union1d(b.D, np.flatnonzero(b.dof_points[:, 1] <= 0.4 + 1e-9)))
+            for b in bodies
+        ]
+        surfaces = clamped[0].surface("right"), clamped[1].surface("left")
+        return total((clamped, surfaces, settings), method, False)[0]
+
+    # that the primary is free a fifth of a facet earlier is what is left
+    assert force(facets, method) == pytest.approx(force((facets[0],) * 2, "node"), rel=0.05)
+
+
 @pytest.mark.parametrize("scene", [press_fit, gripped_blocks])
 @pytest.mark.parametrize("method", ["node", "mortar"])
 def test_finite_sliding_and_all_dofs_agree(method, scene):
