@@ -131,6 +131,9 @@ def kinematics(
     bulge = None
     if pairing.primary_bulge is not None and isinstance(contact.primary, ContactSurface) and not scalar:
         bulge = (pairing.primary_bulge, contact.primary, -1.0)
+    slip_bulge = bulge
+    if bulge is not None and still.any():  # rows of node-to-segment contact stand on the nodes
+        slip_bulge = (diags((~still).astype(float)) @ bulge[0], *bulge[1:])
     held = _held(sides, frame[:, 0], contact.tied)
     B_n = _spread(system, sides, frame[:, 0], pairing.paired, held, bulge)
     return Kinematics(
@@ -143,7 +146,7 @@ def kinematics(
             pairing.paired,
             still,
             contact.tied,
-            bulge,
+            slip_bulge,
         ),
         tangents=frame.shape[1] - 1,
         gap0=initial_gap(contact, pairing) if gap0 is None else gap0,
