@@ -6,11 +6,10 @@ into a sealed array: ``result.u *= 2`` is an error where it is written, ``u = 2 
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix, issparse
+from scipy.sparse import csr_matrix
 
 
 def sealed(array: np.ndarray) -> np.ndarray:
@@ -32,13 +31,11 @@ def sealed_matrix(matrix: csr_matrix) -> csr_matrix:
 
 
 def seal(value: Any) -> None:
-    """Make all arrays and matrices among the fields of a dataclass read-only."""
-    assert is_dataclass(value)
-    for field in fields(value):
-        part = getattr(value, field.name)
+    """Make all arrays and matrices that an object has read-only; for every result, so it is quick."""
+    for part in vars(value).values():
         if isinstance(part, np.ndarray):
             sealed(part)
-        elif issparse(part) and part.format == "csr":
+        elif isinstance(part, csr_matrix) and part.data.flags.writeable:
             sealed_matrix(part)
 
 

@@ -9,7 +9,8 @@ bodies' own are left out.
 from __future__ import annotations
 
 import weakref
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from skfem_contact.result import ContactResult
 from skfem_contact.steps import StepReader
 
 Array = NDArray[np.float64]
+NONE = np.zeros(0)
+FIELDS = tuple(field.name for field in fields(ContactResult))
 
 
 @dataclass(eq=False)
@@ -29,8 +32,7 @@ class Yielded:
 
     def add(self, result: ContactResult, reader: StepReader) -> None:
         """Keep a result; `reader` knows the loads that a number stands for."""
-        none = np.zeros(0)
-        light = replace(result) if result.factor is None else _with_loads(result, none, none)
+        light = _copied(result) if result.factor is None else _with_loads(result, NONE, NONE)
         self._light.append((light, reader))
         self._alive.append(weakref.ref(result))
 
@@ -51,10 +53,18 @@ class Yielded:
 def _with_loads(result: ContactResult, f: Array, x: Array) -> ContactResult:
     """The same result with other vectors of loads, and without what it remembers."""
     case = replace(result.case, f=f, x=x)
-    return replace(
+    return _copied(
         result,
         case=case,
         seen=replace(result.seen, f=f, x=x),
         settings=replace(result.settings, f=f, x=x),
         recover=replace(result.recover, case=case),
     )
+
+
+def _copied(result: ContactResult, **changed: Any) -> ContactResult:
+    """A result with its fields or others; what it remembers of earlier questions is left out."""
+    known = vars(result)
+    copy = object.__new__(ContactResult)
+    vars(copy).update({name: known[name] for name in FIELDS} | changed)
+    return copy
