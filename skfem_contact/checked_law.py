@@ -59,8 +59,11 @@ class CheckedLaw:
 
     @property
     def _plain(self) -> bool:
-        """Whether the bound is known: piecewise linear in the normal force, without the slip."""
-        return type(self.law).limit in (Coulomb.limit, Tresca.limit)
+        """Whether the law is one of ours, whose parameters were checked when it was made.
+
+        Its bounds need no check, and are piecewise linear in the normal force, without the slip.
+        """
+        return type(self.law) in (Coulomb, Tresca)
 
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         """Bounds, shape (m,); see `FrictionLaw.limit`. Zero at points without area.
@@ -70,6 +73,8 @@ class CheckedLaw:
         InputError
             The law returned something else than one finite bound >= 0 for each point.
         """
+        if self._plain:
+            return self.law.limit(normal_force, area, slip)
         bounds, known = self._ask(self.law.limit, "limit", normal_force, area, slip)
         good = known & np.isfinite(bounds)
         largest = max(np.max(part[good], initial=0.0) for part in (normal_force, bounds))
@@ -84,10 +89,12 @@ class CheckedLaw:
         A point without force is about to get one like the others: if the chord to it is flatter than
         the tangent, the chord is taken. The tangent of a power of the pressure is infinite there.
         """
+        if self._plain:
+            return self.law.slope(normal_force, area, slip)
         slopes, known = self._ask(self.law.slope, "slope", normal_force, area, slip)
         largest = float(np.max(normal_force[known], initial=0.0))
         bare = known & (normal_force <= STEP * largest)
-        if largest > 0 and bare.any() and not self._plain:
+        if largest > 0 and bare.any():
             rise = self.limit(np.where(bare, largest, normal_force), area, slip)
             rise -= self.limit(normal_force, area, slip)
             slopes[bare] = np.fmin(slopes[bare], rise[bare] / largest)
