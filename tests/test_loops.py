@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import islice
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,10 +14,11 @@ from skfem_contact import Coulomb, Options
 from skfem_contact.anderson import Anderson
 from skfem_contact.checked_law import CheckedLaw
 from skfem_contact.driver import drive
-from skfem_contact.loops import direct, fictitious, newton
+from skfem_contact.loops import Pace, direct, fictitious, newton
 from skfem_contact.points import PointSpace
 from skfem_contact.rigid import RigidMotions
 from skfem_contact.rules import disagreement, hold, propose
+from skfem_contact.singular import SingularMatrix
 from skfem_contact.spaces import Conditions, Load
 from skfem_contact.starts import natural_state
 from skfem_contact.states import OPEN, SLIP, STICK, Guess, Step
@@ -190,3 +192,34 @@ def test_a_slip_that_turns_round_is_a_change():
     plane = guess([SLIP] * 4, [[1, 0], [1, 0], [1, 0], [0, 1]])
     turned = guess([SLIP] * 4, [[0.8, 0.6], [0, 1], [-1, 0], [0.6, 0.8]])
     assert_array_equal(disagreement(plane, turned), [False, True, True, False])
+
+
+def test_a_set_that_can_not_be_solved_for_ends_a_run():
+    """Points that hold a body too weakly make a singular matrix: the run ends where it stands, and
+    other starts are tried; in the first iteration it may be the bodies, and is raised."""
+    one = step(1.0, 0.0)
+
+    def breaks(after):
+        def loop(given, guess, tolerance):
+            for iterate in islice(LOOPS["newton"](given, guess, tolerance), after):
+                yield replace(iterate, converged=False)
+            raise SingularMatrix("no such set")
+
+        return loop
+
+    outcome = drive(breaks(1), one, cold(one), 1e-10, 10)
+    assert not outcome.converged and "too weakly" in outcome.message and len(outcome.trace) == 1
+    with pytest.raises(SingularMatrix):
+        drive(breaks(0), one, cold(one), 1e-10, 10)
+
+
+def test_points_alike_are_taken_by_rank():
+    """One point at a time: the last by rank, wherever it is numbered."""
+    one = step([1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
+    wrong = np.ones(3, dtype=bool)
+    for rank in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
+        ranked = replace(one, rank=np.array(rank))
+        pace = Pace(patience=0, best=0)
+        current = cold(ranked)
+        taken = pace.advance(ranked, current, replace(current, status=np.full(3, STICK)), wrong, None)
+        assert np.flatnonzero(taken.status == STICK).tolist() == [rank.index(2)]
