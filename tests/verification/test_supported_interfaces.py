@@ -23,7 +23,7 @@ DEEP = 1e-3  # interference, and by how much blocks are pushed together
 ENDS = r"prescribed displacements push"
 ALL = tuple(KINDS)
 # facets of the two bodies: matching, nearly so, coarse, nearly so and finer
-MESHES = [(20, 20), (20, 21), (20, 24), (40, 41)]
+MESHES = [(20, 20), (20, 21), (20, 24), pytest.param((40, 41), marks=pytest.mark.slow)]
 
 
 def held(basis, *where):
@@ -237,7 +237,9 @@ LAWS = {
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("facets", [(6, 8), (8, 6), (5, 7)], ids=str)
+@pytest.mark.parametrize(
+    "facets", [(6, 8), *(pytest.param(at, marks=pytest.mark.slow) for at in ((8, 6), (5, 7)))], ids=str
+)
 @pytest.mark.parametrize("kind", ALL)
 def test_half_a_model_is_half_of_the_whole(kind, facets, law):
     """The tractions of half a model are those of the whole, without shear on the line of symmetry."""
