@@ -107,7 +107,8 @@ def friction_energy(interface: Interface, last: State, new: State) -> Energy:
     lost = bound * np.linalg.norm(plastic, axis=1)
     work = np.sum(0.5 * (last.tangential_force + new.tangential_force) * plastic, axis=1)
     force = 0.5 * (last.normal_force + new.normal_force)
-    acts = force != 0  # points without partner have no gap
+    # points without partner have no gap, also one that finds or loses it between the two states
+    acts = (force != 0) & np.isfinite(new.gap) & np.isfinite(last.gap)
     moved = np.maximum(new.gap[acts], 0.0) - np.maximum(last.gap[acts], 0.0)
     residual = work - lost
     residual[acts] -= force[acts] * moved

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.contact import Contact
+from skfem_contact.corners import CornerContacts, Names, corner_contacts
 from skfem_contact.frames import loaded_frames
 from skfem_contact.mortar import dual_mortar
 from skfem_contact.obstacle import Obstacle
@@ -19,7 +20,13 @@ from skfem_contact.surface import ContactSurface
 Array = NDArray[np.float64]
 
 
-def pair(contact: Contact, *, moved: Sequence[Array] = (), motion: object = None) -> Pairing:
+def pair(
+    contact: Contact,
+    *,
+    moved: Sequence[Array] = (),
+    motion: object = None,
+    known: Names = frozenset(),
+) -> Pairing:
     """Find the partner of every point of the secondary surface.
 
     Parameters
@@ -29,6 +36,8 @@ def pair(contact: Contact, *, moved: Sequence[Array] = (), motion: object = None
         Displacements of the secondary and the primary body, for the deformed geometry [length].
     motion : optional
         Motion of a rigid obstacle: translation (d,), or (translation, angle, centre).
+    known : frozenset
+        Vertices that carried in a round before, `Pairing.corners`.
     """
     secondary, primary = contact.secondary, contact.primary
     if len(moved):
@@ -40,13 +49,32 @@ def pair(contact: Contact, *, moved: Sequence[Array] = (), motion: object = None
         return _without_idle(contact, pairing)
     if len(moved):
         primary = primary.moved(moved[1])
+    corners = None if contact.tied else _corners(contact, secondary, primary, known)
     if contact.method == "mortar":
-        pairing = dual_mortar(secondary, primary, reach=contact.reach)
+        pressed = None if corners is None else corners.pressed
+        pairing = dual_mortar(secondary, primary, reach=contact.reach, pressed=pressed)
+        pairing = pairing if corners is None else corners.rows(pairing, every=True)
     else:
-        pairing = _without_idle(contact, node_to_segment(secondary, primary, reach=contact.reach))
+        pairing = node_to_segment(secondary, primary, reach=contact.reach)
+        pairing = pairing if corners is None else corners.rows(pairing, every=False)
+        pairing = _without_idle(contact, pairing)
     if contact.sliding == "small" and not contact.tied and not len(moved):
         return loaded_frames(secondary, primary, pairing)
     return pairing
+
+
+def _corners(
+    contact: Contact, secondary: ContactSurface, primary: ContactSurface, known: Names
+) -> CornerContacts:
+    """What corners meet; with small sliding only what they overlap now."""
+    return corner_contacts(
+        secondary,
+        primary,
+        method=contact.method,
+        reach=contact.reach,
+        only_overlaps=contact.sliding == "small",
+        known=known,
+    )
 
 
 def _without_idle(contact: Contact, pairing: Pairing) -> Pairing:

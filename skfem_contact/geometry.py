@@ -121,8 +121,12 @@ class Geometry:
         """Whether any contact slides far."""
         return bool(self.finite.any())
 
-    def at(self, u: Array, case: LoadCase) -> Kinematics:
-        """Gaps, rows and frames at displacements u of the surfaces, shape (n,)."""
+    def at(self, u: Array, case: LoadCase, before: Kinematics | None = None) -> Kinematics:
+        """Gaps, rows and frames at displacements u of the surfaces, shape (n,).
+
+        Vertices that carried on the pairing `before` go on to do so: where a round would take them
+        and the next leave them none is that of its own answer.
+        """
         parts = []
         for i, contact in enumerate(self.contacts):
             if contact.sliding == "small":
@@ -132,11 +136,13 @@ class Geometry:
             primary = contact.primary
             if isinstance(primary, ContactSurface):
                 moved.append(u[self.system.slice(primary.body)])
-            motion = case.motion[i].as_argument()
-            pairing = pair(contact, moved=moved, motion=None if len(moved) == 2 else motion)
+            known = before.corners[i] if before else frozenset()
+            motion = None if len(moved) == 2 else case.motion[i].as_argument()
+            pairing = pair(contact, moved=moved, motion=motion, known=known)
             check_pairing(contact, pairing)
             gap = pairing.gap + self._offsets[i] - case.interference[self.parts[i]]
-            parts.append(kinematics(self.system, contact, pairing, gap))
+            kin = kinematics(self.system, contact, pairing, gap)
+            parts.append(replace(kin, corners=(pairing.corners | known,)))
         return join(parts)
 
     @cached_property

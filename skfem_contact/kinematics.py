@@ -64,6 +64,8 @@ class Kinematics:
         Where the force of each point acts on the secondary: its position in general.
     tilt : ndarray, shape (m,)
         Angle between the two sides' normals [rad], see `Pairing.tilt`.
+    corners : tuple of frozenset
+        For each contact the vertices that carry by themselves, `Pairing.corners`.
     """
 
     B_n: csr_matrix
@@ -79,6 +81,7 @@ class Kinematics:
     heir: NDArray[np.intp]
     action: Array
     tilt: Array
+    corners: tuple[frozenset[tuple[int, int]], ...] = ()
 
     @property
     def m(self) -> int:
@@ -159,6 +162,7 @@ def kinematics(
         heir=carriers(secondary, pairing),
         action=_action(pairing),
         tilt=pairing.tilt,
+        corners=(pairing.corners,),
     )
 
 
@@ -196,6 +200,7 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
         tangential=partial(_joined_tangential, tuple(parts)),
         tangents=parts[0].tangents,
         heir=heir,
+        corners=tuple(found for part in parts for found in part.corners),
         **stacked,
     )
 

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.spatial import cKDTree
 
-from skfem_contact.dual import SHARE_KEPT, WHOLE, dual_basis
+from skfem_contact.dual import COVER_KEPT, SHARE_KEPT, WHOLE, dual_basis
 from skfem_contact.errors import InputError
 from skfem_contact.facing import mortar_normals
 from skfem_contact.normals import tangents
@@ -52,7 +52,11 @@ _ROUND_OFF = 1e-14
 
 
 def dual_mortar(
-    secondary: ContactSurface, primary: ContactSurface, *, reach: float | None = None
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    *,
+    reach: float | None = None,
+    pressed: Index | None = None,
 ) -> Pairing:
     """Pair two surfaces in the weighted mean, with dual multipliers on the secondary.
 
@@ -65,6 +69,9 @@ def dual_mortar(
         Parts of the surfaces farther apart than this along the normal do not meet [length].
         Without it, gaps are unlimited and overlaps go up to half the diagonal of the box around
         the smaller of the two surfaces.
+    pressed : ndarray of int, optional
+        Facets of the secondary that lean over a vertex of the primary: they have one multiplier, a
+        mean that does not extrapolate beyond the vertex (see `corners`).
 
     Returns
     -------
@@ -121,7 +128,7 @@ def dual_mortar(
         raise InputError(f"reach={reach!r} must be a positive length")
     quadrature = interface_quadrature(secondary, primary, reach)
     supports = find_supports(secondary, primary, quadrature)
-    A, share, heir = _facet_bases(secondary, quadrature, supports)
+    A, share, heir = _facet_bases(secondary, quadrature, supports, pressed)
     owner, exchange = _own_rows(secondary, primary, supports, share, heir)
     D, covered_area, normal = _secondary_matrix(secondary, share, owner)
     M, facet = _primary_matrix(secondary, primary, quadrature, A)
@@ -162,9 +169,12 @@ def dual_mortar(
 
 
 def _facet_bases(
-    surface: ContactSurface, quadrature: Quadrature, supports: Supports | None
+    surface: ContactSurface,
+    quadrature: Quadrature,
+    supports: Supports | None,
+    pressed: Index | None,
 ) -> tuple[Array, Array, Index]:
-    """`dual_basis` of every facet; zero where not covered."""
+    """`dual_basis` of every facet; zero where not covered; one multiplier where pressed."""
     nf, k = surface.facets.shape
     N = quadrature.secondary_shape
     q = len(N)
@@ -174,9 +184,10 @@ def _facet_bases(
     A, share, heir = np.zeros_like(mass), np.zeros((nf, k)), np.tile(np.arange(k), (nf, 1))
     covered = np.unique(quadrature.secondary_facet)
     without = None if supports is None else without_multiplier(supports.rank)[covered]
-    A[covered], share[covered], heir[covered] = dual_basis(
-        mass[covered], facet_areas(surface)[covered], without
-    )
+    area = facet_areas(surface)
+    if pressed is not None:
+        area[pressed] *= 2 / COVER_KEPT  # never covered enough
+    A[covered], share[covered], heir[covered] = dual_basis(mass[covered], area[covered], without)
     return A, share, heir
 
 

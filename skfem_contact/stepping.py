@@ -189,7 +189,7 @@ class Stepper:
             plain = number < PLAIN
             at = there if plain else secant.next(at, there)
             u = geometry.spread(at)
-            next_kin = without_points(geometry.at(u, case), lost)
+            next_kin = without_points(geometry.at(u, case, placement.kin), lost)
             if number >= EDGE:
                 lost = lost | (placement.kin.paired & ~next_kin.paired)
             mismatch = geometry.mismatch(placement, next_kin, attempt.state)
@@ -197,7 +197,8 @@ class Stepper:
                 # so far only the next pairing is alike: what counts is that of the answer itself
                 own = next_kin
                 if not plain:
-                    own = without_points(geometry.at(geometry.spread(there), case), lost)
+                    own = geometry.at(geometry.spread(there), case, next_kin)
+                    own = without_points(own, lost)
                     mismatch = geometry.mismatch(placement, own, attempt.state)
                 if mismatch <= options.placement_tolerance:
                     return self._settled(walk, attempt, own, mismatch)

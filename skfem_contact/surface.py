@@ -59,6 +59,9 @@ class ContactSurface:
     slopes : ndarray, shape (nf, 2)
         Slopes of the smooth boundary against the chord at start and end of each linear facet of a
         curve, of the undeformed body (`smooth.end_slopes`); zero elsewhere.
+    end_turns : ndarray, shape (nf, 2)
+        Where the surface ends before or after a facet: by how much the boundary of the body turns
+        there, > 0 at a convex corner [rad]; 0 elsewhere. From the undeformed mesh.
 
     Examples
     --------
@@ -87,6 +90,7 @@ class ContactSurface:
     lengths: np.ndarray
     mesh_facets: np.ndarray
     slopes: np.ndarray
+    end_turns: np.ndarray
 
     def __repr__(self) -> str:
         kind = "quadratic" if self.quadratic else "linear"
@@ -191,10 +195,44 @@ def extract_surface(
         area=tributary_areas(points, facets, body.measure, label),
         mesh_facets=numbers,
         slopes=end_slopes(points, facets, normals["facet_node_normals"]),
+        end_turns=_end_turns(basis, points, facets, facets_v),
         **normals,
     )
     seal(surface)
     return surface
+
+
+def _end_turns(basis: Any, points: np.ndarray, facets: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """By how much the boundary of the mesh turns at the ends of a surface, (nf, 2) [rad]."""
+    turns = np.zeros(vertices.shape)
+    ends = np.argwhere(facet_neighbours(facets) < 0)
+    if not len(ends):
+        return turns
+    mesh = basis.mesh
+    numbers, all_ends = oriented(mesh, mesh.boundary_facets())
+    nodes = np.transpose(mesh.p[:, all_ends], (1, 2, 0))
+    if basis.facet_dofs.size > 0:
+        middle = basis.doflocs[:, basis.facet_dofs[0, numbers]].T
+        nodes = np.concatenate([nodes, middle[:, None]], axis=1)
+    there = normals_at(
+        nodes.reshape(-1, nodes.shape[2]),
+        np.arange(nodes[..., 0].size).reshape(nodes.shape[:2]),
+        np.array([0.0, 1.0]),
+    )[0]
+    own = normals_at(points, facets, np.array([0.0, 1.0]))[0]
+    for facet, side in ends:
+        # the facet that begins where this one ends, or ends where it begins; corners that touch
+        # have several
+        onward = np.flatnonzero(all_ends[:, 1 - side] == vertices[facet, side])
+        if len(onward) != 1:
+            continue
+        first, second = own[facet, side], there[onward[0], 1 - side]
+        if side == 0:
+            first, second = second, first
+        turn = np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second)
+        # two lips of a slit are back to back: its tip is no corner that could touch anything
+        turns[facet, side] = turn if turn < np.pi - 1e-6 else -turn
+    return turns
 
 
 def _held(body: Body, dofs: np.ndarray) -> np.ndarray:

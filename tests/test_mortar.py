@@ -360,6 +360,15 @@ def test_reach():
         dual_mortar(s, p, reach=-1.0)
 
 
+@pytest.mark.parametrize("depth, meets", [(0.48, True), (0.52, False)])
+def test_overlaps_are_looked_for_as_deep_as_half_the_smaller_surface(depth, meets):
+    """Of surfaces 1 and 3 long an overlap of 0.48 is one, of 0.52 the far side of a body."""
+    s, p = pair_of_blocks("Q1", [-1, 2], [0, 0.5, 1], gap=-depth)
+    assert np.all(dual_mortar(s, p).paired == meets)
+    # gaps have no limit
+    assert dual_mortar(*pair_of_blocks("Q1", [-1, 2], [0, 0.5, 1], gap=50.0)).paired.all()
+
+
 def test_closest_layer_counts():
     """Of two layers below each other the nearer is met, at any spacing of the two meshes."""
     mesh = block("Q1", np.linspace(0, 1, 4), [0, 0.2, 0.5, 1]).basis.mesh

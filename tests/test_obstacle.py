@@ -22,6 +22,12 @@ def surface(mesh, where=None, name="disc"):
 DISC = surface(fem.MeshTri.init_circle(4))
 
 
+FLOOR = surface(
+    fem.MeshQuad.init_tensor(np.linspace(-2, 2, 21), np.array([1.0, 2.0])).to_meshtri(),
+    lambda x: x[1] < 1 + 1e-9,
+)
+
+
 def same(one, two, tolerance=1e-9):
     """Same partners, gaps and normals (gradients by differences have nine digits or more)."""
     both = one.paired & two.paired
@@ -185,3 +191,24 @@ def test_diagnosis_of_an_obstacle_nobody_sees():
     obstacle = RigidCylinder((0, 0), 0.5, name="pin")
     lines = diagnose(obstacle.pair(DISC), DISC, obstacle)
     assert any("finds a partner on 'pin'" in line and "hollow" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [lambda x: x[1] ** 2 + 1.0, lambda x: np.exp(x[1]), lambda x: x[1] ** 3],
+    ids=["no zero", "no zero but far below", "no slope at its zero"],
+)
+def test_a_level_set_that_is_nowhere_has_no_partner(function):
+    """Where Newton's method ends on no surface there is none, whatever gradient it ends with."""
+    assert not LevelSet(function).pair(FLOOR).paired.any()
+
+
+def test_what_is_paired_with_a_level_set_is_at_its_closest_point():
+    """Above the edge of a diamond Newton's method ends on the continuation of a face: no partner."""
+    pairing = LevelSet(lambda x: np.abs(x[0]) + np.abs(x[1]) - 0.5).pair(FLOOR)
+    x, y = FLOOR.points.T
+    # over a face the distance is that of the face, within the cone of the vertex that of the vertex
+    over_face = np.abs(x) >= np.abs(y) - 0.5
+    distance = np.where(over_face, (np.abs(x) + y - 0.5) / np.sqrt(2), np.hypot(x, y - 0.5))
+    assert pairing.paired[over_face & (np.abs(x) < 1.4)].all()
+    np.testing.assert_allclose(pairing.gap[pairing.paired], distance[pairing.paired], atol=1e-8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from skfem_contact.body import Body
 from skfem_contact.closest import END, FACING
 from skfem_contact.errors import InputError
 from skfem_contact.facets import facet_shapes
+from skfem_contact.mortar import dual_mortar
 from skfem_contact.pairing import node_to_segment
 from skfem_contact.pairing_diagnosis import diagnose
 from skfem_contact.projection import project
@@ -191,6 +193,38 @@ def test_a_corner_above_a_corner_is_paired(scale, angle):
     outside = 10 * END * 0.25 * scale
     upper = block(1, -outside, scale, scale, 2 * scale).surface("bottom")
     assert node_to_segment(upper, lower).paired.tolist() == [False, True]
+
+
+@pytest.mark.parametrize("meet", [node_to_segment, dual_mortar])
+@pytest.mark.parametrize("degrees, faces", [(0, True), (82, True), (86, False), (93, False)])
+def test_surfaces_face_each_other_up_to_84_degrees(meet, degrees, faces):
+    """A facet that is 82 degrees off the opposite direction is met, one at 86 degrees is not."""
+    primary = block([0.0, 20.0], 0, 1, -1, 0).surface("top")
+    upper = block([9.9, 10.1], 0, 1, 0.0, 0.1).surface("bottom")
+    for sign in (-1, 1):
+        middle = np.array([10.0, 0.0])
+        angle = sign * np.radians(degrees)
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        secondary, _ = turned(upper, angle, middle - turn @ middle + [0.0, 0.2])
+        assert meet(secondary, primary).paired.any() == faces
+
+
+@pytest.mark.parametrize("beyond, held", [(1e-7, True), (2e-6, False)])
+def test_a_node_is_above_the_end_up_to_a_millionth_of_a_facet(beyond, held):
+    """Round-off does not decide at the end of a surface, and nothing larger than it does either."""
+    primary = block([0.0, 2.0], 0, 1, -1, 0).surface("top")
+    secondary = block([1.0, 2.0 + 2.0 * beyond], 0, 1, 0.5, 1).surface("bottom")
+    pairing = node_to_segment(secondary, primary)
+    assert pairing.paired[np.argmax(secondary.points[:, 0])] == held
+
+
+def test_surfaces_of_different_dimensions_are_refused():
+    """A curve in the plane and one in space can not be paired."""
+    lower = block(2, 0, 1, 0, 1, name="low").surface("top")
+    upper = block(2, 0, 1, 1, 2, name="up").surface("bottom")
+    space = replace(upper, points=np.column_stack([upper.points, np.zeros(len(upper.points))]))
+    with pytest.raises(InputError, match="'up/bottom' is 3-D, surface 'low/top' 2-D"):
+        node_to_segment(space, lower)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.1])

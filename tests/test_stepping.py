@@ -57,6 +57,19 @@ def test_a_failed_step_is_cut_and_recovered(monkeypatch):
     assert result.factor == 1.0
 
 
+def test_substeps_grow_after_a_success(monkeypatch):
+    """A step that was cut to an eighth goes on in steps of 1, 2, 4 and what is left of eight."""
+    solver, _ = scene()
+    attempts = len(solver._load_step.stepper.starts())
+    # the whole, the half and the quarter fail from every start; the first has no warm one
+    failing(monkeypatch, lambda count: count <= 3 * attempts - 1)
+    [result] = list(solver.history([1.0]))
+    assert "step cut 3 times, substep 4" in result.message
+    assert [stepping.grown(0.1, travel) for travel in (0.0, 0.4, 0.95, 1.9)] == pytest.approx(
+        [0.2, 0.2, 0.1, 0.05]
+    )
+
+
 def test_cutting_ends(monkeypatch):
     """A step that fails however small is given up after max_cuts, and says how often it was cut."""
     count = failing(monkeypatch, lambda count: True)

@@ -2,9 +2,36 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
-from corner_scenes import overlap, path, scene
+from corner_scenes import CORNER, FACET, overlap, path, scene
+
+#: What chords of 0.1 explain on a radius of 0.5: they are 0.0025 off the arc, and twice that where
+#: the vertex of one stands between the ends of another.
+EXPLAINED = 0.004
+
+WAYS = list(
+    itertools.product(
+        ("straight", "round"), (False, True), ("disc", "block"), ("node", "mortar"), ("top", "both")
+    )
+)
+QUICK = [
+    ("straight", False, "disc", "node", "top"),
+    ("straight", True, "block", "mortar", "both"),
+    ("round", False, "disc", "mortar", "top"),
+    ("round", True, "block", "node", "top"),
+    ("round", False, "disc", "node", "both"),
+]
+
+
+def taken_over(kind, rolled, secondary, method, where, steps=12, **settings):
+    """The results of taking a tool over the corner."""
+    # node by node the secondary has to be the finer, or the other's vertices stand between its nodes
+    other = FACET if secondary == "disc" else FACET / 2
+    solver, put = scene(secondary, method, where, other=other, **settings)
+    return list(solver.history([put(*place) for place in path(kind, steps, rolled=rolled)]))
 
 
 @pytest.mark.parametrize("shape", ["disc", "square"])
@@ -22,3 +49,25 @@ def test_an_open_point_lies_in_no_body(shape):
     assert all(r.normal_force.max() > 0 for r in results)
     # mortar holds weighted gaps: between the points what the chords of 0.1 explain is left
     assert max(overlap(r) for r in results) < 0.0025
+
+
+@pytest.mark.filterwarnings("ignore:.*has turned.*:skfem_contact.ContactWarning")
+@pytest.mark.filterwarnings("ignore:.*does not belong.*:skfem_contact.ContactWarning")
+@pytest.mark.parametrize(
+    "way", [pytest.param(w, marks=() if w in QUICK else pytest.mark.slow) for w in WAYS], ids=str
+)
+def test_a_disc_goes_over_the_corner(way):
+    """Rolled and dragged, over and around, both ways round: no step overlaps more than chords do.
+
+    The disc is pushed in by 0.02. It is judged by the deformed polygons of both bodies alone.
+    """
+    results = taken_over(*way, steps=6 if way in QUICK else 12)
+    deep = np.array([overlap(r) for r in results])
+    if way[0] == "round" and way[4] == "top":
+        # at the very end the disc lies on the side, which the contact does not have: warned of
+        deep = deep[:-1]
+    assert deep.max() < EXPLAINED
+    pressing = np.array([r.normal_force.max() > 0 for r in results])
+    # straight on, the way ends 0.2 beyond the corner, of which the disc covers 0.14; by its chords less
+    beyond = np.array([place[0][0] - CORNER[0] for place in path(way[0], 6 if way in QUICK else 12)])
+    assert pressing[beyond < 0.1].all() if way[0] == "straight" else pressing.all()
