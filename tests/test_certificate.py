@@ -260,3 +260,15 @@ def test_moment_of_normals_that_are_not_the_facets_own():
     certificate = sc.ContactSolver([shaft, hub], [press]).solve().certificate
     assert certificate.moment_normal > 1e-6
     assert certificate.moment_balance < SOLVED
+
+
+def test_a_contact_that_carries_round_off_has_no_digits():
+    """Forces of 1e-14 of those of another contact may be anything within the law's own round-off."""
+    result = solved()
+    where = part(result, "joint")
+    normal, along = result.state.normal_force.copy(), result.state.tangential_force.copy()
+    small = 1e-14 / np.abs(normal).max()
+    normal[where] *= small
+    along[where] = 2 * small * np.abs(along[where]).max()
+    certificate = spoiled(result, normal_force=normal, tangential_force=along)
+    assert certificate.friction < 1e-3
