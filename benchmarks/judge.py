@@ -1,0 +1,302 @@
+"""A judge from outside: random finite element scenes, answers measured without the library's operators.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/judge.py --scenes 2000 --seed 0 --workers 2
+    OPENBLAS_NUM_THREADS=1 python benchmarks/judge.py --only 17
+
+Two to four bodies, random in shape, elements, stiffness, contacts, friction and load steps
+(`judge_scenes`). Each answer is checked in equilibrium, balance, friction and overlap (`judge_checks`),
+and compared with the same scene in another order, by another route, with the other method and on a
+finer mesh. A refusal is held against statics (`judge_statics`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+import traceback
+import warnings
+from collections import Counter
+from dataclasses import asdict, dataclass
+from functools import partial
+from multiprocessing import Pool
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from judge_checks import Answer, Court, Finding, Told
+from judge_scenes import Scene, Way, build, make, scene
+from judge_statics import feasible
+
+import skfem_contact as sc
+
+HERE = Path(__file__).parent
+STORED = HERE / "results" / "judge.json"
+KINDS = ("right", "warned", "refused with reason", "refused though feasible", "not judged", "WRONG")
+#: Other orders of bodies and contacts are the same equations: the same answer but for round-off.
+SAME = 1e-8
+REFUSALS = (sc.NoEquilibrium, sc.NotConverged)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of one scene."""
+
+    seed: int
+    scene: str
+    kind: str
+    words: tuple[str, ...]
+    seconds: float
+    steps: int
+    permuted: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """The answers of a scene along one way, and what stopped it."""
+
+    answers: list[Answer]
+    error: Exception | None
+
+
+def run(s: Scene, made: dict[str, Any], way: Way = Way(), uniqueness: bool = False) -> Run:
+    """Hand a scene to the library and read what it reports."""
+    answers: list[Answer] = []
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            solver, steps = build(s, made, way)
+            history = solver.history(steps)
+            seen = 0
+            for result in history:
+                answers.append(read(s, result, uniqueness, caught[seen:]))
+                seen = 0
+    except Exception as error:
+        return Run(answers, error)
+    return Run(answers, None)
+
+
+def read(s: Scene, result: Any, uniqueness: bool, caught: list[Any]) -> Answer:
+    """What a user reads off a result."""
+    u = {b.name: np.array(result.displacement(b.name)) for b in s.bodies}
+    contacts = {}
+    for spec in s.contacts:
+        v = result[spec.name]
+        contacts[spec.name] = Told(
+            np.array(v.points),
+            np.array(v.forces),
+            np.array(v.normal_force),
+            np.array(v.tangential_force),
+            np.array(v.status),
+            np.array(v.gap),
+            np.array(v.force),
+            float(v.dissipation),
+        )
+    several = False
+    if uniqueness:
+        known = result.uniqueness
+        several = known is not None and bool(known.index < 0 or known.may_be_several.any())
+    warned = tuple(
+        f"{w.category.__name__}: {w.message}" for w in caught if issubclass(w.category, Warning)
+    )
+    return Answer(u, contacts, result.message, warned, several)
+
+
+def judge(seed: int | Scene) -> Verdict:
+    """The verdict on a scene, or on that of a number."""
+    start = time.process_time()
+    s = scene(seed) if isinstance(seed, int) else seed
+    try:
+        kind, words, permuted, steps = _judge(s)
+    except Exception:
+        kind, words, permuted, steps = "WRONG", [f"the judge fails: {traceback.format_exc()}"], "", 0
+    return Verdict(s.seed, s.kind, kind, tuple(words), time.process_time() - start, steps, permuted)
+
+
+def _judge(s: Scene) -> tuple[str, list[str], str, int]:
+    made = make(s)
+    court = Court(s, made)
+    first = run(s, made)
+    findings, blind = examine(court, first)
+    words = [f"{f.check}, step {f.step}: {f.words}" for f in findings]
+    warned = sorted({w for a in first.answers for w in a.warned})
+    permuted = ""
+    kind = "right"
+    if first.error is not None:
+        kind, why = refusal(court, first)
+        words.append(why)
+    elif warned:
+        kind = "warned"
+    if blind and kind == "right":
+        kind = "not judged"
+    excused = [f for f in findings if f.geometric and warned]
+    wrong = len(findings) > len(excused) or kind == "WRONG"
+    if first.answers:
+        off = compare_orders(s, made, first)
+        permuted = off
+        if off.startswith("differ"):
+            wrong = True
+            words.append(f"order: {off}")
+        for why in compare_routes(s, made, first):
+            wrong = True
+            words.append(why)
+    words += warned
+    return ("WRONG" if wrong else kind), words, permuted, len(first.answers)
+
+
+def examine(court: Court, found: Run) -> tuple[list[Finding], bool]:
+    """All findings on the answers of a run, and whether round-off hides what they would be."""
+    findings: list[Finding] = []
+    blind = False
+    before = None
+    for k, answer in enumerate(found.answers):
+        forces = court.forces(k, answer)
+        blind |= court.blind(forces)
+        findings += court.equilibrium(k, answer, forces)
+        findings += court.balance(k, answer, forces)
+        findings += court.friction(k, answer, before, forces)
+        findings += court.overlap(k, answer, forces)
+        before = answer
+    return findings, blind
+
+
+def refusal(court: Court, found: Run) -> tuple[str, str]:
+    """Whether a refusal is in order."""
+    error, step = found.error, len(found.answers)
+    what = f"step {step}: {type(error).__name__}: {str(error)[:300]}"
+    if not isinstance(error, REFUSALS):
+        if isinstance(error, sc.ContactError):
+            return "refused with reason", what
+        return "WRONG", f"raw exception, {what}"
+    s = court.scene
+    obstacles = {}
+    for spec in s.contacts:
+        if spec.primary is None:
+            still = {b.name: np.zeros(court.made[b.name].basis.N) for b in s.bodies}
+            blank = Answer(still, {}, "")
+            obstacles[spec.name] = court._near(spec, blank, False).normal
+    rests = feasible(s, court.made, court.lines, s.steps[step], obstacles)
+    if rests is None:
+        return "refused with reason", f"{what} (statics not decided)"
+    if rests:
+        return "refused though feasible", what
+    return "refused with reason", what
+
+
+def difference(s: Scene, one: Answer, two: Answer) -> float:
+    """Largest difference of forces and displacements, over the largest of each."""
+    off = 0.0
+    size = max(float(np.abs(t.forces).sum(axis=0).max()) for t in one.contacts.values())
+    for name, told in one.contacts.items():
+        if size > 0:
+            off = max(off, float(np.abs(told.force - two.contacts[name].force).max()) / size)
+    moved = max(float(np.abs(u).max()) for u in one.u.values())
+    for name, u in one.u.items():
+        if moved > 0:
+            off = max(off, float(np.abs(u - two.u[name]).max()) / moved)
+    return off
+
+
+def compare_orders(s: Scene, made: dict[str, Any], first: Run) -> str:
+    """The same scene with bodies and contacts in another order."""
+    rng = np.random.default_rng([s.seed, 3])
+    n, m = len(s.bodies), len(s.contacts)
+    bodies = tuple(int(i) for i in (range(n)[::-1] if n == 2 else rng.permutation(n)))
+    contacts = tuple(int(i) for i in (range(m)[::-1] if m == 2 else rng.permutation(m)))
+    second = run(s, made, Way(bodies, contacts))
+    if type(first.error) is not type(second.error) or len(first.answers) != len(second.answers):
+        return (
+            f"differ: {len(first.answers)} steps, {type(first.error).__name__} against "
+            f"{len(second.answers)} steps, {type(second.error).__name__} "
+            f"({str(second.error or first.error)[:200]})"
+        )
+    off = [difference(s, a, b) for a, b in zip(first.answers, second.answers, strict=True)]
+    worst = int(np.argmax(off))
+    if off[worst] <= SAME:
+        return "agree"
+    told = run(s, made, uniqueness=True)
+    if any(a.several for a in told.answers[: worst + 1]):
+        return f"several answers are reported, {off[worst]:.1e} in step {worst}"
+    return f"differ by {off[worst]:.1e} in step {worst}; messages {first.answers[worst].message!r}, " + (
+        f"{second.answers[worst].message!r}"
+    )
+
+
+def compare_routes(s: Scene, made: dict[str, Any], first: Run) -> list[str]:
+    """The sparse route, and the loop `direct` where the stiffness of sticking is given."""
+    ways = [("Direct()", Way(linear="direct"), 1e-6)]
+    if all(c.friction is None or c.G is not None for c in s.contacts):
+        ways.append(("loop direct", Way(loop="direct"), 1e-6))
+    out = []
+    for name, way, same in ways:
+        other = run(s, made, way)
+        if other.error is not None and not isinstance(other.error, REFUSALS):
+            out.append(f"{name}: raw {type(other.error).__name__}: {str(other.error)[:200]}")
+        for k, (a, b) in enumerate(zip(first.answers, other.answers, strict=False)):
+            off = difference(s, a, b)
+            if off > same:
+                out.append(f"{name} differs by {off:.1e} in step {k}")
+                break
+    return out
+
+
+def describe(s: Scene) -> str:
+    """A scene in words."""
+    lines = [f"scene {s.seed}: {s.kind}, turned by {s.angle:.3g}, size {s.size:.3g}, unit {s.unit:.3g}"]
+    for b in s.bodies:
+        held = ", ".join((*b.clamped, *(f"{t} in {'xy'[c]}" for t, c in b.rollers)))
+        lines.append(
+            f"  {b.name}: {b.shape.words}; {b.element}{', curved' if b.curved else ''}, E {b.E:.4g}, "
+            f"nu {b.nu:.2f}, held: {held or 'nowhere'}"
+        )
+    for c in s.contacts:
+        other = "/".join(c.primary) if c.primary else str(c.obstacle)
+        lines.append(
+            f"  {c.name}: {'/'.join(c.secondary)} on {other}, {c.method}, {c.sliding}, "
+            f"{'tied' if c.tied else c.friction or 'frictionless'}, G {c.G}, "
+            f"interference {c.interference:.3g}"
+        )
+    for d in s.drives:
+        lines.append(f"  {d.kind} on {d.target}/{d.tag}: a {d.normal} + b {d.tangential}")
+    steps = ", ".join(f"({a:.3g}, {b:.3g})" for a, b in s.steps)
+    return "\n".join([*lines, f"  steps (a, b): {steps}"])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0, help="number of the first scene")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--only", type=int, help="show one scene")
+    parser.add_argument("--out", type=Path, default=None)
+    options = parser.parse_args()
+    if options.only is not None:
+        print(describe(scene(options.only)))
+        verdict = judge(options.only)
+        print(f"{verdict.kind} ({verdict.seconds:.2f} s, orders {verdict.permuted})")
+        print("\n".join(f"  {w}" for w in verdict.words))
+        return
+    count: Counter[str] = Counter()
+    noted, orders, seconds, steps = [], Counter(), 0.0, 0
+    seeds = range(options.seed, options.seed + options.scenes)
+    with Pool(options.workers) as pool:
+        for v in pool.imap(judge, seeds, chunksize=5):
+            count[v.kind] += 1
+            orders[v.permuted.split(",")[0].split(" by ")[0].split(":")[0]] += 1
+            seconds += v.seconds
+            steps += v.steps
+            if v.kind in (KINDS[3], KINDS[5], KINDS[1], KINDS[4]):
+                noted.append(asdict(v))
+            if v.kind == "WRONG":
+                print(f"{v.seed} {v.scene}: " + " | ".join(w[:230] for w in v.words), flush=True)
+    print({k: count[k] for k in KINDS}, dict(orders), f"{seconds:.0f} s, {steps} steps")
+    if options.out:
+        options.out.write_text(json.dumps({"kinds": count, "noted": noted}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,713 @@
+"""What an answer has to satisfy, measured without any of the library's operators.
+
+Equilibrium is the judge's own `K u - f`, contact forces are what is left of it at the nodes of the
+contact surfaces, overlap is that of the deformed boundaries. Every allowance is a sentence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from judge_geometry import CORNER, Line, angle, inside, line, nearest
+from judge_scenes import ContactSpec, Made, Scene, place, turn
+
+EPS = np.finfo(float).eps
+#: Residuals are round-off: what `K u` itself leaves, times the growth of a factorisation.
+GROWTH = 1e3
+#: Beyond that, a part of the largest force of the body: the tolerance of the loops, 1e-10 of the
+#: largest contact force, and of the geometry of finite sliding, are far below it.
+FORCE = 1e-7
+#: Round-off of the largest force of the scene at points that carry none: ten times the loops' tolerance.
+REST = 1e-9
+#: A facet of length h between ends that turn by an angle of t lies up to h t / 8 off the curve through
+#: its ends. Of two lines each may, on either side. Mortar sets means of the gap to zero whose weights
+#: run from -1 to 2, so that a gap may lie off by twice as much again.
+CHORD = 0.5
+#: Small sliding is linear: what it neglects is of the second order, slip times angles. It is meant
+#: for less than this part of a facet; beyond, a warning is due.
+SECOND_ORDER = 0.1
+#: Displacements that were solved for have lost this part to the condition of `K`.
+MOVED = 1e-8
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A condition that an answer violates."""
+
+    check: str
+    step: int
+    words: str
+    excess: float  # violation over what is allowed
+    geometric: bool = False  # a warning about kinematics covers it
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What the library reports of a contact, at its points."""
+
+    points: np.ndarray
+    forces: np.ndarray
+    normal_force: np.ndarray
+    tangential_force: np.ndarray
+    status: np.ndarray
+    gap: np.ndarray
+    force: np.ndarray
+    dissipation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """An answer as a user reads it: displacements by body, values by contact."""
+
+    u: dict[str, np.ndarray]
+    contacts: dict[str, Told]
+    message: str
+    warned: tuple[str, ...] = ()
+    several: bool = False
+
+    @property
+    def cut(self) -> bool:
+        """Whether the way through the step is not known."""
+        return "cut" in self.message
+
+
+class Court:
+    """A scene, and all that is judged about its answers."""
+
+    def __init__(self, scene: Scene, made: dict[str, Made]) -> None:
+        self.scene, self.made = scene, made
+        self.lines: dict[tuple[str, str], Line] = {}
+        self.boundary: dict[str, Line] = {}
+        for spec in scene.contacts:
+            for side in (spec.secondary, spec.primary):
+                if side is not None and side not in self.lines:
+                    m = made[side[0]]
+                    self.lines[side] = line(m.basis, m.facets(side[1]))
+        for name, m in made.items():
+            self.boundary[name] = line(m.basis, m.basis.mesh.boundary_facets())
+        self.stiff = {name: abs(m.K) for name, m in made.items()}
+        X = np.concatenate([m.doflocs for m in made.values()])
+        self.extent, self.centre = float(np.ptp(X, axis=0).max()), X.mean(axis=0)
+        self.tiny = 1e-13 * (self.extent + np.abs(X).max())
+        self.most = 0.0  # the largest force that any step had
+
+    @cached_property
+    def shared(self) -> dict[str, np.ndarray]:
+        """DOFs of a body that belong to more than one contact."""
+        out = {}
+        for name, m in self.made.items():
+            count = np.zeros(m.basis.N, dtype=int)
+            for spec in self.scene.contacts:
+                for side in {spec.secondary, spec.primary} - {None}:
+                    if side[0] == name:
+                        count[self.lines[side].dofs.ravel()] += 1
+            out[name] = count > 1
+        return out
+
+    def motion(self, spec: ContactSpec, k: int) -> np.ndarray:
+        """Translation of an obstacle in a step."""
+        a, b = self.scene.steps[k]
+        out = np.zeros(2)
+        for d in self.scene.drives:
+            if d.kind == "motion" and d.target == spec.name:
+                out += a * np.array(d.normal) + b * np.array(d.tangential)
+        return self.scene.size * (turn(self.scene) @ out)
+
+    # Forces
+
+    def forces(self, k: int, answer: Answer) -> Forces:
+        """Residuals of all bodies."""
+        R, noise, scale = {}, {}, {}
+        for name, m in self.made.items():
+            u, f = answer.u[name], m.f(*self.scene.steps[k])
+            R[name] = m.K @ u - f
+            size = self.stiff[name] @ np.abs(u) + np.abs(f)
+            noise[name] = GROWTH * EPS * float(size.max())
+            scale[name] = max(float(np.abs(f).max()), float(np.abs(R[name]).max()))
+        # where nothing presses any more, forces are round-off of those that did
+        self.most = max([self.most, *scale.values()])
+        noise = {name: value + REST * self.most for name, value in noise.items()}
+        return Forces(R, noise, scale)
+
+    def equilibrium(self, k: int, answer: Answer, forces: Forces) -> list[Finding]:
+        """Nothing is left of `K u - f` but at contact nodes and where displacements are prescribed."""
+        out = []
+        for name, m in self.made.items():
+            inner = np.ones(m.basis.N, dtype=bool)
+            inner[m.D] = False
+            for side, surface in self.lines.items():
+                if side[0] == name:
+                    inner[surface.dofs.ravel()] = False
+            left = float(np.abs(forces.R[name][inner]).max(initial=0.0))
+            allowed = FORCE * forces.scale[name] + forces.noise[name]
+            if not left <= allowed:
+                words = f"{name}: {left:.3g} left inside, forces are {forces.scale[name]:.3g}"
+                out.append(Finding("equilibrium", k, words, left / max(allowed, 1e-300)))
+            x = m.x(*self.scene.steps[k])[m.D]
+            off = float(np.abs(answer.u[name][m.D] - x).max(initial=0.0))
+            if not off <= 1e-9 * float(np.abs(x).max(initial=0.0)) + self.tiny:
+                words = f"{name}: prescribed displacements missed by {off:.3g}"
+                out.append(Finding("prescribed", k, words, np.inf))
+        return out
+
+    def blind(self, forces: Forces) -> bool:
+        """Whether round-off of rigid motions hides what a thousandth of the forces would be."""
+        most = max(forces.scale.values())
+        return most > 0 and any(n > 1e-3 * most for n in forces.noise.values())
+
+    def _side(self, side: tuple[str, str], forces: Forces) -> np.ndarray | None:
+        """Contact forces at the nodes of a surface; None where supports or contacts share nodes."""
+        name, surface = side[0], self.lines[side]
+        if np.isin(surface.dofs, self.made[name].D).any() or self.shared[name][surface.dofs].any():
+            return None
+        return forces.R[name][surface.dofs]
+
+    def where(self, side: tuple[str, str], spec: ContactSpec, answer: Answer) -> np.ndarray:
+        """Positions on which the kinematics of a contact stands: deformed if it slides far."""
+        surface = self.lines[side]
+        return surface.nodes(answer.u[side[0]]) if spec.sliding == "finite" else surface.X
+
+    def balance(self, k: int, answer: Answer, forces: Forces) -> list[Finding]:
+        """What acts on one surface acts on the other, is what is reported, and at the same place."""
+        out = []
+        for spec in self.scene.contacts:
+            told = answer.contacts[spec.name]
+            second = self._side(spec.secondary, forces)
+            first = None if spec.primary is None else self._side(spec.primary, forces)
+            names = [s[0] for s in (spec.secondary, spec.primary) if s is not None]
+            noise = sum(forces.noise[n] * len(told.points) for n in names)
+            sums = [np.abs(s).sum() for s in (second, first) if s is not None]
+            size = max([*sums, float(np.abs(told.forces).sum())])
+            allowed = 10 * FORCE * size + noise
+            pairs = []
+            if second is not None:
+                pairs.append(("on the secondary", second.sum(axis=0), told.force))
+            if first is not None:
+                pairs.append(("on the primary", first.sum(axis=0), -told.force))
+            if second is not None and first is not None:
+                pairs.append(("on the two sides", second.sum(axis=0), -first.sum(axis=0)))
+            for what, one, two in pairs:
+                off = float(np.abs(one - two).max())
+                if not off <= allowed:
+                    words = f"{spec.name}: forces {what} differ by {off:.3g} of {size:.3g}"
+                    out.append(Finding("balance", k, words, off / max(allowed, 1e-300)))
+            if second is not None and first is not None:
+                out += self._moment(k, spec, answer, (second, first), allowed)
+            if second is not None and (spec.method == "node" or spec.primary is None):
+                out += self._points(k, spec, told, second, allowed)
+        return out
+
+    def _moment(
+        self,
+        k: int,
+        spec: ContactSpec,
+        answer: Answer,
+        sides: tuple[np.ndarray, np.ndarray],
+        allowed: float,
+    ) -> list[Finding]:
+        total, spread = 0.0, 0.0
+        for side, F in zip((spec.secondary, spec.primary), sides, strict=True):
+            arm = self.where(side, spec, answer) - self.centre
+            total += float(np.sum(arm[:, 0] * F[:, 1] - arm[:, 1] * F[:, 0]))
+        near = self._near(spec, answer, deformed=spec.sliding == "finite")
+        F = sides[0]
+        n = near.normal
+        tangential = np.abs(F[:, 1] * n[:, 0] - F[:, 0] * n[:, 1])
+        size = np.linalg.norm(F, axis=1)
+        # small sliding moves friction along the normal across the gap; and a normal that is
+        # averaged is off by the turn of the facets, at an arm of the gap and of the chords
+        apart = near.apart + np.abs(spec.interference) * self.scene.size
+        spread = float(np.sum(tangential * apart + size * near.turned * (apart + near.h * near.turned)))
+        if spec.sliding == "finite":
+            spread += self.placement * self.extent * float(size.sum())
+        allowed = allowed * self.extent + 2 * spread
+        if abs(total) <= allowed:
+            return []
+        words = f"{spec.name}: moments of the two sides differ by {total:.3g}, explained {allowed:.3g}"
+        return [Finding("moment", k, words, abs(total) / max(allowed, 1e-300))]
+
+    @property
+    def placement(self) -> float:
+        """Tolerance of the pairing of finite sliding; the default is that of the documentation."""
+        return 1e-4 if self.scene.placement is None else self.scene.placement
+
+    def _points(
+        self, k: int, spec: ContactSpec, told: Told, second: np.ndarray, allowed: float
+    ) -> list[Finding]:
+        surface = self.lines[spec.secondary]
+        which = np.linalg.norm(surface.X[:, None] - told.points[None], axis=2).argmin(axis=0)
+        off = float(np.abs(second[which] - told.forces).max())
+        if off <= allowed:
+            return []
+        words = f"{spec.name}: force of a point differs from what its node feels by {off:.3g}"
+        return [Finding("nodal force", k, words, off / max(allowed, 1e-300))]
+
+    # Friction
+
+    def friction(
+        self, k: int, answer: Answer, before: Answer | None, forces: Forces
+    ) -> list[Finding]:
+        """Forces press, stay within the bound, and oppose the slip."""
+        out = []
+        for spec in self.scene.contacts:
+            told = answer.contacts[spec.name]
+            size = float(np.abs(told.forces).sum()) * max(
+                float(np.abs(u).max()) for u in answer.u.values()
+            )
+            if not told.dissipation >= -1e-9 * size:
+                words = f"{spec.name}: energy lost by friction is {told.dissipation:.3g}"
+                out.append(Finding("dissipation", k, words, np.inf))
+            if not spec.tied:
+                out += self._cones(k, spec, answer, before, forces)
+        return out
+
+    def _cones(
+        self, k: int, spec: ContactSpec, answer: Answer, before: Answer | None, forces: Forces
+    ) -> list[Finding]:
+        name, surface = spec.secondary[0], self.lines[spec.secondary]
+        F = forces.R[name][surface.dofs]
+        free = ~np.isin(surface.dofs, self.made[name].D).any(axis=1)
+        free &= ~self.shared[name][surface.dofs].any(axis=1)
+        near = self._near(spec, answer, deformed=spec.sliding == "finite")
+        n, off = near.normal, near.off
+        Fn = (F * n).sum(axis=1)
+        t = np.column_stack([-n[:, 1], n[:, 0]])
+        Ft = (F * t).sum(axis=1)
+        size = np.linalg.norm(F, axis=1)
+        largest = float(size[free].max(initial=0.0))
+        noise = FORCE * largest + forces.noise[name]
+        if spec.sliding == "finite":  # the pairing is known to its tolerance, and the forces with it
+            noise += self.placement * largest
+        mu, bound = self._bound(spec, Fn, near.area)
+        F, Fn, Ft, size, bound, free, off = _grouped(near, surface, F, Fn, Ft, size, bound, free, off)
+        out = []
+        pulls = np.where(free, -Fn - size * off - noise, -np.inf)
+        slides = np.where(free, np.abs(Ft) - bound - (1 + mu) * (size * off + noise), -np.inf)
+        for what, over in (("tension", pulls), ("friction bound", slides)):
+            i = int(over.argmax())
+            if over[i] > 0:
+                words = (
+                    f"{spec.name}: at {surface.X[i].round(6).tolist()} normal {Fn[i]:.4g}, "
+                    f"tangential {Ft[i]:.4g}, bound {bound[i]:.4g}, angles known to {off[i]:.2g}"
+                )
+                out.append(Finding(what, k, words, 1 + over[i] / max(noise, 1e-300)))
+        if before is None or answer.cut or spec.friction is None:
+            return out
+        return out + self._direction(k, spec, answer, before, (F, Ft, t, free, noise, bound, near))
+
+    def _bound(self, spec: ContactSpec, Fn: np.ndarray, area: np.ndarray) -> tuple[float, np.ndarray]:
+        if spec.friction is None:
+            return 0.0, np.zeros_like(Fn)
+        unit = self.scene.unit
+        if spec.friction[0] == "tresca":
+            return 0.0, spec.friction[1] * unit * area
+        _, mu, cap, cohesion = spec.friction
+        bound = mu * np.maximum(Fn, 0.0) + cohesion * unit * area
+        if np.isfinite(cap):
+            bound = np.minimum(bound, cap * unit * area)
+        return mu, bound
+
+    def _direction(
+        self, k: int, spec: ContactSpec, answer: Answer, before: Answer, values: tuple
+    ) -> list[Finding]:
+        F, Ft, t, free, noise, bound, near = values
+        name, surface = spec.secondary[0], self.lines[spec.secondary]
+        slid = near.jump(answer) - near.jump(before)
+        if spec.primary is None:
+            slid = slid - (self.motion(spec, k) - self.motion(spec, k - 1))
+        along = (slid * t).sum(axis=1)
+        # mortar sets means over a node's facets to zero: a point moves by as much as they differ
+        spread = _spread(surface, along)
+        if spec.primary is not None:
+            spread = np.maximum(spread, near.other_spread(answer, before))
+        moved = max(float(np.abs(u).max()) for u in answer.u.values())
+        allowed = spread + MOVED * moved + self.tiny
+        if spec.sliding == "finite":
+            return []
+        size = np.abs(F).max()
+        carries = free & (np.abs(Ft) > 1e-3 * size + 10 * noise)
+        along_friction = np.where(carries, along * np.sign(Ft) - allowed, -np.inf)
+        i = int(along_friction.argmax())
+        if along_friction[i] > 0:
+            words = (
+                f"{spec.name}: at {surface.X[i].round(6).tolist()} friction {Ft[i]:.4g} pushes along "
+                f"its slip {along[i]:.4g}, known to {allowed[i]:.2g}"
+            )
+            return [Finding("friction along slip", k, words, 1 + along_friction[i] / allowed[i])]
+        return []
+
+    # Geometry
+
+    def _near(self, spec: ContactSpec, answer: Answer, deformed: bool) -> Near:
+        return Near(self, spec, answer, deformed)
+
+    def overlap(self, k: int, answer: Answer, forces: Forces) -> list[Finding]:
+        """Deformed boundaries do not overlap, and forces act where they touch."""
+        out = []
+        for spec in self.scene.contacts:
+            if spec.tied:
+                continue
+            for side, other in ((spec.secondary, spec.primary), (spec.primary, spec.secondary)):
+                if side is None:
+                    continue
+                out += self._overlap(k, spec, side, other, answer, forces)
+        return out
+
+    def _overlap(
+        self,
+        k: int,
+        spec: ContactSpec,
+        side: tuple[str, str],
+        other: tuple[str, str] | None,
+        answer: Answer,
+        forces: Forces,
+    ) -> list[Finding]:
+        surface, u = self.lines[side], answer.u[side[0]]
+        xi = np.linspace(0.0, 1.0, 5 if surface.facets.shape[1] == 2 else 9)
+        samples = surface.at(surface.nodes(u), xi)
+        shape = samples.shape[:2]
+        samples = samples.reshape(-1, 2)
+        if other is None:
+            gap = self._obstacle_gap(spec, k, samples)
+            foot, u2 = None, None
+        else:
+            u2 = answer.u[other[0]]
+            gap, foot = self._signed(other, u2, samples)
+        target = spec.interference * self.scene.size
+        allowed = self._allowed(spec, side, other, answer, samples, shape, k)
+        with np.errstate(invalid="ignore"):
+            deep = np.where(np.isfinite(gap), target - gap - allowed, -np.inf)
+        out = []
+        i = int(deep.argmax())
+        if deep[i] > 0:
+            words = (
+                f"{spec.name}: {side[0]} overlaps by {target - gap[i]:.4g} near "
+                f"{samples[i].round(6).tolist()}, explained {allowed[i]:.3g}"
+            )
+            out.append(Finding("overlap", k, words, (target - gap[i]) / allowed[i], True))
+        if side == spec.secondary:
+            out += self._touching(k, spec, side, answer, forces, gap - target - allowed, gap, shape)
+        return out
+
+    def _touching(
+        self,
+        k: int,
+        spec: ContactSpec,
+        side: tuple[str, str],
+        answer: Answer,
+        forces: Forces,
+        over: np.ndarray,
+        gap: np.ndarray,
+        shape: tuple[int, int],
+    ) -> list[Finding]:
+        """Nodes with a force have a sample on their facets that touches."""
+        surface = self.lines[side]
+        F = np.linalg.norm(forces.R[side[0]][surface.dofs], axis=1)
+        free = ~np.isin(surface.dofs, self.made[side[0]].D).any(axis=1)
+        free &= ~self.shared[side[0]][surface.dofs].any(axis=1)
+        least = np.full(len(surface.X), np.inf)
+        over = np.where(np.isfinite(over), over, -np.inf).reshape(shape).min(axis=1)
+        np.minimum.at(least, surface.facets, over[:, None])
+        largest = float(F[free].max(initial=0.0))
+        far = np.where(free & (F > 1e-3 * largest + 10 * forces.noise[side[0]]), least, -np.inf)
+        i = int(far.argmax())
+        if not far[i] > 0:
+            return []
+        words = (
+            f"{spec.name}: a force of {F[i]:.3g} acts at {surface.X[i].round(6).tolist()} across a gap "
+            f"that is {far[i]:.3g} wider than explained"
+        )
+        return [Finding("force across a gap", k, words, np.inf, True)]
+
+    def _signed(
+        self, other: tuple[str, str], u: np.ndarray, samples: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Signed distance to a surface; NaN within the body but nearer to another edge of it."""
+        pieces = self.lines[other].pieces(u)
+        far, which, _ = nearest(samples, pieces)
+        all_pieces = self.boundary[other[0]].pieces(u)
+        within = inside(samples, all_pieces)
+        edge = nearest(samples[within], all_pieces)[0]
+        gap = far.copy()
+        gap[within] = np.where(far[within] <= edge * (1 + 1e-9) + self.tiny, -far[within], np.nan)
+        return gap, which
+
+    def _obstacle_gap(self, spec: ContactSpec, k: int, samples: np.ndarray) -> np.ndarray:
+        kind, point, form = spec.obstacle
+        at = place(self.scene, point) + self.motion(spec, k)
+        if kind == "plane":
+            return (samples - at) @ (turn(self.scene) @ np.array(form))
+        return np.linalg.norm(samples - at, axis=1) - form * self.scene.size
+
+    def _allowed(
+        self,
+        spec: ContactSpec,
+        side: tuple[str, str],
+        other: tuple[str, str] | None,
+        answer: Answer,
+        samples: np.ndarray,
+        shape: tuple[int, int],
+        k: int,
+    ) -> np.ndarray:
+        """How far a sample may be from where it should, explained by facets and kinematics."""
+        lines = [(self.lines[s], answer.u[s[0]]) for s in (side, other) if s is not None]
+        rough = [s.roughness(u) for s, u in lines]
+        own_h = np.repeat(rough[0][0], shape[1])
+        widest = own_h.copy()
+        away = []
+        for (s, u), (h, _) in zip(lines, rough, strict=True):
+            middle = s.at(s.nodes(u), np.array([0.5]))[:, 0]
+            far = np.linalg.norm(samples[:, None] - middle[None], axis=2)
+            away.append(far)
+            widest = np.maximum(widest, h[far.argmin(axis=1)])
+        explained = np.zeros(len(samples))
+        for far, (_, theta) in zip(away, rough, strict=True):
+            around = np.where(far < 2 * widest[:, None], theta[None], 0.0)
+            explained += CHORD * widest * around.max(axis=1)
+        if spec.method == "node" and other is not None:
+            # node by node only nodes of the secondary are kept out. The last node of the primary,
+            # between two of them, is as far in as its facet is turned against the next
+            nodes = np.tile(np.isin(np.linspace(0, 1, shape[1]), (0.0, 1.0)), shape[0])
+            free = ~nodes if side == spec.secondary else np.ones_like(nodes)
+            near_end = np.zeros(len(samples), dtype=bool)
+            for far, (s, _) in zip(away, lines, strict=True):
+                last = np.bincount(s.facets[:, :2].ravel(), minlength=len(s.X)) == 1
+                ends = last[s.facets[:, :2]].any(axis=1)
+                near_end |= (far[:, ends] < widest[:, None]).any(axis=1)
+            explained[free & near_end] *= 2
+        if spec.primary is None and spec.obstacle[0] == "cylinder":
+            # a straight facet on a round obstacle: the sagitta between its nodes
+            explained += own_h**2 / (8 * spec.obstacle[2] * self.scene.size)
+        moved = max(float(np.abs(u).max()) for _, u in lines)
+        explained += MOVED * moved + self.tiny
+        if spec.sliding == "finite":
+            return explained + self.placement * self.extent
+        return explained + self._second_order(spec, side, other, answer, shape, own_h, k)
+
+    def _second_order(
+        self,
+        spec: ContactSpec,
+        side: tuple[str, str],
+        other: tuple[str, str] | None,
+        answer: Answer,
+        shape: tuple[int, int],
+        own_h: np.ndarray,
+        k: int,
+    ) -> np.ndarray:
+        """Slip times the angles that small sliding does not see."""
+        surface, u = self.lines[side], answer.u[side[0]]
+        still = np.zeros_like(u)
+        n0, n1 = surface.normals(still), surface.normals(u)
+        turned = np.abs(angle(n0, n1)).reshape(len(surface.facets), -1).max(axis=1)
+        xi = np.linspace(0.0, 1.0, shape[1])
+        start = surface.at(surface.X, xi).reshape(-1, 2)
+        motion = surface.at(u[surface.dofs], xi).reshape(-1, 2)
+        angles = np.repeat(turned, shape[1])
+        if other is None:
+            kind, _, form = spec.obstacle
+            slip = np.linalg.norm(motion - self.motion(spec, k), axis=1)
+            if kind == "cylinder":
+                angles = angles + slip / (form * self.scene.size)
+            return np.minimum(slip * angles, SECOND_ORDER * own_h)
+        line2, u2 = self.lines[other], answer.u[other[0]]
+        near = Foot(line2, start)
+        slip = np.linalg.norm(motion - near.at(u2[line2.dofs]), axis=1)
+        m0, m1 = line2.normals(np.zeros_like(u2)), line2.normals(u2)
+        angles = angles + np.abs(angle(m0, m1))[near.which]
+        per = np.repeat(np.arange(len(surface.facets)), shape[1])
+        opposite = np.abs(angle(n0.reshape(len(surface.facets), -1, 2)[per, 0], -m0[near.which]))
+        angles = angles + np.where(opposite < CORNER, opposite, 0.0)
+        for s, v in ((surface, still), (line2, np.zeros_like(u2))):
+            h, theta = s.roughness(v)
+            angles = angles + slip * float((theta / h).max())
+        return np.minimum(slip * angles, SECOND_ORDER * own_h)
+
+
+@dataclass(frozen=True, eq=False)
+class Forces:
+    """Residuals `K u - f` of all bodies: contact forces and reactions."""
+
+    R: dict[str, np.ndarray]
+    noise: dict[str, float]
+    scale: dict[str, float]
+
+
+class Foot:
+    """Nearest points of an undeformed line, and values there."""
+
+    def __init__(self, surface: Line, points: np.ndarray, u: np.ndarray | None = None) -> None:
+        still = np.zeros(surface.dofs.max() + 1) if u is None else u
+        pieces = surface.pieces(still)
+        self.distance, self.which, share = nearest(points, pieces)
+        per = len(surface.xi) - 1
+        self.facet = self.which // per
+        xi = (self.which % per + share) / per
+        self.weights = surface.weights(xi)
+        self.nodes = surface.facets[self.facet]
+
+    def at(self, values: np.ndarray) -> np.ndarray:
+        """Interpolated nodal values."""
+        return np.einsum("pk,pk...->p...", self.weights, values[self.nodes])
+
+
+class Near:
+    """What the nodes of a secondary surface have before them: normals, distances, turns."""
+
+    def __init__(self, court: Court, spec: ContactSpec, answer: Answer, deformed: bool) -> None:
+        self.court, self.spec = court, spec
+        surface = court.lines[spec.secondary]
+        u = answer.u[spec.secondary[0]]
+        u = u if deformed else np.zeros_like(u)
+        self.nodes = at = surface.nodes(u)
+        h, theta = _raw(surface, u)
+        self.h, self.turned = np.zeros(len(at)), np.zeros(len(at))
+        np.maximum.at(self.h, surface.facets, h[:, None])
+        np.maximum.at(self.turned, surface.facets, theta[:, None])
+        own = _node_normals(surface, u)
+        self.area = _generous(surface)
+        self.surface = surface
+        if spec.primary is None:
+            kind, point, form = court_obstacle(spec)
+            here = place(court.scene, point) if kind != "plane" else None
+            if kind == "plane":
+                normal = np.tile(turn(court.scene) @ np.array(form), (len(at), 1))
+                self.apart = np.abs((at - place(court.scene, point)) @ normal[0])
+            else:
+                arm = at - here
+                normal = arm / np.linalg.norm(arm, axis=1)[:, None]
+                self.apart = np.abs(np.linalg.norm(arm, axis=1) - form * court.scene.size)
+            # an obstacle's normal is exact where it was, or where it has moved to
+            self.normal = normal
+            self.off = np.zeros(len(at))
+            if kind != "plane":
+                moved = max(np.linalg.norm(court.motion(spec, k)) for k in range(len(court.scene.steps)))
+                moved += float(np.abs(answer.u[spec.secondary[0]]).max())
+                self.off += moved / (form * court.scene.size)
+            return
+        line2 = court.lines[spec.primary]
+        u2 = answer.u[spec.primary[0]]
+        u2 = u2 if deformed else np.zeros_like(u2)
+        self.u2 = u2
+        self.foot = Foot(line2, at, u2)
+        self.apart = self.foot.distance
+        m = line2.normals(u2)[self.foot.which]
+        h2, theta2 = _raw(line2, u2)
+        self.turned = self.turned + theta2[self.foot.facet]
+        normal = m - own
+        small = np.linalg.norm(normal, axis=1) < 0.5
+        normal[small] = m[small]
+        self.normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+        # of two surfaces the normal is that of one, of the other, or between
+        self.off = np.abs(angle(m, -own)) + self.turned
+        self.h = np.maximum(self.h, h2[self.foot.facet])
+
+    @cached_property
+    def groups(self) -> list[np.ndarray]:
+        """Nodes of facets that the other side covers in part, joined where facets share nodes."""
+        if self.spec.primary is None or self.spec.method == "node":
+            return []
+        surface, line2 = self.surface, self.court.lines[self.spec.primary]
+        xi = np.linspace(0.0, 1.0, 9)
+        samples = surface.at(self.nodes, xi).reshape(-1, 2)
+        pieces = line2.pieces(self.u2)
+        far, which, share = nearest(samples, pieces)
+        d = pieces[which, 1] - pieces[which, 0]
+        foot = pieces[which, 0] + share[:, None] * d
+        past = np.abs(((samples - foot) * d).sum(axis=1)) > 1e-6 * (d * d).sum(axis=1)
+        part = past.reshape(len(surface.facets), -1).any(axis=1)
+        groups: list[np.ndarray] = []
+        for facet in surface.facets[part]:
+            mine = [g for g in groups if np.isin(g, facet).any()]
+            rest = [g for g in groups if not np.isin(g, facet).any()]
+            groups = [*rest, np.unique(np.concatenate([facet, *mine]))]
+        return groups
+
+    def jump(self, answer: Answer) -> np.ndarray:
+        """Displacement of the nodes relative to the point before them."""
+        u = answer.u[self.spec.secondary[0]][self.surface.dofs]
+        if self.spec.primary is None:
+            return u
+        line2 = self.court.lines[self.spec.primary]
+        return u - self.foot.at(answer.u[self.spec.primary[0]][line2.dofs])
+
+    def other_spread(self, answer: Answer, before: Answer) -> np.ndarray:
+        """By how much displacements differ along the primary within a facet of the secondary."""
+        line2 = self.court.lines[self.spec.primary]
+        name = self.spec.primary[0]
+        du = (answer.u[name] - before.u[name])[line2.dofs]
+        away = np.linalg.norm(
+            self.surface.X[:, None] - line2.X[None], axis=2
+        ) <= 1.5 * self.h[:, None] + self.apart[:, None]
+        out = np.zeros(len(self.surface.X))
+        for i, mine in enumerate(away):
+            if mine.sum() > 1:
+                out[i] = np.linalg.norm(np.ptp(du[mine], axis=0))
+        return out
+
+
+def court_obstacle(spec: ContactSpec) -> tuple[Any, ...]:
+    """The obstacle of a contact in local coordinates."""
+    assert spec.obstacle is not None
+    return spec.obstacle
+
+
+def _raw(surface: Line, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Length and turn of each facet, corners included."""
+    turned = np.abs(surface._turns(u))
+    p = surface.pieces(u).reshape(len(surface.facets), -1, 2, 2)
+    d = p[:, :, 1] - p[:, :, 0]
+    inner = np.abs(angle(d[:, :-1], d[:, 1:])).sum(axis=1)
+    after = np.zeros(len(turned))
+    has = surface.before >= 0
+    after[surface.before[has]] = turned[has]
+    return np.linalg.norm(d, axis=2).sum(axis=1), inner + turned + after
+
+
+def _node_normals(surface: Line, u: np.ndarray) -> np.ndarray:
+    n = surface.normals(u).reshape(len(surface.facets), -1, 2)
+    out = np.zeros((len(surface.X), 2))
+    np.add.at(out, surface.facets[:, 0], n[:, 0])
+    np.add.at(out, surface.facets[:, 1], n[:, -1])
+    if surface.facets.shape[1] == 3:
+        np.add.at(out, surface.facets[:, 2], n[:, n.shape[1] // 2])
+    return out / np.linalg.norm(out, axis=1)[:, None]
+
+
+def _generous(surface: Line) -> np.ndarray:
+    """Area of each node, with its neighbours': at ends the mortar method merges nodes."""
+    area = surface.area
+    out = area.copy()
+    for column in surface.facets.T:
+        np.maximum.at(out, column, area[surface.facets].sum(axis=1))
+    ends = np.bincount(surface.facets[:, :2].ravel(), minlength=len(area)) == 1
+    near_end = np.zeros(len(area), dtype=bool)
+    near_end[surface.facets[ends[surface.facets[:, :2]].any(axis=1)]] = True
+    return np.where(near_end, out, area)
+
+
+def _grouped(near: Near, surface: Line, *values: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Sums of forces over facets of which the other side covers a part only.
+
+    There the forces that are equivalent to a pressure may pull at one node, as those of a pressure on
+    half of a quadratic facet do; their sum may not.
+    """
+    F, Fn, Ft, size, bound, free, off = (v.copy() for v in values)
+    for group in near.groups:
+        free[group] = free[group].all()
+        off[group] = off[group].max()
+        for v in (F, Fn, Ft, bound):
+            v[group] = v[group].sum(axis=0)
+        size[group] = size[group].sum()
+    return F, Fn, Ft, size, bound, free, off
+
+
+def _spread(surface: Line, values: np.ndarray) -> np.ndarray:
+    """Difference of nodal values over the facets of each node."""
+    low, high = values.copy(), values.copy()
+    on = values[surface.facets]
+    np.minimum.at(low, surface.facets, on.min(axis=1)[:, None])
+    np.maximum.at(high, surface.facets, on.max(axis=1)[:, None])
+    return high - low
