@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import skfem as fem
-from judge_shapes import ELEMENTS, QUADRATIC, Block, Disc, Edge, Polygon, Ring, mesh_of, refined
+from judge_shapes import ELEMENTS, Block, Disc, Edge, Polygon, Ring, mesh_of, refined
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
@@ -181,8 +181,11 @@ class Way:
     loop: str = "newton"
 
 
+GIVEN = Way()
+
+
 def build(
-    scene: Scene, made: dict[str, Made], way: Way = Way()
+    scene: Scene, made: dict[str, Made], way: Way = GIVEN
 ) -> tuple[sc.ContactSolver, list[dict[str, Any]]]:
     """The library's solver of a scene and its load steps."""
     names = [b.name for b in scene.bodies]
@@ -577,7 +580,8 @@ def _obstacle(rng: Any) -> Scene:
         shape = Block(-0.4, 0.45, Edge(0.7), Edge(1.3), counts)
         bodies.append(BodySpec("upper", shape, e[1], *materials[1], ("top",) if moved else ()))
         sides = _sides(rng, ("upper", "bottom"), ("block", "top"))
-        contacts.append(_friction(rng, strain, ContactSpec("joint", **sides, **_contact_settings(rng, 0.2))))
+        spec = ContactSpec("joint", **sides, **_contact_settings(rng, 0.2))
+        contacts.append(_friction(rng, strain, spec))
         upper = "upper"
     facet = 1.0 / bodies[0].shape.counts[0]
     if moved:
@@ -705,4 +709,4 @@ TEMPLATES: dict[str, tuple[Callable[[Any], Scene], float]] = {
     "block in a slot": (_slot, 0.04),
     "over a corner": (_corner, 0.02),
 }
-__all__ = ["QUADRATIC", "Made", "Scene", "Way", "build", "make", "scene", "step_of"]
+__all__ = ["GIVEN", "Made", "Scene", "Way", "build", "make", "scene", "step_of"]

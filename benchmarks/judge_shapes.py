@@ -209,9 +209,7 @@ def _polygon(shape: Polygon) -> tuple[Any, dict[str, np.ndarray]]:
         points.append(heart + np.outer(a / n, v - heart) + np.outer(b / n, w - heart))
     p = np.concatenate(points)
     size = np.ptp(p, axis=0).max()
-    _, first, inverse = np.unique(
-        np.round(p / size, 9), axis=0, return_index=True, return_inverse=True
-    )
+    _, first, inverse = np.unique(np.round(p / size, 9), axis=0, return_index=True, return_inverse=True)
     mesh = fem.MeshTri(p[first].T, inverse.ravel()[np.concatenate(cells)].T)
     edge = mesh.boundary_facets()
     middle = mesh.p[:, mesh.facets[:, edge]].mean(axis=1).T

@@ -114,9 +114,7 @@ def _facing(secondary: Line, primary: Line) -> tuple[np.ndarray, np.ndarray]:
     return secondary.X, n
 
 
-def _cone(
-    law: tuple, normal: int, tangent: int, area: float
-) -> list[tuple[dict[int, float], float]]:
+def _cone(law: tuple, normal: int, tangent: int, area: float) -> list[tuple[dict[int, float], float]]:
     """Rows ``|tau| <= bound`` of a point: entries by column, and the right-hand side."""
     rows = []
     for sign in (1.0, -1.0):

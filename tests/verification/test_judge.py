@@ -1,0 +1,187 @@
+"""The judge of random scenes: what it finds right, and that it sees what is spoiled on purpose."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+
+import judge as bench
+from judge_checks import Court
+from judge_scenes import BodySpec, ContactSpec, Drive, Scene, make
+from judge_shapes import Block, Edge
+
+import skfem_contact as sc
+
+STRAIN = 1e-3
+
+
+def blocks(method: str, elements: tuple[str, str] = ("Q1", "Q1"), **settings) -> Scene:
+    """A block on a wider one, pressed, pushed until it slides, and pushed back."""
+    lower = Block(-1.0, 1.0, Edge(-1.0), Edge(0.0), (14, 6))
+    upper = Block(-0.5, 0.45, Edge(0.0), Edge(0.8), (9, 6))
+    bodies = (
+        BodySpec("lower", lower, elements[0], 1.0, 0.3, ("bottom",)),
+        BodySpec("upper", upper, elements[1], 2.0, 0.2),
+    )
+    law = settings.pop("friction", ("coulomb", 0.3, np.inf, 0.0))
+    contact = ContactSpec(
+        "joint", ("upper", "bottom"), ("lower", "top"), method=method, friction=law, **settings
+    )
+    drive = Drive("x", "upper", "top", (0.0, -STRAIN), (2 * STRAIN, 0.0))
+    steps = ((1.0, 0.0), (1.0, 0.6), (1.0, 1.0), (1.2, -0.5))
+    return Scene(0, "test", bodies, (contact,), (drive,), steps, angle=0.4)
+
+
+def found(truth: Scene, told: Scene | None = None, spoil=None) -> set[str]:
+    """Names of what the judge finds on a scene, the answers coming from another one, or spoiled."""
+    made = make(truth)
+    answers = bench.run(told or truth, make(told) if told else made)
+    assert answers.error is None
+    if spoil is not None:
+        answers = replace(answers, answers=[spoil(a) for a in answers.answers])
+    findings, blind = bench.examine(Court(truth, made), answers)
+    assert not blind
+    return {f.check for f in findings}
+
+
+def reported(answer, **changes):
+    """The answer with what it reports of its contact changed."""
+    told = answer.contacts["joint"]
+    new = {name: change(getattr(told, name)) for name, change in changes.items()}
+    return replace(answer, contacts={"joint": replace(told, **new)})
+
+
+ELEMENTS = [("Q1", "Q1"), ("P1", "P2"), ("S2", "Q2")]
+
+
+@pytest.mark.parametrize("method", ["mortar", "node"])
+@pytest.mark.parametrize("elements", ELEMENTS, ids="-".join)
+def test_nothing_is_found_on_right_answers(method, elements):
+    """Blocks that press, slide and reverse satisfy all that is asked of them."""
+    assert found(blocks(method, elements)) == set()
+
+
+@pytest.mark.parametrize("method", ["mortar", "node"])
+class TestSpoiled:
+    """Answers spoiled on purpose are found wrong, and for the right reason."""
+
+    def test_reported_forces_a_tenth_too_large(self, method):
+        def spoil(a):
+            return reported(a, force=lambda v: 1.1 * v, forces=lambda v: 1.1 * v)
+
+        assert "balance" in found(blocks(method), spoil=spoil)
+
+    def test_reported_friction_by_half(self, method):
+        turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+
+        def half(v):
+            return (v @ turn * [0.5, 1.0]) @ turn.T
+
+        assert "balance" in found(blocks(method), spoil=lambda a: reported(a, force=half, forces=half))
+
+    @pytest.mark.parametrize("factor, check", [(0.5, "slip below the bound"), (2.0, "friction bound")])
+    def test_another_coefficient(self, method, factor, check):
+        told = blocks(method, friction=("coulomb", 0.3 * factor, np.inf, 0.0))
+        assert check in found(blocks(method), told)
+
+    def test_no_friction_at_all(self, method):
+        assert "slip below the bound" in found(blocks(method), blocks(method, friction=None))
+
+    def test_a_gap_shifted(self, method):
+        """By a fifth of what the blocks are pressed together, to either side."""
+        truth = blocks(method)
+        for shift, check in ((-0.2 * STRAIN, "overlap"), (0.2 * STRAIN, "force across a gap")):
+            assert check in found(truth, blocks(method, interference=shift))
+
+    def test_a_closed_point_opened(self, method):
+        """Two facets in the middle are no contact surface: the bodies enter each other there."""
+        truth = blocks(method)
+        made = make(truth)
+        holed = dict(made)
+        facets = made["upper"].tags["bottom"]
+        x = made["upper"].basis.mesh.p[:, made["upper"].basis.mesh.facets[:, facets]].mean(axis=(0, 1))
+        middle = np.argsort(np.argsort(x))
+        tags = {**made["upper"].tags, "bottom": facets[(middle < 3) | (middle > 5)]}
+        holed["upper"] = replace(made["upper"], tags=tags)
+        answers = bench.run(truth, holed)
+        findings, _ = bench.examine(Court(truth, made), answers)
+        assert "overlap" in {f.check for f in findings}
+
+    def test_glue_that_pulls(self, method):
+        truth = blocks(method)
+        glued = replace(truth.contacts[0], friction=None, tied=True)
+        told = replace(truth, contacts=(glued,), steps=((-1.0, 0.0),))
+        assert {"tension"} <= found(replace(truth, steps=told.steps), told)
+
+    def test_displacements_inside(self, method):
+        def spoil(a):
+            u = a.u["upper"].copy()
+            u[len(u) // 2] *= 1.01
+            return replace(a, u={**a.u, "upper": u})
+
+        assert found(blocks(method), spoil=spoil) & {"equilibrium", "balance"}
+
+    def test_a_prescribed_end_that_gave_way(self, method):
+        def spoil(a):
+            return replace(a, u={**a.u, "upper": 0.99 * a.u["upper"]})
+
+        assert "prescribed" in found(blocks(method), spoil=spoil)
+
+    def test_energy_gained_by_friction(self, method):
+        def spoil(a):
+            return reported(a, dissipation=lambda v: -abs(v) - 1e-9)
+
+        assert "dissipation" in found(blocks(method), spoil=spoil)
+
+
+def test_a_floating_body_that_nothing_holds():
+    """A load that no reported contact force carries is found, even if round-off of `K u` hides it."""
+    truth = blocks("mortar", friction=None)
+    press = Drive("f", "upper", "top", (0.0, -STRAIN), (0.0, 0.0))
+    truth = replace(truth, drives=(press,), steps=((1.0, 0.0),))
+    made = make(truth)
+    answers = bench.run(truth, made)
+    away = 1e12 * np.cos(0.4) * np.ones_like(answers.answers[0].u["upper"])
+    spoilt = reported(answers.answers[0], force=np.zeros_like, forces=np.zeros_like)
+    spoilt = replace(spoilt, u={**spoilt.u, "upper": away})
+    findings, _ = bench.examine(Court(truth, made), replace(answers, answers=[spoilt]))
+    assert "statics" in {f.check for f in findings}
+
+
+def test_an_order_that_matters_is_seen():
+    """Forces that differ by 1e-6, or places, are a difference."""
+    truth = blocks("mortar")
+    court = Court(truth, make(truth))
+    one = bench.run(truth, court.made).answers[0]
+    other = reported(one, force=lambda v: (1 + 1e-6) * v)
+    assert bench.difference(court, 0, one, one) == 0.0
+    assert bench.difference(court, 0, one, other) > bench.SAME
+    moved = replace(one, u={**one.u, "upper": one.u["upper"] * (1 + 1e-6)})
+    assert bench.difference(court, 0, one, moved) > bench.SAME
+
+
+def test_a_refusal_is_held_against_statics():
+    """A block that rests, and one that is pushed harder than friction holds."""
+    truth = blocks("mortar")
+    court = Court(truth, make(truth))
+    refused = bench.Run([], sc.NoEquilibrium("free to move"))
+    for push, kind in ((0.25, "refused though feasible"), (0.35, "refused with reason")):
+        press = Drive("f", "upper", "top", (0.0, -STRAIN), (push * STRAIN, 0.0))
+        court.scene = replace(truth, drives=(press,), steps=((1.0, 1.0),))
+        court.made = make(court.scene)
+        assert bench.refusal(court, refused)[0] == kind
+    assert bench.refusal(court, bench.Run([], ValueError("shapes")))[0] == "WRONG"
+
+
+def test_a_few_random_scenes():
+    """None is answered wrongly; the same number is always the same scene."""
+    assert bench.scene(3) == bench.scene(3)
+    for seed in range(6):
+        verdict = bench.judge(seed)
+        assert verdict.kind != "WRONG", "\n".join([bench.describe(bench.scene(seed)), *verdict.words])
