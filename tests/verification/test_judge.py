@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -185,3 +186,22 @@ def test_a_few_random_scenes():
     for seed in range(6):
         verdict = bench.judge(seed)
         assert verdict.kind != "WRONG", "\n".join([bench.describe(bench.scene(seed)), *verdict.words])
+
+
+# What is wrong and known: an end node that misses its partner by 3e-5 of a facet (18), the place of
+# bodies that nothing holds (21, 56, 61, 64, 98), small sliding by half a facet past an end (63).
+KNOWN = {18, 21, 56, 61, 63, 64, 98}
+
+
+@pytest.mark.slow
+def test_many_random_scenes():
+    """None of 120 scenes is answered wrongly, but for those that are known."""
+    wrong = {seed for seed in range(120) if bench.judge(seed).kind == "WRONG"}
+    assert wrong <= KNOWN
+
+
+def test_the_stored_run_is_that_of_the_page():
+    """Where there is a stored run, its table stands in the documentation."""
+    stored = json.loads(bench.STORED.read_text(encoding="utf-8"))
+    page = bench.PAGE.read_text(encoding="utf-8")
+    assert page.partition(bench.BEGIN)[2].partition(bench.END)[0].strip() == bench.table(stored)
