@@ -48,6 +48,9 @@ TILT = {"node": 0.04, "mortar": 0.1}
 #: corners turn with the strains of their body.
 SLACK = 0.1
 
+#: What leans farther beyond an end than this [rad] is another part of the boundary.
+CROSS = 0.5 * np.pi
+
 #: Vertices that overlap by less than this fraction of a facet length only touch.
 TOUCH = 1e-6
 
@@ -168,7 +171,9 @@ class CornerContacts:
         rows = _Rows(pairing, self.secondary, self.primary)
         corners, met = self.own
         node = corners.node[met.corner]
-        for k in np.flatnonzero(every | ~pairing.paired[node]):
+        # a partner that faces the node may be farther off than the one that faces the corner
+        farther = np.abs(pairing.gap[node]) > np.abs(met.gap) + TIE * self.primary.lengths[met.facet]
+        for k in np.flatnonzero(every | farther):
             rows.of_own_vertex(int(node[k]), met, int(k))
         corners, met = self.other
         for k in np.argsort(met.gap, kind="stable")[::-1]:  # the deepest is written last
@@ -212,6 +217,26 @@ def corner_contacts(
     return CornerContacts(secondary, primary, TILT[method], *found)
 
 
+def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[int, float]]:
+    """Ends of a surface that the other one overlaps from a side that is not part of the surface.
+
+    Returns
+    -------
+    list of (int, float)
+        Number of the point, and by how much it lies in the other body [length].
+    """
+    corners = Corners.of(own)
+    met = _closest(corners, own, other, search_range(own, other, None))
+    lean, turn = _lean(corners, met.corner, other, met.facet), corners.turn[met.corner]
+    ahead, behind = ~corners.covered[met.corner].T
+    outside = behind & (lean >= turn - SLACK) & (lean < turn + CROSS)
+    outside |= ahead & (lean <= SLACK) & (lean > -CROSS)
+    deep = met.gap < -TILT["node"] * other.lengths[met.facet]
+    return [
+        (int(corners.node[met.corner[k]]), -float(met.gap[k])) for k in np.flatnonzero(outside & deep)
+    ]
+
+
 def _meet(
     corners: Corners,
     own: ContactSurface,
@@ -220,6 +245,20 @@ def _meet(
     limits: tuple[float, float],
 ) -> _Met:
     """The closest point of the other surface to each vertex, where it is within its cone."""
+    met = _closest(corners, own, other, limits)
+    corner = met.corner
+    lean = _lean(corners, corner, other, met.facet)
+    lowest = np.where(corners.covered[corner, 0], tilt[corner], -SLACK)
+    highest = corners.turn[corner] - np.where(corners.covered[corner, 1], tilt[corner], -SLACK)
+    met = _some(met, (lean > lowest) & (lean < highest))
+    _, first = np.unique(met.corner, return_index=True)
+    return _some(met, first)
+
+
+def _closest(
+    corners: Corners, own: ContactSurface, other: ContactSurface, limits: tuple[float, float]
+) -> _Met:
+    """The closest points of the other surface to each vertex."""
     corner, facet = _candidates(own.points[corners.node], other)
     if own.body is other.body:
         mine = own.dofs[corners.node[corner], 0]
@@ -242,12 +281,7 @@ def _meet(
     at_node &= (onward >= 0) & (np.einsum("qd,qd->q", other.end_normals[facet, side], there) >= CORNER)
     good &= (over <= END * other.lengths[facet]) | at_node
     good &= np.where(gap >= 0, distance <= limits[0], distance <= limits[1])
-    lean = _lean(corners, corner, other, facet)
-    lowest = np.where(corners.covered[corner, 0], tilt[corner], -SLACK)
-    highest = corners.turn[corner] - np.where(corners.covered[corner, 1], tilt[corner], -SLACK)
-    met = _some(_Met(corner, facet, xi, normal, gap), good & (lean > lowest) & (lean < highest))
-    _, first = np.unique(met.corner, return_index=True)
-    return _some(met, first)
+    return _some(_Met(corner, facet, xi, normal, gap), good)
 
 
 def _candidates(points: Array, surface: ContactSurface) -> tuple[Index, Index]:

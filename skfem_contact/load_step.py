@@ -95,6 +95,7 @@ class LoadStep:
             watched = self.watch.look(result.state, result.gap, result.case, _said(start))
             result = replace(result, watched=self.watch.warn(watched))
             self._warn(result)
+            geometry.warn_of_sides(result.state)
         if result.converged or not throw:
             return result
         raise self._failure(found, result)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from corner_scenes import CORNER, FACET, overlap, path, scene
 
+import skfem_contact as sc
+
 #: What chords of 0.1 explain on a radius of 0.5: they are 0.0025 off the arc, and twice that where
 #: the vertex of one stands between the ends of another.
 EXPLAINED = 0.004
@@ -52,6 +54,7 @@ def test_an_open_point_lies_in_no_body(shape):
 
 
 @pytest.mark.filterwarnings("ignore:.*has turned.*:skfem_contact.ContactWarning")
+@pytest.mark.filterwarnings("ignore:.*nothing holds it there:skfem_contact.ContactWarning")
 @pytest.mark.parametrize(
     "way", [pytest.param(w, marks=() if w in QUICK else pytest.mark.slow) for w in WAYS], ids=str
 )
@@ -69,3 +72,12 @@ def test_a_disc_goes_over_the_corner(way):
     # straight on, the way ends 0.2 beyond the corner, of which the disc covers 0.14; by its chords less
     beyond = np.array([place[0][0] - CORNER[0] for place in path(way[0], 6 if way in QUICK else 12)])
     assert pressing[beyond < 0.1].all() if way[0] == "straight" else pressing.all()
+
+
+@pytest.mark.filterwarnings("ignore:.*has turned.*:skfem_contact.ContactWarning")
+@pytest.mark.filterwarnings("ignore:.*take up.*:skfem_contact.ContactWarning")
+def test_a_side_that_no_contact_has_is_warned_of():
+    """Rolled on until it lies on the side of the block, which "top" does not have: it says so."""
+    with pytest.warns(sc.ContactWarning, match=r"inside the body of .*nothing holds it there"):
+        results = taken_over("round", True, "block", "node", "top", steps=6)
+    assert overlap(results[-1]) > EXPLAINED
