@@ -103,8 +103,10 @@ class Watch:
 
     def _drift(self, i: int, motions: list[Array], state: State, gap: Array, case: LoadCase) -> Drift:
         contact, part, track = self.contacts[i], self.interface.parts[i], self.tracks[i]
-        closed = (state.status[part] != OPEN) & track.paired
         small = contact.sliding == "small"
+        closed = state.status[part] != OPEN
+        if small:  # the pairing at the start is no other's
+            closed &= track.paired
         if not closed.any() and not (small and contact.rigid):
             return Drift()
         width = float(track.step[closed].sum())

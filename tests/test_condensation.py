@@ -140,8 +140,16 @@ def chain(linear="auto", mu=0.2):
 @pytest.mark.parametrize(
     ("make", "mu"), [(corner, 0.3), (chain, None), (chain, 0.2)], ids=["corner", "chain", "chain-mu"]
 )
-def test_rows_that_depend_on_each_other(make, mu):
-    """Corners with friction and doubled rows are solved on contact DOFs, as by the sparse route."""
+def test_rows_that_depend_on_each_other(make, mu, monkeypatch):
+    """Corners with friction and doubled rows are solved on contact DOFs, as by the sparse route.
+
+    Solvers refuse two passes over one interface at once; here that check is taken away, so that rows
+    that are there twice stay judged.
+    """
+    if make is chain:
+        with pytest.raises(sc.InputError, match="pair the same facets, the one from one side"):
+            make(mu=mu)
+        monkeypatch.setattr("skfem_contact.solver.check_passes", lambda *_: None)
     dense, sparse = make(mu=mu), make(mu=mu, linear=sc.Direct())
     assert isinstance(dense.linear_model.place(None, None).rows, ContactDofRows)
     a, b = dense.solve(), sparse.solve()

@@ -121,6 +121,22 @@ def test_block_dragged_with_finite_sliding():
     assert result.validity.contacts["joint"].overlap < 0.2 * result.watched.drifts[0].approach
 
 
+def test_points_that_come_into_contact_on_the_way_are_watched():
+    """The long side is the secondary one: none of the points closed at the end had a partner before."""
+    track = rectangle(np.linspace(0, 5, 41), np.linspace(-1, 0, 5), D="bottom", name="track")
+    block = rectangle(1 + np.linspace(0, 1, 9), [0, 0.5, 1], D="top", move=(1.0, 0.0), name="block")
+    contact = sc.Contact(
+        track.surface("top"), block.surface("bottom"), interference=5e-3, sliding="finite", name="joint"
+    )
+    before, after = sc.ContactSolver([block, track], [contact]).history([0.0, 2.0])
+    assert not np.any((before.status != 0) & (after.status != 0))
+    # the same two bodies two block lengths on, and 2 from either end: as strained as before
+    (here,), (there,) = before.watched.drifts, after.watched.drifts
+    assert there.closed == here.closed
+    assert_allclose([there.approach, there.strain], [here.approach, here.strain], rtol=1e-6)
+    assert after.validity.holds
+
+
 @pytest.mark.parametrize("mu", [0.0, 0.3])
 def test_disc_moved_away(mu):
     """30 mm aside the disc presses a hundred times as hard as it should: along its old normals."""
