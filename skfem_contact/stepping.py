@@ -27,6 +27,7 @@ from skfem_contact.geometry import Geometry, Placement
 from skfem_contact.interface import Interface
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase
+from skfem_contact.rigid import RigidMotions
 from skfem_contact.singular import SingularMatrix
 from skfem_contact.starts import NEWTON_ITERATIONS, admissible, possible_starts, starting_values
 from skfem_contact.states import OPEN, Record, State, Step
@@ -50,6 +51,13 @@ PLAIN = 3
 EDGE = 5
 # Round-off of contact forces over the terms that cancel where nothing presses.
 NOISE = 10 * float(np.finfo(float).eps)
+# What may be left of the forces along a free motion: they balance to the digits of the contact problem,
+# 1e-8 with moduli 1e6 apart, and where a body ran away nothing of them does.
+BALANCE = 1e-4
+RAN_AWAY = (
+    "loads and contact forces do not balance along a motion that supports leave free: it is hardly "
+    "held, and ran away until round-off carried the load"
+)
 # A point that slides over just one facet per step does so up to this.
 ROUND_OFF = 1e-9
 
@@ -277,7 +285,8 @@ class Stepper:
             note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
             outcome = replace(outcome, trace=trace, coarse=guess.coarse, note=note)
             state = self._state(outcome, walk, placement, load, case, seen)
-        return Attempt(outcome, placement, load, case, seen, walk.state, state)
+        failure = "" if balanced(placement.motions, case.f, state, step.noise) else RAN_AWAY
+        return Attempt(outcome, placement, load, case, seen, walk.state, state, failure=failure)
 
     def _force_terms(self, case: LoadCase) -> float:
         """Largest load, or what moves of D make of the softest body's stiffness [force]."""
@@ -317,6 +326,24 @@ class Stepper:
             surface,
             (surface - last.surface) / walk.share,
         )
+
+
+def balanced(motions: RigidMotions, f: Array, state: State, noise: float) -> bool:
+    """Whether loads and contact forces balance along the motions that supports leave free.
+
+    A body that is hardly held may move by 1e10 of its size: then the round-off of its ``K u`` carries
+    any load, equilibrium is met to all digits of that, and nothing balances the load.
+    """
+    if motions.k == 0:
+        return True
+    closed = state.status != OPEN
+    force, friction = state.normal_force[closed], state.tangential_force[closed]
+    parts = [(motions.modes, f), (motions.normal[closed], force)]
+    if friction.any():
+        parts.append((motions.tangential[closed].reshape(-1, motions.k), -friction.ravel()))
+    left = np.abs(sum(rows.T @ values for rows, values in parts))
+    size = sum(np.abs(rows).T @ np.abs(values) for rows, values in parts)
+    return bool(np.all((left <= BALANCE * size) | (left <= noise * len(f))))
 
 
 def grown(share: float, travel: float) -> float:
