@@ -228,17 +228,9 @@ def _offsets(result: ContactResult) -> tuple[Array, Array]:
 
     Zero for obstacles, whose forces act at the point itself: the second array has these points.
     """
-    system, kin = result.system, result.kin
-    component = np.concatenate([b.dof_component for b in system.bodies])
-    points = np.concatenate([b.dof_points for b in system.bodies])
-    # B_n applied to the "displacement" x e_k gives n . (x_s - x_p) only for the k-th component of
-    # the normal: the two rows of the frame recover the vector itself
-    frame = np.concatenate([kin.normal[:, None, :], kin.tangent], axis=1)
-    t = kin.tangents
-    position = points[np.arange(len(points)), component]
-    local = np.column_stack([kin.B_n @ position, (kin.B_t @ position).reshape(-1, t)])
-    vector = np.einsum("ik,ikd->id", local, frame)
-    rigid_points = vector.copy()  # without a primary side it is the position of the secondary
+    # of the pairing's weights, not of the rows that the answer fulfils: the two are compared
+    rigid_points = result.kin.offset
+    vector = rigid_points.copy()
     for contact, part in zip(result.contacts, result.slices(), strict=True):
         if not isinstance(contact.primary, ContactSurface):
             vector[part] = 0.0

@@ -22,7 +22,7 @@ from scipy.sparse import csr_matrix, diags, vstack
 from skfem_contact.contact import Contact, field_values
 from skfem_contact.discretisation import carriers
 from skfem_contact.errors import InputError
-from skfem_contact.pairing import Pairing
+from skfem_contact.pairing import Pairing, gap_vectors
 from skfem_contact.strips import turned
 from skfem_contact.supports import held_rows
 from skfem_contact.surface import ContactSurface
@@ -62,6 +62,9 @@ class Kinematics:
         `discretisation.carriers`.
     action : ndarray, shape (m, d)
         Where the force of each point acts on the secondary: its position in general.
+    offset : ndarray, shape (m, d)
+        From the primary to the secondary side of each point on the undeformed bodies [length]; its
+        position where the primary is a rigid obstacle.
     tilt : ndarray, shape (m,)
         Angle between the two sides' normals [rad], see `Pairing.tilt`.
     corners : tuple of frozenset
@@ -80,6 +83,7 @@ class Kinematics:
     tied: NDArray[np.bool_]
     heir: NDArray[np.intp]
     action: Array
+    offset: Array
     tilt: Array
     corners: tuple[frozenset[tuple[int, int]], ...] = ()
 
@@ -161,6 +165,7 @@ def kinematics(
         tied=np.full(len(pairing.gap), contact.tied),
         heir=carriers(secondary, pairing),
         action=_action(pairing),
+        offset=_offset(contact, pairing),
         tilt=pairing.tilt,
         corners=(pairing.corners,),
     )
@@ -185,14 +190,21 @@ def _action(pairing: Pairing) -> Array:
     return np.where(pairing.paired[:, None], mean, pairing.points)
 
 
+def _offset(contact: Contact, pairing: Pairing) -> Array:
+    """`Kinematics.offset` by the weights of the normal rows, which need not be those of the slip."""
+    secondary, primary = contact.secondary, contact.primary
+    if not isinstance(primary, ContactSurface):
+        return np.asarray(pairing.secondary_weights @ secondary.points)
+    weights = pairing.secondary_weights, pairing.primary_weights, pairing.primary_bulge
+    return gap_vectors(secondary, primary, *weights)
+
+
 def join(parts: Sequence[Kinematics]) -> Kinematics:
     """All contacts in one numbering of points, in the order given."""
     if not parts:
         raise InputError("There is no contact: give at least one Contact.")
-    stacked = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("gap0", "area", "points", "normal", "tangent", "paired", "tied", "action", "tilt")
-    }
+    names = "gap0 area points normal tangent paired tied action offset tilt"
+    stacked = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names.split()}
     first = np.cumsum([0, *(part.m for part in parts)])
     heir = np.concatenate([k + part.heir for k, part in zip(first[:-1], parts, strict=True)])
     return Kinematics(
