@@ -264,7 +264,7 @@ def test_moment_of_normals_that_are_not_the_facets_own():
 
 @pytest.mark.parametrize("mu", [0.0, 0.3])
 def test_moments_balance_where_slip_has_rows_of_its_own(mu):
-    """On lines of symmetry the slip is that of the nodes: vectors of normal rows come from their weights.
+    """On lines of symmetry the slip is that of the nodes: the vector of a row is that of its weights.
 
     Taken from both rows at once they were wrong by the difference, and the balance by 1e-6.
     """
