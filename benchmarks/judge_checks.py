@@ -318,8 +318,8 @@ class Court:
         size = np.linalg.norm(F, axis=1)
         largest = float(size[free].max(initial=0.0))
         noise = FORCE * largest + forces.noise[name]
-        if spec.sliding == "finite":  # the pairing is known to its tolerance, and the forces with it
-            noise += self.placement * largest
+        if spec.sliding == "finite":  # the pairing is known to its tolerance: forces and their frames
+            noise += 2 * self.placement * largest
         mu, bound = self._bound(spec, Fn, near.area)
         F, Fn, Ft, size, bound, free, off = grouped(near, surface, F, Fn, Ft, size, bound, free, off)
         out = []

@@ -79,7 +79,9 @@ def feasible(
     if not columns:
         return None
     A = np.array(columns).T
-    scale = max(np.abs(rhs).max(), np.finfo(float).tiny)
+    scale = float(np.abs(rhs).max())
+    if scale == 0.0:
+        return True  # nothing has to be held
     if upper:
         B = np.zeros((len(upper), A.shape[1]))
         for row, (entries, _) in enumerate(upper):

@@ -200,8 +200,8 @@ def test_no_answer_whose_load_nothing_carries(seed):
 
 
 # What is wrong and known: an end node that misses its partner by 3e-5 of a facet (18), the place of
-# bodies that nothing holds (21, 56, 61, 64, 98), small sliding by half a facet past an end (63).
-KNOWN = {18, 21, 56, 61, 63, 64, 98}
+# bodies that nothing holds (21, 56, 61, 98), small sliding by half a facet past an end (63).
+KNOWN = {18, 21, 56, 61, 63, 98}
 
 
 @pytest.mark.slow
