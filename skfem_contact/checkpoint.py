@@ -48,6 +48,8 @@ class SavedState:
     converged : bool
         A state that is not can be a `guess`, but no `start`.
     message : str
+    own_interference : tuple of bool
+        Of which contacts the interference is the contact's own, and not that of a step.
     """
 
     state: State
@@ -58,6 +60,7 @@ class SavedState:
     identity: Identity
     converged: bool
     message: str
+    own_interference: tuple[bool, ...]
 
 
 def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
@@ -91,7 +94,7 @@ def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
     path = _path(path)
     if not hasattr(result, "state") or not hasattr(result, "settings"):
         raise InputError(f"save_state: result is {shown(result)}, not what solve(...) returned")
-    path = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
+    path = _with_suffix(path)
     case, settings = result.case, result.settings
     data: dict[str, Any] = {"format": FORMAT}
     data |= {f"state_{name}": value for name, value in vars(result.state).items()}
@@ -100,6 +103,7 @@ def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
     data |= _motions(case.motion)
     data |= {"settings_f": settings.f, "settings_x": settings.x}
     data["settings_moved"] = [motion is not None for motion in settings.motion]
+    data["settings_own"] = result.own_interference
     data["settings_factor"] = np.nan if settings.factor is None else settings.factor
     data["dissipation_before"] = result.dissipation_before
     data["dissipation_by_contact"] = result.dissipation_by_contact
@@ -139,6 +143,10 @@ def _path(path: Any) -> Path:
         raise InputError(f"path is {shown(path)}; give the name of a file, or a Path") from None
 
 
+def _with_suffix(path: Path) -> Path:
+    return path if path.suffix == ".npz" or not path.name else path.with_name(path.name + ".npz")
+
+
 def load_state(path: str | Path, identity: Identity, points: tuple[slice, ...]) -> SavedState:
     """Read a state back; see `ContactSolver.load_state`.
 
@@ -156,6 +164,8 @@ def load_state(path: str | Path, identity: Identity, points: tuple[slice, ...]) 
         If the file is none of `save_state`, damaged, or of other bodies and contacts.
     """
     path = _path(path)
+    if not path.is_file() and _with_suffix(path).is_file():
+        path = _with_suffix(path)  # as it was given to save_state
     if not path.is_file():
         raise InputError(f"there is no file {str(path)!r} to load a state from")
     try:
@@ -180,6 +190,10 @@ def load_state(path: str | Path, identity: Identity, points: tuple[slice, ...]) 
 
 def _read(path: Path) -> dict[str, Any]:
     with path.open("rb") as stream:  # NumPy leaves it open where it can not read it
+        # NumPy takes what it does not know for pickled objects, and says how to load them unsafely
+        if stream.read(2) not in (b"PK", b"\x93N", b""):
+            raise ValueError("no NumPy file")
+        stream.seek(0)
         file = np.load(stream, allow_pickle=False)
         if isinstance(file, np.ndarray):
             raise ValueError("a single array")
@@ -212,7 +226,9 @@ def _state(
     )
     lost = data["dissipation_before"], data["dissipation_by_contact"]
     converged, message = bool(data["converged"]), str(data["message"])
-    return SavedState(state, case, settings, *lost, own, converged, message)
+    # files written before they said so are taken to mean what they hold
+    ours = tuple(map(bool, data.get("settings_own", [False] * len(points))))
+    return SavedState(state, case, settings, *lost, own, converged, message, ours)
 
 
 def _motions(motions: tuple[Motion, ...]) -> dict[str, Any]:

@@ -107,8 +107,8 @@ class FrictionLaw:
         if scale == 0.0:
             return np.zeros_like(normal_force)
         step = STEP * scale
-        ahead = self.limit(normal_force + step, area, slip.copy())
-        return (ahead - self.limit(normal_force, area, slip)) / step
+        ahead = np.asarray(self.limit(normal_force + step, area, slip.copy()))
+        return (ahead - np.asarray(self.limit(normal_force, area, slip))) / step
 
 
 def _not_negative(name: str, value: ArrayLike, law: str) -> None:

@@ -191,6 +191,10 @@ class LoadStep:
                 "`.results` of the exception) in smaller steps; as starting values alone this one can "
                 "be the `guess` of solve(...)."
             )
+        if what == "start":
+            words = self.reader.other_interference(start.settings, start.own_interference)
+            if words:
+                warnings.warn(words, ContactWarning, stacklevel=3)
 
     def _result(
         self,

@@ -200,6 +200,12 @@ class ContactResult:
         return known
 
     @property
+    def own_interference(self) -> tuple[bool, ...]:
+        """Of which contacts the interference in force is the contact's own, and not that of a step."""
+        pairs = zip(self.settings.interference, self.contacts, strict=True)
+        return tuple(given is contact.interference for given, contact in pairs)
+
+    @property
     def dissipation(self) -> float:
         """Energy lost by friction in this step, all contacts [energy]."""
         return float(self.dissipation_by_contact.sum())

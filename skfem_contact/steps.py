@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import number, numbers, shown
+from skfem_contact.body import Body
 from skfem_contact.contact import Contact, field_values
 from skfem_contact.errors import InputError
 from skfem_contact.inputs import suggest
@@ -60,6 +61,29 @@ class StepReader:
         interference = tuple(c.interference for c in self.contacts)
         return Settings(self.own_f, self.system.x, interference, (None,) * count, 1.0)
 
+    def other_interference(self, start: Settings, own: Sequence[bool]) -> str:
+        """In words which contact's own interference a state from another solver leaves without effect.
+
+        Parameters
+        ----------
+        start : Settings
+            In force at the state.
+        own : sequence of bool
+            Of which contacts that is the contact's own there, and not that of a step.
+        """
+        for i, given in enumerate(start.interference):
+            if own[i] and given is not self.contacts[i].interference:
+                there = field_values(given, self.kin.points[self.parts[i]], "interference")
+                if not np.array_equal(there, self._own[i]):
+                    worst, name = int(np.argmax(np.abs(there - self._own[i]))), self.names[i]
+                    return (
+                        f"contact {name!r} has an interference of {self._own[i][worst]:.6g} here and "
+                        f"of {there[worst]:.6g} in the state to go on from, which stays: what no step "
+                        "names is as it was. If it is to change, name it in a step of history(...): "
+                        f"{{'interference': {{{name!r}: ...}}}}."
+                    )
+        return ""
+
     def unloaded(self) -> LoadCase:
         """No load, no prescribed displacement, no interference: where a history begins."""
         n, count = self.system.n, len(self.contacts)
@@ -109,16 +133,18 @@ class StepReader:
         if given is None:
             return before
         if not isinstance(given, Mapping):
-            return _checked(given, self.system.n, f"{what} of all bodies")
+            whole = _checked(given, self.system.n, f"{what} of all bodies")
+            if what == "x":
+                for body, name in zip(self.system.bodies, self.system.names, strict=True):
+                    if whole[self.system.slice(body)].any():
+                        _needs_places(body, name)
+            return whole
         out = np.array(before)
         for name, value in given.items():
             part = self.system.slice(name)
             given_part = _checked(value, None, f"{what} of body {name!r}")
-            if what == "x" and not len(self.system.bodies[self.system.index(name)].D):
-                raise InputError(
-                    f"x of body {name!r} prescribes values, but the body has no prescribed DOFs: say "
-                    "at which by D of its Body(...). A load goes to f."
-                )
+            if what == "x":
+                _needs_places(self.system.bodies[self.system.index(name)], name)
             if given_part.ndim == 0:  # a number is a factor on the body's own
                 if given_part != 0 and not own[part].any():
                     raise InputError(
@@ -208,6 +234,14 @@ def read_motion(motion: Any, d: int, name: str) -> Motion:
     if not np.isfinite([*out.translation, out.angle, *out.centre]).all():
         raise InputError(f"motion of {name!r} is not finite: {shown(motion)}.")
     return out
+
+
+def _needs_places(body: Body, name: Any) -> None:
+    if not len(body.D):
+        raise InputError(
+            f"x of body {name!r} prescribes values, but the body has no prescribed DOFs: say "
+            "at which by D of its Body(...). A load goes to f."
+        )
 
 
 def _checked(value: Any, size: int | None, what: str) -> Array:

@@ -103,6 +103,12 @@ def test_laws_may_work_in_place():
     assert_allclose(pushed(own(bound)).solve().forces, pushed(sc.Coulomb(0.1)).solve().forces)
 
 
+def test_bounds_may_be_lists():
+    """What is one number per point is taken, by the package's own derivative too."""
+    law = own(lambda N, A, s: [0.1 * n for n in N])
+    assert_allclose(pushed(law).solve().forces, pushed(sc.Coulomb(0.1)).solve().forces)
+
+
 def test_numbers_that_are_not_finite_are_not_blamed_on_the_law():
     """Forces that are NaN already, from a linear solve gone wrong, pass through."""
     for given in (sc.Coulomb(0.5), own(lambda N, A, s: 0.5 * N)):

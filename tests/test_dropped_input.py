@@ -43,9 +43,11 @@ def test_prescribed_values_without_a_place():
         lambda: solver.solve(f=f, x={"punch": x}),
         lambda: list(solver.history([{"f": f, "x": {"punch": x}}])),
         lambda: solver.solve(f=f, x={"punch": 0.5}),
+        lambda: solver.solve(f=f, x=np.concatenate([np.zeros(solver.system.n - len(x)), x])),
     ):
         with pytest.raises(sc.InputError, match=r"x of body 'punch' .* no prescribed DOFs"):
             call()
+    assert solver.solve(f=f, x=np.zeros(solver.system.n)).converged
 
 
 def test_factors_on_nothing():

@@ -257,6 +257,37 @@ def test_states_of_the_same_mesh_are_taken(tmp_path):
         assert solver.solve(start=result).converged
 
 
+def test_interference_of_another_solver_stays_and_is_told(tmp_path):
+    """What a state has in force stays; an interference of the solver's own has no effect, aloud."""
+
+    def fitted(interference):
+        block = on_a_plane().system.bodies[0]
+        floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        pair = sc.Contact(block.surface("bottom"), floor, interference=interference, name="joint")
+        return sc.ContactSolver([block], [pair])
+
+    here, there = fitted(1e-3), fitted(2e-3)
+    result = here.solve()
+    saved = sc.save_state(tmp_path / "state", result)
+    words = r"'joint' has an interference of 0\.002 here and of 0\.001 in the state"
+    for state in (result, there.load_state(saved)):
+        with pytest.warns(sc.ContactWarning, match=words):
+            kept = there.solve(start=state)
+        assert_allclose(kept.force, result.force, rtol=1e-9)
+        with pytest.warns(sc.ContactWarning, match=words):
+            (changed,) = there.history([{"interference": {"joint": 2e-3}}], start=state)
+        assert_allclose(changed.force, there.solve().force, rtol=1e-9)
+        for known in (kept, changed):  # said once
+            there.solve(start=known)
+        # the same interference, by another object, and one that a step gave
+        fitted(np.full(len(result.points), 1e-3)).solve(start=state)
+    (stepped,) = here.history([{"interference": {"joint": 2e-3}}])
+    for solver in (here, there):
+        state = solver.load_state(sc.save_state(tmp_path / "stepped", stepped))
+        assert_allclose(solver.solve(start=state).force, changed.force, rtol=1e-9)
+        solver.solve(start=stepped)
+
+
 def test_states_that_did_not_converge_are_no_history(tmp_path):
     """Refused as a start, in memory and from a file, which keeps the flag; good as a guess."""
     solver = on_a_plane()
@@ -296,8 +327,10 @@ def test_damaged_files_are_refused_in_words(tmp_path):
     for name, damaged in files.items():
         wrong = tmp_path / f"{name}.npz"
         wrong.write_bytes(damaged)
-        with pytest.raises(sc.InputError, match="can not be read as a state"):
+        with pytest.raises(sc.InputError, match="can not be read as a state") as caught:
             solver.load_state(wrong)
+        assert "allow_pickle" not in str(caught.value)  # NumPy's way to read garbage all the same
+    assert solver.load_state(tmp_path / "state").converged  # the name that save_state takes
     np.save(tmp_path / "array.npy", np.zeros(3))
     with pytest.raises(sc.InputError, match="a single array"):
         solver.load_state(tmp_path / "array.npy")
