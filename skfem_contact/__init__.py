@@ -12,9 +12,9 @@ The modules stand in the order of the theory, and each imports only from those a
 
 * what the user gives: `errors`, `arguments`, `sealed`, `carried`, `inputs`, `selection`, `body`,
   `system`, `facets`, `normals`, `surface`;
-* what meets what: `search`, `projection`, `closest`, `strips`, `segmentation`, `supports`, `facing`,
-  `pairing`, `dual`, `smooth`, `mortar`, `corners`, `frames`, `pairing_diagnosis`, `obstacle`,
-  `rigid_shapes`, `level_set`;
+* what meets what: `search`, `projection`, `closest`, `strips`, `segmentation`, `supports`, `kinks`,
+  `facing`, `pairing`, `dual`, `smooth`, `mortar`, `corners`, `frames`, `pairing_diagnosis`,
+  `obstacle`, `rigid_shapes`, `level_set`;
 * the contact conditions: `friction`, `checked_law`, `contact`, `discretisation`, `loads`,
   `kinematics`, `diagnosis`, `interface`, `identity`, `rigid`, `statics`, `pivoting`,
   `constraint_inputs`, `constraint`, `elimination`, `skfem_solve`, `constraint_rows`;

@@ -2,8 +2,8 @@
 
 A pairing takes its frames from one side. Where the sides are curved their normals differ as long as
 a gap is open between them, and with small sliding the frame stays what it was then: `frames` makes of
-both the normal of the loaded interface. At a corner sharper than 45 degrees a side has no normal: there
-that of the other side stands for both.
+both the normal of the loaded interface. At a corner sharper than 45 degrees, and at a kink in a
+straight side (`kinks`), a side has no normal: there that of the other side stands for both.
 """
 
 from __future__ import annotations
@@ -22,17 +22,19 @@ Mask = NDArray[np.bool_]
 
 #: A foot point this close to a node, in facet lengths, is the node.
 AT_NODE = 1e-6
+#: A smaller turn beside a straight part, 2 degrees, may be that of a curve which begins there [rad].
+KINK = float(np.radians(2.0))
 #: The spread of normals at which a surface has a corner, 45 degrees [rad].
 SPREAD = float(np.arccos(CORNER))
 
 
 def sharp_nodes(surface: ContactSurface) -> Mask:
-    """Nodes where facets meet at more than 45 degrees, shape (m,)."""
+    """Nodes where facets meet at more than 45 degrees, or straight parts at a kink, shape (m,)."""
     sharp = np.zeros(len(surface.points), dtype=bool)
     ends, other = surface.end_normals, surface.neighbours
     corner = (other >= 0) & (dot(ends, ends[other, [1, 0]]) < CORNER)
     sharp[surface.facets[:, :2][corner]] = True
-    return sharp
+    return sharp | (surface.kinks > KINK)
 
 
 def node_normals(
@@ -61,7 +63,9 @@ def node_normals(
     """
     own = -secondary.normals[point]
     corner = sharp_nodes(secondary)[point, None]
-    at_corner = np.any(sharp_nodes(primary)[nodes] & (weights >= 1 - AT_NODE), axis=1)[:, None]
+    at_corner = np.any(sharp_nodes(primary)[nodes] & (weights >= 1 - AT_NODE), axis=1)
+    # beside a kink the field of normals is on its way to the mean of both parts
+    at_corner = (at_corner | np.any(primary.kinks[nodes] > KINK, axis=1))[:, None]
     return np.where(corner & ~at_corner, feet, own), np.where(at_corner & ~corner, own, feet)
 
 
@@ -100,7 +104,10 @@ def mortar_normals(
     low, high = np.full(m, np.inf), np.full(m, -np.inf)
     np.minimum.at(low, node, angle)
     np.maximum.at(high, node, angle)
-    corner = (high - low > SPREAD)[:, None]
+    beside = np.any(primary.kinks[primary.facets[f]] > KINK, axis=1)
+    kinked = np.zeros(m, dtype=bool)
+    kinked[node[beside]] = True
+    corner = (kinked | (high - low > SPREAD))[:, None]
     covered = np.unique(e)
     both = np.bincount(secondary.facets[covered].ravel(), minlength=m) > 1
     sharp = (sharp_nodes(secondary) & both)[:, None]

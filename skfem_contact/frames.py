@@ -69,6 +69,8 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
     weights = pairing.secondary_weights, pairing.primary_weights, pairing.primary_bulge
     away = gap_vectors(secondary, primary, *weights)
     measured = np.where(pairing.gap == 0.0, 0.0, dot(normal, away))  # closed ones stay closed
+    if pairing.least_gap is not None:
+        measured = np.maximum(measured, np.minimum(pairing.least_gap, pairing.gap))
     gap = np.where(turns, measured, pairing.gap)
     return replace(pairing, normal=normal, tangent=tangents(normal), gap=gap)
 

@@ -36,6 +36,7 @@ from scipy.spatial import cKDTree
 from skfem_contact.dual import COVER_KEPT, SHARE_KEPT, WHOLE, dual_basis
 from skfem_contact.errors import InputError
 from skfem_contact.facing import mortar_normals
+from skfem_contact.kinks import least_gaps
 from skfem_contact.normals import tangents
 from skfem_contact.pairing import Pairing, gap_vectors
 from skfem_contact.segmentation import Quadrature, facet_areas, interface_quadrature
@@ -147,6 +148,9 @@ def dual_mortar(
     miss, nearest = _overhang(secondary, primary, paired | handed, reach)
     bulge = None if bulge is None else _divide(bulge, sums, paired)
     gap = np.sum(normal * gap_vectors(secondary, primary, W_s, W_m, bulge), axis=1)
+    least = least_gaps(secondary, primary, quadrature, A) if bulge is None else None
+    if least is not None:
+        gap = np.maximum(gap, least)
     # coordinates have 16 digits; whether touching surfaces are closed is not for the last to say
     scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
     gap[np.abs(gap) <= _ROUND_OFF * scale] = 0.0
@@ -164,6 +168,7 @@ def dual_mortar(
         secondary_normal=of_secondary,
         primary_normal=of_primary,
         primary_bulge=bulge,
+        least_gap=least,
         **_without_slip(supports, paired, W_s, W_m),
     )
 

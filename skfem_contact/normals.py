@@ -23,6 +23,9 @@ STEEPEST = np.tan(np.pi / 16)
 #: half of the other, and beside a kink in a straight side one end does not turn at all.
 ALIKE = 2 / 3
 
+#: A facet is straight beside a kink if the surface turns at its other end by less than this part.
+STRAIGHT = 1 / 4
+
 #: Gauss points per facet for the areas: exact up to order 9, so also for a curved quadratic facet
 #: (whose length element is no polynomial) far below the error of its geometry.
 GAUSS = np.polynomial.legendre.leggauss(5)
@@ -141,6 +144,31 @@ def end_slopes(points: np.ndarray, facets: np.ndarray, averaged: np.ndarray) -> 
     least, most = np.minimum(np.abs(start), np.abs(end)), np.maximum(np.abs(start), np.abs(end))
     curve = (start * end > 0) & (most <= STEEPEST) & (least >= ALIKE * most)
     return np.where(curve[:, None], slopes, 0.0)
+
+
+def kink_angles(points: np.ndarray, facets: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+    """Angle by which a surface turns at nodes where it is straight on one side, shape (m,) [rad].
+
+    Straight is a facet at whose other end the surface turns by less than a quarter of it: on a curve
+    turns are alike, and where it ends at a tangent the last is half of the others. Beyond the end of
+    a surface nothing is known, and no facet there is straight.
+
+    >>> points = np.array([[3, 0], [2, 0], [1, 0], [0, 1.0], [-1, 2]])
+    >>> facets = np.array([[0, 1], [1, 2], [2, 3], [3, 4]])
+    >>> neighbours = np.array([[-1, 1], [0, 2], [1, 3], [2, -1]])
+    >>> np.degrees(kink_angles(points, facets, neighbours)).round(9).tolist()
+    [0.0, 0.0, 45.0, 0.0, 0.0]
+    """
+    ends = normals_at(points, facets, np.array([0.0, 1.0]))[0]
+    there = ends[neighbours, np.array([1, 0])]
+    across = np.abs(ends[..., 0] * there[..., 1] - ends[..., 1] * there[..., 0])
+    turn = np.arctan2(across, np.einsum("fsd,fsd->fs", ends, there))
+    known = neighbours >= 0
+    turn[~known] = 0.0
+    straight = known & known[:, ::-1] & (turn[:, ::-1] < STRAIGHT * turn)
+    kinks = np.zeros(len(points))
+    np.maximum.at(kinks, facets[:, :2][straight], turn[straight])
+    return kinks
 
 
 def tributary_areas(points: np.ndarray, facets: np.ndarray, measure: Any, label: str) -> np.ndarray:

@@ -57,6 +57,8 @@ class Pairing:
         Weights of the primary nodes turned by -90 degrees, by which the smooth boundaries stand above
         their chords (`smooth`); they sum to zero in each row. None where facets are straight or curved
         themselves.
+    least_gap : ndarray, shape (m,), optional
+        Gaps are no less than this, whatever the weights say of them (`kinks`) [length].
     corners : frozenset
         Vertices that carry by themselves, see `corners.CornerContacts.names`.
     """
@@ -76,6 +78,7 @@ class Pairing:
     slip_weights: tuple[csr_matrix, csr_matrix] | None = None
     still: np.ndarray | None = None
     primary_bulge: csr_matrix | None = None
+    least_gap: np.ndarray | None = None
     corners: frozenset[tuple[int, int]] = frozenset()
 
     @property

@@ -81,10 +81,7 @@ def interface_quadrature(
     limits = (np.inf, _half(secondary, primary)) if reach is None else (float(reach),) * 2
     e, f = candidate_pairs(secondary, primary, max(limits))
     e, f, start, stop = _segments(secondary, primary, e, f, limits)
-    k = max(secondary.facets.shape[1], primary.facets.shape[1])
-    # 2 k - 1 is exact for two shape functions, a measure linear in the position, and one to spare
-    # (k = 2: degree 5 of 3 needed, k = 3: degree 9 of 5) for segments of curved facets
-    at, w = _gauss(2 * k - 1)
+    at, w = _segment_rule(secondary, primary)
     length = stop - start
     xi = (start[:, None] + length[:, None] * at).ravel()
     e, f = np.repeat(e, len(at)), np.repeat(f, len(at))
@@ -96,6 +93,19 @@ def interface_quadrature(
         primary_shape=facet_shapes(eta, primary.facets.shape[1])[0],
         weight=(length[:, None] * w).ravel() * area_element(secondary, e, xi),
     )
+
+
+def _segment_rule(secondary: ContactSurface, primary: ContactSurface) -> tuple[Array, Array]:
+    """Gauss points and weights on [0, 1] for each segment."""
+    k = max(secondary.facets.shape[1], primary.facets.shape[1])
+    # 2 k - 1 is exact for two shape functions, a measure linear in the position, and one to spare
+    # (k = 2: degree 5 of 3 needed, k = 3: degree 9 of 5) for segments of curved facets
+    return _gauss(2 * k - 1)
+
+
+def points_per_segment(secondary: ContactSurface, primary: ContactSurface) -> Array:
+    """Places on [0, 1] of the quadrature points of each segment, which follow each other."""
+    return _segment_rule(secondary, primary)[0]
 
 
 def _half(*surfaces: ContactSurface) -> float:

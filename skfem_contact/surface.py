@@ -11,7 +11,13 @@ import numpy as np
 from skfem_contact.arguments import check_name, numbers
 from skfem_contact.errors import InputError
 from skfem_contact.facets import check_facets, facet_neighbours, order_along, oriented
-from skfem_contact.normals import end_slopes, lengths_and_normals, normals_at, tributary_areas
+from skfem_contact.normals import (
+    end_slopes,
+    kink_angles,
+    lengths_and_normals,
+    normals_at,
+    tributary_areas,
+)
 from skfem_contact.sealed import seal
 from skfem_contact.selection import name_of, select_facets
 
@@ -62,6 +68,9 @@ class ContactSurface:
     end_turns : ndarray, shape (nf, 2)
         Where the surface ends before or after a facet: by how much the boundary of the body turns
         there, > 0 at a convex corner [rad]; 0 elsewhere. From the undeformed mesh.
+    kinks : ndarray, shape (m,)
+        Angle by which the undeformed surface turns at a node beside a straight part; 0 elsewhere, so
+        on curves [rad].
 
     Examples
     --------
@@ -91,6 +100,7 @@ class ContactSurface:
     mesh_facets: np.ndarray
     slopes: np.ndarray
     end_turns: np.ndarray
+    kinks: np.ndarray
 
     def __repr__(self) -> str:
         kind = "quadratic" if self.quadratic else "linear"
@@ -196,6 +206,7 @@ def extract_surface(
         mesh_facets=numbers,
         slopes=end_slopes(points, facets, normals["facet_node_normals"]),
         end_turns=_end_turns(basis, points, facets, facets_v),
+        kinks=kink_angles(points, facets, facet_neighbours(facets)),
         **normals,
     )
     seal(surface)
