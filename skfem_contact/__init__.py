@@ -20,7 +20,7 @@ The modules stand in the order of the theory, and each imports only from those a
   `constraint_inputs`, `constraint`, `elimination`, `skfem_solve`, `constraint_rows`;
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `front_assembly`, `multifrontal`,
   `backend`, `amg`, `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
-* iterations: `states`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
+* iterations: `states`, `guided`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
 * answers: `fields`, `rotation`, `support`, `drift`, `watch`, `certificate`, `uniqueness`, `misfit`,
   `surface_error`, `body_error`, `estimate`, `overlap`, `meeting`, `validity`, `contact_values`,
   `result`;

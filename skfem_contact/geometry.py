@@ -27,6 +27,7 @@ from skfem_contact.corners import unselected_sides
 from skfem_contact.diagnosis import check_pairing, check_side, prescribed_rows
 from skfem_contact.discretisation import pair
 from skfem_contact.errors import ContactWarning
+from skfem_contact.guided import guided_points
 from skfem_contact.identity import Identity
 from skfem_contact.kinematics import Kinematics, initial_gap, join, kinematics
 from skfem_contact.loads import LoadCase
@@ -72,6 +73,11 @@ class Placement:
     def able(self) -> Mask:
         """Points whose gap can change: where it is prescribed, D carries the force instead."""
         return ~prescribed_rows(self.kin.B_n, self.motions.system.D)
+
+    @cached_property
+    def guided(self) -> Mask:
+        """Points whose slip supports prescribe: they take whatever friction there is."""
+        return guided_points(self.kin, self.motions.system.D)
 
 
 class Geometry:

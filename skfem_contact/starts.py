@@ -119,6 +119,6 @@ def as_guess(state: State) -> Guess:
 def admissible(guess: Guess, step: Step) -> Guess:
     """The guess without points that have lost their partner, and with all tied points."""
     status = np.where(step.paired, guess.status, OPEN)
-    status = np.where(step.tied, STICK, status)
+    status = np.where(step.tied | ((status == SLIP) & ~step.frictional), STICK, status)
     direction = np.where((status == SLIP)[:, None], guess.direction, 0.0)
     return replace(guess, status=status, direction=direction)

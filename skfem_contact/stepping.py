@@ -24,6 +24,7 @@ from skfem_contact.attempt import Attempt, Walk, friction_energy, nothing
 from skfem_contact.driver import Options, Outcome, drive
 from skfem_contact.errors import ConstraintError
 from skfem_contact.geometry import Geometry, Placement
+from skfem_contact.guided import guided_friction
 from skfem_contact.interface import Interface
 from skfem_contact.kinematics import Kinematics
 from skfem_contact.loads import LoadCase
@@ -253,6 +254,7 @@ class Stepper:
             paired = kin.paired & (interface.tied | placement.able)
             if self.barred is not None:
                 paired &= ~self.barred
+            guided = placement.guided if interface.laws else np.zeros_like(paired)
             step = Step(
                 space=placement.rows.space,
                 load=load,
@@ -261,7 +263,7 @@ class Stepper:
                 paired=paired,
                 tied=interface.tied & paired,
                 laws=interface.laws,
-                frictional=interface.frictional & paired,
+                frictional=interface.frictional & paired & ~guided,
                 stiffness=interface.stiffness,
                 last=walk.state,
                 rank=self.geometry.rank,
@@ -284,7 +286,7 @@ class Stepper:
                 outcome = replace(outcome, free=spent.free)  # its limits do not lag
             note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
             outcome = replace(outcome, trace=trace, coarse=guess.coarse, note=note)
-            state = self._state(outcome, walk, placement, load, case, seen)
+            state = self._state(step, outcome, walk, placement, load, case, seen)
         failure = "" if balanced(placement.motions, case.f, state, step.noise) else RAN_AWAY
         return Attempt(outcome, placement, load, case, seen, walk.state, state, failure=failure)
 
@@ -299,6 +301,7 @@ class Stepper:
 
     def _state(
         self,
+        step: Step,
         outcome: Outcome,
         walk: Walk,
         placement: Placement,
@@ -307,8 +310,12 @@ class Stepper:
         seen: LoadCase,
     ) -> State:
         it, last = outcome.iterate, walk.state
-        opened = (it.status == OPEN)[:, None]
         response = it.response
+        status, friction = it.status, response.tangential_force
+        if step.laws:
+            guided = placement.guided & self.interface.frictional
+            status, friction = guided_friction(step, guided, status, response)
+        opened = (status == OPEN)[:, None]
         surface, slip = last.surface, response.slip
         if self.geometry.follows:
             dofs = self.geometry.surface_dofs
@@ -316,9 +323,9 @@ class Stepper:
             surface = placement.rows.contact_displacement(source, case)[dofs]
             slip = self.geometry.slip(placement, seen, surface, slip, self.interface.slipping)
         return State(
-            it.status,
+            status,
             slip,
-            np.where(opened, 0.0, response.tangential_force),
+            np.where(opened, 0.0, friction),
             np.where(opened[:, 0], 0.0, response.normal_force),
             np.where(opened, slip, last.reference),
             response.gap,

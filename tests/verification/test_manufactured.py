@@ -203,7 +203,44 @@ def test_slip_that_is_prescribed_is_no_contradiction():
         # the tangent is (-1, 0); the motion is the support's, and so is the force that it takes
         assert_allclose(result.slip[corner], -1e-3, rtol=1e-12)
         assert result.certificate.worst <= 1e-10
+        # it slips with mu p all the same, and not with the nothing that equilibrium asks for there
+        assert result.status[corner] == 2
+        assert_allclose(result.tangential_force[corner], 0.9 * result.normal_force[corner], rtol=1e-12)
     assert_allclose(results[1].u, results[0].u, rtol=0, atol=1e-10 * 0.01)
+
+
+@pytest.mark.parametrize("stiffness", [np.inf, 1.0])
+def test_friction_of_a_face_moved_by_its_supports(stiffness):
+    """A block whose whole side is led to and fro rubs with mu p there, as its energy tells.
+
+    Every node of the face is prescribed along the floor: friction turns with the motion, stays where
+    the face rests, and the energy lost is mu N times the way.
+    """
+    basis = block_basis(np.linspace(0, 1, 4), np.linspace(0, 1, 4))
+    across = np.append(basis.get_dofs("bottom").all("u^1"), basis.get_dofs("top").all("u^1"))
+    down = basis.get_dofs("top").all("u^2")
+    x = np.zeros(basis.N)
+    x[down] = -0.01
+    block = sc.Body(basis, elastic(1.0, 0.0), D=np.append(across, down), x=x, name="block")
+    law = sc.Coulomb(0.5, stiffness=stiffness)
+    contact = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=law)
+    steps = []
+    for way in (0.0, 0.1, 0.1, 0.3, 0.2):
+        moved = x.copy()
+        moved[across] = way
+        steps.append({"x": {"block": moved}})
+    results = list(sc.ContactSolver([block], contact).history(steps))
+    N = results[0].force[1]
+    share = np.array([r.force[0] for r in results]) / (0.5 * N)
+    assert_allclose(share, [0.0, -1.0, -1.0, -1.0, 1.0], rtol=0, atol=1e-12)
+    # a finite stiffness gives its elastic slip L/G back, twice where the motion turns
+    L = 0.5 * results[0].normal_force
+    plastic = [
+        np.maximum(way - back * L / stiffness, 0) for way, back in ((0.1, 1), (0.2, 0), (0.1, 2))
+    ]
+    expected = [0.0, L @ plastic[0], 0.0, L @ plastic[1], L @ plastic[2]]
+    assert_allclose([r.dissipation for r in results], expected, rtol=0, atol=1e-12 * N)
+    assert all(r.certificate.worst < 1e-10 for r in results)
 
 
 # -- two deformable squares ------------------------------------------------------------------------
