@@ -131,10 +131,14 @@ class Track:
         self.added = np.where(self.paired, gap0 + own, 0.0) - measured
         # nothing is wrong with gaps of glued points
         self.follows = not contact.tied
+        self.chord = np.zeros(len(self.points))
         if isinstance(primary, ContactSurface):
             facet = np.where(self.paired, pairing.facet, 0)
             self.facet = primary.lengths[facet]
             self.curvature = np.where(self.follows, curvatures(primary)[facet], 0.0)
+            measured_on_chords = contact.gap is None and not contact.adjust and self.follows
+            if measured_on_chords and contact.method == "node" and contact.sliding == "small":
+                self.chord = np.where(self.paired, chord_gaps(primary, facet, self.points), 0.0)
             self.behind, self.ahead = ways_to_ends(primary, facet, self.points)
 
     def drift(
@@ -246,6 +250,19 @@ def curvatures(surface: ContactSurface) -> Array:
     """Of every facet, by the normals at its ends: averaged, except over corners, (nf,) [1/length]."""
     normal = surface.facet_node_normals
     return np.asarray(np.linalg.norm(normal[:, 1] - normal[:, 0], axis=1) / surface.lengths)
+
+
+def chord_gaps(surface: ContactSurface, facet: Index, points: Array) -> Array:
+    """How far straight facets are below the smooth curve through their nodes, where points are, (m,).
+
+    Nothing at their nodes and for quadratic facets; in between a parabola through the sagitta.
+    """
+    if surface.quadratic:
+        return np.zeros(len(points))
+    a, b = surface.points[surface.facets[facet, 0]], surface.points[surface.facets[facet, 1]]
+    length = surface.lengths[facet]
+    part = np.clip(np.einsum("md,md->m", points - a, b - a) / length**2, 0.0, 1.0)
+    return np.asarray(curvatures(surface)[facet] * length**2 * part * (1 - part) / 2)
 
 
 def ways_to_ends(surface: ContactSurface, facet: Index, points: Array) -> tuple[Array, Array]:

@@ -158,9 +158,9 @@ class Indifference:
 def force_terms(model: LinearModel, case: LoadCase) -> float:
     """The largest load, or product of stiffness and prescribed displacement [force]."""
     largest = float(np.max(np.abs(case.f), initial=0.0))
-    for body, K in zip(model.system.bodies, model.stiffness, strict=True):
+    for body, stiffest in zip(model.system.bodies, model.stiffest, strict=True):
         moved = np.max(np.abs(case.x[model.system.slice(body)][body.D]), initial=0.0)
-        largest = max(largest, float(np.max(K.diagonal()) * moved))
+        largest = max(largest, stiffest * float(moved))
     return largest
 
 
@@ -168,10 +168,10 @@ def weak_springs(model: LinearModel, weak: float) -> Array:
     """Springs on all DOFs of bodies with free motions, together `weak` of their stiffness, (n,)."""
     springs = np.zeros(model.system.n)
     moves = np.any(model.motions.modes != 0, axis=1)
-    for body, K in zip(model.system.bodies, model.stiffness, strict=True):
+    for body, stiffest in zip(model.system.bodies, model.stiffest, strict=True):
         part = model.system.slice(body)
         if moves[part].any():
-            springs[part] = weak * np.max(K.diagonal()) / body.n
+            springs[part] = weak * stiffest / body.n
     return springs
 
 

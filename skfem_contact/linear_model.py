@@ -94,6 +94,11 @@ class LinearModel:
         known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
         return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting"))
 
+    @cached_property
+    def stiffest(self) -> tuple[float, ...]:
+        """Largest diagonal entry of K of each body; load steps ask, and K has the whole interior."""
+        return tuple(float(np.max(K.diagonal())) for K in self.stiffness)
+
     def with_interface(self, interface: Interface, timings: dict[str, float]) -> LinearModel:
         """The same bodies under other friction laws; shared, where the laws need the same rows."""
         same = np.array_equal(interface.slipping, self.interface.slipping)

@@ -25,12 +25,14 @@ from skfem_contact.meeting import Meeting, at_obstacle, between, sagitta, strain
 from skfem_contact.obstacle import Obstacle
 from skfem_contact.overlap import Outline, outline
 from skfem_contact.rotation import LARGE, rotation_words
+from skfem_contact.support import Support
 from skfem_contact.watch import sliding_words, strain_words
 
 if TYPE_CHECKING:
     from skfem_contact.result import ContactResult
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 #: Overlap beyond what chords explain, over the elastic approach: contact conditions hold at the
 #: points of one side, between them unlike meshes overlap by a part of what they are pressed in.
@@ -52,6 +54,9 @@ class ContactValidity:
         for two surfaces of one body, where inside and outside are the same.
     chords : float
         What straight facets on curved sides explain of it [length].
+    chord_gaps : float
+        By how much gaps of closed points are off that node-to-segment contact measures to straight
+        facets on a curved primary [length].
     unseen : int
         Points without a partner that overlap by more than that.
     opening : float
@@ -71,6 +76,13 @@ class ContactValidity:
     opening: float
     angle: float
     angle_over_mu: float
+    chord_gaps: float = 0.0
+
+    @property
+    def chord_share(self) -> float:
+        """That error of gaps over the elastic approach."""
+        approach = self.drift.approach
+        return self.chord_gaps / approach if approach > 0 else 0.0
 
     @property
     def excess(self) -> float:
@@ -97,7 +109,8 @@ class Validity:
     rotation : dict of float
         Root of the mean square of the rotation over every body [rad].
     problems : dict
-        Sentences, by kind ("sliding", "overlap", "strain", "rotation") and name of the contact or body.
+        Sentences, by kind ("sliding", "overlap", "chords",
+        "strain", "rotation") and name of the contact or body.
 
     Examples
     --------
@@ -145,6 +158,7 @@ class Validity:
             drift = part.drift
             found += [min(drift.facets / FACETS, drift.widths / WIDTH), drift.tilt / TILT]
             found += [drift.gap_share / GAP, drift.strain / STRAIN, part.excess]
+            found.append(part.chord_share / GAP)
         found += [strain / STRAIN for strain in self.strain.values()]
         found += [rotation / LARGE for rotation in self.rotation.values()]
         return float(np.nanmax(found))
@@ -178,6 +192,11 @@ def _contact_lines(part: ContactValidity) -> list[str]:
             f"overlap {part.overlap:.3g}, of which chords explain {part.chords:.2g}{unseen}; elastic "
             f"approach {drift.approach:.3g}"
         )
+    if part.chord_gaps:
+        words.append(
+            f"gaps to chords are off by {part.chord_gaps:.2g}, {100 * part.chord_share:.2g} % of the "
+            f"elastic approach (up to {100 * GAP:g} %)"
+        )
     if part.angle_over_mu > 0:
         words.append(
             f"normals of the two sides differ by {part.angle:.2g}, {part.angle_over_mu:.2g} of mu"
@@ -208,6 +227,8 @@ def assess(result: ContactResult) -> Validity:
             problems["sliding", name] = label + sliding_words(part.drift)
         elif part.excess > 1.0:  # small sliding that does not follow is the reason already
             problems["overlap", name] = label + _overlap_words(part, contact)
+        if part.chord_share > GAP:
+            problems["chords", name] = label + _chord_words(part)
         if part.drift.strain > STRAIN:
             problems["strain", name] = label + strain_words(part.drift)
     strain, largest, rotation = ({n: f[k] for n, f in found.items()} for k in range(3))
@@ -236,12 +257,16 @@ def _contact(result: ContactResult, i: int, outlines: dict[str, Outline]) -> Con
         gap = result.gap[part]
         found = track.drift(closed, slip, gap, drift.approach, result.case, i, part)
         drift = replace(drift, **found)
+    else:
+        drift = replace(drift, approach=max(drift.approach, _approach(result, i, closed)))
+    chord_gaps = float(np.max(track.chord[closed], initial=0.0))
     secondary = contact.secondary
     moved = secondary.points + result.displacement(secondary.body)[secondary.dofs]
     added = track.added - result.case.interference[part]
     args = moved, added, closed, result.kin.paired[part]
     if isinstance(contact.primary, Obstacle):
-        chords = sagitta(secondary, result.kin.normal[part][secondary.facets[:, :2]])
+        # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
+        chords = sagitta(secondary, secondary.facet_node_normals)
         obstacle = contact.primary.moved(result.case.motion[i].as_argument())
         meeting = at_obstacle(obstacle, secondary, chords, *args)
     elif contact.primary.body is secondary.body:
@@ -255,14 +280,44 @@ def _contact(result: ContactResult, i: int, outlines: dict[str, Outline]) -> Con
     mu = float(np.max(getattr(contact.friction, "mu", np.nan)))
     share = angle / mu if mu > 0 else np.nan
     return ContactValidity(
-        drift, meeting.overlap, chords, meeting.unseen, meeting.opening, angle, share
+        drift, meeting.overlap, chords, meeting.unseen, meeting.opening, angle, share, chord_gaps
+    )
+
+
+def _approach(result: ContactResult, i: int, closed: Mask) -> float:
+    """What bodies take up at closed points, less their supports' rigid motions; 0 where they float.
+
+    The force over the diagonal of K, which is all that is known without the interior, is far less in
+    bodies that are nearly incompressible.
+    """
+    contact, part, system = result.contacts[i], result.slices()[i], result.system
+    sides = [contact.secondary] if contact.rigid else [contact.secondary, contact.primary]
+    elastic = np.array(result.u)
+    for body in {id(side.body): side.body for side in sides}.values():  # type: ignore[union-attr]
+        support = Support.of(body, 0)
+        if not support.holds(contact.secondary.points[closed], result.kin.normal[part][closed]):
+            return 0.0
+        rigid = support.at(body.dof_points, support.motion(result.displacement(body)))
+        elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
+    lifted = (result.kin.B_n[part] @ elastic)[closed]
+    return float(np.max(np.abs(lifted), initial=0.0))
+
+
+def _chord_words(part: ContactValidity) -> str:
+    return (
+        f"gaps are measured to the straight facets of a curved surface, and so are off by up to "
+        f"{part.chord_gaps:.3g}, {100 * part.chord_share:.3g} % of the elastic approach of "
+        f"{part.drift.approach:.3g}; forces are off by as much. Take method='mortar', quadratic "
+        "elements or a finer mesh, or give the gap that you know, gap=."
     )
 
 
 def _overlap_words(part: ContactValidity, contact: Contact) -> str:
     lonely = f", {part.unseen} points without partner among them" if part.unseen else ""
     way = {
-        "small": "Give the contact sliding='finite'",
+        "small": "Give the contact sliding='finite'"
+        if part.unseen or not isinstance(contact.primary, Obstacle)
+        else "Refine the surface, whose facets are too long for what presses between their nodes",
         "finite": "Take smaller steps, a finer or quadratic mesh where the surfaces turn, and see that "
         "both surfaces cover all that may touch",
     }[contact.sliding]

@@ -11,6 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import skfem as fem
+from scipy.sparse import csr_matrix
+from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
 
@@ -132,3 +135,40 @@ def test_a_module_is_a_module() -> None:
         for name in row.functions:
             module = importlib.import_module(f"skfem_contact.{name.partition(':')[0]}")
             assert isinstance(module, ModuleType)
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+@pytest.mark.parametrize("mu", [None, 0.3])
+def test_increments_do_not_touch_the_interior(mu: Any, sliding: str, monkeypatch: Any) -> None:
+    """A further step neither reads nor multiplies with K of a body, which has the whole interior."""
+    element = fem.ElementVector(fem.ElementQuad1())
+    mesh = fem.MeshQuad().refined(3).with_defaults()
+    basis = fem.Basis(mesh, element)
+    above = fem.Basis(mesh.translated((0.0, 1.0)).with_defaults(), element)
+    load = fem.LinearForm(lambda v, w: -0.01 * v[1]).assemble(above.boundary("top"))
+    form = linear_elasticity(0.0, 0.5)
+    # held by contact and, without friction, by its side
+    D = above.get_dofs("left").all("u^1") if mu is None else None
+    low, up = sc.Body(basis, form, D="bottom"), sc.Body(above, form, load, D=D)
+    friction = None if mu is None else sc.Coulomb(mu)
+    pair = sc.Contact(up.surface("bottom"), low.surface("top"), friction=friction, sliding=sliding)
+    history = sc.ContactSolver([low, up], pair).history([0.5, 0.6, 0.7, 0.8])
+    next(history)
+    next(history)  # what is asked for once has been
+    read: list[str] = []
+
+    def count(name: str) -> None:
+        known = getattr(csr_matrix, name)
+
+        def counted(self: Any, *given: Any) -> Any:
+            if self.shape == (basis.N, basis.N):
+                read.append(name)
+            return known(self, *given)
+
+        monkeypatch.setattr(csr_matrix, name, counted)
+
+    for name in ("diagonal", "__matmul__"):
+        count(name)
+    results = list(history)
+    assert len(results) == 2 and not read
+    assert results[-1].certificate.worst < 1e-10 and read  # asked for, it multiplies with K

@@ -84,6 +84,78 @@ def squeezed(strain, by="displacement", mu=0.0):
     return sc.ContactSolver([block], [contact]).solve()
 
 
+def poked(radius):
+    """A block of facets 0.1 with a rigid disc 0.02 deep between two of its nodes."""
+    block = rectangle(np.linspace(-1, 1, 21) + 0.05, np.linspace(-1, 0, 11), D="bottom", name="block")
+    disc = sc.RigidCylinder((0.0, radius - 0.02), radius, name="disc")
+    return sc.ContactSolver(block, sc.Contact(block.surface("top"), disc, name="joint")).solve()
+
+
+@pytest.mark.parametrize("radius", [0.03, 0.1])
+def test_obstacle_between_the_nodes_of_a_facet(radius):
+    """It presses on nothing, or by its rim at the nearest nodes only: no chord is to blame."""
+    result = poked(radius)
+    lost = 0.02 - (radius - np.hypot(radius - 0.02, 0.05))  # nodes 0.05 aside are that far outside
+    assert result.certificate.worst < 1e-10 and lost > 0.01
+    with pytest.warns(sc.ContactWarning, match="overlap by .* Refine the surface, whose facets"):
+        assert not result.validity.holds
+    part = result.validity.contacts["joint"]
+    # the middle of the facet stays that deep, the more what its ends take up is left out
+    assert part.chords == 0 and 0.01 < part.overlap < 0.0201
+    assert poked(2.0).validity.holds  # a contact of several facets
+
+
+def fitted(n, method, interference=1e-3, **settings):
+    """Two quarter rings, radii 0.5, 1 and 2, with an interference; secondary and primary facets n."""
+    bodies = []
+    for name, low, high, count in (("shaft", 0.5, 1.0, n[0]), ("hub", 1.0, 2.0, n[1])):
+        grid = np.linspace(low, high, 9), np.linspace(0, np.pi / 2, count + 1)
+        mesh = fem.MeshQuad.init_tensor(*grid).with_defaults()
+        tags = {"left": "inner", "right": "outer", "bottom": "x axis", "top": "y axis"}
+        marked = {tags[key]: facets for key, facets in mesh.boundaries.items()}
+        r, angle = mesh.p
+        mesh = fem.MeshQuad(np.array([r * np.cos(angle), r * np.sin(angle)]), mesh.t)
+        basis = fem.Basis(mesh.with_boundaries(marked), QUAD)
+        D = [basis.get_dofs("x axis").all("u^2"), basis.get_dofs("y axis").all("u^1")]
+        form = linear_elasticity(*lame_parameters(E, 0.3))
+        bodies.append(sc.Body(basis, form, D=np.concatenate(D), name=name))
+    pair = bodies[0].surface("outer"), bodies[1].surface("inner")
+    contact = sc.Contact(*pair, method=method, interference=interference, name="joint", **settings)
+    return sc.ContactSolver(bodies, [contact]).solve()
+
+
+def test_gaps_measured_to_chords():
+    """Node by node, a press fit of unlike meshes has the sagitta of facets for interference, too."""
+    right = fitted((24, 24), "node")
+    assert right.validity.holds and right.validity.contacts["joint"].chord_gaps < 1e-15
+    rough = fitted((24, 16), "node")
+    assert rough.pressure.max() > 2.5 * right.pressure.max()  # what nobody would see otherwise
+    with pytest.warns(sc.ContactWarning, match="measured to the straight facets .* method='mortar'"):
+        assert not rough.validity.holds
+    # nodes of thirds of 1/16 of the quadrant: 4 x (1 - x) = 8/9 of the sagitta h^2 / 8 r
+    part = rough.validity.contacts["joint"]
+    assert_allclose(part.chord_gaps, 8 / 9 * (np.pi / 2 / 16) ** 2 / 8, rtol=0.01)
+    for way_out in (fitted((24, 16), "mortar"), fitted((24, 16), "node", gap=0.0)):
+        assert way_out.validity.holds
+        # a mean over nodes of unlike patterns; the estimate says 1 % (bodies) and more (scatter)
+        assert_allclose(way_out.pressure.mean(), right.pressure.mean(), rtol=0.01)
+    assert fitted((24, 16), "node", 0.03).validity.holds  # small against what is pressed in
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+def test_incompressible_bodies_take_up_more_than_their_diagonal_says(sliding):
+    """Steel pressed into rubber (nu = 0.499), 1e-3 deep: the approach is that, and all is well."""
+    grid = np.linspace(0, 1, 9)
+    punch = rectangle(grid, grid, modulus=2e5, D="top", move=(0, -1e-3), name="punch")
+    x, y = np.linspace(-0.5, 1.5, 33), np.linspace(-1, 0, 17)
+    rubber = rectangle(x, y, modulus=1.0, nu=0.499, D="bottom", name="rubber")
+    pair = punch.surface("bottom"), rubber.surface("top")
+    contact = sc.Contact(*pair, sliding=sliding, name="joint")
+    validity = sc.ContactSolver([punch, rubber], [contact]).solve().validity
+    assert validity.holds
+    assert_allclose(validity.contacts["joint"].drift.approach, 1e-3, rtol=1e-3)
+
+
 # -- scenes that have to warn without being asked, each with a twin that must not --------------
 
 
