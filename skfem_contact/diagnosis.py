@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import structural_rank
 
 from skfem_contact.contact import Contact
 from skfem_contact.errors import ConstraintError, ContactWarning, InputError
@@ -75,6 +77,37 @@ def check_pairing(contact: Contact, pairing: Pairing) -> None:
     if contact.outside == "error" and not nobody:
         words += ' They are an error because of outside="error"; outside="open" leaves them out.'
     raise InputError(words)
+
+
+def warn_redundant_glue(contact: Contact, pairing: Pairing) -> None:
+    """Warn of prescribed points glued to fewer nodes: the force has no unique share among them.
+
+    Warns
+    -----
+    ContactWarning
+    """
+    primary = contact.primary
+    if not (contact.tied and isinstance(primary, ContactSurface)):
+        return
+    prescribed = contact.secondary.held.all(axis=1)
+    if not prescribed.any():
+        return
+    moving = abs(csr_matrix(pairing.secondary_weights)) @ (~prescribed).astype(float)
+    free = ~primary.held.all(axis=1)
+    W = csr_matrix(pairing.primary_weights)[pairing.paired & (moving == 0.0)][:, free]
+    W = W[np.diff(W.indptr) > 0]
+    if W.shape[0] == 0 or structural_rank(W) == W.shape[0]:
+        return
+    nodes = len(np.unique(W.indices))
+    warnings.warn(
+        f"Contact {contact.label}: {W.shape[0]} glued points of '{contact.secondary.label}' are "
+        f"prescribed altogether and hold {nodes} free nodes of '{primary.label}'. The displacements "
+        "are those of the glue, but how its force is shared out among too many points is not unique, "
+        "and tractions there may be far too large. Take the surface whose nodes are free as the "
+        "secondary one: swap the two.",
+        ContactWarning,
+        stacklevel=2,
+    )
 
 
 def check_side(contact: Contact, pairing: Pairing) -> None:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.contact import Contact
 from skfem_contact.corners import unselected_sides
-from skfem_contact.diagnosis import check_pairing, check_side, prescribed_rows
+from skfem_contact.diagnosis import check_pairing, check_side, prescribed_rows, warn_redundant_glue
 from skfem_contact.discretisation import pair
 from skfem_contact.errors import ContactWarning
 from skfem_contact.guided import guided_points
@@ -89,6 +89,7 @@ class Geometry:
         for contact, pairing in zip(contacts, self.pairings, strict=True):
             check_pairing(contact, pairing)
             check_side(contact, pairing)
+            warn_redundant_glue(contact, pairing)
         self._first = [
             kinematics(system, contact, pairing)
             for contact, pairing in zip(contacts, self.pairings, strict=True)

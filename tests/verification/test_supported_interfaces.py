@@ -323,3 +323,23 @@ def test_linear_temperatures_pass_between_prescribed_ends(kind):
     assert_allclose(result.u, np.concatenate(exact), atol=1e-12)
     inner = (result.points[:, 0] > 0) & (result.points[:, 0] < 1)
     assert_allclose(np.abs(result.pressure[inner]), 2.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["node", "mortar"])
+def test_more_prescribed_points_than_nodes_in_glue(method):
+    """Tractions of a fine side that is half prescribed are 300 times too large: it is said."""
+    low = rectangle("P2", np.linspace(0, 1, 42), np.linspace(-1, 0, 5))
+    top = rectangle("P2", np.linspace(0, 1, 8), np.linspace(0, 1, 5))
+    x = np.zeros(top.N)
+    x[held(top, ("top", "u^2"))] = -DEEP
+    face = low.get_dofs("top").all()
+    D = np.union1d(held(low, ("bottom", None)), face[low.doflocs[0, face] < 0.47])
+    bodies = sc.Body(low, FORM, D=D, name="low"), sc.Body(top, FORM, D="top", x=x, name="top")
+    pair = bodies[0].surface("top"), bodies[1].surface("bottom")
+    glue = sc.Contact(*pair, method=method, tied=True)
+    with pytest.warns(sc.ContactWarning, match="glued points of 'low/top' are prescribed altogether"):
+        first = sc.ContactSolver(bodies, glue).solve()
+    swapped = sc.ContactSolver(bodies, sc.Contact(*pair[::-1], method=method, tied=True)).solve()
+    # the displacements are right, and the sum: redundant rows hold the coarse side at more places
+    assert_allclose(np.abs(first.force[1]), np.abs(swapped.force[1]), rtol=0.1)
+    assert np.abs(first.pressure).max() > 10 * np.abs(swapped.pressure).max()
