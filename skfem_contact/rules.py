@@ -69,7 +69,9 @@ def _slip_rule(
     unit = trial / np.where(size > 0, size, 1.0)[:, None]
     # where the slip turns back the point sticks first, or forward and backward slip alternate
     slips &= ~was_slip | (np.sum(unit * current.direction, axis=1) >= 0) | exact
-    slips &= force_scale > step.noise  # where nothing presses, slips are round-off as forces are
+    # where nothing presses, forces are round-off and decide nothing: what slips goes on, for stuck it
+    # would press by friction again, and be let go again
+    slips &= was_slip | (force_scale > step.noise)
     # a coefficient of zero, or one that no force can tell from it: nothing can stick, not even the
     # round-off of a force
     probe = np.full_like(size, force_scale if force_scale > 0 else 1.0)

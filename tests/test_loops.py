@@ -8,8 +8,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
+from skfem.models.elasticity import lame_parameters, linear_elasticity
 
+import skfem_contact as sc
 from skfem_contact import Coulomb, Options
 from skfem_contact.anderson import Anderson
 from skfem_contact.checked_law import CheckedLaw
@@ -223,3 +226,29 @@ def test_points_alike_are_taken_by_rank():
         current = cold(ranked)
         taken = pace.advance(ranked, current, replace(current, status=np.full(3, STICK)), wrong, None)
         assert np.flatnonzero(taken.status == STICK).tolist() == [rank.index(2)]
+
+
+@pytest.mark.parametrize("loop", ["newton", "direct"])
+@pytest.mark.parametrize("method", ["mortar", "node"])
+@pytest.mark.parametrize("pressed", [0.0, -4e-3])
+def test_blocks_that_touch_slide_without_force(loop, method, pressed):
+    """Slid by 2e-3 while just touching, from rest or after a press: no force, no row of refusals."""
+    bodies = []
+    for name, y, side in (("block", (-10.0, 0.0), "bottom"), ("punch", (0.0, 6.0), "top")):
+        half = 20 if name == "block" else 5
+        grid = np.linspace(-half, half, 21 if name == "block" else 8), np.linspace(*y, 5)
+        mesh = fem.MeshQuad.init_tensor(*grid).with_defaults()
+        basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+        form = linear_elasticity(*lame_parameters(210e3, 0.3))
+        bodies.append(sc.Body(basis, form, D=side, name=name))
+    pair = bodies[1].surface("bottom"), bodies[0].surface("top")
+    contact = sc.Contact(*pair, friction=sc.Coulomb(0.3), method=method)
+    basis = bodies[1].basis
+    steps = [
+        {"x": {"punch": basis.project(lambda x, v=v: np.stack([v[0] + 0 * x[0], v[1] + 0 * x[0]]))}}
+        for v in ((0.0, pressed), (2e-3, 0.0))
+    ]
+    results = list(sc.ContactSolver(bodies, contact, loop=loop).history(steps))
+    # round-off of K times the displacement, 2e5 * 2e-3
+    assert np.abs(results[-1].forces).max() < 1e-10
+    assert np.abs(results[-1].displacement("block")).max() < 1e-12
