@@ -55,6 +55,8 @@ NOISE = 10 * float(np.finfo(float).eps)
 # What may be left of the forces along a free motion: they balance to the digits of the contact problem,
 # 1e-8 with moduli 1e6 apart, and where a body ran away nothing of them does.
 BALANCE = 1e-4
+# And of forces across a motion, where moduli are 1e6 apart: their round-off along it.
+ACROSS = 1e-10
 RAN_AWAY = (
     "loads and contact forces do not balance along a motion that supports leave free: it is hardly "
     "held, and ran away until round-off carried the load"
@@ -350,7 +352,11 @@ def balanced(motions: RigidMotions, f: Array, state: State, noise: float) -> boo
         parts.append((motions.tangential[closed].reshape(-1, motions.k), -friction.ravel()))
     left = np.abs(sum(rows.T @ values for rows, values in parts))
     size = sum(np.abs(rows).T @ np.abs(values) for rows, values in parts)
-    return bool(np.all((left <= BALANCE * size) | (left <= noise * len(f))))
+    # along a motion that nothing pushes there is only the round-off of what acts across it
+    total = sum(float(np.abs(values).sum()) for _, values in parts)
+    across = np.max(np.abs(motions.modes), axis=0) * total
+    least = np.maximum(ACROSS * across, noise * len(f))
+    return bool(np.all((left <= BALANCE * size) | (left <= least)))
 
 
 def grown(share: float, travel: float) -> float:
