@@ -21,9 +21,9 @@ The modules stand in the order of the theory, and each imports only from those a
 * linear algebra: `threads`, `singular`, `ordering`, `fronts`, `front_assembly`, `multifrontal`,
   `backend`, `amg`, `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
 * iterations: `states`, `guided`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
-* answers: `fields`, `rotation`, `support`, `drift`, `watch`, `certificate`, `uniqueness`, `misfit`,
-  `surface_error`, `body_error`, `estimate`, `overlap`, `meeting`, `validity`, `contact_values`,
-  `result`;
+* answers: `fields`, `rotation`, `support`, `drift`, `overlap`, `skin`, `meeting`, `intrusion`,
+  `watch`, `certificate`, `uniqueness`, `misfit`, `surface_error`, `body_error`, `estimate`,
+  `validity`, `contact_values`, `result`;
 * the way through a load history: `driver`, `linear_model`, `nested`, `starts`, `attempt`,
   `stepping`, `steps`, `checkpoint`, `recovery`, `indifference`, `load_step`,
   `yielded`, `solver`;

@@ -41,8 +41,9 @@ Names = frozenset[tuple[int, int]]
 
 #: Angle [rad] between a facet and the end of the other surface from which on the vertex carries.
 #: Below, the vertex is at most this times a facet length deeper than the last node, which is less
-#: than the chords of a curve explain; means over facets feel a slope and need it only later.
-TILT = {"node": 0.04, "mortar": 0.1}
+#: than the chords of a curve explain. For means over facets, too: one of zero over a facet that leans
+#: by 0.09 lets the vertex in by 0.07 of its length.
+TILT = 0.04
 
 #: Angle [rad] beyond the normal of a facet that was not selected up to which the vertex still carries:
 #: corners turn with the strains of their body.
@@ -123,7 +124,7 @@ class CornerContacts:
     Attributes
     ----------
     tilt : float
-        `TILT` of the method.
+        `TILT`.
     own, other : tuple of Corners and the facets they meet
         The corners of the secondary on facets of the primary, and the other way round.
     """
@@ -185,7 +186,6 @@ def corner_contacts(
     secondary: ContactSurface,
     primary: ContactSurface,
     *,
-    method: str,
     reach: float | None = None,
     only_overlaps: bool = False,
     known: Names = frozenset(),
@@ -195,7 +195,6 @@ def corner_contacts(
     Parameters
     ----------
     secondary, primary : ContactSurface
-    method : {"node", "mortar"}
     reach : float, optional
         As in `node_to_segment`.
     only_overlaps : bool
@@ -209,12 +208,12 @@ def corner_contacts(
     for side, (own, other) in enumerate(((secondary, primary), (primary, secondary))):
         corners = Corners.of(own)
         held = np.array([(side, int(node)) in known for node in corners.node], dtype=bool)
-        tilt = np.where(held, -SLACK, TILT[method])
+        tilt = np.where(held, -SLACK, TILT)
         met = _meet(corners, own, other, tilt, limits)
         if only_overlaps:
             met = _some(met, met.gap < -TOUCH * other.lengths[met.facet])
         found.append((corners, met))
-    return CornerContacts(secondary, primary, TILT[method], *found)
+    return CornerContacts(secondary, primary, TILT, *found)
 
 
 def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[int, float]]:
@@ -231,7 +230,7 @@ def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[i
     ahead, behind = ~corners.covered[met.corner].T
     outside = behind & (lean >= turn - SLACK) & (lean < turn + CROSS)
     outside |= ahead & (lean <= SLACK) & (lean > -CROSS)
-    deep = met.gap < -TILT["node"] * other.lengths[met.facet]
+    deep = met.gap < -TILT * other.lengths[met.facet]
     return [
         (int(corners.node[met.corner[k]]), -float(met.gap[k])) for k in np.flatnonzero(outside & deep)
     ]

@@ -70,7 +70,6 @@ def _corners(
     return corner_contacts(
         secondary,
         primary,
-        method=contact.method,
         reach=contact.reach,
         only_overlaps=contact.sliding == "small",
         known=known,

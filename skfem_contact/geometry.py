@@ -13,7 +13,6 @@ a node passes from one facet to the next without a jump of its frame.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,17 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.contact import Contact
-from skfem_contact.corners import unselected_sides
 from skfem_contact.diagnosis import check_pairing, check_side, prescribed_rows, warn_redundant_glue
 from skfem_contact.discretisation import pair
-from skfem_contact.errors import ContactWarning
 from skfem_contact.guided import guided_points
 from skfem_contact.identity import Identity
 from skfem_contact.kinematics import Kinematics, initial_gap, join, kinematics
 from skfem_contact.loads import LoadCase
 from skfem_contact.pairing import Pairing
 from skfem_contact.rigid import RigidMotions
-from skfem_contact.selection import place
 from skfem_contact.states import State
 from skfem_contact.surface import ContactSurface
 from skfem_contact.system import System
@@ -155,36 +151,6 @@ class Geometry:
             kin = kinematics(self.system, contact, pairing, gap)
             parts.append(replace(kin, corners=(pairing.corners | known,)))
         return join(parts)
-
-    def warn_of_sides(self, state: State) -> None:
-        """Say where a body lies on the side of another that no contact has.
-
-        Warns
-        -----
-        ContactWarning
-        """
-        u = self.spread(state.surface) if self.follows else np.zeros(0)
-        for contact in self.contacts:
-            primary = contact.primary
-            if contact.sliding == "small" or contact.tied or not isinstance(primary, ContactSurface):
-                continue
-            sides = [s.moved(u[self.system.slice(s.body)]) for s in (contact.secondary, primary)]
-            for own, other in (sides, sides[::-1]):
-                others = [s for c in self.contacts for s in (c.secondary, c.primary)]
-                shared = [s for s in others if isinstance(s, ContactSurface) and s.body is own.body]
-                for node, depth in unselected_sides(own, other):
-                    dofs = own.dofs[node, 0]
-                    if sum(dofs in s.dofs[:, 0] for s in shared) > 1:
-                        continue  # the side belongs to another contact
-                    warnings.warn(
-                        f"contact '{contact.name or contact.label}': point {node} at "
-                        f"{place(own.points[node])}, where surface {own.label!r} ends, lies "
-                        f"{depth:.3g} inside the body of {other.label!r}, which presses on a side that "
-                        f"does not belong to {own.label!r}: nothing holds it there. Take that side "
-                        "into the surface, or make a second contact with it.",
-                        ContactWarning,
-                        stacklevel=5,
-                    )
 
     @cached_property
     def _offsets(self) -> list[Array]:

@@ -92,10 +92,12 @@ class LoadStep:
         found = self._find(way, start)
         result = self._result(found, start, settings, time.perf_counter() - begin)
         if result.converged:
-            watched = self.watch.look(result.state, result.gap, result.case, _said(start))
-            result = replace(result, watched=self.watch.warn(watched))
+            watched = self.watch.look(
+                result.state, result.gap, result.case, _said(start), result.mismatch
+            )
+            result = replace(result, watched=watched)
+            result = replace(result, watched=self.watch.warn(result))
             self._warn(result)
-            geometry.warn_of_sides(result.state)
         if result.converged or not throw:
             return result
         raise self._failure(found, result)

@@ -103,11 +103,15 @@ def outline(body: Body, u: Array) -> Outline:
     dofs = [ends[:, 0], ends[:, 1]]
     if basis.facet_dofs.size:
         dofs.append(basis.facet_dofs[:, facets])
-    a, b, *middle = (_places(basis, u, at) for at in dofs)
-    if not middle:
+    return drawn(*(_places(basis, u, at) for at in dofs))
+
+
+def drawn(a: Array, b: Array, middle: Array | None = None) -> Outline:
+    """Facets from their ends (f, 2), and the middle nodes of quadratic ones, as straight pieces."""
+    if middle is None:
         return Outline(a, b)
     s = np.linspace(0.0, 1.0, PIECES + 1)[:, None, None]
-    curve = (1 - s) * (1 - 2 * s) * a + s * (2 * s - 1) * b + 4 * s * (1 - s) * middle[0]
+    curve = (1 - s) * (1 - 2 * s) * a + s * (2 * s - 1) * b + 4 * s * (1 - s) * middle
     return Outline(curve[:-1].reshape(-1, 2), curve[1:].reshape(-1, 2))
 
 

@@ -21,18 +21,17 @@ from numpy.typing import NDArray
 from skfem_contact.contact import Contact
 from skfem_contact.drift import FACETS, GAP, STRAIN, TILT, WIDTH, Drift
 from skfem_contact.errors import ContactWarning
+from skfem_contact.intrusion import elastic_approach
 from skfem_contact.meeting import Meeting, at_obstacle, between, sagitta, strains
 from skfem_contact.obstacle import Obstacle
 from skfem_contact.overlap import Outline, outline
 from skfem_contact.rotation import LARGE, rotation_words
-from skfem_contact.support import Support
 from skfem_contact.watch import sliding_words, strain_words
 
 if TYPE_CHECKING:
     from skfem_contact.result import ContactResult
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Overlap beyond what chords explain, over the elastic approach: contact conditions hold at the
 #: points of one side, between them unlike meshes overlap by a part of what they are pressed in.
@@ -258,7 +257,7 @@ def _contact(result: ContactResult, i: int, outlines: dict[str, Outline]) -> Con
         found = track.drift(closed, slip, gap, drift.approach, result.case, i, part)
         drift = replace(drift, **found)
     else:
-        drift = replace(drift, approach=max(drift.approach, _approach(result, i, closed)))
+        drift = replace(drift, approach=max(drift.approach, elastic_approach(result, i, closed)))
     chord_gaps = float(np.max(track.chord[closed], initial=0.0))
     secondary = contact.secondary
     moved = secondary.points + result.displacement(secondary.body)[secondary.dofs]
@@ -282,25 +281,6 @@ def _contact(result: ContactResult, i: int, outlines: dict[str, Outline]) -> Con
     return ContactValidity(
         drift, meeting.overlap, chords, meeting.unseen, meeting.opening, angle, share, chord_gaps
     )
-
-
-def _approach(result: ContactResult, i: int, closed: Mask) -> float:
-    """What bodies take up at closed points, less their supports' rigid motions; 0 where they float.
-
-    The force over the diagonal of K, which is all that is known without the interior, is far less in
-    bodies that are nearly incompressible.
-    """
-    contact, part, system = result.contacts[i], result.slices()[i], result.system
-    sides = [contact.secondary] if contact.rigid else [contact.secondary, contact.primary]
-    elastic = np.array(result.u)
-    for body in {id(side.body): side.body for side in sides}.values():  # type: ignore[union-attr]
-        support = Support.of(body, 0)
-        if not support.holds(contact.secondary.points[closed], result.kin.normal[part][closed]):
-            return 0.0
-        rigid = support.at(body.dof_points, support.motion(result.displacement(body)))
-        elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
-    lifted = (result.kin.B_n[part] @ elastic)[closed]
-    return float(np.max(np.abs(lifted), initial=0.0))
 
 
 def _chord_words(part: ContactValidity) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,14 @@ from skfem_contact.drift import GAP, STRAIN, TILT, Drift, Track
 from skfem_contact.errors import ContactWarning
 from skfem_contact.geometry import Geometry
 from skfem_contact.interface import Interface
+from skfem_contact.intrusion import Intrusion, Intrusions
 from skfem_contact.loads import LoadCase
 from skfem_contact.rotation import LARGE, rigid_rotations, rotation_words
 from skfem_contact.states import OPEN, State
 from skfem_contact.support import Support
+
+if TYPE_CHECKING:
+    from skfem_contact.result import ContactResult
 
 Array = NDArray[np.float64]
 Said = frozenset[tuple[str, str]]
@@ -38,12 +43,16 @@ class Watched:
         What has been warned of in this history: kind, and name of the contact or body.
     tracks : tuple of Track
         Of every contact, for `validity`.
+    intrusions : dict
+        Overlaps of contacts that slide far that seem to be beyond their bounds, by the contact's
+        number.
     """
 
     drifts: tuple[Drift, ...] = ()
     turns: dict[str, float] = field(default_factory=dict)
     said: Said = frozenset()
     tracks: tuple[Track, ...] = ()
+    intrusions: dict[int, Intrusion] = field(default_factory=dict)
 
 
 class Watch:
@@ -65,6 +74,7 @@ class Watch:
         self.plane = kin.points.shape[1] == 2 and kin.tangents == 1
         if not self.plane:  # a scalar field moves nothing
             return
+        self.intrusions = Intrusions(geometry, self.contacts)
         self.supports = [
             Support.of(body, int(start))
             for body, start in zip(self.system.bodies, self.system.offsets[:-1], strict=True)
@@ -87,7 +97,9 @@ class Watch:
             self.held.append(all(self.supports[b].holds(*at) for b in bodies))
             self.extent.append(sum(self.supports[b].arm for b in bodies))
 
-    def look(self, state: State, gap: Array, case: LoadCase, said: Said) -> Watched:
+    def look(
+        self, state: State, gap: Array, case: LoadCase, said: Said, mismatch: float = 0.0
+    ) -> Watched:
         """See an answer; `said` is what has been warned of before in its history."""
         if not self.plane:
             return Watched(said=said)
@@ -99,7 +111,8 @@ class Watch:
             if len(support.dofs)
         }
         turns |= rigid_rotations(self.system, self.contacts, state.surface)
-        return Watched(drifts, turns, said, tuple(self.tracks))
+        overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
+        return Watched(drifts, turns, said, tuple(self.tracks), overlaps)
 
     def _drift(self, i: int, motions: list[Array], state: State, gap: Array, case: LoadCase) -> Drift:
         contact, part, track = self.contacts[i], self.interface.parts[i], self.tracks[i]
@@ -133,7 +146,7 @@ class Watch:
         found = track.drift(closed, slip, gap, approach, case, i, part)
         return Drift(int(closed.sum()), approach=approach, strain=strain, **found)
 
-    def warn(self, watched: Watched) -> Watched:
+    def warn(self, result: ContactResult) -> Watched:
         """Say what is beyond the bounds and has not been said in this history.
 
         Warns
@@ -141,11 +154,16 @@ class Watch:
         ContactWarning
             One for each contact and body, with the numbers and the setting to change.
         """
-        new = set()
-        for contact, name, drift in zip(
-            self.contacts, self.interface.names, watched.drifts, strict=False
+        watched, new = result.watched, set()
+        for i, (contact, name, drift) in enumerate(
+            zip(self.contacts, self.interface.names, watched.drifts, strict=False)
         ):
             lines = []
+            if i in watched.intrusions and ("overlap", name) not in watched.said:
+                overlap = self.intrusions.sure(i, result, self.soft)
+                if overlap and overlap.excessive:
+                    new.add(("overlap", name))
+                    lines.append(overlap.words(self.intrusions.reasons(i, result.state)))
             if not drift.small_sliding_holds and ("sliding", name) not in watched.said:
                 new.add(("sliding", name))
                 lines.append(sliding_words(drift))

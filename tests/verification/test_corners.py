@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import warnings
 
 import numpy as np
 import pytest
 from corner_scenes import CORNER, FACET, overlap, path, scene
+from sliding_scenes import dragged_block, travel
 
 import skfem_contact as sc
 
@@ -81,3 +83,61 @@ def test_a_side_that_no_contact_has_is_warned_of():
     with pytest.warns(sc.ContactWarning, match=r"inside the body of .*nothing holds it there"):
         results = taken_over("round", True, "block", "node", "top", steps=6)
     assert overlap(results[-1]) > EXPLAINED
+
+
+#: Chords turned so that no vertex of the disc stands where it does above.
+TURNED = [
+    ("round", False, side, "mortar", where) for side in ("disc", "block") for where in ("top", "both")
+]
+#: Rolled on to the side, which "top" does not have, and deep in it at the end.
+SIDE = ("round", True, "block", "node", "top")
+
+
+def said_before(results, caught):
+    """How many steps of a history had come before the overlap was warned of."""
+    said = [str(w.message) for w in caught if "Contact conditions do not see it" in str(w.message)]
+    assert len(said) <= 1  # once per history
+    if not said:
+        return len(results), ""
+    return next(k for k, r in enumerate(results) if ("overlap", "c") in r.watched.said), said[0]
+
+
+@pytest.mark.parametrize(
+    ("way", "turn"),
+    [
+        pytest.param(w, turn, marks=() if w == SIDE and not turn else pytest.mark.slow)
+        for turn, ways in ((0.0, WAYS), (0.1, TURNED))
+        for w in ways
+        if w[0] == "round"
+    ],
+    ids=str,
+)
+def test_no_overlap_is_passed_over(way, turn):
+    """Nobody asks for `validity`: all overlaps beyond what chords explain are warned of, once."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", sc.ContactWarning)
+        results = taken_over(*way, steps=6 if way == SIDE and not turn else 12, turn=turn)
+    first, words = said_before(results, caught)
+    # whole bodies only where something seems to overlap
+    assert not any("u" in vars(r) for r in results if not r.watched.intrusions)
+    assert max((overlap(r) for r in results[:first]), default=0) < EXPLAINED
+    if way[4] == "both":  # which covers all that touches
+        assert not words
+    if way == SIDE:
+        assert "nothing holds it there" in words
+    if words:
+        # where it is said it is so, and no other contact but this one is blamed
+        assert overlap(results[first]) > 0.9 * EXPLAINED
+        assert words.startswith("Contact 'c' (")
+
+
+def test_flat_tracks_and_rounded_tools_are_silent():
+    """Dragged over facets that do not match, by nodes and by means: nothing seems to overlap."""
+    for method, facets in itertools.product(("node", "mortar"), (81,)):
+        solver = dragged_block(rigid=False, method=method, facets=np.linspace(-0.5, 5, facets))
+        results = travel(solver, np.linspace(0, 0.5, 3))
+        assert not any(r.watched.intrusions for r in results)
+    solver, put = scene("disc", "mortar", other=FACET / 2)
+    results = list(solver.history([put(*place) for place in path("straight", 2)[1:3]]))
+    assert max(r.normal_force.max() for r in results) > 0
+    assert not any(r.watched.intrusions for r in results)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import skfem as fem
@@ -68,7 +70,13 @@ def test_points_leave_the_primary_surface_and_come_back(method):
     facets = np.linspace(-0.5, 1.125, 14)
     there = np.linspace(0, 0.24, 9)
     solver = dragged_block(rigid=False, facets=facets, method=method)
-    results = travel(solver, [*there, *there[-2::-1], -0.1])
+    # node by node the edge of the track presses unseen into what lies between two nodes of the block
+    with (
+        pytest.warns(sc.ContactWarning, match=r"bodies overlap by 0\.00.* 'track/top' lies in the body")
+        if method == "node"
+        else nullcontext()
+    ):
+        results = travel(solver, [*there, *there[-2::-1], -0.1])
     count = [int(r.kin.paired.sum()) for r in results]
     assert count[0] == 9 and count[8] < 9 and count[-1] == 9
     # what is beyond the end carries nothing, and the rest carries all of the load
