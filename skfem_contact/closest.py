@@ -21,6 +21,11 @@ FACING = 0.1
 END = 1e-6
 
 
+#: Up to this part of a facet the sloping side of a body at the end of a surface decides what is above
+#: the end; what lies farther beyond it is another part of the boundary.
+ASIDE = 0.1
+
+
 #: Facets whose distances differ by less than this fraction of a facet length are equally near.
 TIE = 1e-9
 
@@ -51,7 +56,8 @@ def closest_facets(
     bound = np.full(m, np.inf)
     few = min(4, len(primary.facets))
     _, guess = cKDTree(primary.points[primary.facets].mean(axis=1)).query(secondary.points, k=few)
-    point, facet, _, distance = valid_pairs(np.repeat(np.arange(m), few), guess.reshape(-1))
+    first = valid_pairs(np.repeat(np.arange(m), few), guess.reshape(-1))
+    point, facet, _, distance = first
     np.minimum.at(bound, point, distance + 2 * TIE * primary.lengths[facet])
 
     blocks = FacetTree.build(primary).candidates(
@@ -62,7 +68,8 @@ def closest_facets(
         outside=outside,
         inside=inside,
     )
-    found = [valid_pairs(point, facet) for point, facet in blocks]
+    # what is beside an end is no stationary point, but its facet is the nearest
+    found = [first, *(valid_pairs(point, facet) for point, facet in blocks)]
     point, facet, xi, distance = (np.concatenate(column) for column in zip(*found, strict=True))
     nearest = np.full(m, np.inf)
     np.minimum.at(nearest, point, distance)
@@ -91,11 +98,13 @@ def _judge(
     distance = np.linalg.norm(apart, axis=1)
     height = np.einsum("pd,pd->p", apart, interpolated_normals(primary, facet, xi))
     facing = np.einsum("pd,pd->p", secondary.normals[point], primary.facet_normals[facet]) < -FACING
-    above_facet = over <= END * primary.lengths[facet]
-
-    # beyond an end: the vertex is the closest point only if it is that of the next facet, too
     side = (xi >= 0.5).astype(int)
     other = primary.neighbours[facet, side]
+    slope = np.where(other < 0, _slopes(primary.end_turns[facet, side]), 0.0)
+    aside = np.clip(height * slope, 0.0, ASIDE * primary.lengths[facet])
+    above_facet = over <= aside + END * primary.lengths[facet]
+
+    # beyond an end: the vertex is the closest point only if it is that of the next facet, too
     own_normal = primary.end_normals[facet, side]
     next_normal = primary.end_normals[other, 1 - side]
     into_next = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(next_normal)[:, 0]
@@ -110,6 +119,18 @@ def _judge(
         mine = secondary.dofs[point, 0]
         itself = (primary.dofs[primary.facets[facet], 0] == mine[:, None]).any(axis=1)
     return xi, distance, facing & (above_facet | at_vertex) & within & ~itself
+
+
+def _slopes(turn: np.ndarray) -> np.ndarray:
+    """How far the side of a body that a surface ends at leads away from the end, per height.
+
+    A point at a height h (< 0: inside) is on the inner side of the straight line through the side if
+    it lies beyond the end by no more than h times this: the lower corner of an inclined joint between
+    blocks of equal width overlaps the upper one's end, but is not opposite to its last facet. Where
+    the boundary turns by less than 45 degrees or more than 135 it goes on, or back, as a surface.
+    """
+    steep = np.abs(turn - 0.5 * np.pi) <= 0.25 * np.pi + END
+    return np.where(steep, -1.0 / np.tan(np.where(steep, turn, 0.5 * np.pi)), 0.0)
 
 
 def overhang(

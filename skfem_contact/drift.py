@@ -44,6 +44,8 @@ WIDTH = 0.1
 TILT = 0.1
 #: Error of gaps over the elastic approach of the bodies: forces are 10 % off.
 GAP = 0.1
+#: Force of points beyond the end of the primary over that of the contact: 10 % presses on nothing.
+BEYOND = 0.1
 #: Strain or rotation of 10 %: linear elasticity leaves out its square, and its effect on forces.
 STRAIN = 0.1
 #: Lengths below this part of a coordinate are round-off.
@@ -75,6 +77,8 @@ class Drift:
         Closed points that lie, with all of their share of the surface, beyond the end of the primary.
     overhang : float
         By how much the farthest of them does [length].
+    beyond_share : float
+        Their normal force over that of the contact.
     motion : float
         By how much a rigid obstacle has moved where points are closed [length].
     approach : float
@@ -92,6 +96,7 @@ class Drift:
     gap_share: float = 0.0
     beyond: int = 0
     overhang: float = 0.0
+    beyond_share: float = 0.0
     motion: float = 0.0
     approach: float = 0.0
     strain: float = 0.0
@@ -104,7 +109,8 @@ class Drift:
     @property
     def small_sliding_holds(self) -> bool:
         """Whether small sliding is a good model at this answer."""
-        return not (self.slides_far or self.tilt > TILT or self.gap_share > GAP)
+        off = self.tilt > TILT or self.gap_share > GAP or self.beyond_share > BEYOND
+        return not (self.slides_far or off)
 
 
 class Track:
@@ -146,6 +152,7 @@ class Track:
         closed: Mask,
         slip: Array,
         gap: Array,
+        force: Array,
         approach: float,
         case: LoadCase,
         i: int,
@@ -160,6 +167,8 @@ class Track:
             Displacement of the secondary along the tangents, relative to a deformable primary [length].
         gap : ndarray, shape (m,)
             Of the answer [length].
+        force : ndarray, shape (m,)
+            Normal forces.
         approach : float
             [length]
         case : LoadCase
@@ -182,8 +191,11 @@ class Track:
             found["widths"] = found["slip"] / width
         if isinstance(self.primary, Obstacle) or not len(way):
             return found
-        past = np.maximum(slip - self.ahead, -slip - self.behind)[closed]
+        # of a node beyond the end at the start, the facet before it is in contact
+        ahead, behind = np.maximum(self.ahead, 0.0), np.maximum(self.behind, 0.0)
+        past = np.maximum(slip - ahead, -slip - behind)[closed]
         beyond = past >= 0.5 * self.step[closed]
+        force = np.abs(force[closed])
         error = float(np.max(0.5 * self.curvature[closed] * way**2))
         return found | {
             "facets": float(np.max(way / self.facet[closed])),
@@ -192,6 +204,7 @@ class Track:
             "gap_share": error / approach if approach > 0 else 0.0,
             "beyond": int(beyond.sum()),
             "overhang": float(np.max(past[beyond], initial=0.0)),
+            "beyond_share": float(force[beyond].sum() / max(force.sum(), np.finfo(float).tiny)),
         }
 
     def _at_obstacle(

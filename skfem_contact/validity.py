@@ -254,7 +254,8 @@ def _contact(result: ContactResult, i: int, outlines: dict[str, Outline]) -> Con
     if contact.sliding == "small":
         slip = (result.kin.B_t[part] @ result.u).ravel()
         gap = result.gap[part]
-        found = track.drift(closed, slip, gap, drift.approach, result.case, i, part)
+        force = result.state.normal_force[part]
+        found = track.drift(closed, slip, gap, force, drift.approach, result.case, i, part)
         drift = replace(drift, **found)
     else:
         drift = replace(drift, approach=max(drift.approach, elastic_approach(result, i, closed)))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.drift import GAP, STRAIN, TILT, Drift, Track
+from skfem_contact.drift import BEYOND, GAP, STRAIN, TILT, Drift, Track
 from skfem_contact.errors import ContactWarning
 from skfem_contact.geometry import Geometry
 from skfem_contact.interface import Interface
@@ -143,7 +143,8 @@ class Watch:
             approach = max(approach, float(np.ptp(stretch)) if len(stretch) else 0.0)
         else:
             slip = np.einsum("md,md->m", track.tangent, rigid)
-        found = track.drift(closed, slip, gap, approach, case, i, part)
+        force = state.normal_force[part]
+        found = track.drift(closed, slip, gap, force, approach, case, i, part)
         return Drift(int(closed.sum()), approach=approach, strain=strain, **found)
 
     def warn(self, result: ContactResult) -> Watched:
@@ -195,11 +196,12 @@ def sliding_words(drift: Drift) -> str:
             f"points have slid by up to {drift.slip:.3g}, {drift.facets:.3g} facets of the primary "
             f"and {drift.widths:.3g} times the width of the contact, and press where they began"
         )
-        if drift.beyond:
-            found.append(
-                f"{drift.beyond} of {drift.closed} closed points lie beyond the end of the primary "
-                f"surface, by up to {drift.overhang:.3g}"
-            )
+    if drift.beyond_share > BEYOND or (drift.slides_far and drift.beyond):
+        found.append(
+            f"{drift.beyond} of {drift.closed} closed points lie beyond the end of the primary "
+            f"surface, by up to {drift.overhang:.3g}, and carry {100 * drift.beyond_share:.3g} % of "
+            "the normal force"
+        )
     if drift.tilt > TILT:
         found.append(f"normals are off by up to {drift.tilt:.3g} rad, and so are the forces")
     if drift.gap_share > GAP:
