@@ -34,6 +34,9 @@ MEAN = 0.5
 #: Small sliding is linear: what it neglects is of the second order, slip times angles. It is meant
 #: for less than this part of a facet; beyond, a warning is due.
 SECOND_ORDER = 0.1
+#: Small sliding leaves forces where they began: below a facet the mesh does not resolve it, as long as
+#: no more than this part of the force is beyond the end of the other line.
+BEYOND = 0.1
 #: Displacements that were solved for have lost this part to the condition of `K`.
 MOVED = 1e-8
 
@@ -539,6 +542,11 @@ class Court:
         np.minimum.at(least, surface.facets, over[:, None])
         largest = float(F[free].max(initial=0.0))
         felt = 1e-3 * largest + 10 * forces.noise[side[0]]
+        if spec.sliding == "small" and spec.primary is not None:
+            near = self._near(spec, answer, deformed=False)
+            past = near.beyond(answer) & (np.linalg.norm(near.jump(answer), axis=1) <= near.h)
+            if F @ near.lost(answer) <= BEYOND * F.sum():
+                free &= ~past
         far = np.where(free & (felt < F), least, -np.inf)
         i = int(far.argmax())
         if not far[i] > 0:

@@ -116,6 +116,29 @@ class Near:
         at_start = first & (which % per == 0) & (share <= 0.0)
         return at_start | last & (which % per == per - 1) & (share >= 1.0)
 
+    def lost(self, answer: Any) -> np.ndarray:
+        """The part of what a node had before it when undeformed that now lies past an end."""
+        assert self.spec.primary is not None
+        line2 = self.court.lines[self.spec.primary]
+        u, u2 = answer.u[self.spec.secondary[0]], answer.u[self.spec.primary[0]]
+        now, before = self._before(line2, u, u2), self._before(line2, 0 * u, 0 * u2)
+        return np.where(before > 0, 1 - np.minimum(now / np.where(before > 0, before, 1.0), 1.0), 0.0)
+
+    def _before(self, line2: Line, u: np.ndarray, u2: np.ndarray) -> np.ndarray:
+        """How much of a node's facets has the other line before it, not its end."""
+        surface, xi = self.surface, np.linspace(0.0, 1.0, 33)
+        samples = surface.at(surface.nodes(u), xi).reshape(-1, 2)
+        pieces = line2.pieces(u2)
+        _, which, share = nearest(samples, pieces)
+        d = pieces[which, 1] - pieces[which, 0]
+        foot = pieces[which, 0] + share[:, None] * d
+        past = np.abs(((samples - foot) * d).sum(axis=1)) > 1e-6 * (d * d).sum(axis=1)
+        above = ~past.reshape(len(surface.facets), -1)
+        out = np.zeros(len(surface.X))
+        for column, hat in ((0, 1 - xi), (1, xi)):
+            np.add.at(out, surface.facets[:, column], above @ hat)
+        return out
+
     def jump(self, answer: Any) -> np.ndarray:
         """Displacement of the nodes relative to the point before them."""
         u = answer.u[self.spec.secondary[0]][self.surface.dofs]

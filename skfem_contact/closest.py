@@ -56,8 +56,8 @@ def closest_facets(
     bound = np.full(m, np.inf)
     few = min(4, len(primary.facets))
     _, guess = cKDTree(primary.points[primary.facets].mean(axis=1)).query(secondary.points, k=few)
-    first = valid_pairs(np.repeat(np.arange(m), few), guess.reshape(-1))
-    point, facet, _, distance = first
+    guessed = valid_pairs(np.repeat(np.arange(m), few), guess.reshape(-1))
+    point, facet, _, distance = guessed
     np.minimum.at(bound, point, distance + 2 * TIE * primary.lengths[facet])
 
     blocks = FacetTree.build(primary).candidates(
@@ -69,7 +69,7 @@ def closest_facets(
         inside=inside,
     )
     # what is beside an end is no stationary point, but its facet is the nearest
-    found = [first, *(valid_pairs(point, facet) for point, facet in blocks)]
+    found = [guessed, *(valid_pairs(point, facet) for point, facet in blocks)]
     point, facet, xi, distance = (np.concatenate(column) for column in zip(*found, strict=True))
     nearest = np.full(m, np.inf)
     np.minimum.at(nearest, point, distance)

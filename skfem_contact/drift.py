@@ -78,7 +78,8 @@ class Drift:
     overhang : float
         By how much the farthest of them does [length].
     beyond_share : float
-        Their normal force over that of the contact.
+        Normal force that acts beyond the end over that of the contact, points counted by the part of
+        their share of the surface that has slid past it.
     motion : float
         By how much a rigid obstacle has moved where points are closed [length].
     approach : float
@@ -131,6 +132,10 @@ class Track:
         self.points, self.paired = secondary.points, pairing.paired
         self.normal, self.tangent = pairing.normal, pairing.tangent[:, 0]
         self.step = node_lengths(secondary)
+        # of an end node the surface has only half of the share
+        ends = secondary.facets[:, :2][secondary.neighbours < 0]
+        self.width = self.step.copy()
+        self.width[ends] *= 2.0
         # what a given or adjusted gap adds to the measured one, interference apart
         own = field_values(contact.interference, self.points, "interference")
         measured = np.where(self.paired, pairing.gap, 0.0)
@@ -195,6 +200,13 @@ class Track:
         ahead, behind = np.maximum(self.ahead, 0.0), np.maximum(self.behind, 0.0)
         past = np.maximum(slip - ahead, -slip - behind)[closed]
         beyond = past >= 0.5 * self.step[closed]
+        # of the share of a point, as much as was above the surface and is no more
+        share = self.width[closed]
+        lost = np.zeros(len(past))
+        for way_there, way_on in ((ahead[closed], slip[closed]), (behind[closed], -slip[closed])):
+            above = np.minimum(0.5 * share + way_there, share)
+            now = np.clip(0.5 * share + way_there - way_on, 0.0, above)
+            lost = np.maximum(lost, 1 - now / above)
         force = np.abs(force[closed])
         error = float(np.max(0.5 * self.curvature[closed] * way**2))
         return found | {
@@ -204,7 +216,7 @@ class Track:
             "gap_share": error / approach if approach > 0 else 0.0,
             "beyond": int(beyond.sum()),
             "overhang": float(np.max(past[beyond], initial=0.0)),
-            "beyond_share": float(force[beyond].sum() / max(force.sum(), np.finfo(float).tiny)),
+            "beyond_share": float(lost @ force / max(force.sum(), np.finfo(float).tiny)),
         }
 
     def _at_obstacle(

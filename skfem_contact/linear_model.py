@@ -165,6 +165,12 @@ class LinearModel:
         return self._bodies
 
     @property
+    def known(self) -> np.ndarray:
+        """DOFs whose displacements a load step knows without the interior, supports apart."""
+        bodies = self.bodies
+        return bodies.columns if isinstance(bodies, Condensed) else np.arange(self.system.n)
+
+    @property
     def parts(self) -> list[Substructure | None]:
         """The bodies as condensed so far; empty where they are not."""
         return list(self._bodies.parts) if isinstance(self._bodies, Condensed) else list(self._reuse)

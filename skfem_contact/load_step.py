@@ -93,7 +93,12 @@ class LoadStep:
         result = self._result(found, start, settings, time.perf_counter() - begin)
         if result.converged:
             watched = self.watch.look(
-                result.state, result.gap, result.case, _said(start), result.mismatch
+                result.state,
+                result.gap,
+                result.case,
+                _said(start),
+                result.recover.at_contact,
+                result.mismatch,
             )
             result = replace(result, watched=watched)
             result = replace(result, watched=self.watch.warn(result))
@@ -176,7 +181,9 @@ class LoadStep:
     @cached_property
     def watch(self) -> Watch:
         """What is looked at after every step, made in the first."""
-        return Watch(self.model.geometry, self.stepper.interface, self.model.stiffness)
+        return Watch(
+            self.model.geometry, self.stepper.interface, self.model.stiffness, self.model.known
+        )
 
     def check_start(self, start: Known, what: str) -> None:
         """Refuse a state of other bodies and contacts, or something else altogether."""

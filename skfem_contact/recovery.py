@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.attempt import Attempt
+from skfem_contact.condensation import Condensed
 from skfem_contact.linear_model import LinearModel
 from skfem_contact.loads import LoadCase
 from skfem_contact.points import PointSpace
@@ -69,6 +70,15 @@ class Recovery:
 
     def __call__(self) -> Array:
         return _recovered([self])[0]
+
+    def at_contact(self) -> Array:
+        """Displacements (n,) known without the interior: contact DOFs and prescribed ones."""
+        bodies, u = self.model.bodies, np.array(self.case.x)
+        if isinstance(bodies, Condensed):
+            u[bodies.columns] = bodies.contact_dofs(self.source)
+        else:
+            u = self.source.values
+        return u if self.shift is None else u + self.shift
 
     def space(self, kin: Any) -> tuple[PointSpace, bool] | None:
         """The contact problem on gaps and slips, and whether supports hold all bodies.

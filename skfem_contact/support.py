@@ -57,19 +57,23 @@ class Support:
     free: Array
 
     @classmethod
-    def of(cls, body: Body, start: int) -> Support:
-        """The support of a plane or axisymmetric body whose stacked DOFs start at a number."""
+    def of(cls, body: Body, start: int, known: Index | None = None) -> Support:
+        """The support of a plane or axisymmetric body whose stacked DOFs start at a number.
+
+        By DOFs of the body whose displacements are known, if these are not the prescribed ones.
+        """
+        D = body.D if known is None else known
         box = body.basis.mesh.p
         centre = 0.5 * (box.min(axis=1) + box.max(axis=1))
         arm = float(np.ptp(box, axis=1).max())
-        modes = unit_motions(body.dof_points[body.D], centre, arm)
-        modes = modes[np.arange(len(body.D)), body.dof_component[body.D]]
+        modes = unit_motions(body.dof_points[D], centre, arm)
+        modes = modes[np.arange(len(D)), body.dof_component[D]]
         motions = np.eye(3)[:, 1:2] if body.axisymmetric else np.eye(3)  # none but along the axis
         values, vectors = np.linalg.eigh((modes @ motions).T @ (modes @ motions))
         held = values > HELD**2
         known = motions @ vectors[:, held]
         fit = (known / values[held]) @ (modes @ known).T
-        return cls(body.D + start, fit, centre, arm, motions @ vectors[:, ~held])
+        return cls(D + start, fit, centre, arm, motions @ vectors[:, ~held])
 
     def motion(self, x: Array) -> Array:
         """The motion under prescribed values x (n,), shape (3,)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from skfem_contact.result import ContactResult
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 Said = frozenset[tuple[str, str]]
 
 
@@ -64,10 +65,16 @@ class Watch:
     interface : Interface
     stiffness : sequence of csr_matrix
         Of every body.
+    known : ndarray of int
+        DOFs whose displacements are known without the interior.
     """
 
     def __init__(
-        self, geometry: Geometry, interface: Interface, stiffness: Sequence[csr_matrix]
+        self,
+        geometry: Geometry,
+        interface: Interface,
+        stiffness: Sequence[csr_matrix],
+        known: Index,
     ) -> None:
         self.interface, self.contacts = interface, interface.contacts
         self.system, kin = geometry.system, geometry.kin
@@ -80,6 +87,9 @@ class Watch:
             for body, start in zip(self.system.bodies, self.system.offsets[:-1], strict=True)
         ]
         self.tracks, self.bodies, self.held, self.extent, self.soft = [], [], [], [], []
+        self.known = known
+        # motions of bodies where neither friction nor supports say how they slide
+        self.loose: list[list[Support] | None] = []
         for contact, pairing, part in zip(
             self.contacts, geometry.pairings, interface.parts, strict=True
         ):
@@ -95,16 +105,47 @@ class Watch:
             at = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
             self.bodies.append(bodies)
             self.held.append(all(self.supports[b].holds(*at) for b in bodies))
+            along = at[0], pairing.tangent[pairing.paired, 0]
+            slides = contact.sliding == "small" and contact.friction is None and not contact.tied
+            loose = slides and not all(self.supports[b].holds(*along) for b in bodies)
+            self.loose.append([self._free(b) for b in bodies] if loose else None)
             self.extent.append(sum(self.supports[b].arm for b in bodies))
 
+    def _free(self, b: int) -> Support:
+        """How a body moves as a whole, by what is known of its displacements."""
+        start, end = self.system.offsets[b : b + 2]
+        known = self.known[(self.known >= start) & (self.known < end)] - start
+        body = self.system.bodies[b]
+        return Support.of(body, int(start), np.union1d(known, body.D))
+
     def look(
-        self, state: State, gap: Array, case: LoadCase, said: Said, mismatch: float = 0.0
+        self,
+        state: State,
+        gap: Array,
+        case: LoadCase,
+        said: Said,
+        displacement: Callable[[], Array],
+        mismatch: float = 0.0,
     ) -> Watched:
-        """See an answer; `said` is what has been warned of before in its history."""
+        """See an answer.
+
+        Parameters
+        ----------
+        state, gap, case
+            Of the answer.
+        said : frozenset
+            What has been warned of before in its history.
+        displacement : callable
+            Gives displacements (n,) that are right at the contact DOFs; called only where bodies
+            that nothing holds along a frictionless contact may slide on it.
+        mismatch : float
+            Of the pairing, see `intrusions`.
+        """
         if not self.plane:
             return Watched(said=said)
+        u = displacement() if any(loose is not None for loose in self.loose) else np.zeros(0)
         motions = [support.motion(case.x) for support in self.supports]
-        drifts = tuple(self._drift(i, motions, state, gap, case) for i in range(len(self.contacts)))
+        drifts = tuple(self._drift(i, motions, state, gap, case, u) for i in range(len(self.contacts)))
         turns = {
             name: float(motion[2] / support.arm)
             for name, support, motion in zip(self.system.names, self.supports, motions, strict=True)
@@ -114,7 +155,15 @@ class Watch:
         overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
         return Watched(drifts, turns, said, tuple(self.tracks), overlaps)
 
-    def _drift(self, i: int, motions: list[Array], state: State, gap: Array, case: LoadCase) -> Drift:
+    def _drift(
+        self,
+        i: int,
+        motions: list[Array],
+        state: State,
+        gap: Array,
+        case: LoadCase,
+        u: Array,
+    ) -> Drift:
         contact, part, track = self.contacts[i], self.interface.parts[i], self.tracks[i]
         small = contact.sliding == "small"
         closed = state.status[part] != OPEN
@@ -142,6 +191,10 @@ class Watch:
             stretch = (slip - np.einsum("md,md->m", track.tangent, rigid))[closed]
             approach = max(approach, float(np.ptp(stretch)) if len(stretch) else 0.0)
         else:
+            loose = self.loose[i]
+            if loose is not None:
+                moved = [body.at(track.points, body.motion(u)) for body in loose]
+                rigid = moved[0] - moved[1] if len(moved) == 2 else moved[0]
             slip = np.einsum("md,md->m", track.tangent, rigid)
         force = state.normal_force[part]
         found = track.drift(closed, slip, gap, force, approach, case, i, part)
@@ -196,11 +249,15 @@ def sliding_words(drift: Drift) -> str:
             f"points have slid by up to {drift.slip:.3g}, {drift.facets:.3g} facets of the primary "
             f"and {drift.widths:.3g} times the width of the contact, and press where they began"
         )
-    if drift.beyond_share > BEYOND or (drift.slides_far and drift.beyond):
+    if drift.slides_far and drift.beyond:
         found.append(
             f"{drift.beyond} of {drift.closed} closed points lie beyond the end of the primary "
-            f"surface, by up to {drift.overhang:.3g}, and carry {100 * drift.beyond_share:.3g} % of "
-            "the normal force"
+            f"surface, by up to {drift.overhang:.3g}"
+        )
+    if drift.beyond_share > BEYOND:
+        found.append(
+            f"{100 * drift.beyond_share:.3g} % of the normal force acts beyond the end of the primary "
+            f"surface (slip {drift.slip:.3g}, {drift.facets:.3g} facets)"
         )
     if drift.tilt > TILT:
         found.append(f"normals are off by up to {drift.tilt:.3g} rad, and so are the forces")

@@ -218,6 +218,23 @@ def test_a_node_is_above_the_end_up_to_a_millionth_of_a_facet(beyond, held):
     assert pairing.paired[np.argmax(secondary.points[:, 0])] == held
 
 
+@pytest.mark.parametrize("lift", [-1e-3, 1e-3])
+@pytest.mark.parametrize("slope", [-0.3, 0.03, 0.3])
+def test_ends_of_inclined_joints_of_equal_width_meet(slope, lift):
+    """The feet of a joint that overlaps or is open lie aside by gap times slope: not beyond an end."""
+    kinds = {"wave": lambda x: slope * x}
+    primary = block(6, 0, 1, -1, 0, **kinds).surface("top")
+    secondary = block(6, 0, 1, lift, 1, **kinds).surface("bottom")
+    pairing = node_to_segment(secondary, primary)
+    assert pairing.paired.all() and (pairing.miss == 0).all()
+    np.testing.assert_allclose(pairing.gap, lift / np.hypot(1, slope), rtol=1e-9)
+    # a node that is a hundredth of a facet farther out is beyond the end
+    wider = np.r_[-2e-3, np.linspace(0, 1, 7)[1:-1], 1 + 2e-3]
+    secondary = block(wider, 0, 1, lift, 1, **kinds).surface("bottom")
+    x = node_to_segment(secondary, primary).points[~node_to_segment(secondary, primary).paired][:, 0]
+    assert sorted(x.tolist()) == [-2e-3, 1 + 2e-3]
+
+
 def test_surfaces_of_different_dimensions_are_refused():
     """A curve in the plane and one in space can not be paired."""
     lower = block(2, 0, 1, 0, 1, name="low").surface("top")

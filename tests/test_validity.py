@@ -577,3 +577,40 @@ def test_scalar_fields_have_no_validity():
     glue = sc.Contact(top.surface("bottom"), low.surface("top"), tied=True)
     validity = sc.ContactSolver([low, top], [glue]).solve().validity
     assert validity.holds and validity.worst == 0.0 and not validity.contacts
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_force_beyond_an_end_within_a_facet(held):
+    """Half a facet over the end of an equally wide block: a tenth of the force presses on nothing.
+
+    By its supports, or dragged by a floor under a body that nothing holds.
+    """
+    grid = np.linspace(0, 1, 9)
+    above = rectangle(grid, 1 + grid, nu=0.0, D="top", move=(0.0, -1e-3), name="above")
+    block = rectangle(grid, grid, nu=0.0, name="block", **({"D": "bottom"} if held else {}))
+    joint = sc.Contact(block.surface("top"), above.surface("bottom"), name="joint")
+    bodies, contacts = [block, above], [joint]
+    if not held:
+        floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        grip = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.5), name="grip")
+        contacts.append(grip)
+    solver = sc.ContactSolver(bodies, contacts)
+
+    def step(way):
+        if not held:
+            return {"motion": {"grip": (way, 0.0)}}
+        move = block.basis.zeros()
+        move[block.basis.get_dofs("bottom").all("u^1")] = way
+        return {"x": {"block": move}}
+
+    # of the end node the surface has half a facet: 1/16 of the width, lost when it has slid as far
+    for way, lost in ((0.03, 0.03), (0.0625, 0.0625), (0.16, 0.16)):
+        history = solver.history([step(0.0), step(way)])
+        first = next(history)
+        assert first.watched.drifts[0].beyond_share < 1e-6
+        if lost < 0.1:
+            share = next(history).watched.drifts[0].beyond_share
+        else:
+            with pytest.warns(sc.ContactWarning, match="% of the normal force acts beyond the end"):
+                share = next(history).watched.drifts[0].beyond_share
+        assert abs(share - lost) < 0.005
