@@ -167,8 +167,7 @@ class LinearModel:
     @property
     def known(self) -> np.ndarray:
         """DOFs whose displacements a load step knows without the interior, supports apart."""
-        bodies = self.bodies
-        return bodies.columns if isinstance(bodies, Condensed) else np.arange(self.system.n)
+        return self._wanted() if self.condensed else np.arange(self.system.n)
 
     @property
     def parts(self) -> list[Substructure | None]:

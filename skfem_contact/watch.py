@@ -139,7 +139,7 @@ class Watch:
             Gives displacements (n,) that are right at the contact DOFs; called only where bodies
             that nothing holds along a frictionless contact may slide on it.
         mismatch : float
-            Of the pairing, see `intrusions`.
+            Of the pairing, see `intrusion`.
         """
         if not self.plane:
             return Watched(said=said)
