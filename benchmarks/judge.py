@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import signal
 import sys
 import time
@@ -153,7 +154,7 @@ def _judge(s: Scene) -> tuple[str, list[str], str, int]:
     if blind and kind == "right":
         kind = "not judged"
         words.append("forces are below the round-off of rigid motions")
-    excused = [f for f in findings if f.geometric and warned]
+    excused = [f for f in findings if excuses(first.answers, f)]
     wrong = len(findings) > len(excused) or kind == "WRONG"
     if first.answers:
         off = compare_orders(court, first)
@@ -188,6 +189,32 @@ def examine(court: Court, found: Run) -> tuple[list[Finding], bool]:
         findings += court.overlap(k, answer, forces)
         before = answer
     return findings, blind
+
+
+BOTH = ("overlap", "force across a gap")
+#: What a warning is about, by words of it, and the findings that follow from that.
+ABOUT = (
+    ("small sliding, which keeps", BOTH),  # partners and gaps of the undeformed bodies
+    ("Prescribed displacements win", ("overlap",)),
+    ("overlap", ("overlap",)),
+    ("beyond the end", ("force across a gap",)),
+    ("a strain or rotation of", BOTH),  # deformed boundaries are those of linear bodies
+    ("has turned by", BOTH),
+)
+
+
+def excuses(answers: list[Answer], finding: Finding) -> bool:
+    """Whether the user was told of a finding, in this step or before it in the history."""
+    if not finding.geometric:
+        return False
+    contact = finding.words.partition(":")[0]
+    for text in (w for a in answers[: finding.step + 1] for w in a.warned):
+        named = re.findall(r"[Cc]ontact '([^']*)'", text)
+        if named and contact not in named:
+            continue
+        if any(words in text and finding.check in checks for words, checks in ABOUT):
+            return True
+    return False
 
 
 def refusal(court: Court, found: Run) -> tuple[str, str]:

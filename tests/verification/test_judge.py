@@ -13,7 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 import judge as bench
-from judge_checks import Court
+from judge_checks import Court, Finding
 from judge_scenes import BodySpec, ContactSpec, Drive, Scene, make
 from judge_shapes import Block, Edge
 
@@ -223,3 +223,24 @@ def test_the_stored_run_is_that_of_the_page():
     stored = json.loads(bench.STORED.read_text(encoding="utf-8"))
     page = bench.PAGE.read_text(encoding="utf-8")
     assert page.partition(bench.BEGIN)[2].partition(bench.END)[0].strip() == bench.table(stored)
+
+
+def test_a_warning_excuses_what_it_is_about():
+    """Only that, at the contact that it names, and not before it was given."""
+    truth = blocks("mortar")
+    one = bench.run(truth, make(truth)).answers[0]
+    overlap = Finding("overlap", 1, "joint: upper overlaps by 1", 2.0, True)
+    gap = Finding("force across a gap", 1, "joint: a force acts", 2.0, True)
+    sliding = "ContactWarning: Contact 'joint' (a on b): small sliding, which keeps partners, ..."
+
+    def told(text, step):
+        return [replace(one, warned=(text,) if k == step else ()) for k in range(3)]
+
+    assert bench.excuses(told(sliding, 0), overlap) and bench.excuses(told(sliding, 1), gap)
+    assert not bench.excuses(told(sliding, 2), overlap)
+    assert not bench.excuses(told(sliding.replace("joint", "floor"), 0), overlap)
+    assert not bench.excuses(told(sliding, 0), replace(overlap, geometric=False))
+    place = "ContactWarning: The place of body 'upper' is indifferent (translation along x): ..."
+    assert not bench.excuses(told(place, 0), overlap) and not bench.excuses(told(place, 0), gap)
+    kept = "ContactWarning: contact 'joint': ... Prescribed displacements win: the overlap stays"
+    assert bench.excuses(told(kept, 0), overlap) and not bench.excuses(told(kept, 0), gap)
