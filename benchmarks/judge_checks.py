@@ -371,7 +371,9 @@ class Court:
         if spec.sliding == "finite":
             return []
         size = np.abs(F).max()
-        carries = free & (np.abs(Ft) > 1e-3 * size + 10 * noise)
+        # a normal that is off by an angle takes that part of the force for friction, of either sign
+        unsure = np.linalg.norm(F, axis=1) * off
+        carries = free & (np.abs(Ft) > 1e-3 * size + 10 * noise + unsure)
         along_friction = np.where(carries, along * np.sign(Ft) - allowed, -np.inf)
         i = int(along_friction.argmax())
         if along_friction[i] > 0:

@@ -199,9 +199,9 @@ def test_no_answer_whose_load_nothing_carries(seed):
         assert court.rest(k, answer, court.forces(k, answer)) == []
 
 
-@pytest.mark.parametrize("seed, kind", [(18, "right"), (63, "warned"), (321, "right")])
+@pytest.mark.parametrize("seed, kind", [(18, "right"), (63, "warned"), (321, "right"), (295, "right")])
 def test_ends(seed, kind):
-    """End nodes of inclined joints press; who slides half a facet over an end hears of it."""
+    """Inclined joints press at their ends; half a facet over an end is said; frames on coarse arcs."""
     verdict = bench.judge(seed)
     assert verdict.kind == kind, "\n".join(verdict.words)
 
@@ -244,3 +244,23 @@ def test_a_warning_excuses_what_it_is_about():
     assert not bench.excuses(told(place, 0), overlap) and not bench.excuses(told(place, 0), gap)
     kept = "ContactWarning: contact 'joint': ... Prescribed displacements win: the overlap stays"
     assert bench.excuses(told(kept, 0), overlap) and not bench.excuses(told(kept, 0), gap)
+
+
+@pytest.mark.parametrize("method", ["mortar", "node"])
+def test_friction_that_drives_the_slip(method):
+    """Friction turned round is found: it pushes along the slip."""
+    truth = blocks(method)
+    made = make(truth)
+    one = bench.run(truth, made)
+    court = Court(truth, made)
+    spec = truth.contacts[0]
+    k = 1  # the first step that slides
+    before, after = one.answers[k - 1 : k + 1]
+    forces = court.forces(k, after)
+    assert not court.friction(k, after, before, forces)
+    normal = np.array([-np.sin(truth.angle), np.cos(truth.angle)])
+    dofs = court.lines[spec.secondary].dofs
+    F = forces.R["upper"][dofs]
+    forces.R["upper"][dofs] = 2 * (F @ normal)[:, None] * normal - F
+    found = court.friction(k, after, before, forces)
+    assert "friction along slip" in {f.check for f in found}
