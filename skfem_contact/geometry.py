@@ -202,7 +202,7 @@ class Geometry:
         the bodies, and the change of the contact forces' distribution over the largest of them.
         """
         closed = (state.status != 0) & self.finite
-        if not (self.finite & new.paired).any():
+        if not (closed | self.finite & new.paired).any():
             return 0.0
         # an open point may lie in the other body: on the pairing that was solved it was elsewhere
         wrong = np.where(closed, np.abs(new.gap0), np.maximum(-new.gap0, 0.0))

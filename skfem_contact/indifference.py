@@ -26,9 +26,9 @@ from skfem_contact.attempt import Attempt, Walk
 from skfem_contact.linear_model import LinearModel
 from skfem_contact.loads import LoadCase
 from skfem_contact.recovery import Recovery
-from skfem_contact.rigid import RigidMotions
+from skfem_contact.rigid import HELD, RigidMotions, null_space
 from skfem_contact.states import OPEN, STICK, State
-from skfem_contact.statics import drives
+from skfem_contact.statics import BALANCED, drives
 from skfem_contact.stepping import Stepper
 
 Array = NDArray[np.float64]
@@ -41,8 +41,21 @@ WEAK = (1e-6, 1e-7)
 FALLS = 0.5
 # A point force below this part of the largest is round-off and holds nothing.
 NOTHING = 1e-9
+# Work of point forces along a motion, over the largest force, that holds nothing: a moment arm and a
+# force that are both small. Asked too often it costs a solve, and the answer of the question stands.
+FAINT = 1e-7
 # A force that is none whatever made it, over the terms that cancel where nothing presses.
 ROUND_OFF = 1e-12
+# Where contact slides far its normals turn by the strains of the surfaces: motions that points hold by
+# no more than that may be free. Whether they are the reaction of the held DOFs says.
+TURNED = 1e-2
+# Reaction of the held DOFs over the largest point force, and what is left of the way to go over the
+# largest displacement, that count as none: the digits of the contact problem with moduli 1e6 apart,
+# and two more, as the way is no difference of forces.
+NO_REACTION = 1e-8
+ARRIVED = 1e-10
+# Each round of moving the held DOFs gains the strain's digits: exact motions take two.
+ROUNDS = 8
 # Overlap over the extent of the bodies that counts as none.
 TOUCH = 1e-11
 
@@ -57,27 +70,35 @@ class Rest:
     walk : Walk
     free : ndarray, shape (k, j)
         Combinations of the model's free motions that are indifferent.
-    shift : ndarray, shape (n,)
-        What has to be added to the displacements that the attempt's own rows recover [length].
+    recover : Recovery
+        Of its displacements.
     """
 
     attempt: Attempt
     walk: Walk
     free: Array
-    shift: Array
+    recover: Recovery
 
 
 def idles(model: LinearModel, attempt: Attempt, holds: Mask) -> bool:
-    """Whether an answer rests on points that carry nothing: some motion is held by nothing else."""
-    motions, state = model.motions, attempt.state
+    """Whether an answer rests on points that carry nothing: some motion is held by nothing else.
+
+    A point holds a motion by the work of its force: one that hardly moves on it and hardly carries
+    anything (a point of an arc, that a body has rolled to by several widths) holds by round-off.
+    """
+    motions, state = attempt.placement.motions, attempt.state
     if motions.k == 0:
         return False
     largest = np.max(np.abs(state.normal_force), initial=0.0)
     floor = max(NOTHING * largest, ROUND_OFF * force_terms(model, attempt.case))
-    carrying = (state.status != OPEN) & (state.normal_force > floor)
-    carrying |= motions.kin.tied & motions.kin.paired
+    tied = motions.kin.tied & motions.kin.paired
+    carrying = (state.status != OPEN) & (state.normal_force > floor) | tied
     stick = carrying & holds & (state.status == STICK)
-    return motions.free(carrying, stick).shape[1] > 0
+    share = np.where(tied, 1.0, state.normal_force / max(largest, floor, np.finfo(float).tiny))
+    rows = [share[carrying, None] * motions.normal[carrying]]
+    if stick.any():
+        rows.append(motions.tangential[stick].reshape(-1, motions.k))
+    return null_space(np.concatenate(rows), FAINT).shape[1] > 0
 
 
 @dataclass(eq=False)
@@ -108,18 +129,53 @@ class Indifference:
         soft = self._soft(walk, target, u_last)
         if soft is None:
             return None
-        carrying, known = soft
-        motions, interface = self.model.motions, self.stepper.interface
-        free = motions.free(carrying, carrying & interface.slipping)
+        carrying, known, motions = soft
+        slipping, follows = self.stepper.interface.slipping, self.stepper.geometry.follows
+        near = (TURNED, TURNED) if follows else (HELD, BALANCED)
+        free = motions.free(carrying, carrying & slipping, near[0])
         if free.shape[1] == 0:  # what the springs found is held by what carries: no more is needed
             attempt, way = self._advance(self.model, None, walk, target, known)
-            return Rest(attempt, way, free, np.zeros(len(u_last))) if attempt.good else None
-        if drives(motions, target.f, free):
+            return Rest(attempt, way, free, Recovery.of(attempt)) if attempt.good else None
+        if drives(motions, target.f, free, near[1]):
             return None
+        if follows:
+            return self._lead(walk, target, u_last, known, free)
         barred = motions.kin.paired & ~carrying & self._moved(motions, free)
         twin = self.model.with_springs(pins(self.model, free))
         attempt, way = self._advance(twin, barred, walk, target, known)
         return place(motions, free, barred, attempt, way, u_last) if attempt.good else None
+
+    def _lead(
+        self, walk: Walk, target: LoadCase, u_last: Array, known: State, free: Array
+    ) -> Rest | None:
+        """Hold single DOFs and lead them to where the nodes move least; None if that takes a force.
+
+        Where contact slides far a motion takes the points elsewhere, and every place is solved for.
+        """
+        springs = pins(self.model, free)
+        twin, held = self.model.with_springs(springs), springs > 0
+        Q = np.linalg.qr(self.model.motions.modes @ free)[0]
+        centre, floor = u_last, ROUND_OFF * force_terms(self.model, target)
+        for _ in range(ROUNDS):
+            attempt, way = self._pulled(twin, springs * centre, walk, target, known)
+            if not attempt.good:
+                return None
+            recover = Recovery.of(attempt)
+            u = recover()
+            left = Q @ (Q.T @ (u_last - u))
+            reaction = np.max(np.abs(springs * (centre - u))[held])
+            largest = np.max(np.abs(attempt.state.normal_force), initial=0.0)
+            if reaction > max(TURNED * largest, floor):  # no strain's doing
+                return None
+            if np.max(np.abs(left)) <= ARRIVED * np.max(np.abs(u)):
+                break
+            centre, known = centre + left, attempt.state
+        else:
+            return None
+        if reaction > max(NO_REACTION * largest, floor):
+            return None
+        attempt = replace(attempt, case=target, seen=replace(attempt.seen, f=target.f))
+        return Rest(attempt, way, free, recover)
 
     def _moved(self, motions: RigidMotions, free: Array) -> Mask:
         """Points whose gap, or modelled slip, these motions change."""
@@ -129,24 +185,33 @@ class Indifference:
             moved |= slides & self.stepper.interface.frictional
         return np.asarray(moved)
 
-    def _soft(self, walk: Walk, target: LoadCase, u_last: Array) -> tuple[Mask, State] | None:
-        """Points that carry forces, and the state on weak springs that found them."""
+    def _soft(
+        self, walk: Walk, target: LoadCase, u_last: Array
+    ) -> tuple[Mask, State, RigidMotions] | None:
+        """Points that carry forces, the state on weak springs that found them, and the motions there."""
         forces: list[Array] = []
         known: State | None = None
         for weak in WEAK:
             springs = weak_springs(self.model, weak)
-            pull = springs * u_last
-            before = replace(walk, case=replace(walk.case, f=walk.case.f + pull))
-            load = replace(target, f=target.f + pull)
-            attempt, _ = self._advance(self.model.with_springs(springs), None, before, load, known)
+            twin = self.model.with_springs(springs)
+            attempt, _ = self._pulled(twin, springs * u_last, walk, target, known)
             if not attempt.good:
                 return None
             known = attempt.state
             forces.append(np.where(known.status != OPEN, known.normal_force, 0.0))
         floor = ROUND_OFF * max(np.max(np.abs(forces)), force_terms(self.model, target))
         carrying = forces[1] > np.maximum(FALLS * forces[0], floor)
-        tied = self.stepper.interface.tied & self.model.kin.paired
-        return None if known is None else (carrying | tied, known)
+        kin = attempt.placement.kin
+        motions = self.model.motions.seen_by(kin)  # those of the springs' own model are held
+        tied = self.stepper.interface.tied & kin.paired
+        return None if known is None else (carrying | tied, known, motions)
+
+    def _pulled(
+        self, model: LinearModel, pull: Array, walk: Walk, target: LoadCase, known: State | None
+    ) -> tuple[Attempt, Walk]:
+        """Advance under the load and the pull of springs that are moved, (n,)."""
+        before = replace(walk, case=replace(walk.case, f=walk.case.f + pull))
+        return self._advance(model, None, before, replace(target, f=target.f + pull), known)
 
     def _advance(
         self, model: LinearModel, barred: Mask | None, walk: Walk, target: LoadCase, known: State | None
@@ -221,7 +286,7 @@ def place(
         slip = np.where(barred[:, None], slip + moved, slip)
     reference = np.where(barred[:, None], slip, state.reference)
     state = replace(state, slip=slip, reference=reference, gap=gap)
-    return Rest(replace(attempt, state=state), walk, free, shift)
+    return Rest(replace(attempt, state=state), walk, free, Recovery.of(attempt, shift))
 
 
 def nearest(A: Array, b: Array, wanted: Array) -> Array | None:

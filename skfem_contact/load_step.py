@@ -32,6 +32,7 @@ from skfem_contact.steps import Settings, StepReader
 from skfem_contact.watch import Said, Watch
 
 Known = ContactResult | SavedState | None
+CAN_CARRY = "with the forces that contact can carry"
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,30 +120,54 @@ class LoadStep:
         def doubt() -> bool:
             """After the first failure: is there no equilibrium, or one that leaves a motion free?"""
             kin = model.kin
-            refuted.extend(
-                [] if (c := escape(model.motions, self.interface, kin.paired, f)) is None else [c]
-            )
+            if not model.geometry.follows:  # other points may meet
+                c = escape(model.motions, self.interface, kin.paired, f)
+                refuted.extend([] if c is None else [c])
             if not refuted:
-                settled.append(self._settle(way, start))
+                settled.append(self._try_settle(way, start))
             return bool(refuted) or settled[-1] is not None
 
-        may_float = bool(model.motions.k) and not model.geometry.follows
-        attempt, walk = base.advance(
-            way.state, way.case, way.target, way.known, way.callback, doubt if may_float else None
-        )
+        may_float = bool(model.motions.k)
+        try:
+            attempt, walk = base.advance(
+                way.state, way.case, way.target, way.known, way.callback, doubt if may_float else None
+            )
+        except SingularMatrix as error:  # round-off decides whether a free motion makes it so
+            if not may_float:
+                raise
+            return self._freed(way, start, error)
         if attempt.good and may_float and self._idles(attempt):
-            settled.append(self._settle(way, start))
+            settled.append(self._try_settle(way, start))
         if settled and settled[-1] is not None:
             rest = settled[-1]
             rest.walk.trace[:0] = walk.trace
             return Found(rest.attempt, rest.walk, rest)
         return Found(attempt, walk, None, refuted[0] if refuted else None)
 
+    def _freed(self, way: Way, start: Known, error: SingularMatrix) -> Found:
+        """The answer where a set of points left a motion free; no answer is no equilibrium.
+
+        Where DOFs that hold the motion do not help, the matrix is singular of itself: `error`.
+        """
+        try:
+            rest = self._settle(way, start)
+        except SingularMatrix:
+            raise error from None
+        if rest is not None:
+            return Found(rest.attempt, rest.walk, rest)
+        motions, kin = self.model.motions, self.model.kin
+        free = motions.free(kin.paired, kin.paired & self.interface.slipping)
+        free = free if free.shape[1] else np.eye(motions.k)
+        raise no_equilibrium(motions, free, CAN_CARRY, way.target.f) from error
+
     def _settle(self, way: Way, start: Known) -> Rest | None:
         u_last = start.u if isinstance(start, ContactResult) else np.zeros(self.model.system.n)
         walk = Walk(way.state, way.case, nothing(self.interface))
+        return self._indifference.settle(walk, way.target, u_last)
+
+    def _try_settle(self, way: Way, start: Known) -> Rest | None:
         try:
-            return self._indifference.settle(walk, way.target, u_last)
+            return self._settle(way, start)
         except SingularMatrix:  # springs as weak as these do not hold a body everywhere
             return None
 
@@ -241,7 +266,7 @@ class LoadStep:
             dissipation_by_contact=walk.energy.lost,
             residual_by_contact=walk.energy.residual,
             dissipation_before=before,
-            recover=Recovery.of(attempt, None if rest is None else rest.shift),
+            recover=Recovery.of(attempt) if rest is None else rest.recover,
             settings=settings,
             factor=settings.factor,
             indifferent=() if rest is None else self.model.motions.indifferent(rest.free),
@@ -253,8 +278,8 @@ class LoadStep:
         if free is None and found.refuted is not None:
             motions, free = self.model.motions, found.refuted[:, None]
         if free is not None:
-            when, shown = "with the forces that contact can carry", found.refuted is not None
-            return no_equilibrium(motions, free, when, attempt.case.f, result, shown)
+            shown = found.refuted is not None
+            return no_equilibrium(motions, free, CAN_CARRY, attempt.case.f, result, shown)
         return NotConverged(
             f"The loop '{self.stepper.loop}' did not converge: {result.message}. Usually the load has "
             "no equilibrium or several (a large coefficient of friction), or the step is too large "

@@ -35,10 +35,10 @@ def load_on(motions: RigidMotions, f: Array) -> tuple[Array, float]:
     return motions.modes.T @ f, float(np.max(np.abs(motions.modes.T) @ np.abs(f), initial=0.0))
 
 
-def drives(motions: RigidMotions, f: Array, free: Array) -> bool:
-    """Whether a load does work on some of these motions (k, j), beyond round-off."""
+def drives(motions: RigidMotions, f: Array, free: Array, beyond: float = BALANCED) -> bool:
+    """Whether a load does work on some of these motions (k, j), beyond a share of its parts."""
     Q, size = load_on(motions, f)
-    return bool(np.max(np.abs(free.T @ Q), initial=0.0) > BALANCED * size)
+    return bool(np.max(np.abs(free.T @ Q), initial=0.0) > beyond * size)
 
 
 def escape(motions: RigidMotions, interface: Interface, paired: Mask, f: Array) -> Array | None:

@@ -127,7 +127,8 @@ class Stepper:
                 continue
             walk.trace.extend(attempt.outcome.trace)
             walk.coarse += attempt.outcome.coarse
-            lost = not attempt.good and not attempt.stopped and len(starts) == 1
+            last = len(starts) == 1 or attempt.failure == RAN_AWAY  # wherever it begins
+            lost = not attempt.good and not attempt.stopped and last
             if lost and doubt is not None and share == 1.0:
                 ask, doubt = doubt, None
                 if ask():
