@@ -9,6 +9,9 @@ are the same at each of these places. They are found in three steps, each only w
 2. Motions that carrying points leave free are indifferent. As many single DOFs are held as there are
    such motions, a support without reaction, the points that these motions open and close are left
    out, and the step is solved: exact forces, and deformations up to the free motion.
+   Where contact slides far, points may meet others at another place: there single DOFs are held and
+   led, by solving again, to where the nodes have moved the least, and it counts only if the hold
+   carries nothing. A motion that is driven by strains alone, to second order, is refused.
 3. Of all places without overlap the one is taken from which the nodes have moved the least, in the
    mean square, since the last result: a least-distance problem in the few free motions (Lawson and
    Hanson, Solving Least Squares Problems, 1974, chapter 23).
@@ -56,6 +59,8 @@ NO_REACTION = 1e-8
 ARRIVED = 1e-10
 # Each round of moving the held DOFs gains the strain's digits: exact motions take two.
 ROUNDS = 8
+# What is found at rest moves little: no more cuts of the step than one.
+FEW_CUTS = 1
 # Overlap over the extent of the bodies that counts as none.
 TOUCH = 1e-11
 
@@ -94,6 +99,8 @@ def idles(model: LinearModel, attempt: Attempt, holds: Mask) -> bool:
     tied = motions.kin.tied & motions.kin.paired
     carrying = (state.status != OPEN) & (state.normal_force > floor) | tied
     stick = carrying & holds & (state.status == STICK)
+    if motions.free(carrying, stick, TURNED if model.geometry.follows else HELD).shape[1]:
+        return True
     share = np.where(tied, 1.0, state.normal_force / max(largest, floor, np.finfo(float).tiny))
     rows = [share[carrying, None] * motions.normal[carrying]]
     if stick.any():
@@ -188,7 +195,7 @@ class Indifference:
     def _soft(
         self, walk: Walk, target: LoadCase, u_last: Array
     ) -> tuple[Mask, State, RigidMotions] | None:
-        """Points that carry forces, the state on weak springs that found them, and the motions there."""
+        """Points that carry forces, the state on weak springs that found them, the motions there."""
         forces: list[Array] = []
         known: State | None = None
         for weak in WEAK:
@@ -216,7 +223,10 @@ class Indifference:
     def _advance(
         self, model: LinearModel, barred: Mask | None, walk: Walk, target: LoadCase, known: State | None
     ) -> tuple[Attempt, Walk]:
-        stepper = replace(self.stepper, place=model.place, barred=barred)
+        options = self.stepper.options
+        if self.stepper.geometry.follows:  # a body that is driven runs off on weak springs, cut by cut
+            options = replace(options, max_cuts=min(options.max_cuts, FEW_CUTS))
+        stepper = replace(self.stepper, place=model.place, barred=barred, options=options)
         return stepper.advance(walk.state, walk.case, target, known, None)
 
 

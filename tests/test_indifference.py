@@ -138,3 +138,104 @@ def test_the_nearest_place_that_is_free():
         best = min(free, key=lambda x: np.linalg.norm(x - wanted))
         assert_allclose(y, best, atol=1e-9)
     assert nearest(np.array([[1.0], [-1.0]]), np.array([1.0, 1.0]), np.zeros(1)) is None
+
+
+# The bodies of a stack that nothing holds along the smooth joint.
+MOVE = ("smooth", "rough")
+
+
+def stack(order=(0, 1, 2), linear="auto", sliding="finite"):
+    """A rough block on a smooth one on a base; the rough joint slides far, the smooth one does not."""
+    bodies = [
+        block("base", y=(-1.0, 0.0), n=2, D="bottom"),
+        block("smooth", n=2),
+        block("rough", y=(1.0, 2.0), n=3, f=(0.0, -1e-3)),
+    ]
+    base, smooth, rough = bodies
+    contacts = [
+        sc.Contact(smooth.surface("bottom"), base.surface("top"), name="below"),
+        sc.Contact(
+            rough.surface("bottom"),
+            smooth.surface("top"),
+            friction=sc.Coulomb(0.5),
+            sliding=sliding,
+            name="above",
+        ),
+    ]
+    return sc.ContactSolver([bodies[i] for i in order], contacts, linear=LINEAR[linear])
+
+
+@pytest.mark.parametrize("linear", LINEAR)
+def test_a_smooth_joint_beside_one_that_slides_far(linear):
+    """Two blocks that friction holds together rest anywhere along a smooth joint: they move least
+    together, whatever the order of bodies, and with the forces of small sliding."""
+    known, _ = quiet(stack(linear=linear, sliding="small").solve)
+    for order in [(0, 1, 2), (2, 1, 0), (1, 2, 0)]:
+        solver = stack(order, linear)
+        bodies = dict(zip(solver.system.names, solver.system.bodies, strict=True))
+        first, words = quiet(solver.solve)
+        second, _ = quiet(solver.solve, start=first, f={"rough": 0.5 * bodies["rough"].f})
+        assert "'smooth' is indifferent (translation along x)" in words
+        assert "'rough' is indifferent (translation along x)" in words
+        for result in (first, second):
+            assert result.certificate.worst < 1e-8
+            along = [result.displacement(n)[bodies[n].basis.nodal_dofs[0]] for n in MOVE]
+            assert abs(np.concatenate(along).mean()) < 1e-12
+        for name in ("base", *MOVE):
+            off = np.abs(first.displacement(name) - known.displacement(name)).max()
+            assert off < 1e-5 * np.abs(known.u).max()  # the turn of the joint that slides far
+        assert_allclose(first["below"].force, [0.0, 1e-3], atol=1e-12)
+        if order == (0, 1, 2):
+            answer = first
+        for name in ("base", *MOVE):
+            assert_allclose(first.displacement(name), answer.displacement(name), atol=1e-12)
+
+
+@pytest.mark.parametrize("linear", LINEAR)
+def test_a_smooth_pad_that_slides_far(linear):
+    """In the middle of a base a pad rests by symmetry, also on a joint that slides far; pushed along
+    it by a thousandth of its load nothing holds it there."""
+    base = block("base", (-1.0, 2.0), (-1.0, 0.0), 6, D="bottom")
+    pad = block("pad", f=(0.0, -1e-3), n=4)
+    joint = sc.Contact(pad.surface("bottom"), base.surface("top"), sliding="finite", name="joint")
+    for bodies in ([base, pad], [pad, base]):
+        solver = sc.ContactSolver(bodies, joint, linear=LINEAR[linear])
+        result, words = quiet(solver.solve)
+        assert "'pad' is indifferent (translation along x): nothing loads it" in words
+        assert_allclose(result["joint"].force, [0.0, 1e-3], atol=1e-11)
+        along = result.displacement("pad")[pad.basis.nodal_dofs]
+        assert abs(along[0].mean()) < 1e-12
+    pushed = np.where(pad.dof_component == 0, 1e-6, -1e-3) / pad.n * 2
+    with pytest.raises((sc.NoEquilibrium, sc.NotConverged)):
+        quiet(solver.solve, f={"pad": pushed})
+
+
+@pytest.mark.parametrize("linear", LINEAR)
+@pytest.mark.parametrize("swap", [False, True])
+def test_points_that_hold_by_round_off_hold_nothing(linear, swap):
+    """A round pad rolls on a smooth base as it likes. It used to roll five widths off, to where a
+    further point closed with a force of 1e-6 of the others and a moment arm of 1e-4."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(-0.5, 0.5, 21), np.linspace(0.0, 1.0, 8))
+    x, y = mesh.p
+    arc = 16.7 - np.sqrt(16.7**2 - x**2)
+    mesh = fem.MeshQuad(np.vstack([x, y + (1 - y) * arc]), mesh.t).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    K = linear_elasticity(*lame_parameters(27.0, 0.13)).assemble(basis)
+    top = fem.FacetBasis(mesh, basis.elem, facets=mesh.boundaries["top"])
+    load = fem.LinearForm(lambda v, w: -2.8e-4 * v[1]).assemble(top)
+    pad = sc.Body(basis, K, load, name="pad")
+    base = block("base", (-0.75, 0.75), (-1.0, 0.0), 10, D="bottom")
+    joint = sc.Contact(pad.surface("bottom"), base.surface("top"), method="mortar")
+    bodies = [pad, base] if swap else [base, pad]
+    solver = sc.ContactSolver(bodies, joint, linear=LINEAR[linear])
+    result, words = quiet(solver.solve)
+    assert "'pad' is indifferent (translation along x with rotation)" in words
+    u = result.displacement("pad")[basis.nodal_dofs]
+    assert np.abs(u).max() < 1e-2
+    # the pad, the base and the load are their own mirror image, and so is the least movement
+    mirror = np.argmin(
+        np.abs(-mesh.p[0] - mesh.p[0][:, None]) + np.abs(mesh.p[1] - mesh.p[1][:, None]), 1
+    )
+    assert_allclose(u[0], -u[0][mirror], atol=1e-9 * np.abs(u).max())
+    assert_allclose(u[1], u[1][mirror], atol=1e-9 * np.abs(u).max())
+    assert result.certificate.worst < 1e-8
