@@ -206,9 +206,17 @@ def test_ends(seed, kind):
     assert verdict.kind == kind, "\n".join(verdict.words)
 
 
-# What is wrong and known: the place of
-# bodies that nothing holds (21, 56, 61, 98).
-KNOWN = {21, 56, 61, 98}
+@pytest.mark.parametrize("seed", [61, 98, 194, 195, 280])
+def test_places_that_nothing_holds(seed):
+    """Places were those of round-off: another one in another order (195), a raw error of `Direct()`
+    (61), or five to eleven widths off, where a point closed with next to no force (98, 280) or where
+    bodies have no partner at all any more (194)."""
+    verdict = bench.judge(seed)
+    assert verdict.kind != "WRONG", "\n".join(verdict.words)
+
+
+# What is wrong and known: the place of a body that the loop decides.
+KNOWN = {21}
 
 
 @pytest.mark.slow
