@@ -263,10 +263,14 @@ def elastic_approach(result: ContactResult, i: int, closed: Mask) -> float:
 
 
 def _looked_at(contact: Contact) -> bool:
-    """Of two bodies: in one and the same inside and outside are not told apart."""
+    """Of two bodies: in one and the same inside and outside are not told apart.
+
+    Where the user gives the gap, the meshes are not the shapes that touch, and their overlaps are
+    what the user knows of.
+    """
     primary = contact.primary
     plane = isinstance(primary, ContactSurface) and primary.body is not contact.secondary.body
-    return plane and contact.sliding == "finite" and not contact.tied
+    return plane and contact.sliding == "finite" and not contact.tied and contact.gap is None
 
 
 def _sides(contact: Contact) -> tuple[ContactSurface, ContactSurface]:

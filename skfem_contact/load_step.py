@@ -101,8 +101,8 @@ class LoadStep:
                 result.recover.at_contact,
                 result.mismatch,
             )
-            result = replace(result, watched=watched)
-            result = replace(result, watched=self.watch.warn(result))
+            result.watch(watched)
+            result.watch(self.watch.warn(result))
             self._warn(result)
         if result.converged or not throw:
             return result

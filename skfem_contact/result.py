@@ -92,6 +92,10 @@ class ContactResult:
         object.__setattr__(self, "gap", self.gap[self.kin.heir])
         self._seal()
 
+    def watch(self, watched: Watched) -> None:
+        """What was seen of the model's validity; set while the result is made, which seals it once."""
+        object.__setattr__(self, "watched", watched)
+
     def _seal(self) -> None:
         for part in (self, self.kin, self.state, self.case, self.seen, self.settings):
             seal(part)
