@@ -145,6 +145,8 @@ class Indifference:
             return Rest(attempt, way, free, Recovery.of(attempt)) if attempt.good else None
         if drives(motions, target.f, free, near[1]):
             return None
+        if follows and not carrying.any():  # no force says which points would meet, and bodies overlap
+            return None
         if follows:
             return self._lead(walk, target, u_last, known, free)
         barred = motions.kin.paired & ~carrying & self._moved(motions, free)
