@@ -25,11 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from skfem_contact.attempt import Attempt, Walk
+from skfem_contact.attempt import Attempt, Walk, friction_bound
+from skfem_contact.interface import Interface
 from skfem_contact.linear_model import LinearModel
 from skfem_contact.loads import LoadCase
 from skfem_contact.recovery import Recovery
-from skfem_contact.rigid import HELD, RigidMotions, null_space
+from skfem_contact.rigid import BARELY, HELD, RigidMotions, null_space
 from skfem_contact.states import OPEN, STICK, State
 from skfem_contact.statics import BALANCED, drives
 from skfem_contact.stepping import Stepper
@@ -106,6 +107,43 @@ def idles(model: LinearModel, attempt: Attempt, holds: Mask) -> bool:
     if stick.any():
         rows.append(motions.tangential[stick].reshape(-1, motions.k))
     return null_space(np.concatenate(rows), FAINT).shape[1] > 0
+
+
+def _carrying(model: LinearModel, attempt: Attempt, motions: RigidMotions) -> Mask:
+    state = attempt.state
+    largest = np.max(np.abs(state.normal_force), initial=0.0)
+    floor = max(NOTHING * largest, ROUND_OFF * force_terms(model, attempt.case))
+    carrying = (state.status != OPEN) & (state.normal_force > floor)
+    return np.asarray(carrying | (motions.kin.tied & motions.kin.paired))
+
+
+def adrift(model: LinearModel, attempt: Attempt, interface: Interface) -> tuple[str, ...]:
+    """Sentences on bodies whose place an answer does not decide, and that were not settled.
+
+    A point that sticks with friction at its bound holds nothing: it may as well slip on, while
+    others that slipped do so less, and all forces stay. On which of them the body comes to rest is
+    a matter of the iterations. So it is where forces are round-off and contact slides far.
+    """
+    motions, state = attempt.placement.motions, attempt.state
+    if motions.k == 0:
+        return ()
+    carrying = _carrying(model, attempt, motions)
+    holds = (interface.frictional | interface.tied) & carrying & (state.status == STICK)
+    if not state.tangential_force.size:
+        free = motions.free(carrying, holds)
+        return motions.indifferent(free, BARELY) if free.shape[1] else ()
+    friction = np.linalg.norm(state.tangential_force, axis=1)
+    bound = np.where(interface.frictional, friction_bound(interface, state), np.inf)
+    full = holds & (friction >= (1 - NOTHING) * bound) & (friction > 0)
+    free = motions.free(carrying, holds & ~full)
+    if not free.shape[1]:
+        return ()
+    if free.shape[1] == 1 and full.any():  # all of them have to slip against their friction at once
+        slip = (motions.tangential[full] @ free)[..., 0]
+        work = np.einsum("pt,pt->p", slip, state.tangential_force[full])
+        if np.min(work) < 0 < np.max(work):
+            return ()
+    return motions.indifferent(free, BARELY)
 
 
 @dataclass(eq=False)

@@ -16,7 +16,7 @@ from skfem_contact.checkpoint import SavedState
 from skfem_contact.diagnosis import check_loads
 from skfem_contact.driver import converged_words
 from skfem_contact.errors import ContactWarning, InputError, NoEquilibrium, NotConverged
-from skfem_contact.indifference import Indifference, Rest, idles, pins
+from skfem_contact.indifference import Indifference, Rest, adrift, idles, pins
 from skfem_contact.interface import Interface
 from skfem_contact.linear_model import EVEN_CLOSED, LinearModel
 from skfem_contact.loads import LoadCase
@@ -160,6 +160,12 @@ class LoadStep:
         free = free if free.shape[1] else np.eye(motions.k)
         raise no_equilibrium(motions, free, CAN_CARRY, way.target.f) from error
 
+    def _places(self, found: Found) -> tuple[str, ...]:
+        """What is to be said of bodies that may stand elsewhere."""
+        if found.rest is not None:
+            return self.model.motions.indifferent(found.rest.free)
+        return adrift(self.model, found.attempt, self.interface) if found.attempt.good else ()
+
     def _settle(self, way: Way, start: Known) -> Rest | None:
         u_last = start.u if isinstance(start, ContactResult) else np.zeros(self.model.system.n)
         walk = Walk(way.state, way.case, nothing(self.interface))
@@ -269,7 +275,7 @@ class LoadStep:
             recover=Recovery.of(attempt) if rest is None else rest.recover,
             settings=settings,
             factor=settings.factor,
-            indifferent=() if rest is None else self.model.motions.indifferent(rest.free),
+            indifferent=self._places(found),
         )
 
     def _failure(self, found: Found, result: ContactResult) -> NoEquilibrium | NotConverged:

@@ -40,6 +40,13 @@ NOT_SHOWN = (
 # round-off. Everything below this counts as free: the matrix would lose more digits than it has.
 HELD = 1e-9
 
+#: Why a body may stand elsewhere.
+NOWHERE = "nothing loads it and nothing holds it there; it stands where it has moved least"
+BARELY = (
+    "nothing holds it there but friction that is at its bound, or forces that are round-off; it stands "
+    "where the iterations left it"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class RigidMotions:
@@ -103,7 +110,7 @@ class RigidMotions:
         words = motions[0] if same else "; ".join(map(": ".join, zip(bodies, motions, strict=True)))
         return tuple(bodies), words
 
-    def indifferent(self, free: Array) -> tuple[str, ...]:
+    def indifferent(self, free: Array, why: str = NOWHERE) -> tuple[str, ...]:
         """A sentence for each body and motion that is free and not loaded, from (k, j)."""
         u = self.modes @ free
         sentences = []
@@ -113,8 +120,8 @@ class RigidMotions:
                 words = _motion_words(body.rigid_modes, body.rigid_mode_names, part)
                 sentences.append((name, words))
         return tuple(
-            f"The place of body '{name}' is indifferent ({words}): nothing loads it and nothing holds "
-            "it there; it stands where it has moved least, and the forces are the same everywhere."
+            f"The place of body '{name}' is indifferent ({words}): {why}, and the forces are the same "
+            "everywhere."
             for name, words in sentences
         )
 
