@@ -110,8 +110,13 @@ class Drift:
     @property
     def small_sliding_holds(self) -> bool:
         """Whether small sliding is a good model at this answer."""
-        off = self.tilt > TILT or self.gap_share > GAP or self.beyond_share > BEYOND
-        return not (self.slides_far or off)
+        off = self.tilt > TILT or self.gap_share > GAP
+        return not (self.slides_far or self.passes_end or off)
+
+    @property
+    def passes_end(self) -> bool:
+        """Whether much of the force acts beyond the end; the mesh resolves whole shares of points."""
+        return self.beyond > 0 and self.beyond_share > BEYOND
 
 
 class Track:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.drift import BEYOND, GAP, STRAIN, TILT, Drift, Track
+from skfem_contact.drift import GAP, STRAIN, TILT, Drift, Track
 from skfem_contact.errors import ContactWarning
 from skfem_contact.geometry import Geometry
 from skfem_contact.interface import Interface
@@ -254,7 +254,7 @@ def sliding_words(drift: Drift) -> str:
             f"{drift.beyond} of {drift.closed} closed points lie beyond the end of the primary "
             f"surface, by up to {drift.overhang:.3g}"
         )
-    if drift.beyond_share > BEYOND:
+    if drift.passes_end:
         found.append(
             f"{100 * drift.beyond_share:.3g} % of the normal force acts beyond the end of the primary "
             f"surface (slip {drift.slip:.3g}, {drift.facets:.3g} facets)"

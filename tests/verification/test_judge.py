@@ -215,7 +215,7 @@ def test_places_that_nothing_holds(seed):
     assert verdict.kind != "WRONG", "\n".join(verdict.words)
 
 
-@pytest.mark.parametrize("seed", [21, 98, 300])
+@pytest.mark.parametrize("seed", [21, 300])
 def test_places_that_are_indifferent_are_said(seed):
     """Held by friction at its bound alone, or by round-off, a body stands where the loop left it."""
     verdict = bench.judge(seed)
