@@ -97,6 +97,8 @@ def random_scene(seed: int, mu: float, most: int = 5, floating: bool = False, fe
     D = np.concatenate(
         [b.D + o for b, o in zip(bodies, np.cumsum([0, blocks[0].N])[: len(bodies)], strict=True)]
     )
+    held = np.isin(np.arange(n), D)
+    loads = [(f, np.where(held, x, 0.0)) for f, x in loads]  # values elsewhere would be refused
     K = np.zeros((n, n))
     at = 0
     for body in bodies:
