@@ -230,6 +230,8 @@ def test_X8_huge_interference():
     assert_allclose(result.pressure, 10.0, rtol=1e-9)
 
 
+# the end of the slender column slides over .8 of its facets, past the end of the other: rightly said
+@pytest.mark.filterwarnings("ignore:.*small sliding:skfem_contact.ContactWarning")
 @pytest.mark.parametrize(
     ("width", "rtol"),
     # a slender column bends: (H/W)^4 eps = 2e-8 of its digits go to the condition of K, where the row
@@ -812,6 +814,8 @@ def test_X29_exactly_at_the_limit(margin, linear):
     assert result.iterations <= 50
 
 
+# at the limit itself any place will do, and the solver says so
+@pytest.mark.filterwarnings("ignore:.*is indifferent:skfem_contact.ContactWarning")
 @pytest.mark.parametrize("margin", [-1e-12, 0.0, 1e-12])
 def test_X29_free_body_exactly_at_the_limit(margin, refused):
     """A free block pushed with mu N (1 +- 1e-12) rests with these forces, or is said to slide."""
