@@ -90,7 +90,7 @@ def test_friction_is_drawn_at_merged_points() -> None:
 
     upper = block(np.linspace(0, 1, 9), 0.0, D="top", name="upper")
     lower = block(np.linspace(0, 0.755, 7), -1.0, D="bottom", name="lower")
-    move = upper.basis.project(lambda x: np.stack([0.1 + 0 * x[0], -0.01 + 0 * x[0]]))
+    move = upper.basis.project(lambda x: np.stack([0.03 + 0 * x[0], -0.01 + 0 * x[0]]))
     pair = sc.Contact(upper.surface("bottom"), lower.surface("top"), friction=sc.Coulomb(0.2))
     result = sc.ContactSolver([upper, lower], pair).solve(x={"upper": move})
     values = result.values[0]
