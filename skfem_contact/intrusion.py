@@ -41,9 +41,9 @@ Mask = NDArray[np.bool_]
 CHORDS = 1.5
 #: Overlap over what the largest nodal force presses in: conditions hold at the points of one side, and
 #: between them the other one bulges by a part of this. On flat tracks 0.01 (nodes, the finer ones) to
-#: 0.36 (four facets of the primary to one), 0.35 (mortar, ten to one); 0.63 where ten stand between two
-#: nodes of node-to-segment contact, which is to be warned of.
-BULGE = 0.5
+#: 0.36 (four facets of the primary to one), 0.35 (mortar, ten to one); 0.52 at the end of a wedge that
+#: is driven in. 0.63, ten between two nodes of node-to-segment contact, is to be warned of.
+BULGE = 0.6
 
 
 #: Shape functions of linear and quadratic facets at points between their nodes.
