@@ -314,7 +314,10 @@ def _judge(drawn: Drawn, show: bool) -> list[tuple[str, str]]:
         )
         if show:
             print(words, result, f"lam {lam} tau {tau} slip {slip - same.slip_before}", sep="\n")
-        if worst > RESIDUAL:
+        # G times a slip: the slip has eps of the displacements, so eps times G over K is lost (X2)
+        softest = np.diag(p.K)[np.diag(p.K) > 0].min()
+        lost = 1e-15 * p.G / softest if np.isfinite(p.G) else 0.0
+        if worst > max(RESIDUAL, lost):
             out.append(("wrong", words))
             break
         kind = "right, after cuts" if cut else "right"

@@ -237,12 +237,11 @@ def test_H5_energy_for_all_amplitudes(N, x):
 
 @pytest.mark.slow
 def test_H5_energy_does_not_depend_on_the_number_of_steps():
-    """The reported energy tends to that of force times slip, which no step size changes."""
+    """The reported energy is that of force times slip, which no step size changes."""
     reported, implicit = np.transpose([fretting(24.5, 0.6, n) for n in (24, 48, 96)])
     assert_allclose(implicit, implicit[0], rtol=1e-3)
-    lag = implicit - reported
-    assert lag[1] < 0.5 * lag[0]
-    assert lag[2] < 0.5 * lag[1]
+    # bound times slip at constant pressure, point by point: round-off of the sums
+    assert_allclose(reported, implicit, rtol=1e-9)
 
 
 # -- H8: capped friction ----------------------------------------------------------------------------
@@ -335,7 +334,7 @@ def test_history_with_a_stiffness_contrast_of_1000(E, mu, n):
 
 @pytest.mark.slow
 def test_a_step_that_fails_is_cut_and_ends_in_the_same_state():
-    """With too few iterations for the whole step the solver takes it in parts by itself."""
+    """With too few iterations for the whole step the solver begins elsewhere or takes it in parts."""
     scene = Scene(30.3, mu=1.0, fine_depth=0.2)
     whole = scene.history([0.0, 0.95])[-1]
     assert whole.iterations > 4
@@ -343,7 +342,8 @@ def test_a_step_that_fails_is_cut_and_ends_in_the_same_state():
     short = Scene(30.3, mu=1.0, d=scene.d, fine_depth=0.2, options=few)
     parts = short.history([0.0, 0.95])[-1]
     assert parts.converged
-    assert "cut" in parts.message
+    # complementary pivoting finds it without a cut by now; cuts have their tests in test_stepping.py
+    assert len(parts.trace) > 4
     # slip grows monotonically between equal bodies: no path but one
     assert relative(parts.tangential_force, whole.tangential_force) < 1e-9
     assert relative(parts.slip, whole.slip) < 1e-9
