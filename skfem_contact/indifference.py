@@ -95,10 +95,9 @@ def idles(model: LinearModel, attempt: Attempt, holds: Mask) -> bool:
     motions, state = attempt.placement.motions, attempt.state
     if motions.k == 0:
         return False
-    largest = np.max(np.abs(state.normal_force), initial=0.0)
-    floor = max(NOTHING * largest, ROUND_OFF * force_terms(model, attempt.case))
+    carrying, floor = _carrying(model, attempt)
     tied = motions.kin.tied & motions.kin.paired
-    carrying = (state.status != OPEN) & (state.normal_force > floor) | tied
+    largest = np.max(np.abs(state.normal_force), initial=0.0)
     stick = carrying & holds & (state.status == STICK)
     if motions.free(carrying, stick, TURNED if model.geometry.follows else HELD).shape[1]:
         return True
@@ -109,12 +108,13 @@ def idles(model: LinearModel, attempt: Attempt, holds: Mask) -> bool:
     return null_space(np.concatenate(rows), FAINT).shape[1] > 0
 
 
-def _carrying(model: LinearModel, attempt: Attempt, motions: RigidMotions) -> Mask:
-    state = attempt.state
+def _carrying(model: LinearModel, attempt: Attempt) -> tuple[Mask, float]:
+    """Points with more than round-off of a force, glued ones too; and that round-off [force]."""
+    motions, state = attempt.placement.motions, attempt.state
     largest = np.max(np.abs(state.normal_force), initial=0.0)
     floor = max(NOTHING * largest, ROUND_OFF * force_terms(model, attempt.case))
     carrying = (state.status != OPEN) & (state.normal_force > floor)
-    return np.asarray(carrying | (motions.kin.tied & motions.kin.paired))
+    return np.asarray(carrying | (motions.kin.tied & motions.kin.paired)), float(floor)
 
 
 def adrift(model: LinearModel, attempt: Attempt, interface: Interface) -> tuple[str, ...]:
@@ -127,7 +127,7 @@ def adrift(model: LinearModel, attempt: Attempt, interface: Interface) -> tuple[
     motions, state = attempt.placement.motions, attempt.state
     if motions.k == 0:
         return ()
-    carrying = _carrying(model, attempt, motions)
+    carrying, _ = _carrying(model, attempt)
     holds = (interface.frictional | interface.tied) & carrying & (state.status == STICK)
     if not state.tangential_force.size:
         free = motions.free(carrying, holds)

@@ -12,7 +12,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -270,7 +269,7 @@ class Stepper:
                 stiffness=interface.stiffness,
                 last=walk.state,
                 rank=self.geometry.rank,
-                noise=NOISE * self._force_terms(case),
+                noise=NOISE * self._force_terms(case, placement),
             )
             dense = step
             if start == "pivoting" and (rows := placement.dense_rows()) is not placement.rows:
@@ -293,14 +292,11 @@ class Stepper:
         failure = "" if balanced(placement.motions, case.f, state, step.noise) else RAN_AWAY
         return Attempt(outcome, placement, load, case, seen, walk.state, state, failure=failure)
 
-    def _force_terms(self, case: LoadCase) -> float:
+    def _force_terms(self, case: LoadCase, placement: Placement) -> float:
         """Largest load, or what moves of D make of the softest body's stiffness [force]."""
         moved = np.max(np.abs(case.x[self.geometry.system.D]), initial=0.0)
-        return float(max(np.max(np.abs(case.f), initial=0.0), self._softest * moved))
-
-    @cached_property
-    def _softest(self) -> float:
-        return min(float(np.max(body.K.diagonal())) for body in self.geometry.system.bodies)
+        softest = min(placement.model.stiffest)  # the bodies' own K may have been replaced
+        return float(max(np.max(np.abs(case.f), initial=0.0), softest * moved))
 
     def _state(
         self,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
-from skfem.models.elasticity import linear_elasticity
+from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
 
@@ -77,3 +77,21 @@ def test_unknown_contact_is_named() -> None:
     """The message lists the contacts there are."""
     with pytest.raises(sc.InputError, match=r"'sides' is not one of this solver: it has 'faces'"):
         scene(sc.Coulomb(0.4)).with_friction(sc.Coulomb(0.1), "sides")
+
+
+@pytest.mark.parametrize("factor", [1e-16, 1e16])
+def test_round_off_is_that_of_the_stiffness_in_use(factor):
+    """What counts as round-off follows a stiffness that replaces another one of any size."""
+    basis = fem.Basis(fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    K = linear_elasticity(*lame_parameters(1.0, 0.3)).assemble(basis)
+    down = basis.project(lambda x: np.stack([0 * x[0], -1e-3 * (1 + x[0])]))
+
+    def solver(K):
+        block = sc.Body(basis, K, D="top", x=down, name="block")
+        plane = sc.RigidPlane((0, 0), (0, 1))
+        contact = sc.Contact(block.surface("bottom"), plane, friction=sc.Coulomb(0.3))
+        return sc.ContactSolver([block], [contact])
+
+    result = solver(factor * K).with_stiffness("block", K).solve()
+    assert_allclose(result.forces, solver(K).solve().forces, rtol=0, atol=1e-14)
+    assert result.certificate.worst < 1e-12
