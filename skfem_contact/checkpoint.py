@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-FORMAT = 2  # of the file; a file of another one is refused
+FORMAT = 3  # of the file; a file of another one is refused
 # What reading a file may raise that is damaged, or that is none of ours.
 DAMAGED = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error)
 
@@ -50,6 +50,8 @@ class SavedState:
     message : str
     own_interference : tuple of bool
         Of which contacts the interference is the contact's own, and not that of a step.
+    u : ndarray, shape (n,)
+        Displacements of all bodies, from which movement counts where a place is indifferent [length].
     """
 
     state: State
@@ -61,14 +63,15 @@ class SavedState:
     converged: bool
     message: str
     own_interference: tuple[bool, ...]
+    u: Array
 
 
 def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
     """Write the state of a result to an ``.npz`` file, for ``solver.load_state``.
 
     Everything that the next step depends on is kept, to the last bit: friction, the surfaces where
-    contact slides far, loads, and the energy lost so far. The displacements of the bodies' interior
-    are not; they follow from these.
+    contact slides far, loads, the energy lost so far, and all displacements: a body that nothing
+    holds stays where it was left.
 
     Parameters
     ----------
@@ -96,7 +99,7 @@ def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
         raise InputError(f"save_state: result is {shown(result)}, not what solve(...) returned")
     path = _with_suffix(path)
     case, settings = result.case, result.settings
-    data: dict[str, Any] = {"format": FORMAT}
+    data: dict[str, Any] = {"format": FORMAT, "u": result.u}
     data |= {f"state_{name}": value for name, value in vars(result.state).items()}
     for name in ("f", "x", "gap0", "slip0", "interference"):
         data[f"case_{name}"] = getattr(case, name)
@@ -183,7 +186,7 @@ def load_state(path: str | Path, identity: Identity, points: tuple[slice, ...]) 
     if found:
         raise InputError(
             f"{str(path)!r} has format {found}, this version reads {FORMAT}: files of earlier versions "
-            "do not say which meshes they belong to. Compute the state again, and save it anew."
+            "do not hold all that a history goes on from. Compute the state again, and save it anew."
         )
     raise InputError(f"{str(path)!r} is no file written by save_state(...)")
 
@@ -226,9 +229,8 @@ def _state(
     )
     lost = data["dissipation_before"], data["dissipation_by_contact"]
     converged, message = bool(data["converged"]), str(data["message"])
-    # files written before they said so are taken to mean what they hold
-    ours = tuple(map(bool, data.get("settings_own", [False] * len(points))))
-    return SavedState(state, case, settings, *lost, own, converged, message, ours)
+    ours = tuple(map(bool, data["settings_own"]))
+    return SavedState(state, case, settings, *lost, own, converged, message, ours, data["u"])
 
 
 def _motions(motions: tuple[Motion, ...]) -> dict[str, Any]:

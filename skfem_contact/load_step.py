@@ -167,7 +167,7 @@ class LoadStep:
         return adrift(self.model, found.attempt, self.interface) if found.attempt.good else ()
 
     def _settle(self, way: Way, start: Known) -> Rest | None:
-        u_last = start.u if isinstance(start, ContactResult) else np.zeros(self.model.system.n)
+        u_last = np.zeros(self.model.system.n) if start is None else start.u
         walk = Walk(way.state, way.case, nothing(self.interface))
         return self._indifference.settle(walk, way.target, u_last)
 

@@ -90,6 +90,39 @@ def test_a_block_in_a_gap_stays_where_it_is(n, linear, friction):
     assert "'loose' is indifferent" in words
 
 
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+@pytest.mark.parametrize("linear", LINEAR)
+def test_a_place_goes_on_from_a_file(tmp_path, linear, sliding):
+    """A block that a punch has pushed aside and left stays there, also in a new solver from a file:
+    counted from no displacement it would be back where it was meshed."""
+
+    def pushed():
+        loose = block("loose", f=(0.0, -1e-3))
+        punch = block("punch", x=(-1.1, -0.1), D="left")
+        contacts = [
+            sc.Contact(loose.surface("bottom"), FLOOR, sliding=sliding, name="below"),
+            sc.Contact(loose.surface("left"), punch.surface("right"), name="beside"),
+        ]
+        along = np.isin(np.arange(punch.n), punch.basis.nodal_dofs[0]).astype(float)
+        steps = [{"x": {"punch": level * along}} for level in (0.3, 0.0)]
+        return sc.ContactSolver([loose, punch], contacts, linear=LINEAR[linear]), steps
+
+    solver, (push, back) = pushed()
+    (there,), _ = quiet(lambda: list(solver.history([push])))
+    path = sc.save_state(tmp_path / "there", there)
+    (kept,), _ = quiet(lambda: list(solver.history([back], start=there)))
+    again, _ = pushed()
+    state = again.load_state(sc.save_state(tmp_path / "again", again.load_state(path)))
+    (result,), words = quiet(lambda: list(again.history([back], start=state)))
+    along = solver.system.bodies[0].basis.nodal_dofs[0]
+    place = result.displacement("loose")[along].mean()
+    # pushed by 0.3 less the gap of 0.1; its own weight makes it wider by some 1e-4
+    assert_allclose(place, 0.2, atol=1e-3)
+    assert_allclose(place, there.displacement("loose")[along].mean(), atol=1e-9)
+    assert_allclose(result.u, kept.u, atol=1e-12)
+    assert "'loose' is indifferent (translation along x)" in words
+
+
 def test_no_friction_at_all_is_no_friction_law():
     """A coefficient of zero models nothing tangential: the answers are the same to the last bit."""
     answers = []
