@@ -195,11 +195,14 @@ class Geometry:
         u[self.surface_dofs] = surface
         return u
 
-    def mismatch(self, placement: Placement, new: Kinematics, state: State) -> float:
+    def mismatch(
+        self, placement: Placement, new: Kinematics, state: State, barred: Mask | None = None
+    ) -> float:
         """How far the contact conditions of a placement are from those at its own answer.
 
         The largest of the gaps of closed points and the overlaps of open ones, over the extent of
         the bodies, and the change of the contact forces' distribution over the largest of them.
+        Points that are left out may overlap.
         """
         closed = (state.status != 0) & self.finite
         if not (closed | self.finite & new.paired).any():
@@ -208,6 +211,8 @@ class Geometry:
         wrong = np.where(closed, np.abs(new.gap0), np.maximum(-new.gap0, 0.0))
         # where supports hold both bodies no pairing mends an overlap; it is warned of
         judged = self.finite & new.paired & ~new.tied
+        if barred is not None:
+            judged &= ~barred
         if judged.any():
             judged &= ~prescribed_rows(new.B_n, self.system.D)
         gap = np.where(judged, wrong, 0.0)

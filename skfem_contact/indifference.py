@@ -183,8 +183,8 @@ class Indifference:
             return Rest(attempt, way, free, Recovery.of(attempt)) if attempt.good else None
         if drives(motions, target.f, free, near[1]):
             return None
-        if follows and not carrying.any():  # no force says which points would meet, and bodies overlap
-            return None
+        if follows and not carrying.any():
+            return self._park(walk, target, u_last, free)
         if follows:
             return self._lead(walk, target, u_last, known, free)
         barred = motions.kin.paired & ~carrying & self._moved(motions, free)
@@ -224,6 +224,39 @@ class Indifference:
         attempt = replace(attempt, case=target, seen=replace(attempt.seen, f=target.f))
         return Rest(attempt, way, free, recover)
 
+    def _park(self, walk: Walk, target: LoadCase, u_last: Array, free: Array) -> Rest | None:
+        """The place where no bodies overlap and no force acts that is nearest; None if none is found.
+
+        Where contact slides far the gaps are those of the pairing at a place: the nearest one is looked
+        for with the gaps linear in the motion, as in `place`, and again with the pairing that is met
+        there. That nothing overlaps where nothing presses is an equilibrium, however it was found.
+        """
+        springs = pins(self.model, free)
+        twin, everywhere = self.model.with_springs(springs), np.ones(self.model.kin.m, dtype=bool)
+        Q, R = np.linalg.qr(self.model.motions.modes @ free)
+        centre = u_last
+        for _ in range(ROUNDS):
+            attempt, way = self._pulled(twin, springs * centre, walk, target, None, everywhere)
+            if not attempt.good:
+                return None
+            recover = Recovery.of(attempt)
+            u, gap = recover(), attempt.state.gap
+            seen = np.isfinite(gap)
+            normal = self.model.motions.seen_by(attempt.placement.kin).normal[seen]
+            A = np.linalg.solve(R.T, (normal @ free).T).T
+            y = nearest(A, -gap[seen], Q.T @ (u_last - u))
+            if y is None:
+                return None
+            size = max(self.model.system.extent, np.max(np.abs(u)))
+            if (
+                np.min(gap[seen], initial=0.0) >= -TOUCH * size
+                and np.max(np.abs(Q @ y)) <= TOUCH * size
+            ):
+                attempt = replace(attempt, case=target, seen=replace(attempt.seen, f=target.f))
+                return Rest(attempt, way, free, recover)
+            centre = centre + Q @ y
+        return None
+
     def _moved(self, motions: RigidMotions, free: Array) -> Mask:
         """Points whose gap, or modelled slip, these motions change."""
         moved = np.any(np.abs(motions.normal @ free) > NOTHING, axis=1)
@@ -254,11 +287,17 @@ class Indifference:
         return None if known is None else (carrying | tied, known, motions)
 
     def _pulled(
-        self, model: LinearModel, pull: Array, walk: Walk, target: LoadCase, known: State | None
+        self,
+        model: LinearModel,
+        pull: Array,
+        walk: Walk,
+        target: LoadCase,
+        known: State | None,
+        barred: Mask | None = None,
     ) -> tuple[Attempt, Walk]:
         """Advance under the load and the pull of springs that are moved, (n,)."""
         before = replace(walk, case=replace(walk.case, f=walk.case.f + pull))
-        return self._advance(model, None, before, replace(target, f=target.f + pull), known)
+        return self._advance(model, barred, before, replace(target, f=target.f + pull), known)
 
     def _advance(
         self, model: LinearModel, barred: Mask | None, walk: Walk, target: LoadCase, known: State | None

@@ -203,14 +203,14 @@ class Stepper:
             next_kin = without_points(geometry.at(u, case, placement.kin), lost)
             if number >= EDGE:
                 lost = lost | (placement.kin.paired & ~next_kin.paired)
-            mismatch = geometry.mismatch(placement, next_kin, attempt.state)
+            mismatch = geometry.mismatch(placement, next_kin, attempt.state, self.barred)
             if mismatch <= options.placement_tolerance:
                 # so far only the next pairing is alike: what counts is that of the answer itself
                 own = next_kin
                 if not plain:
                     own = geometry.at(geometry.spread(there), case, next_kin)
                     own = without_points(own, lost)
-                    mismatch = geometry.mismatch(placement, own, attempt.state)
+                    mismatch = geometry.mismatch(placement, own, attempt.state, self.barred)
                 if mismatch <= options.placement_tolerance:
                     return self._settled(walk, attempt, own, mismatch)
             start, known = "warm", attempt.state

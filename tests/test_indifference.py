@@ -59,14 +59,21 @@ def test_a_smooth_floor_leaves_the_place_along_it(linear):
 @pytest.mark.parametrize("friction", [None, sc.Coulomb(0.0), sc.Coulomb(0.4)], ids=str)
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("n", [1, 3])
-def test_a_block_in_a_gap_stays_where_it_is(n, linear, friction):
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+def test_a_block_in_a_gap_stays_where_it_is(n, linear, friction, sliding):
     """An unloaded block between a floor 0.01 below and a punch 0.02 above: it stays until the punch
     carries it along, is squeezed, and stays on the floor when the punch is withdrawn."""
     loose = block("loose", y=(0.01, 1.01), n=n)
     punch = block("punch", y=(1.03, 2.03), n=n, D="top")
     contacts = [
-        sc.Contact(loose.surface("bottom"), FLOOR, friction=friction, name="below"),
-        sc.Contact(punch.surface("bottom"), loose.surface("top"), friction=friction, name="above"),
+        sc.Contact(loose.surface("bottom"), FLOOR, friction=friction, sliding=sliding, name="below"),
+        sc.Contact(
+            punch.surface("bottom"),
+            loose.surface("top"),
+            friction=friction,
+            sliding=sliding,
+            name="above",
+        ),
     ]
     solver = sc.ContactSolver([loose, punch], contacts, linear=LINEAR[linear])
     down = np.isin(np.arange(punch.n), punch.basis.nodal_dofs[1]).astype(float)
