@@ -317,6 +317,7 @@ class _Rows:
             name: np.array(getattr(pairing, name))
             for name in ("normal", "gap", "area", "paired", "miss", "facet")
         }
+        self.values["vertex"] = np.full(len(pairing.gap), -1)
         self.weights: dict[int, tuple[tuple[Index, Array], tuple[Index, Array]]] = {}
 
     def of_own_vertex(self, node: int, met: _Met, k: int) -> None:
@@ -335,6 +336,7 @@ class _Rows:
         own = self.values["gap"][ends]
         there = int(np.argmax(N[:2]))
         if N[there] > 1 - END and own[there] <= met.gap[k] + END * self.secondary.lengths[met.facet[k]]:
+            self.values["vertex"][ends[there]] = vertex
             return  # the vertex lies at a node, whose own row says the same
         host = there if own[0] == own[1] else int(np.argmax(own))
         if met.gap[k] >= own[host]:
@@ -342,6 +344,7 @@ class _Rows:
         node = int(ends[host])
         self._write(node, (nodes, N), (np.array([vertex]), np.ones(1)), -met.normal[k], met, k)
         self.values["facet"][node] = corners.facet[met.corner[k]]
+        self.values["vertex"][node] = vertex
 
     def _write(
         self,

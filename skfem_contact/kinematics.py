@@ -69,6 +69,8 @@ class Kinematics:
         Angle between the two sides' normals [rad], see `Pairing.tilt`.
     corners : tuple of frozenset
         For each contact the vertices that carry by themselves, `Pairing.corners`.
+    vertex : ndarray of int, shape (m,)
+        The primary node whose row a point carries in place of its own; -1 where none.
     """
 
     B_n: csr_matrix
@@ -85,6 +87,7 @@ class Kinematics:
     action: Array
     offset: Array
     tilt: Array
+    vertex: NDArray[np.intp]
     corners: tuple[frozenset[tuple[int, int]], ...] = ()
 
     @property
@@ -167,6 +170,7 @@ def kinematics(
         action=_action(pairing),
         offset=_offset(contact, pairing),
         tilt=pairing.tilt,
+        vertex=np.full(len(pairing.gap), -1) if pairing.vertex is None else pairing.vertex,
         corners=(pairing.corners,),
     )
 
@@ -203,7 +207,7 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
     """All contacts in one numbering of points, in the order given."""
     if not parts:
         raise InputError("There is no contact: give at least one Contact.")
-    names = "gap0 area points normal tangent paired tied action offset tilt"
+    names = "gap0 area points normal tangent paired tied action offset tilt vertex"
     stacked = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names.split()}
     first = np.cumsum([0, *(part.m for part in parts)])
     heir = np.concatenate([k + part.heir for k, part in zip(first[:-1], parts, strict=True)])

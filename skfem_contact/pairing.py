@@ -61,6 +61,9 @@ class Pairing:
         Gaps are no less than this, whatever the weights say of them (`kinks`) [length].
     corners : frozenset
         Vertices that carry by themselves, see `corners.CornerContacts.names`.
+    vertex : ndarray of int, shape (m,), optional
+        The primary node whose row a point carries in place of its own (`corners`); -1 where it
+        carries its own. None where all do.
     """
 
     points: np.ndarray
@@ -80,6 +83,7 @@ class Pairing:
     primary_bulge: csr_matrix | None = None
     least_gap: np.ndarray | None = None
     corners: frozenset[tuple[int, int]] = frozenset()
+    vertex: np.ndarray | None = None
 
     @property
     def tilt(self) -> np.ndarray:

@@ -103,7 +103,7 @@ def natural_state(kin: Kinematics, surface: int) -> State:
     """Before any load: nothing is known to touch, no slip, no friction."""
     zero = np.zeros((kin.m, kin.tangents))
     none, status = np.zeros(surface), np.zeros(kin.m, dtype=int)
-    return State(status, zero, zero, np.zeros(kin.m), zero, kin.gap0, kin.area, none, none)
+    return State(status, zero, zero, np.zeros(kin.m), zero, kin.gap0, kin.area, none, none, kin.vertex)
 
 
 def as_guess(state: State) -> Guess:

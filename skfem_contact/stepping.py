@@ -134,7 +134,7 @@ class Stepper:
                     return attempt, walk
             if attempt.good:
                 if self.interface.laws:
-                    energy = friction_energy(self.interface, walk.state, attempt.state)
+                    energy = friction_energy(self.interface, attempt.start, attempt.state)
                     walk.energy = walk.energy + energy
                 walk.state, walk.case, done = attempt.state, here, aim
                 if done >= 1.0:
@@ -193,7 +193,7 @@ class Stepper:
             attempt = replace(attempt, outcome=outcome)
             if not attempt.good:
                 return attempt
-            attempt = self._travelled(walk, attempt, 1.0 if number else FAR)
+            attempt = self._travelled(attempt, 1.0 if number else FAR)
             if attempt.failure:
                 return attempt
             there = attempt.state.surface
@@ -212,23 +212,24 @@ class Stepper:
                     own = without_points(own, lost)
                     mismatch = geometry.mismatch(placement, own, attempt.state, self.barred)
                 if mismatch <= options.placement_tolerance:
-                    return self._settled(walk, attempt, own, mismatch)
+                    return self._settled(attempt, own, mismatch)
             start, known = "warm", attempt.state
             placement = self.place(next_kin, u)
         words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e})"
         return replace(attempt, mismatch=mismatch, failure=words)
 
-    def _settled(self, walk: Walk, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
+    def _settled(self, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
         """The attempt whose pairing is that of its own answer, with the gaps of that."""
         state = attempt.state
         gap = np.where(self.geometry.finite & (state.status == OPEN), own.gap0, state.gap)
         attempt = replace(attempt, mismatch=mismatch, state=replace(state, gap=gap))
-        return self._travelled(walk, attempt, 1.0)
+        return self._travelled(attempt, 1.0)
 
-    def _travelled(self, walk: Walk, attempt: Attempt, limit: float) -> Attempt:
+    def _travelled(self, attempt: Attempt, limit: float) -> Attempt:
         """Measure how far points slid, over what is allowed; refuse what is beyond a limit."""
-        closed = (attempt.state.status != OPEN) & (walk.state.status != OPEN) & self.geometry.finite
-        slid = np.linalg.norm(attempt.state.slip - walk.state.slip, axis=1)
+        last = attempt.start
+        closed = (attempt.state.status != OPEN) & (last.status != OPEN) & self.geometry.finite
+        slid = np.linalg.norm(attempt.state.slip - last.slip, axis=1)
         travel = 0.0
         for contact, part in zip(self.interface.contacts, self.interface.parts, strict=True):
             furthest = np.max(slid[part][closed[part]], initial=0.0)
@@ -250,8 +251,11 @@ class Stepper:
         callback: Callable[[Record], object] | None,
     ) -> Attempt:
         interface, options, kin = self.interface, self.options, placement.kin
+        # a vertex brings its history along to the point that carries its row now
+        last = walk.state.handed_on(kin.vertex, interface.parts)
+        known = known.handed_on(kin.vertex, interface.parts)
         with single_threaded():
-            seen = self.geometry.case(placement, case, walk.state, walk.case)
+            seen = self.geometry.case(placement, case, last, walk.case)
             load = placement.rows.load(seen)
             paired = kin.paired & (interface.tied | placement.able)
             if self.barred is not None:
@@ -267,7 +271,7 @@ class Stepper:
                 laws=interface.laws,
                 frictional=interface.frictional & paired & ~guided,
                 stiffness=interface.stiffness,
-                last=walk.state,
+                last=last,
                 rank=self.geometry.rank,
                 noise=NOISE * self._force_terms(case, placement),
             )
@@ -288,9 +292,9 @@ class Stepper:
                 outcome = replace(outcome, free=spent.free)  # its limits do not lag
             note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
             outcome = replace(outcome, trace=trace, coarse=guess.coarse, note=note)
-            state = self._state(step, outcome, walk, placement, load, case, seen)
+            state = self._state(step, outcome, walk.share, placement, load, case, seen)
         failure = "" if balanced(placement.motions, case.f, state, step.noise) else RAN_AWAY
-        return Attempt(outcome, placement, load, case, seen, walk.state, state, failure=failure)
+        return Attempt(outcome, placement, load, case, seen, last, state, failure=failure)
 
     def _force_terms(self, case: LoadCase, placement: Placement) -> float:
         """Largest load, or what moves of D make of the softest body's stiffness [force]."""
@@ -302,13 +306,13 @@ class Stepper:
         self,
         step: Step,
         outcome: Outcome,
-        walk: Walk,
+        share: float,
         placement: Placement,
         load: Any,
         case: LoadCase,
         seen: LoadCase,
     ) -> State:
-        it, last = outcome.iterate, walk.state
+        it, last = outcome.iterate, step.last
         response = it.response
         status, friction = it.status, response.tangential_force
         if step.laws:
@@ -330,7 +334,8 @@ class Stepper:
             response.gap,
             placement.kin.area,
             surface,
-            (surface - last.surface) / walk.share,
+            (surface - last.surface) / share,
+            placement.kin.vertex,
         )
 
 

@@ -170,3 +170,34 @@ def densely(polygon, parts=8):
     """Points along a closed polygon."""
     s = np.arange(parts)[:, None, None] / parts
     return ((1 - s) * polygon + s * np.roll(polygon, -1, axis=0)).reshape(-1, 2)
+
+
+def wedge(secondary="block", method="node", friction=None, facet=FACET):
+    """Solver of a stiff wedge whose 90 degree vertex, at (0.34, 0), is dragged over a flat block.
+
+    Returns also what moves the wedge to the right and down.
+    """
+    low = rectangle(np.linspace(0, 1, round(1 / facet) + 1), np.linspace(-0.5, 0, 6))
+    upright = rectangle(np.linspace(0, 0.3, 4), np.linspace(0, 0.3, 4)).mesh
+    turn = np.sqrt(0.5) * np.array([[1, -1], [1, 1]])
+    mesh = fem.MeshQuad(turn @ upright.p + np.array([[0.34], [0.0]]), upright.t)
+    middle = 0.3 * np.sqrt(0.5)
+    tags = {
+        "under": mesh.facets_satisfying(lambda x: x[1] < middle, True),
+        "over": mesh.facets_satisfying(lambda x: x[1] > middle, True),
+    }
+    tool = fem.Basis(mesh.with_boundaries(tags), QUAD, intorder=2)
+    a = sc.Body(low, elastic(1.0), D="bottom", name="block")
+    b = sc.Body(tool, elastic(1e3), D="over", name="wedge")
+    sides = [a.surface("top"), b.surface("under")]
+    if secondary != "block":
+        sides.reverse()
+    contact = sc.Contact(*sides, friction=friction, method=method, sliding="finite", name="c")
+
+    def put(right, down):
+        moved = np.zeros(tool.N)
+        for i, value in enumerate((right, -down)):
+            moved[b.D[np.isin(b.D, tool.nodal_dofs[i])]] = value
+        return {"x": {"wedge": moved}}
+
+    return sc.ContactSolver([a, b], contact), put

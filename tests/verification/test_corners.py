@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
-from corner_scenes import CORNER, FACET, overlap, path, scene
+from corner_scenes import CORNER, FACET, overlap, path, scene, wedge
 from sliding_scenes import dragged_block, travel
 
 import skfem_contact as sc
@@ -143,3 +143,38 @@ def test_flat_tracks_and_rounded_tools_are_silent():
     results = list(solver.history([put(*place) for place in path("straight", 2)[1:3]]))
     assert max(r.normal_force.max() for r in results) > 0
     assert not any(r.watched.intrusions for r in results)
+
+
+class Weakening(sc.FrictionLaw):
+    """A coefficient that falls from 0.4 to 0.2 while a point slips by 0.1."""
+
+    def limit(self, normal_force, area, slip):
+        return (0.4 - 2 * np.minimum(np.abs(slip[:, 0]), 0.1)) * normal_force
+
+    def slope(self, normal_force, area, slip):
+        return 0.4 - 2 * np.minimum(np.abs(slip[:, 0]), 0.1)
+
+
+@pytest.mark.parametrize("method", ["node", "mortar"])
+@pytest.mark.parametrize("law", [sc.Coulomb(0.3, stiffness=0.02), Weakening()], ids=["G", "slip"])
+def test_friction_goes_along_with_a_vertex(law, method):
+    """A wedge dragged over three facets of a block: its friction is that of one point that slips on.
+
+    The row of the vertex is that of one node of the block after the other. What friction remembers
+    goes with it: the forces are those with the sides exchanged, where the vertex is a node of its own.
+    """
+    way = np.linspace(0, 0.3, 16)
+    answers = []
+    for secondary in ("block", "wedge"):
+        solver, put = wedge(secondary, method, law)
+        results = list(solver.history([put(right, 0.004) for right in way]))
+        answers.append(np.array([r.force if secondary == "wedge" else -r.force for r in results]))
+        hosts = {int(np.argmax(r.normal_force)) for r in results}
+        assert len(hosts) >= (3 if secondary == "block" else 1)
+    one, other = answers
+    # pairings are iterated to 1e-4 of the largest force
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-4 * np.abs(other).max())
+    ratio = np.abs(one[:, 0] / one[:, 1])
+    # the block tilts below the wedge, by 0.01; Coulomb's bound is reached once, and kept to
+    expected = 0.3 if isinstance(law, sc.Coulomb) else 0.4 - 2 * np.minimum(way, 0.1)
+    np.testing.assert_allclose(ratio[3:], np.broadcast_to(expected, ratio.shape)[3:], atol=0.01)
