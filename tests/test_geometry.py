@@ -13,18 +13,19 @@ from skfem.models.elasticity import linear_elasticity
 import skfem_contact as sc
 
 
-def block(x, y, name, D):
+def block(x, y, name, D, angle=0.0):
+    """A rectangle turned by an angle, with sides named as they were before."""
     mesh = fem.MeshQuad.init_tensor(np.asarray(x, float), np.asarray(y, float)).with_defaults()
-    return sc.Body(
-        fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1())), linear_elasticity(), D=D, name=name
-    )
+    c, s = np.cos(angle), np.sin(angle)
+    turned = fem.MeshQuad(np.array([[c, -s], [s, c]]) @ mesh.p, mesh.t)
+    basis = fem.Basis(turned.with_boundaries(mesh.boundaries), fem.ElementVector(fem.ElementQuad1()))
+    return sc.Body(basis, linear_elasticity(), D=D, name=name)
 
 
-@pytest.fixture(scope="module")
-def slid():
+def slid_on(angle):
     """One facet on a track of facets of length one, and slid along it by 0.2: node by node."""
-    track = block([-1, 0, 1, 2, 3], [-1, 0], "track", "bottom")
-    punch = block([0.25, 1.25], [0, 1], "punch", "top")
+    track = block([-1, 0, 1, 2, 3], [-1, 0], "track", "bottom", angle)
+    punch = block([0.25, 1.25], [0, 1], "punch", "top", angle)
     contact = sc.Contact(
         punch.surface("bottom"),
         track.surface("top"),
@@ -34,11 +35,15 @@ def slid():
     )
     solver = sc.ContactSolver([track, punch], [contact])
     u = np.zeros(solver.system.n)
-    u[solver.system.slice("punch")] = punch.basis.project(
-        lambda x: np.stack([0.2 + 0 * x[0], 0 * x[0]])
-    )
+    way = 0.2 * np.array([np.cos(angle), np.sin(angle)])
+    u[solver.system.slice("punch")] = way[punch.dof_component]
     case = solver._load_step.reader.unloaded()
     return solver.geometry, SimpleNamespace(kin=solver.kin), solver.geometry.at(u, case)
+
+
+@pytest.fixture(scope="module")
+def slid():
+    return slid_on(0.0)
 
 
 def state(normal, tangential):
@@ -65,3 +70,12 @@ def test_gaps_count_where_no_force_moves(slid):
     """Without forces only gaps are left, and there are none."""
     geometry, placement, new = slid
     assert geometry.mismatch(placement, new, state([0.0, 0.0], [0.0, 0.0])) == 0.0
+
+
+def test_friction_and_pressure_are_the_parts_of_one_force():
+    """On a track inclined by 0.5 the force on a point is ``p n - tau t``, and 0.2 of it move on."""
+    geometry, placement, new = slid_on(0.5)
+    normal, tangent = np.array([-np.sin(0.5), np.cos(0.5)]), -np.array([np.cos(0.5), np.sin(0.5)])
+    for friction in (0.5, -0.5):
+        found = geometry.mismatch(placement, new, state([1.0, 0.0], [friction, 0.0]))
+        assert_allclose(found, 0.2 * np.abs(normal - friction * tangent).max(), rtol=1e-9)

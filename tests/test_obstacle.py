@@ -204,11 +204,20 @@ def test_a_level_set_that_is_nowhere_has_no_partner(function):
 
 
 def test_what_is_paired_with_a_level_set_is_at_its_closest_point():
-    """Above the edge of a diamond Newton's method ends on the continuation of a face: no partner."""
+    """Beyond the vertices of a diamond Newton's method may end on the continuation of a face, which is
+    on the surface but at no closest point: no partner."""
     pairing = LevelSet(lambda x: np.abs(x[0]) + np.abs(x[1]) - 0.5).pair(FLOOR)
-    x, y = FLOOR.points.T
-    # over a face the distance is that of the face, within the cone of the vertex that of the vertex
-    over_face = np.abs(x) >= np.abs(y) - 0.5
-    distance = np.where(over_face, (np.abs(x) + y - 0.5) / np.sqrt(2), np.hypot(x, y - 0.5))
-    assert pairing.paired[over_face & (np.abs(x) < 1.4)].all()
+    x, y = np.abs(FLOOR.points.T)
+    # the nearest point of the face between the vertices (0.5, 0) and (0, 0.5)
+    along = np.clip(0.5 + y - x, 0.0, 1.0)
+    distance = np.hypot(x - 0.5 * (1 - along), y - 0.5 * along)
+    over_face = x >= y - 0.5
+    assert pairing.paired[over_face & (x < 1.4)].all()
     np.testing.assert_allclose(pairing.gap[pairing.paired], distance[pairing.paired], atol=1e-8)
+
+
+@pytest.mark.parametrize(("height", "meets"), [(2.9, True), (3.1, False)])
+def test_level_sets_are_looked_for_as_deep_as_half_the_surface(height, meets):
+    """A surface of length 4 at the height 1: an overlap of 1.9 counts, one of 2.1 is another side."""
+    pairing = LevelSet(lambda x: x[1] - height).pair(FLOOR)
+    assert pairing.paired.all() if meets else not pairing.paired.any()

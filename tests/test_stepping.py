@@ -215,6 +215,14 @@ def test_an_interference_of_a_step_replaces_that_of_the_contact():
     assert_allclose(result.pressure, 0.012 / 0.5, rtol=1e-12)
 
 
+def test_a_number_leaves_the_interference_of_a_step_as_it_is():
+    """A factor is on loads and prescribed displacements alone, whichever interference there is."""
+    steps = [{"interference": {"joint": 1e-3}}, 0.5, {"interference": {"joint": 2e-3}}, 1.0]
+    overlaps = [0.011, 0.006, 0.007, 0.012]
+    for result, overlap in zip(pressed(interference=4e-3).history(steps), overlaps, strict=True):
+        assert_allclose(result.pressure, overlap / 0.5, rtol=1e-12)
+
+
 def test_a_number_leaves_obstacles_where_they_are():
     """A factor is on loads and prescribed displacements; a floor that has risen stays where it is."""
     steps = [{"motion": {"floor": (0, 2e-3)}}, 0.5, {"motion": {"floor": (0, 0)}}, 1.0]
