@@ -39,7 +39,7 @@ from sheared import Sheared  # noqa: E402
 from smooth_contacts import Blocks  # noqa: E402
 
 import skfem_contact as sc  # noqa: E402
-from skfem_contact.facets import facet_shapes  # noqa: E402
+from skfem_contact.bodies.facets import facet_shapes  # noqa: E402
 from skfem_contact.reference import (  # noqa: E402
     cattaneo_mindlin,
     effective_modulus,

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "verification"))
 from test_tied import Waves, errors
 from unlike_meshes import UnlikeBlocks
 
-from skfem_contact.discretisation import pair
+from skfem_contact.conditions.discretisation import pair
 
 
 def tied_table() -> None:

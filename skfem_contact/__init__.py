@@ -8,39 +8,38 @@ A scikit-fem script has bases, a stiffness and a load; five lines more and its b
     result = sc.ContactSolver([block, punch], [contact]).solve()
     print(result)
 
-The modules stand in the order of the theory, and each imports only from those above it:
+The packages stand in the order of the theory, and each imports only from those above it:
 
-* what the user gives: `errors`, `arguments`, `sealed`, `carried`, `inputs`, `selection`, `body`,
-  `system`, `facets`, `normals`, `surface`;
-* what meets what: `search`, `projection`, `closest`, `strips`, `segmentation`, `supports`, `kinks`,
-  `facing`, `pairing`, `dual`, `smooth`, `mortar`, `corners`, `frames`, `pairing_diagnosis`,
-  `obstacle`, `rigid_shapes`, `level_set`;
-* the contact conditions: `friction`, `checked_law`, `contact`, `discretisation`, `loads`,
-  `kinematics`, `diagnosis`, `interface`, `identity`, `rigid`, `statics`, `pivoting`,
-  `constraint_inputs`, `constraint`, `elimination`, `skfem_solve`, `constraint_rows`;
-* linear algebra: `threads`, `singular`, `ordering`, `fronts`, `front_assembly`, `multifrontal`,
-  `backend`, `amg`, `linear`, `spaces`, `points`, `substructure`, `sparse_route`, `condensation`;
-* iterations: `states`, `guided`, `rules`, `anderson`, `loops`, `geometry`, `lemke`;
-* answers: `fields`, `rotation`, `support`, `drift`, `overlap`, `skin`, `meeting`, `intrusion`,
-  `watch`, `certificate`, `uniqueness`, `misfit`, `surface_error`, `body_error`, `estimate`,
-  `validity`, `contact_values`, `result`;
-* the way through a load history: `driver`, `linear_model`, `nested`, `starts`, `attempt`,
-  `stepping`, `steps`, `checkpoint`, `recovery`, `indifference`, `load_step`,
-  `yielded`, `solver`;
-* what is shown: `report`, `stress`, `io`, `drawing`, `plot_bodies`, `plot_contacts`.
+* `bodies`: what the user gives;
+* `pairing`, `obstacles`: what meets what;
+* `conditions`: gaps, slips, friction, loads;
+* `elimination`: constraints, ``u = T u_r + c``;
+* `linalg`: linear solvers;
+* `problem`: bodies reduced to gaps, slips and forces of the contact points;
+* `loops`: the nonlinear iterations;
+* `answers`: results, their certificate, validity and error;
+* `history`: load steps and the solver;
+* `output`: pictures and files.
 
-Closed forms to compare with are in `reference`, which needs none of these.
+All of them use `errors`, `arguments` (checks of what users pass), `sealed` (arrays that do not change)
+and `carried` (functions in files and processes). Closed forms to compare with are in `reference`, which
+needs none of these.
 """
 
-from skfem_contact.amg import AMG
-from skfem_contact.body import Body
-from skfem_contact.certificate import Certificate
-from skfem_contact.checkpoint import SavedState, save_state
-from skfem_contact.constraint import AffineConstraint
-from skfem_contact.constraint_rows import ConstraintRows, contact_rows
-from skfem_contact.contact import Contact
-from skfem_contact.driver import Options
-from skfem_contact.elimination import eliminate
+from skfem_contact.answers.certificate import Certificate
+from skfem_contact.answers.error.sources import ErrorEstimate, ErrorSources
+from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.validity.validity import ContactValidity, Validity
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import System, stack
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.elimination.condense import condense
+from skfem_contact.elimination.constraint import AffineConstraint
+from skfem_contact.elimination.eliminate import eliminate
+from skfem_contact.elimination.rows import ConstraintRows, contact_rows
 from skfem_contact.errors import (
     ConstraintError,
     ContactError,
@@ -49,22 +48,17 @@ from skfem_contact.errors import (
     NoEquilibrium,
     NotConverged,
 )
-from skfem_contact.estimate import ErrorEstimate, ErrorSources
-from skfem_contact.friction import Coulomb, FrictionLaw, Tresca
-from skfem_contact.io import write, write_series
-from skfem_contact.kinematics import Kinematics
-from skfem_contact.level_set import LevelSet
-from skfem_contact.linear import Direct
-from skfem_contact.plot_bodies import plot_deformed
-from skfem_contact.plot_contacts import plot_contact, plot_history
-from skfem_contact.result import ContactResult
-from skfem_contact.rigid_shapes import RigidCylinder, RigidPlane, RigidSphere
-from skfem_contact.skfem_solve import condense
-from skfem_contact.solver import ContactSolver
-from skfem_contact.stress import nodal_stress, von_mises
-from skfem_contact.surface import ContactSurface
-from skfem_contact.system import System, stack
-from skfem_contact.validity import ContactValidity, Validity
+from skfem_contact.history.checkpoint import SavedState, save_state
+from skfem_contact.history.solver import ContactSolver
+from skfem_contact.linalg.amg import AMG
+from skfem_contact.linalg.direct import Direct
+from skfem_contact.loops.driver import Options
+from skfem_contact.obstacles.level_set import LevelSet
+from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
+from skfem_contact.output.plot_bodies import plot_deformed
+from skfem_contact.output.plot_contacts import plot_contact, plot_history
+from skfem_contact.output.stress import nodal_stress, von_mises
+from skfem_contact.output.vtk import write, write_series
 
 __all__ = [
     "AMG",

@@ -6,10 +6,7 @@ means, and what to try, naming the argument.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from skfem_contact.result import ContactResult
+from typing import Any
 
 
 class ContactWarning(UserWarning):
@@ -27,7 +24,7 @@ class ContactError(Exception):
         has them too, KeyboardInterrupt included.
     """
 
-    results: tuple[ContactResult, ...] = ()
+    results: tuple[Any, ...] = ()
 
 
 class InputError(ContactError, ValueError):
@@ -66,7 +63,7 @@ class NoEquilibrium(ContactError):
         message: str,
         bodies: tuple[str, ...] = (),
         motion: str = "",
-        result: ContactResult | None = None,
+        result: Any = None,
     ) -> None:
         super().__init__(message)
         self.bodies = bodies
@@ -83,6 +80,6 @@ class NotConverged(ContactError):
         The best iterate, with its certificate.
     """
 
-    def __init__(self, message: str, result: ContactResult | None = None) -> None:
+    def __init__(self, message: str, result: Any = None) -> None:
         super().__init__(message)
         self.result = result

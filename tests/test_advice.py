@@ -11,7 +11,7 @@ import skfem as fem
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.estimate import _advice
+from skfem_contact.answers.error.estimate import _advice
 
 
 def block(name, y, n, E, width=1.0, **data):

@@ -94,7 +94,7 @@ def test_dense_problem_keeps_one_matrix(blocks: Any) -> None:
 
 def test_supported_bodies_are_not_asked_for_springs(blocks: Any, monkeypatch: Any) -> None:
     """Whether K holds a body is of interest only where its supports do not."""
-    import skfem_contact.rigid as rigid
+    import skfem_contact.conditions.motions as rigid
 
     asked = []
     real = rigid._resistance

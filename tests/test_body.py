@@ -10,9 +10,9 @@ from skfem.models.elasticity import linear_elasticity
 from skfem.models.poisson import laplace
 
 from skfem_contact import Contact, ContactSolver, RigidPlane
-from skfem_contact.body import Body
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.system import stack
 from skfem_contact.errors import InputError
-from skfem_contact.system import stack
 
 ELASTIC = linear_elasticity()
 MESH = fem.MeshQuad().refined(2).with_defaults()

@@ -14,7 +14,7 @@ import skfem as fem
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.certificate import Certificate, certify
+from skfem_contact.answers.certificate import Certificate, certify
 
 # Answers are exact to round-off of the condition number of bodies of some hundred DOFs.
 SOLVED = 1e-11

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.checked_law import CheckedLaw
+from skfem_contact.conditions.checked_law import CheckedLaw
 
 LOOPS = ["newton", "direct", "fictitious"]
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.condensation import ContactDofRows, PointRows
+from skfem_contact.problem.condensed import ContactDofRows, PointRows
 
 MESH = {"Q1": (fem.MeshQuad, fem.ElementQuad1), "P1": (fem.MeshTri, fem.ElementTriP1)}
 
@@ -149,7 +149,7 @@ def test_rows_that_depend_on_each_other(make, mu, monkeypatch):
     if make is chain:
         with pytest.raises(sc.InputError, match="pair the same facets, the one from one side"):
             make(mu=mu)
-        monkeypatch.setattr("skfem_contact.solver.check_passes", lambda *_: None)
+        monkeypatch.setattr("skfem_contact.history.solver.check_passes", lambda *_: None)
     dense, sparse = make(mu=mu), make(mu=mu, linear=sc.Direct())
     assert isinstance(dense.linear_model.place(None, None).rows, ContactDofRows)
     a, b = dense.solve(), sparse.solve()

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from skfem_contact.constraint import AffineConstraint
-from skfem_contact.elimination import eliminate
+from skfem_contact.elimination.condense import condense
+from skfem_contact.elimination.constraint import AffineConstraint
+from skfem_contact.elimination.eliminate import eliminate
+from skfem_contact.elimination.pivoting import find_pivots
 from skfem_contact.errors import ConstraintError, InputError
-from skfem_contact.pivoting import find_pivots
-from skfem_contact.skfem_solve import condense
 
 # Systems below are well conditioned (< 1e3) and of order one: what elimination and the dense
 # oracle lose is round-off times that.

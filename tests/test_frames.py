@@ -12,10 +12,10 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.discretisation import pair
-from skfem_contact.frames import plane_moduli
-from skfem_contact.mortar import dual_mortar
-from skfem_contact.pairing import node_to_segment
+from skfem_contact.conditions.discretisation import pair
+from skfem_contact.pairing.frames import plane_moduli
+from skfem_contact.pairing.mortar import dual_mortar
+from skfem_contact.pairing.node import node_to_segment
 
 ELEMENTS = {
     "P1": (fem.MeshTri, fem.ElementTriP1),

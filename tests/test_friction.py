@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse import csr_matrix
 
 from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
-from skfem_contact.friction import return_map, tangential_matrix
+from skfem_contact.conditions.friction import return_map, tangential_matrix
 
 size = st.floats(0.0, 1e3)
 

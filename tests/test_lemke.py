@@ -10,9 +10,9 @@ import skfem as fem
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact import lemke as module
-from skfem_contact import starts
-from skfem_contact.lemke import lemke
+from skfem_contact.loops import lemke as module
+from skfem_contact.loops import starts
+from skfem_contact.loops.lemke import lemke
 
 
 def is_solution(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> bool:

@@ -14,13 +14,13 @@ from scipy.sparse.linalg import spsolve
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 from skfem.utils import solver_direct_scipy, solver_iter_pcg
 
-from skfem_contact import threads
-from skfem_contact.amg import AMG
-from skfem_contact.backend import Backend, LinearSolveError
 from skfem_contact.errors import ContactError, InputError
-from skfem_contact.linear import Dense, Direct, FromSolver, as_linear_solver
-from skfem_contact.singular import SingularMatrix
-from skfem_contact.threads import single_threaded
+from skfem_contact.linalg import threads
+from skfem_contact.linalg.amg import AMG
+from skfem_contact.linalg.backend import Backend, LinearSolveError
+from skfem_contact.linalg.direct import Dense, Direct, FromSolver, as_linear_solver
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.linalg.threads import single_threaded
 
 
 def modes_of(points: np.ndarray) -> np.ndarray:

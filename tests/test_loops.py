@@ -14,17 +14,18 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact import Coulomb, Options
-from skfem_contact.anderson import Anderson
-from skfem_contact.checked_law import CheckedLaw
-from skfem_contact.driver import drive
-from skfem_contact.loops import Pace, direct, fictitious, newton
-from skfem_contact.points import PointSpace
-from skfem_contact.rigid import RigidMotions
-from skfem_contact.rules import disagreement, hold, propose
-from skfem_contact.singular import SingularMatrix
-from skfem_contact.spaces import Conditions, Load
-from skfem_contact.starts import natural_state
-from skfem_contact.states import OPEN, SLIP, STICK, Guess, Step
+from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.motions import RigidMotions
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.anderson import Anderson
+from skfem_contact.loops.driver import drive
+from skfem_contact.loops.loops import Pace, direct, fictitious, newton
+from skfem_contact.loops.rules import disagreement, hold, propose
+from skfem_contact.loops.starts import natural_state
+from skfem_contact.loops.step import Guess, Step
+from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.spaces import Conditions, Load
 
 LOOPS = {"newton": newton, "direct": direct, "fictitious": fictitious}
 K_N, K_T, MU = 4.0, 3.0, 0.5

@@ -14,12 +14,12 @@ from numpy.testing import assert_allclose
 from scipy.sparse import csr_matrix
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from skfem_contact import dual
-from skfem_contact.body import Body
-from skfem_contact.discretisation import carriers
-from skfem_contact.dual import dual_basis
+from skfem_contact.bodies.body import Body
+from skfem_contact.conditions.discretisation import carriers
 from skfem_contact.errors import InputError
-from skfem_contact.mortar import dual_mortar
+from skfem_contact.pairing import dual
+from skfem_contact.pairing.dual import dual_basis
+from skfem_contact.pairing.mortar import dual_mortar
 
 ELEMENTS = {
     "P1": fem.ElementTriP1,

@@ -17,10 +17,10 @@ from scipy.spatial import Delaunay
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from skfem_contact.errors import InputError
-from skfem_contact.fronts import analyse, find_runs
-from skfem_contact.multifrontal import MultifrontalCholesky, estimate
-from skfem_contact.ordering import _halves, dissect, dissection_order
-from skfem_contact.singular import NotPositiveDefinite
+from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, estimate
+from skfem_contact.linalg.multifrontal.fronts import analyse, find_runs
+from skfem_contact.linalg.multifrontal.ordering import _halves, dissect, dissection_order
+from skfem_contact.linalg.singular import NotPositiveDefinite
 
 
 def irregular(dim: int) -> fem.Mesh:

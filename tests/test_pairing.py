@@ -13,14 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
-from skfem_contact.body import Body
-from skfem_contact.closest import END, FACING
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.facets import facet_shapes
+from skfem_contact.bodies.projection import project
 from skfem_contact.errors import InputError
-from skfem_contact.facets import facet_shapes
-from skfem_contact.mortar import dual_mortar
-from skfem_contact.pairing import node_to_segment
-from skfem_contact.pairing_diagnosis import diagnose
-from skfem_contact.projection import project
+from skfem_contact.pairing.closest import END, FACING
+from skfem_contact.pairing.diagnosis import diagnose
+from skfem_contact.pairing.mortar import dual_mortar
+from skfem_contact.pairing.node import node_to_segment
 
 
 def body(mesh, element=None, name=None):

@@ -13,8 +13,8 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.drawing import arc_length
-from skfem_contact.plot_bodies import auto_scale
+from skfem_contact.output.drawing import arc_length
+from skfem_contact.output.plot_bodies import auto_scale
 
 matplotlib = pytest.importorskip("matplotlib")
 matplotlib.use("Agg")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from skfem_contact.points import PointSpace, Reduction
-from skfem_contact.spaces import Conditions, Load
+from skfem_contact.problem.points import PointSpace, Reduction
+from skfem_contact.problem.spaces import Conditions, Load
 
 m = 60  # of them 10 closed: enough for the reduction to be worth its while
 

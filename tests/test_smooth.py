@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.kinematics import kinematics
-from skfem_contact.mortar import dual_mortar
-from skfem_contact.pairing import gap_vectors
+from skfem_contact.conditions.kinematics import kinematics
+from skfem_contact.pairing.mortar import dual_mortar
+from skfem_contact.pairing.node import gap_vectors
 
 
 def body(outline, *, element=None, shrunk=0.5, name="body"):

@@ -9,10 +9,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.sparse import csr_matrix
 
-from skfem_contact.linear import Direct
-from skfem_contact.points import PointSpace, dense_solver
-from skfem_contact.singular import SingularMatrix
-from skfem_contact.spaces import Conditions, Load, SparseSpace
+from skfem_contact.linalg.direct import Direct
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.problem.points import PointSpace, dense_solver
+from skfem_contact.problem.spaces import Conditions, Load, SparseSpace
 
 
 class Problem:

@@ -11,9 +11,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact import starts, stepping
-from skfem_contact.starts import as_guess
-from skfem_contact.states import SLIP, STICK
+from skfem_contact.conditions.state import SLIP, STICK
+from skfem_contact.history import stepping
+from skfem_contact.loops import starts
+from skfem_contact.loops.starts import as_guess
 
 
 def scene(**settings):

@@ -1,4 +1,4 @@
-"""The modules stand in the order of the theory: each imports only from those above it."""
+"""The packages stand in the order of the theory: each imports only from those above it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 import skfem_contact
 
@@ -14,32 +16,77 @@ ROOT = Path(skfem_contact.__file__).parent
 LISTED = re.findall(
     r"`(\w+)`", skfem_contact.__doc__.split("each imports only from those above it:")[1]
 )
-ORDER = [name for name in LISTED if name != "reference"]
+COMMON = ("errors", "arguments", "sealed", "carried")
+ORDER = [name for name in LISTED if name not in (*COMMON, "reference")]
+MODULES = sorted(
+    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    for path in ROOT.rglob("*.py")
+    if path.name != "__init__.py"
+)
 
 
-def imports(path):
-    """Modules of this package that a file imports when it is imported itself."""
+def imports(name):
+    """Modules of this library that one imports, wherever: on top, in functions, for types."""
     found = set()
-    for node in ast.parse(path.read_text()).body:
+    path = ROOT.joinpath(*name.split(".")).with_suffix(".py")
+    for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("skfem_contact"):
-            _, *inside = node.module.split(".")
-            found |= {inside[0]} if inside else {alias.name for alias in node.names}
+            inside = node.module.removeprefix("skfem_contact").removeprefix(".")
+            named = {".".join(filter(None, (inside, alias.name))) for alias in node.names}
+            here = {inside} if inside in MODULES else named & set(MODULES)
+            assert here, f"{name} imports from {node.module}, which is not a module of this library"
+            found |= here
     return found
 
 
-def test_every_module_is_listed_once():
-    """The list of modules in the package's docstring is complete and has none that do not exist."""
-    assert sorted(ORDER) == sorted(path.stem for path in ROOT.glob("*.py") if path.stem != "__init__")
+def test_every_package_is_listed_once():
+    """The list of packages in the docstring is complete and has none that do not exist."""
+    packages = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"reference"}
+    assert sorted(ORDER) == sorted(packages)
+    assert sorted(COMMON) == sorted(path.stem for path in ROOT.glob("*.py") if path.stem != "__init__")
 
 
-@pytest.mark.parametrize("name", ORDER)
-def test_modules_import_only_from_those_above(name):
-    """No module depends on one that comes later; what functions import when called does not count."""
-    above = set(ORDER[: ORDER.index(name)])
-    assert imports(ROOT / f"{name}.py") <= above
+@pytest.mark.parametrize("package", ORDER)
+def test_packages_import_only_from_those_above(package):
+    """No package depends on one that comes later, not in a function and not for a type."""
+    above = {*COMMON, *ORDER[: ORDER.index(package) + 1]}
+    for name in MODULES:
+        if name.split(".")[0] == package:
+            assert {other.split(".")[0] for other in imports(name)} <= above, name
+
+
+@pytest.mark.parametrize("name", COMMON)
+def test_what_all_packages_use_needs_none_of_them(name):
+    """Errors and checks of arguments stand below all packages."""
+    assert imports(name) <= set(COMMON)
+
+
+def test_no_circle_is_larger_than_two_files():
+    """Two modules may know of each other, as a body and its surface do; three may not."""
+    number = {name: i for i, name in enumerate(MODULES)}
+    arrows = [(number[a], number[b]) for a in MODULES for b in imports(a)]
+    rows, columns = zip(*arrows, strict=True)
+    graph = coo_array(([1] * len(arrows), (rows, columns)), shape=(len(MODULES),) * 2)
+    _, circle = connected_components(graph, connection="strong")
+    together = {c: [m for m in MODULES if circle[number[m]] == c] for c in set(circle)}
+    assert [names for names in together.values() if len(names) > 2] == []
+
+
+@pytest.mark.parametrize(
+    "package", sorted(p.parent for p in ROOT.rglob("*/__init__.py")), ids=lambda p: p.name
+)
+def test_a_package_says_what_is_in_it(package):
+    """The docstring of each package names all its modules and packages, and nothing else."""
+    if package.name == "reference":
+        return
+    text = ast.get_docstring(ast.parse((package / "__init__.py").read_text()))
+    inside = {path.stem for path in package.glob("*.py")} - {"__init__"}
+    inside |= {path.parent.name for path in package.glob("*/__init__.py")}
+    assert set(re.findall(r"`(\w+)`", text)) == inside
 
 
 def test_closed_forms_depend_on_nothing():
     """The closed forms are independent of what they are compared with."""
-    for path in (ROOT / "reference").glob("*.py"):
-        assert imports(path) <= {"reference", "errors"}
+    for name in MODULES:
+        if name.startswith("reference."):
+            assert {other.split(".")[0] for other in imports(name)} <= {"reference", "errors"}

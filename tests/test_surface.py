@@ -7,9 +7,9 @@ import pytest
 import scipy.sparse as sp
 import skfem as fem
 
-from skfem_contact.body import Body
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.errors import InputError
-from skfem_contact.facets import facet_shapes
 
 
 def body(mesh, element=None, **options):

@@ -17,7 +17,7 @@ from scenes import elastic
 from unlike_meshes import KINDS, named_sides
 
 import skfem_contact as sc
-from skfem_contact.normals import kink_angles
+from skfem_contact.bodies.normals import kink_angles
 
 # contact ends within a facet of the lower block, this part of the width; .3 to 6 % are measured
 EDGE = 0.07

@@ -18,9 +18,9 @@ from scenes import UPRIGHT, Pose, block_basis, elastic, field, stress_load, weig
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 import skfem_contact as sc
-from skfem_contact.discretisation import pair
-from skfem_contact.friction import tangential_matrix
-from skfem_contact.kinematics import join, kinematics
+from skfem_contact.conditions.discretisation import pair
+from skfem_contact.conditions.friction import tangential_matrix
+from skfem_contact.conditions.kinematics import join, kinematics
 
 
 def even(n, start=0.0, length=1.0):

@@ -244,7 +244,7 @@ def test_a_roller_creeps_before_it_slides():
 
 def test_turns_of_an_obstacle_add_up_whatever_the_centre():
     """A motion is the same one about another centre, and a spin slides by the length of the arc."""
-    from skfem_contact.loads import Motion
+    from skfem_contact.conditions.loads import Motion
 
     a = Motion(np.array([0.3, -0.2]), 0.7, np.array([1.0, 2.0]))
     b = a.about(np.array([-4.0, 0.5]))

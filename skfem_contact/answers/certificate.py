@@ -1,0 +1,246 @@
+r"""The certificate: how well an answer satisfies the equations, measured from the answer itself.
+
+All numbers are dimensionless. Forces are divided by the largest force in the problem (load, contact
+or reaction), lengths by the extent of the bodies. Where unloaded bodies move rigidly, all forces are
+round-off and nothing to divide by: the scale is then `FLOOR` of the terms that cancel in ``K u``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.friction import return_map
+from skfem_contact.conditions.state import OPEN
+
+Array = NDArray[np.float64]
+
+#: Forces below this part of the terms of ``K u`` are no scale: their own round-off is 1e-10 of it.
+FLOOR = 1e-6
+
+#: Without a load, forces below this part of the terms of ``K u`` are what cancelling them leaves.
+ROUND_OFF = 1e-10
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Dimensionless residuals of an answer; round-off where everything holds.
+
+    Attributes
+    ----------
+    equilibrium : float
+        Largest entry of ``K u - f - B_n' lambda + B_t' tau`` on free DOFs, over the largest force.
+    penetration : float
+        Deepest overlap of any point, over the extent of the bodies.
+    complementarity : float
+        Largest ``lambda |g|``, over the largest force times the extent.
+    tension : float
+        Largest tensile force at a unilateral point, over the largest force.
+    friction : float
+        Largest violation of the friction law, over the largest contact force: a force beyond its
+        bound, one below it at a point that slips, or one that is not along its slip.
+    force_balance : float
+        Resultant of all loads, reactions and obstacle forces, over the sum of their sizes.
+    moment_balance : float
+        The same for moments about the centre, less the two known terms below. NaN for axisymmetric
+        and scalar problems, which have no moments.
+    moment_gap : float
+        Moment of friction acting across initial gaps: small-sliding kinematics moves it along the
+        normal. Over the sum of the forces times the extent.
+    moment_normal : float
+        Moment of normal forces whose normal is not that of the facet itself, scaled the same way.
+    placement : float
+        With ``sliding="finite"``: gaps of closed points on the pairing of the answer itself over the
+        extent, or the change of the contact forces' distribution, whichever is larger.
+    """
+
+    equilibrium: float
+    penetration: float
+    complementarity: float
+    tension: float
+    friction: float
+    force_balance: float
+    moment_balance: float
+    moment_gap: float
+    moment_normal: float
+    placement: float = 0.0
+
+    @property
+    def worst(self) -> float:
+        """The largest of the numbers that have to be round-off."""
+        names = "equilibrium penetration complementarity tension friction force_balance"
+        # NaN anywhere is the worst; only moments may be missing
+        moment = 0.0 if np.isnan(self.moment_balance) else self.moment_balance
+        return float(np.max([moment, *(getattr(self, name) for name in names.split())]))
+
+    def __str__(self) -> str:
+        pairs = [(f.name.replace("_", " "), getattr(self, f.name)) for f in fields(self)]
+        pairs = [(k, value) for k, value in pairs if not (k.startswith("moment") and np.isnan(value))]
+        return "\n".join(f"  {name:<16s} {value:9.1e}" for name, value in pairs)
+
+
+def certify(result: Answer) -> Certificate:
+    """Measure the certificate of a result; needs the displacements of all bodies."""
+    kin, state, system = result.kin, result.state, result.system
+    u, f = result.u, result.case.f
+    internal = np.concatenate(
+        [K @ u[system.slice(body)] for body, K in zip(system.bodies, result.stiffness, strict=True)]
+    )
+    terms = [
+        abs(K) @ np.abs(u[system.slice(body)])
+        for body, K in zip(system.bodies, result.stiffness, strict=True)
+    ]
+    contact = kin.B_n.T @ state.normal_force
+    if state.tangential_force.any():
+        contact = contact - kin.B_t.T @ state.tangential_force.ravel()
+    residual = internal - f - contact
+    reactions = np.zeros(system.n)
+    reactions[system.D] = residual[system.D]
+    residual[system.D] = 0.0
+    force = _largest(f, contact, reactions, state.normal_force, state.tangential_force)
+    # a load is a scale however small: a body that ran away with it has not carried it
+    noise = _largest(*terms)
+    floor = FLOOR * noise if not f.any() and force < ROUND_OFF * noise else 0.0
+    force = max(force, floor)
+    length = system.extent
+    gap = result.kin.B_n @ u + result.seen.gap0
+    gap = np.where(kin.paired, gap, 0.0)
+    bilateral = kin.tied
+    overlap = np.where(bilateral, np.abs(gap), np.maximum(-gap, 0.0))
+    total = max(float(np.abs(part).sum()) for part in (f, reactions, contact))
+    total = max(total, floor)
+    balance, moment, across, normal = _balance(result, f + reactions, total * length)
+    # a contact that carries round-off of the others has no digits of its own
+    violation = _friction_violation(result, max(floor, ROUND_OFF * force))
+    return Certificate(
+        equilibrium=_ratio(np.max(np.abs(residual), initial=0.0), force),
+        penetration=_ratio(np.max(overlap, initial=0.0), length),
+        complementarity=_ratio(np.max(np.abs(state.normal_force * gap), initial=0.0), force * length),
+        tension=_ratio(np.max(-state.normal_force[~bilateral], initial=0.0), force),
+        friction=violation,
+        force_balance=_ratio(balance, total),
+        moment_balance=moment,
+        moment_gap=across,
+        moment_normal=normal,
+        placement=result.mismatch,
+    )
+
+
+def _friction_violation(result: Answer, floor: float) -> float:
+    """Largest distance of a friction force from what the law makes of it and of the slip.
+
+    The law holds exactly if the force is the projection of ``force + r plastic_slip`` onto the bound,
+    for any r > 0: within the bound, at the bound where it slips, and along the slip. The r that makes
+    the largest slip the largest force gives both the same say.
+    """
+    state, worst = result.state, 0.0
+    # slips below this part of the displacements they are differences of have no digits
+    still = FLOOR * _largest(result.u)
+    for contact, part, name in zip(result.contacts, result.slices(), result.names, strict=True):
+        if contact.friction is None:
+            continue
+        compressive = np.maximum(state.normal_force[part], 0.0)
+        law = CheckedLaw(contact.friction, name, contact.secondary.points)
+        counted, area = (state.slip - state.reference)[part], result.kin.area[part]
+        closed = state.status[part] != OPEN
+        limit = np.where(closed, law.limit(compressive, area, counted), 0.0)
+        force = state.tangential_force[part]
+        plastic = np.where(closed[:, None], result.plastic_slip[part], 0.0)
+        scale = max(_largest(state.normal_force[part], force), floor)
+        furthest = max(_largest(plastic), still)
+        r = scale / furthest if furthest > 0 else 0.0
+        lawful, _ = return_map(force + r * plastic, limit)
+        away = np.linalg.norm(force - lawful, axis=1)
+        # np.maximum keeps NaN, which Python's max drops
+        worst = np.maximum(worst, _ratio(np.max(away, initial=0.0), scale))
+    return float(worst)
+
+
+def _balance(result: Answer, external: Array, scale: float) -> tuple[float, float, float, float]:
+    """Resultant and moment of loads, reactions and obstacle forces over all bodies."""
+    system, kin = result.system, result.kin
+    component = np.concatenate([b.dof_component for b in system.bodies])
+    points = np.concatenate([b.dof_points for b in system.bodies])
+    d = points.shape[1]
+    # without the contact forces between bodies, which have to balance by themselves; with them the
+    # sum would be that of K u, zero whatever the contact does
+    on_obstacles = _obstacle_forces(result)
+    axes = sorted(set(component))
+    F = np.array([external[component == k].sum() for k in axes])
+    F -= np.array([_ground(result, (component == k).astype(float)) for k in axes])
+    skip = {0} if any(b.axisymmetric for b in system.bodies) else set()
+    kept = [k for k in axes if k not in skip]
+    rigid = np.array([on_obstacles[:, k].sum() for k in axes])
+    resultant = float(np.max(np.abs((F + rigid)[kept]), initial=0.0))
+    if d != 2 or len(axes) < 2 or skip:
+        return resultant, np.nan, np.nan, np.nan
+    centre = points.mean(axis=0)
+    arm = points - centre
+    M = np.sum(arm[component == 1, 0] * external[component == 1])
+    M -= np.sum(arm[component == 0, 1] * external[component == 0])
+    turn = np.where(component == 1, arm[:, 0], 0.0) - np.where(component == 0, arm[:, 1], 0.0)
+    M -= _ground(result, turn)
+    offset, rigid_points = _offsets(result)
+    M += np.sum(_cross(rigid_points - centre, on_obstacles))
+    along = np.einsum("ik,ikd->id", -result.state.tangential_force, kin.tangent)
+    across = np.sum(_cross(offset, along))
+    normal = np.sum(_cross(offset, result.state.normal_force[:, None] * kin.normal))
+    return (
+        resultant,
+        _ratio(abs(M + across + normal), scale),
+        _ratio(abs(across), scale),
+        _ratio(abs(normal), scale),
+    )
+
+
+def _ground(result: Answer, mode: Array) -> float:
+    """What springs to the ground inside K take of a resultant: ``(K mode)'u``, zero without any."""
+    total = 0.0
+    for body, K in zip(result.system.bodies, result.stiffness, strict=True):
+        part = result.system.slice(body)
+        resisted = K.T @ mode[part]
+        if np.max(np.abs(resisted)) > 1e-12 * np.max(abs(K) @ np.abs(mode[part])):
+            total += float(resisted @ result.u[part])
+    return total
+
+
+def _obstacle_forces(result: Answer) -> Array:
+    """Force on the secondary at the points of rigid obstacles: external to the bodies."""
+    kin, state = result.kin, result.state
+    along = np.einsum("ik,ikd->id", -state.tangential_force, kin.tangent)
+    F = state.normal_force[:, None] * kin.normal + along
+    for contact, part in zip(result.contacts, result.slices(), strict=True):
+        if isinstance(contact.primary, ContactSurface):
+            F[part] = 0.0
+    return F
+
+
+def _offsets(result: Answer) -> tuple[Array, Array]:
+    """Vector from the primary to the secondary side of each point, on the undeformed bodies.
+
+    Zero for obstacles, whose forces act at the point itself: the second array has these points.
+    """
+    # of the pairing's weights, not of the rows that the answer fulfils: the two are compared
+    rigid_points = result.kin.offset
+    vector = rigid_points.copy()
+    for contact, part in zip(result.contacts, result.slices(), strict=True):
+        if not isinstance(contact.primary, ContactSurface):
+            vector[part] = 0.0
+    return vector, rigid_points
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def _largest(*arrays: Array) -> float:
+    return float(np.max([np.max(np.abs(a), initial=0.0) for a in arrays], initial=0.0))
+
+
+def _ratio(value: float, scale: float) -> float:
+    return (float(value) if scale == 0 else float(value / scale)) + 0.0  # no negative zeros

@@ -1,0 +1,93 @@
+"""`ErrorEstimate`: what is estimated of the error of one contact, by its sources."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Elements = tuple[NDArray[np.intp], Array]
+
+#: Below this the misfit is round-off of the solution, with two digits to spare.
+ROUND_OFF = 1e-9
+
+
+@dataclass(frozen=True)
+class ErrorSources:
+    """Parts of an estimated error, relative to the L2 norm of the traction; their squares add up.
+
+    Attributes
+    ----------
+    edges, facets, scatter, bodies, stiffness : float
+        See the top of the module `estimate`. `bodies` is NaN where a body was given a matrix instead
+        of a `BilinearForm`: then there is no measure of energy, and it is left out.
+    """
+
+    edges: float = 0.0
+    facets: float = 0.0
+    scatter: float = 0.0
+    bodies: float = 0.0
+    stiffness: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Root of the sum of squares."""
+        return float(np.sqrt(sum(size**2 for size in self._known().values())))
+
+    @property
+    def largest(self) -> str:
+        """Name of the largest part."""
+        known = self._known()
+        return max(known, key=lambda name: np.inf if np.isnan(known[name]) else known[name])
+
+    def _known(self) -> dict[str, float]:
+        """The parts; without `bodies` where it is not known. NaN in any other is a defect, and seen."""
+        parts = {f.name: float(getattr(self, f.name)) for f in fields(self)}
+        return {k: v for k, v in parts.items() if not (k == "bodies" and np.isnan(v))}
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorEstimate:
+    """Estimated discretisation error of the tractions of one contact.
+
+    Attributes
+    ----------
+    pressure, traction : ErrorSources
+        Of the pressure, over the L2 norm of the pressure; and of pressure and friction together.
+    indicator : ndarray, shape (m,)
+        Share of every point in the squared error of the traction that comes from the surface (edges,
+        facets, scatter); adds up to one where there is any.
+    elements : dict of (ndarray of int, ndarray)
+        By name of the body: elements around the contact, and the share of each in the energy error.
+    points_across : int
+        Points across the narrowest zone of contact, or of sticking, that has edges; 0 without edges.
+    advice : str
+        What would improve the answer most.
+    """
+
+    pressure: ErrorSources
+    traction: ErrorSources
+    indicator: Array = field(repr=False)
+    elements: dict[str, Elements] = field(repr=False)
+    points_across: int
+    advice: str
+
+    def __str__(self) -> str:
+        parts = ", ".join(
+            f"{f.name} {percent(getattr(self.traction, f.name))}"
+            for f in fields(self.traction)
+            if getattr(self.traction, f.name) != 0
+        )
+        return (
+            f"pressure {percent(self.pressure.total)}, traction {percent(self.traction.total)} "
+            f"of its L2 norm ({parts or 'no part'}); {self.advice}"
+        )
+
+
+def percent(share: float) -> str:
+    """A share in percent, with two digits."""
+    if np.isnan(share):
+        return "not known"
+    return f"{100 * share:.2g} %" if share > ROUND_OFF else "0 %"

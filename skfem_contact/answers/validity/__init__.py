@@ -1,0 +1,7 @@
+"""Is the model valid at the answer? Small sliding, small rotations, no overlaps that nobody looked for.
+
+* `watched`, `watch`: what every step measures and warns of;
+* `drift`, `rotation`, `support`: how far small sliding and linear bodies have been left;
+* `overlap`, `meeting`, `skin`, `intrusion`: deformed boundaries against each other;
+* `validity`: all of it, on request.
+"""

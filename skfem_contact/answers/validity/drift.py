@@ -1,0 +1,323 @@
+r"""How far contact has drifted from where ``sliding="small"`` takes it: what costs nearly nothing.
+
+Small sliding keeps the partner, the frame and the gap of the undeformed bodies. With the slip ``s`` of
+a point, the curvature ``k`` of the other side and the width ``w`` of the contact, that lets through
+
+* forces that act by ``s`` beside their place: the share ``s/w`` of the contact, which is less than the
+  mesh resolves below one facet;
+* normals off by ``k s``, and so the directions of forces;
+* gaps off by ``k s^2 / 2``, or what the true distance to a rigid obstacle at its place says, against
+  the approach that the bodies take up elastically;
+* points that press where the other surface has ended.
+
+Linear bodies let through errors of the order of their strains and rotations. All of this is told from
+what a load step knows: gaps, slips, forces and prescribed displacements; vectors of the size of the
+contact, no displacement of the interior, no search. What is not known is estimated: without friction
+the way along the surface is that of the supports, as a rigid motion. `validity` measures the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.conditions.contact import Contact, field_values
+from skfem_contact.conditions.loads import LoadCase, Motion
+from skfem_contact.obstacles.level_set import LevelSet
+from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.shapes import RigidPlane
+from skfem_contact.pairing.node import Pairing
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+#: Slip over a facet of the primary: below one the mesh does not resolve where a force acts.
+FACETS = 1.0
+#: Slip over the width of the contact, where that is more than a facet: moments are 10 % off.
+WIDTH = 0.1
+#: Angle between the normal that is used and the true one [rad]: forces are 10 % off their direction.
+TILT = 0.1
+#: Error of gaps over the elastic approach of the bodies: forces are 10 % off.
+GAP = 0.1
+#: Force of points beyond the end of the primary over that of the contact: 10 % presses on nothing.
+BEYOND = 0.1
+#: Strain or rotation of 10 %: linear elasticity leaves out its square, and its effect on forces.
+STRAIN = 0.1
+#: Lengths below this part of a coordinate are round-off.
+ROUND_OFF = 1e-12
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How far one contact has drifted at an answer; largest values over its closed points.
+
+    Attributes
+    ----------
+    closed : int
+        Closed points.
+    slip : float
+        Since the undeformed state; that of a rigid obstacle's spin is the length of the arc [length].
+    facets : float
+        Slip over the length of the primary facet; 0 for obstacles, which have no mesh.
+    widths : float
+        Slip over the width of the contact.
+    tilt : float
+        Angle between the normals that are used and those where the points are [rad].
+    gap_error : float
+        By how much the gaps of small sliding are wrong; at rigid obstacles also overlaps of open
+        points [length].
+    gap_share : float
+        That over the elastic approach.
+    beyond : int
+        Closed points that lie, with all of their share of the surface, beyond the end of the primary.
+    overhang : float
+        By how much the farthest of them does [length].
+    beyond_share : float
+        Normal force that acts beyond the end over that of the contact, points counted by the part of
+        their share of the surface that has slid past it.
+    motion : float
+        By how much a rigid obstacle has moved where points are closed [length].
+    approach : float
+        What the bodies take up elastically between their supports and the contact [length].
+    strain : float
+        The approach over the extent of the bodies, or the mean pressure over the modulus.
+    """
+
+    closed: int = 0
+    slip: float = 0.0
+    facets: float = 0.0
+    widths: float = 0.0
+    tilt: float = 0.0
+    gap_error: float = 0.0
+    gap_share: float = 0.0
+    beyond: int = 0
+    overhang: float = 0.0
+    beyond_share: float = 0.0
+    motion: float = 0.0
+    approach: float = 0.0
+    strain: float = 0.0
+
+    @property
+    def slides_far(self) -> bool:
+        """Whether points have left the facets and the zone that they are held against."""
+        return self.facets > FACETS and self.widths > WIDTH
+
+    @property
+    def small_sliding_holds(self) -> bool:
+        """Whether small sliding is a good model at this answer."""
+        off = self.tilt > TILT or self.gap_share > GAP
+        return not (self.slides_far or self.passes_end or off)
+
+    @property
+    def passes_end(self) -> bool:
+        """Whether much of the force acts beyond the end; the mesh resolves whole shares of points."""
+        return self.beyond > 0 and self.beyond_share > BEYOND
+
+
+class Track:
+    """Where the points of one contact with small sliding may be led by their slip.
+
+    Parameters
+    ----------
+    contact : Contact
+    pairing : Pairing
+        Of the undeformed bodies.
+    gap0 : ndarray, shape (m,)
+        Initial gaps with the contact's own interference [length].
+    """
+
+    def __init__(self, contact: Contact, pairing: Pairing, gap0: Array) -> None:
+        secondary, primary = contact.secondary, contact.primary
+        self.secondary, self.primary = secondary, primary
+        self.points, self.paired = secondary.points, pairing.paired
+        self.normal, self.tangent = pairing.normal, pairing.tangent[:, 0]
+        self.step = node_lengths(secondary)
+        # of an end node the surface has only half of the share
+        ends = secondary.facets[:, :2][secondary.neighbours < 0]
+        self.width = self.step.copy()
+        self.width[ends] *= 2.0
+        # what a given or adjusted gap adds to the measured one, interference apart
+        own = field_values(contact.interference, self.points, "interference")
+        measured = np.where(self.paired, pairing.gap, 0.0)
+        self.added = np.where(self.paired, gap0 + own, 0.0) - measured
+        # nothing is wrong with gaps of glued points
+        self.follows = not contact.tied
+        self.chord = np.zeros(len(self.points))
+        if isinstance(primary, ContactSurface):
+            facet = np.where(self.paired, pairing.facet, 0)
+            self.facet = primary.lengths[facet]
+            self.curvature = np.where(self.follows, curvatures(primary)[facet], 0.0)
+            measured_on_chords = contact.gap is None and not contact.adjust and self.follows
+            if measured_on_chords and contact.method == "node" and contact.sliding == "small":
+                self.chord = np.where(self.paired, chord_gaps(primary, facet, self.points), 0.0)
+            self.behind, self.ahead = ways_to_ends(primary, facet, self.points)
+
+    def drift(
+        self,
+        closed: Mask,
+        slip: Array,
+        gap: Array,
+        force: Array,
+        approach: float,
+        case: LoadCase,
+        i: int,
+        part: slice,
+    ) -> dict[str, Any]:
+        """The numbers of `Drift` that are those of small sliding.
+
+        Parameters
+        ----------
+        closed : ndarray of bool, shape (m,)
+        slip : ndarray, shape (m,)
+            Displacement of the secondary along the tangents, relative to a deformable primary [length].
+        gap : ndarray, shape (m,)
+            Of the answer [length].
+        force : ndarray, shape (m,)
+            Normal forces.
+        approach : float
+            [length]
+        case : LoadCase
+        i, part : int, slice
+            The contact, and its points.
+        """
+        found: dict[str, Any] = {}
+        if isinstance(self.primary, Obstacle):
+            motion = case.motion[i]
+            gap = np.where(self.paired, gap, 0.0)  # without a partner there is none
+            lifted = gap - np.where(self.paired, case.gap0[part], 0.0)
+            u = self.normal * lifted[:, None] + self.tangent * slip[:, None]
+            u[~self.paired] = 0.0
+            added = self.added - case.interference[part]
+            found = self._at_obstacle(self.primary, closed, u, gap, added, approach, motion)
+            slip = slip - np.einsum("md,md->m", self.tangent, slid(motion, self.points))
+        way = np.abs(slip[closed])
+        if len(way):
+            found["slip"], width = float(way.max()), float(self.step[closed].sum())
+            found["widths"] = found["slip"] / width
+        if isinstance(self.primary, Obstacle) or not len(way):
+            return found
+        # of a node beyond the end at the start, the facet before it is in contact
+        ahead, behind = np.maximum(self.ahead, 0.0), np.maximum(self.behind, 0.0)
+        past = np.maximum(slip - ahead, -slip - behind)[closed]
+        beyond = past >= 0.5 * self.step[closed]
+        # of the share of a point, as much as was above the surface and is no more
+        share = self.width[closed]
+        lost = np.zeros(len(past))
+        for way_there, way_on in ((ahead[closed], slip[closed]), (behind[closed], -slip[closed])):
+            above = np.minimum(0.5 * share + way_there, share)
+            now = np.clip(0.5 * share + way_there - way_on, 0.0, above)
+            lost = np.maximum(lost, 1 - now / above)
+        force = np.abs(force[closed])
+        error = float(np.max(0.5 * self.curvature[closed] * way**2))
+        return found | {
+            "facets": float(np.max(way / self.facet[closed])),
+            "tilt": float(np.max(self.curvature[closed] * way)),
+            "gap_error": error,
+            "gap_share": error / approach if approach > 0 else 0.0,
+            "beyond": int(beyond.sum()),
+            "overhang": float(np.max(past[beyond], initial=0.0)),
+            "beyond_share": float(lost @ force / max(force.sum(), np.finfo(float).tiny)),
+        }
+
+    def _at_obstacle(
+        self,
+        obstacle: Obstacle,
+        closed: Mask,
+        u: Array,
+        gap: Array,
+        added: Array,
+        approach: float,
+        motion: Motion,
+    ) -> dict[str, Any]:
+        """Against the obstacle itself, where it and the points are now."""
+        found = {}
+        moved = np.linalg.norm(motion.shift(self.points), axis=1)
+        found["motion"] = float(np.max(moved[closed], initial=0.0))
+        if not self.follows or (isinstance(obstacle, RigidPlane) and not motion.angle):
+            return found
+        at = replace(self.secondary, points=self.points + u)
+        distance, normal, facing = distances(obstacle.moved(motion.as_argument()), at)
+        true = distance + added
+        error = np.abs(true - gap)[closed]
+        deepest = np.max(-true[~closed & facing & self.paired], initial=0.0)
+        worst = float(max(np.max(error, initial=0.0), deepest))
+        if worst <= ROUND_OFF * float(np.max(np.abs(at.points))):
+            worst = 0.0
+        cross = self.normal[:, 0] * normal[:, 1] - self.normal[:, 1] * normal[:, 0]
+        angle = np.arctan2(np.abs(cross), np.einsum("md,md->m", self.normal, normal))
+        found["tilt"] = float(np.max(angle[closed], initial=0.0))
+        found["gap_error"] = worst
+        # where nothing touches any more all of the force is lost
+        found["gap_share"] = worst / max(approach, worst) if worst else 0.0
+        return found
+
+
+def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:
+    """Distances, normals and partners of `Obstacle.distance`, of a level set to first order."""
+    if not isinstance(obstacle, LevelSet):
+        return obstacle.distance(surface)
+    return obstacle.first_order(surface)
+
+
+def slid(motion: Motion, points: Array) -> Array:
+    """How far an obstacle's surface has come along under points, the whole turn counted, (m, d)."""
+    return motion.slid(Motion(np.zeros_like(motion.translation), 0.0, motion.centre), points)
+
+
+def node_lengths(surface: ContactSurface) -> Array:
+    """The share of every node in the length of the surface, shape (m,) [length]."""
+    share = np.array([0.5, 0.5] if surface.facets.shape[1] == 2 else [0.25, 0.25, 0.5])
+    length = (surface.lengths[:, None] * share).ravel()
+    return np.asarray(np.bincount(surface.facets.ravel(), length, len(surface.points)), dtype=float)
+
+
+def curvatures(surface: ContactSurface) -> Array:
+    """Of every facet, by the normals at its ends: averaged, except over corners, (nf,) [1/length]."""
+    normal = surface.facet_node_normals
+    return np.asarray(np.linalg.norm(normal[:, 1] - normal[:, 0], axis=1) / surface.lengths)
+
+
+def chord_gaps(surface: ContactSurface, facet: Index, points: Array) -> Array:
+    """How far straight facets are below the smooth curve through their nodes, where points are, (m,).
+
+    Nothing at their nodes and for quadratic facets; in between a parabola through the sagitta.
+    """
+    if surface.quadratic:
+        return np.zeros(len(points))
+    a, b = surface.points[surface.facets[facet, 0]], surface.points[surface.facets[facet, 1]]
+    length = surface.lengths[facet]
+    part = np.clip(np.einsum("md,md->m", points - a, b - a) / length**2, 0.0, 1.0)
+    return np.asarray(curvatures(surface)[facet] * length**2 * part * (1 - part) / 2)
+
+
+def ways_to_ends(surface: ContactSurface, facet: Index, points: Array) -> tuple[Array, Array]:
+    """Along the surface from points above facets to where it begins and ends; ``inf`` if it is closed.
+
+    Parameters
+    ----------
+    surface : ContactSurface
+    facet : ndarray of int, shape (m,)
+    points : ndarray, shape (m, d)
+    """
+    number, before = np.arange(len(surface.facets)), surface.neighbours[:, 0]
+    first = before != number - 1
+    first[0] = True
+    piece = np.cumsum(first) - 1
+    total = np.bincount(piece, surface.lengths)
+    start = np.cumsum(surface.lengths) - surface.lengths
+    start = start - start[np.flatnonzero(first)][piece]
+    closed = np.ones(len(total), dtype=bool)
+    closed[piece[(surface.neighbours < 0).any(axis=1)]] = False
+    a, b = surface.points[surface.facets[facet, 0]], surface.points[surface.facets[facet, 1]]
+    along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
+    place = start[facet] + np.einsum("md,md->m", points - a, along)
+    endless = closed[piece[facet]]
+    return (
+        np.where(endless, np.inf, place),
+        np.where(endless, np.inf, total[piece[facet]] - place),
+    )

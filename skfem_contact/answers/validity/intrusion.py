@@ -1,0 +1,231 @@
+"""Where contact slides far: does anything overlap that the pairing does not see?
+
+The points of both surfaces, and the middles between them, are looked for in the whole body on the
+other side after every step: polygons in polygons (`overlap`), with boundaries from what a load step
+knows (`skin`). Only where that shows an overlap, which has not been said yet, are the displacements of
+the bodies recovered, and the search is repeated with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.validity.drift import GAP, Track
+from skfem_contact.answers.validity.meeting import ROUND_OFF, sagitta
+from skfem_contact.answers.validity.overlap import Outline
+from skfem_contact.answers.validity.skin import Skin
+from skfem_contact.answers.validity.support import Support
+from skfem_contact.answers.validity.watched import Intrusion
+from skfem_contact.bodies.facets import facet_shapes
+from skfem_contact.bodies.selection import place
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.geometry import Geometry
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.pairing.corners import unselected_sides
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+#: Shape functions of linear and quadratic facets at points between their nodes.
+BETWEEN = {2: facet_shapes(np.array([0.5]), 2)[0], 3: facet_shapes(np.array([0.25, 0.75]), 3)[0]}
+
+
+class Intrusions:
+    """What is known beforehand of all contacts between two bodies that slide far."""
+
+    def __init__(self, geometry: Geometry, contacts: Sequence[Contact]) -> None:
+        self.geometry, self.system, self.contacts = geometry, geometry.system, contacts
+        known = np.zeros(self.system.n, dtype=bool)
+        known[geometry.surface_dofs] = True
+        known[self.system.D] = True
+        self.held = np.asarray(self.system.D)
+        self.looked = [i for i, contact in enumerate(contacts) if _looked_at(contact)]
+        bodies = {self.system.index(s.body) for i in self.looked for s in _sides(contacts[i])}
+        self.skins = {
+            b: Skin.of(self.system.bodies[b], known[self.system.slice(self.system.bodies[b])])
+            for b in bodies
+        }
+        self.chords = {i: _chords(_sides(contacts[i])) for i in self.looked}
+
+    def look(
+        self,
+        state: State,
+        case: LoadCase,
+        tracks: Sequence[Track],
+        soft: Sequence[float],
+        mismatch: float,
+    ) -> dict[int, Intrusion]:
+        """Overlaps that seem to be beyond their bounds, by the number of the contact.
+
+        Parameters
+        ----------
+        state, case : State, LoadCase
+        tracks : sequence of Track
+        soft : sequence of float
+            Of every contact, what a force on a point presses it in [length/force].
+        mismatch : float
+            Of the pairing, over the extent of the bodies.
+        """
+        if not self.looked:
+            return {}
+        u = self.geometry.spread(state.surface)
+        u[self.held] = case.x[self.held]
+        parts = {b: u[self.system.slice(self.system.bodies[b])] for b in self.skins}
+        places = {b: skin.moved(parts[b]) for b, skin in self.skins.items()}
+        found = self._found(self.looked, parts, places, state, case, tracks, soft, mismatch)
+        return {i: overlap for i, overlap in found.items() if overlap.excessive}
+
+    def sure(self, i: int, result: Answer, soft: Sequence[float]) -> Intrusion | None:
+        """The deepest overlap of one contact, with the displacements of whole bodies."""
+        parts = {
+            self.system.index(s.body): result.displacement(s.body) for s in _sides(self.contacts[i])
+        }
+        places = {b: self.skins[b].placed(u) for b, u in parts.items()}
+        given = result.state, result.case, result.watched.tracks, soft, result.mismatch
+        found = self._found([i], parts, places, *given).get(i)
+        if found is None or not found.excessive:
+            return found
+        closed = (result.state.status[result.slices()[i]] != OPEN) & result.kin.paired[
+            result.slices()[i]
+        ]
+        # less than what changes forces by a tenth, see `drift.GAP`
+        return replace(found, left=max(found.left, GAP * elastic_approach(result, i, closed)))
+
+    def _found(
+        self,
+        some: Sequence[int],
+        parts: dict[int, Array],
+        places: dict[int, Array],
+        state: State,
+        case: LoadCase,
+        tracks: Sequence[Track],
+        soft: Sequence[float],
+        mismatch: float,
+    ) -> dict[int, Intrusion]:
+        found = {}
+        for i in some:
+            sides = _sides(self.contacts[i])
+            numbers = [self.system.index(side.body) for side in sides]
+            nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
+            part = self.geometry.parts[i]
+            added = tracks[i].added - case.interference[part]
+            closed = state.status[part] != OPEN
+            deepest = self._deepest(sides, numbers, nodes, places, np.nan_to_num(added))
+            if deepest is None:
+                continue
+            depth, at, k = deepest
+            force = np.max(np.abs(state.normal_force[part][closed]), initial=0.0)
+            bulge, left = float(force) * soft[i], mismatch * self.system.extent
+            labels = sides[k].label, sides[1 - k].label
+            found[i] = Intrusion(depth, at, *labels, self.chords[i], bulge, left)
+        return found
+
+    def _deepest(
+        self,
+        sides: tuple[ContactSurface, ContactSurface],
+        numbers: list[int],
+        nodes: list[Array],
+        places: dict[int, Array],
+        added: Array,
+    ) -> tuple[float, tuple[float, ...], int] | None:
+        """Depth, place, and the side whose point it is; None where nothing overlaps."""
+        noise = ROUND_OFF * self.system.extent
+        best = None
+        for k in range(2):
+            # what supports hold in the other body is warned of as that
+            free: Mask = np.logical_not(np.all(sides[k].held, axis=1))
+            ends = sides[k].facets[free[sides[k].facets].all(axis=1)]
+            between = np.einsum("pk,fkd->pfd", BETWEEN[ends.shape[1]], nodes[k][ends])
+            points = np.concatenate([nodes[k][free], between.reshape(-1, 2)])
+            there = places[numbers[1 - k]]
+            points = points[((points >= there.min(axis=0)) & (points <= there.max(axis=0))).all(axis=1)]
+            if not len(points):
+                continue
+            outline = self.skins[numbers[1 - k]].outline(there)
+            points = points[outline.inside(points)]
+            if not len(points):
+                continue
+            depth = _near(outline, points).distance(points)
+            if added.any():
+                depth = depth - added[cKDTree(nodes[0]).query(points)[1]]
+            deepest = int(np.argmax(depth))
+            if depth[deepest] > max(noise, best[0] if best else 0.0):
+                best = float(depth[deepest]), tuple(map(float, points[deepest])), k
+        return best
+
+    def reasons(self, i: int, state: State) -> tuple[str, ...]:
+        """Where a surface ends and the other body lies on the side beyond: what nothing holds."""
+        u = self.geometry.spread(state.surface)
+        sides = [side.moved(u[self.system.slice(side.body)]) for side in _sides(self.contacts[i])]
+        others = [s for c in self.contacts for s in (c.secondary, c.primary)]
+        words = []
+        for own, other in (sides, sides[::-1]):
+            shared = [s for s in others if isinstance(s, ContactSurface) and s.body is own.body]
+            for node, depth in unselected_sides(own, other):
+                dofs = own.dofs[node, 0]
+                if sum(dofs in s.dofs[:, 0] for s in shared) > 1:
+                    continue  # the side belongs to another contact
+                words.append(
+                    f"point {node} at {place(own.points[node])}, where surface {own.label!r} ends, "
+                    f"lies {depth:.3g} inside the body of {other.label!r}, which presses on a side "
+                    f"that does not belong to {own.label!r}: nothing holds it there. Take that side "
+                    "into the surface, or make a second contact with it."
+                )
+        return tuple(words)
+
+
+def elastic_approach(result: Answer, i: int, closed: Mask) -> float:
+    """What bodies take up at closed points, less their supports' rigid motions; 0 where they float.
+
+    The force over the diagonal of K, which is all that is known without the interior, is far less in
+    bodies that are nearly incompressible.
+    """
+    contact, part, system = result.contacts[i], result.slices()[i], result.system
+    sides = [contact.secondary] if contact.rigid else [contact.secondary, contact.primary]
+    elastic = np.array(result.u)
+    for body in {id(side.body): side.body for side in sides}.values():  # type: ignore[union-attr]
+        support = Support.of(body, 0)
+        if not support.holds(contact.secondary.points[closed], result.kin.normal[part][closed]):
+            return 0.0
+        rigid = support.at(body.dof_points, support.motion(result.displacement(body)))
+        elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
+    lifted = (result.kin.B_n[part] @ elastic)[closed]
+    return float(np.max(np.abs(lifted), initial=0.0))
+
+
+def _looked_at(contact: Contact) -> bool:
+    """Of two bodies: in one and the same inside and outside are not told apart.
+
+    Where the user gives the gap, the meshes are not the shapes that touch, and their overlaps are
+    what the user knows of.
+    """
+    primary = contact.primary
+    plane = isinstance(primary, ContactSurface) and primary.body is not contact.secondary.body
+    return plane and contact.sliding == "finite" and not contact.tied and contact.gap is None
+
+
+def _sides(contact: Contact) -> tuple[ContactSurface, ContactSurface]:
+    assert isinstance(contact.primary, ContactSurface)
+    return contact.secondary, contact.primary
+
+
+def _chords(sides: Sequence[ContactSurface]) -> float:
+    return sum(sagitta(side, side.facet_node_normals) for side in sides)
+
+
+def _near(outline: Outline, points: Array) -> Outline:
+    """The pieces among which the closest to each of these points are."""
+    far = cKDTree(outline.start).query(points)[0].max()
+    low, high = points.min(axis=0) - far, points.max(axis=0) + far
+    a, b = np.minimum(outline.start, outline.end), np.maximum(outline.start, outline.end)
+    some = ((b >= low) & (a <= high)).all(axis=1)
+    return Outline(outline.start[some], outline.end[some])

@@ -1,0 +1,158 @@
+"""Deformed bodies against each other and against obstacles: true overlaps, gaps and strains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skfem_contact.answers.validity.overlap import Outline
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.obstacles.level_set import LevelSet
+from skfem_contact.obstacles.obstacle import Obstacle
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Overlaps below this part of the extent of the bodies are round-off of positions and displacements.
+ROUND_OFF = 1e-9
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """How two sides meet, seen from outside.
+
+    Attributes
+    ----------
+    overlap : float
+        Deepest overlap, less gaps given by the user and with interferences [length].
+    unseen : int
+        Points of the secondary without a partner that overlap by more than chords explain.
+    opening : float
+        Largest true gap of a closed point [length].
+    """
+
+    overlap: float = np.nan
+    unseen: int = 0
+    opening: float = np.nan
+
+
+def between(
+    secondary: Outline,
+    primary: Outline,
+    chords: float,
+    extent: float,
+    nodes: Array,
+    added: Array,
+    closed: Mask,
+    paired: Mask,
+) -> Meeting:
+    """Two deformed bodies, all of their boundaries.
+
+    Parameters
+    ----------
+    secondary, primary : Outline
+    chords, extent : float
+        Overlap by chords, extent of the bodies [length].
+    nodes : ndarray, shape (m, 2)
+        Of the secondary surface, displaced [length].
+    added : ndarray, shape (m,)
+        What the user has the gaps be larger than the meshes say [length].
+    closed, paired : ndarray of bool, shape (m,)
+    """
+    noise = ROUND_OFF * extent
+    deepest = 0.0
+    for points, other in ((secondary.samples, primary), (primary.samples, secondary)):
+        depth = other.depth(points)
+        inside = depth > noise
+        if inside.any() and paired.any():
+            depth[inside] -= added[paired][cKDTree(nodes[paired]).query(points[inside])[1]]
+        deepest = max(deepest, float(np.max(depth[inside], initial=0.0)))
+    lonely = primary.depth(nodes[~paired]) > max(chords, noise)
+    # with an interference bodies may overlap before their meshes do: this shows at the nodes
+    true = np.full(len(nodes), np.inf)
+    true[paired] = primary.signed(nodes[paired]) + added[paired]
+    sunk = float(np.max(-true[paired], initial=0.0))
+    deepest = max(deepest, sunk if sunk > noise else 0.0)
+    return Meeting(deepest, int(lonely.sum()), float(np.max(true[closed], initial=0.0)))
+
+
+def at_obstacle(
+    obstacle: Obstacle,
+    surface: ContactSurface,
+    chords: float,
+    nodes: Array,
+    added: Array,
+    closed: Mask,
+    paired: Mask,
+) -> Meeting:
+    """A deformed surface, its nodes and points between them, against an obstacle at its place."""
+    noise = ROUND_OFF * float(np.max(np.ptp(surface.points, axis=0)))
+    at_nodes = _distance(obstacle, surface, nodes) + added
+    ends = surface.facets
+    weights = [(0.5, 0.5)] if ends.shape[1] == 2 else [(0.375, -0.125, 0.75), (-0.125, 0.375, 0.75)]
+    between = [
+        _distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ np.array(w)
+        for w in weights
+    ]
+    deepest = -float(np.min(np.concatenate([at_nodes, *between])))
+    lonely = -at_nodes[~paired] > max(chords, noise)
+    opening = float(np.max(at_nodes[closed], initial=0.0))
+    return Meeting(deepest if deepest > noise else 0.0, int(lonely.sum()), opening)
+
+
+def _distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
+    """Signed distances of any points, whether they face the obstacle or not."""
+    at = replace(surface, points=points, normals=np.zeros_like(points))
+    found = obstacle.first_order(at) if isinstance(obstacle, LevelSet) else obstacle.distance(at)
+    return found[0]
+
+
+def sagitta(surface: ContactSurface, normals: Array) -> float:
+    """Largest distance between straight facets and the curve with these normals at their ends.
+
+    Parameters
+    ----------
+    surface : ContactSurface
+    normals : ndarray, shape (nf, 2, d)
+    """
+    if surface.quadratic:
+        return 0.0
+    turn = np.linalg.norm(normals[:, 1] - normals[:, 0], axis=1)
+    return float(np.max(turn * surface.lengths) / 8)
+
+
+def strains(body: Body, u: Array) -> tuple[float, float, float]:
+    """Strain and rotation of a plane or axisymmetric body.
+
+    Parameters
+    ----------
+    body : Body
+    u : ndarray, shape (n_body,)
+        [length]
+
+    Returns
+    -------
+    mean : float
+        Largest principal strain, averaged with its own square: where most of the energy is.
+    largest : float
+        In any point of integration.
+    rotation : float
+        Root of the mean square over the body [rad].
+    """
+    gradient = np.asarray(body.basis.interpolate(u).grad)
+    (a, b), (c, d) = gradient
+    middle, radius = 0.5 * (a + d), np.sqrt(0.25 * (a - d) ** 2 + 0.25 * (b + c) ** 2)
+    size = np.abs(middle) + radius
+    volume = body.basis.dx
+    if body.axisymmetric:
+        x = np.asarray(body.basis.global_coordinates())
+        hoop = np.asarray(body.basis.interpolate(u))[0] / np.maximum(x[0], np.finfo(float).tiny)
+        size, volume = np.maximum(size, np.abs(hoop)), volume * x[0]
+    square = np.sum(size**2 * volume)
+    mean = float(np.sum(size**3 * volume) / square) if square > 0 else 0.0
+    rotation = np.sqrt(np.sum(0.25 * (c - b) ** 2 * volume) / np.sum(volume))
+    return mean, float(size.max()), float(rotation)

@@ -1,0 +1,82 @@
+r"""How far bodies have turned as a whole: the limit of linear bodies under finite sliding.
+
+With finite sliding the frames of the contact points turn with the surfaces; the linear bodies do
+not. Their stiffness and loads keep their directions, and a rotation by :math:`\theta` is a strain
+:math:`\cos\theta - 1` to them. Forces that contact passes on are off by about :math:`\theta`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import System
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.geometry import surface_dofs
+
+Array = NDArray[np.float64]
+
+# Rotation [rad] beyond which a linear body is not a good model: 10 % in the direction of forces.
+LARGE = 0.1
+
+
+def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array) -> dict[str, float]:
+    """Mean rotation of the surfaces that slide far, by body name [rad], counterclockwise.
+
+    The angle of the rigid motion that is closest to the displacements of all nodes of a body that
+    belong to such a surface. In 2-D; bodies without such a surface are left out.
+
+    Parameters
+    ----------
+    system : System
+    contacts : sequence of Contact
+    surface : ndarray
+        Displacements of the surfaces, in the order of `surface_dofs` [length].
+    """
+    if not len(surface):  # nothing slides far
+        return {}
+    dofs = surface_dofs(system, contacts)
+    nodes: dict[int, list[tuple[Array, Array]]] = {}
+    for contact in contacts:
+        for side in (contact.secondary, contact.primary):
+            if contact.sliding == "small" or not isinstance(side, ContactSurface):
+                continue
+            if side.dim != 2 or side.dofs.shape[1] != 2:
+                continue
+            i = system.index(side.body)
+            u = surface[np.searchsorted(dofs, system.offsets[i] + side.dofs)]
+            nodes.setdefault(i, []).append((side.points, u))
+    angles = {}
+    for i, pairs in sorted(nodes.items()):
+        x = np.concatenate([points for points, _ in pairs])
+        y = x + np.concatenate([u for _, u in pairs])
+        x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+        turned = np.sum(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0])
+        angles[system.names[i]] = float(np.arctan2(turned, np.sum(x * y)))
+    return angles
+
+
+def rotation_words(far: dict[str, float]) -> str:
+    """That bodies have turned further than linear elasticity follows, and what to do.
+
+    Parameters
+    ----------
+    far : dict
+        Rotations by body name [rad].
+    """
+    worst = max(abs(angle) for angle in far.values())
+    listed = " and ".join(
+        f"'{name}' has turned by {angle:.3g} rad ({np.degrees(angle):.3g} degrees)"
+        for name, angle in far.items()
+    )
+    strain = 1 - np.cos(worst)
+    return (
+        f"Body {listed}, by the displacements of its contact surface or supports. Bodies are linear: "
+        f"their stiffness and loads do not turn with them, so a rotation is a strain of {strain:.1g} "
+        f"to them, and contact forces, whose directions do turn, are off by about {100 * worst:.0f} %. "
+        "Sliding may be large, rotations of deformable bodies may not. Turn the rigid obstacle "
+        "instead (motion=...), or rebuild the body in its turned position and continue there."
+    )

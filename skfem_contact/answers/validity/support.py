@@ -1,0 +1,98 @@
+"""The rigid motion that the supports of a body give it, told from its prescribed displacements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.body import Body
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+#: Singular values of unit motions at the prescribed DOFs below which these hold no motion: a support
+#: a thousandth as wide as the body says nothing about its turn.
+HELD = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """The rigid motion closest to the prescribed displacements of a body, in 2-D.
+
+    Motions are (translation along x, along y, turn times `arm`).
+
+    Attributes
+    ----------
+    dofs : ndarray of int, shape (k,)
+        Prescribed DOFs of the body, in the stacked numbering.
+    fit : ndarray, shape (3, k)
+        The motion from their values; what they do not say is zero.
+    centre : ndarray, shape (2,)
+    arm : float
+        Extent of the body [length].
+    free : ndarray, shape (3, j)
+        Motions that the prescribed DOFs leave open.
+
+    Examples
+    --------
+    The bottom of a unit square moves by (0.3, 0.1):
+
+    >>> import skfem as fem
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> basis = fem.Basis(fem.MeshQuad().with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    >>> support = Support.of(Body(basis, linear_elasticity(), D="bottom"), 0)
+    >>> motion = support.motion(basis.project(lambda x: np.stack([0.3 + 0 * x[0], 0.1 + 0 * x[0]])))
+    >>> motion.round(12) + 0.0
+    array([0.3, 0.1, 0. ])
+    >>> support.free.shape
+    (3, 0)
+    """
+
+    dofs: Index
+    fit: Array
+    centre: Array
+    arm: float
+    free: Array
+
+    @classmethod
+    def of(cls, body: Body, start: int, known: Index | None = None) -> Support:
+        """The support of a plane or axisymmetric body whose stacked DOFs start at a number.
+
+        By DOFs of the body whose displacements are known, if these are not the prescribed ones.
+        """
+        D = body.D if known is None else known
+        box = body.basis.mesh.p
+        centre = 0.5 * (box.min(axis=1) + box.max(axis=1))
+        arm = float(np.ptp(box, axis=1).max())
+        modes = unit_motions(body.dof_points[D], centre, arm)
+        modes = modes[np.arange(len(D)), body.dof_component[D]]
+        motions = np.eye(3)[:, 1:2] if body.axisymmetric else np.eye(3)  # none but along the axis
+        values, vectors = np.linalg.eigh((modes @ motions).T @ (modes @ motions))
+        held = values > HELD**2
+        known = motions @ vectors[:, held]
+        fit = (known / values[held]) @ (modes @ known).T
+        return cls(D + start, fit, centre, arm, motions @ vectors[:, ~held])
+
+    def motion(self, x: Array) -> Array:
+        """The motion under prescribed values x (n,), shape (3,)."""
+        return np.asarray(self.fit @ x[self.dofs])
+
+    def at(self, points: Array, motion: Array) -> Array:
+        """Displacements of points (m, 2) by a motion, shape (m, 2)."""
+        return np.asarray(unit_motions(points, self.centre, self.arm) @ motion)
+
+    def holds(self, points: Array, direction: Array) -> bool:
+        """Whether no open motion moves points along their directions, both (m, 2)."""
+        along = np.einsum("md,mdk->mk", direction, unit_motions(points, self.centre, self.arm))
+        return bool(np.max(np.abs(along @ self.free), initial=0.0) < HELD)
+
+
+def unit_motions(points: Array, centre: Array, arm: float) -> Array:
+    """Displacements (m, 2, 3) of points by two translations and a turn, of order one."""
+    modes = np.zeros((len(points), 2, 3))
+    modes[:, 0, 0] = modes[:, 1, 1] = 1.0
+    x = (points - centre) / arm
+    modes[:, 0, 2], modes[:, 1, 2] = -x[:, 1], x[:, 0]
+    return modes

@@ -1,0 +1,254 @@
+"""Looks at every load step for what the model does not follow, and says so once in a history."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.validity.drift import GAP, STRAIN, TILT, Drift, Track
+from skfem_contact.answers.validity.intrusion import Intrusions
+from skfem_contact.answers.validity.rotation import LARGE, rigid_rotations, rotation_words
+from skfem_contact.answers.validity.support import Support
+from skfem_contact.answers.validity.watched import Said, Watched
+from skfem_contact.conditions.geometry import Geometry
+from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.errors import ContactWarning
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+class Watch:
+    """What is looked at after every load step; made once for a solver.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    interface : Interface
+    stiffness : sequence of csr_matrix
+        Of every body.
+    known : ndarray of int
+        DOFs whose displacements are known without the interior.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        interface: Interface,
+        stiffness: Sequence[csr_matrix],
+        known: Index,
+    ) -> None:
+        self.interface, self.contacts = interface, interface.contacts
+        self.system, kin = geometry.system, geometry.kin
+        self.plane = kin.points.shape[1] == 2 and kin.tangents == 1
+        if not self.plane:  # a scalar field moves nothing
+            return
+        self.intrusions = Intrusions(geometry, self.contacts)
+        self.supports = [
+            Support.of(body, int(start))
+            for body, start in zip(self.system.bodies, self.system.offsets[:-1], strict=True)
+        ]
+        self.tracks, self.bodies, self.held, self.extent, self.soft = [], [], [], [], []
+        self.known = known
+        # motions of bodies where neither friction nor supports say how they slide
+        self.loose: list[list[Support] | None] = []
+        for contact, pairing, part in zip(
+            self.contacts, geometry.pairings, interface.parts, strict=True
+        ):
+            self.tracks.append(Track(contact, pairing, kin.gap0[part]))
+            sides = [contact.secondary] if contact.rigid else [contact.secondary, contact.primary]
+            bodies = [self.system.index(side.body) for side in sides]  # type: ignore[union-attr]
+            # the diagonal of K at a surface is of the order of the modulus, whatever the mesh
+            diagonals = [
+                stiffness[b].diagonal()[side.dofs]  # type: ignore[union-attr]
+                for b, side in zip(bodies, sides, strict=True)
+            ]
+            self.soft.append(sum(1 / np.median(d[d > 0]) for d in diagonals if (d > 0).any()))
+            at = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
+            self.bodies.append(bodies)
+            self.held.append(all(self.supports[b].holds(*at) for b in bodies))
+            along = at[0], pairing.tangent[pairing.paired, 0]
+            slides = contact.sliding == "small" and contact.friction is None and not contact.tied
+            loose = slides and not all(self.supports[b].holds(*along) for b in bodies)
+            self.loose.append([self._free(b) for b in bodies] if loose else None)
+            self.extent.append(sum(self.supports[b].arm for b in bodies))
+
+    def _free(self, b: int) -> Support:
+        """How a body moves as a whole, by what is known of its displacements."""
+        start, end = self.system.offsets[b : b + 2]
+        known = self.known[(self.known >= start) & (self.known < end)] - start
+        body = self.system.bodies[b]
+        return Support.of(body, int(start), np.union1d(known, body.D))
+
+    def look(
+        self,
+        state: State,
+        gap: Array,
+        case: LoadCase,
+        said: Said,
+        displacement: Callable[[], Array],
+        mismatch: float = 0.0,
+    ) -> Watched:
+        """See an answer.
+
+        Parameters
+        ----------
+        state, gap, case
+            Of the answer.
+        said : frozenset
+            What has been warned of before in its history.
+        displacement : callable
+            Gives displacements (n,) that are right at the contact DOFs; called only where bodies
+            that nothing holds along a frictionless contact may slide on it.
+        mismatch : float
+            Of the pairing, see `intrusion`.
+        """
+        if not self.plane:
+            return Watched(said=said)
+        u = displacement() if any(loose is not None for loose in self.loose) else np.zeros(0)
+        motions = [support.motion(case.x) for support in self.supports]
+        drifts = tuple(self._drift(i, motions, state, gap, case, u) for i in range(len(self.contacts)))
+        turns = {
+            name: float(motion[2] / support.arm)
+            for name, support, motion in zip(self.system.names, self.supports, motions, strict=True)
+            if len(support.dofs)
+        }
+        turns |= rigid_rotations(self.system, self.contacts, state.surface)
+        overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
+        return Watched(drifts, turns, said, tuple(self.tracks), overlaps)
+
+    def _drift(
+        self,
+        i: int,
+        motions: list[Array],
+        state: State,
+        gap: Array,
+        case: LoadCase,
+        u: Array,
+    ) -> Drift:
+        contact, part, track = self.contacts[i], self.interface.parts[i], self.tracks[i]
+        small = contact.sliding == "small"
+        closed = state.status[part] != OPEN
+        if small:  # the pairing at the start is no other's
+            closed &= track.paired
+        if not closed.any() and not (small and contact.rigid):
+            return Drift()
+        width = float(track.step[closed].sum())
+        pressed = float(np.sum(np.abs(state.normal_force[part][closed])) * self.soft[i])
+        strain = pressed / width if width else 0.0
+        if not small:
+            return Drift(int(closed.sum()), approach=pressed, strain=strain)
+        # points without a partner have no gap
+        gap0, gap = (np.where(track.paired, g[part], 0.0) for g in (case.gap0, gap))
+        approach = pressed
+        moved = [self.supports[b].at(track.points, motions[b]) for b in self.bodies[i]]
+        rigid = moved[0] - moved[1] if len(moved) == 2 else moved[0]
+        if self.held[i] and closed.any():
+            lifted = (gap0 - gap)[closed] + np.einsum("md,md->m", track.normal, rigid)[closed]
+            elastic = float(np.max(np.abs(lifted)))
+            approach, strain = max(approach, elastic), max(strain, elastic / self.extent[i])
+        if contact.friction is not None or contact.tied:
+            slip = state.slip[part][:, 0] - case.slip0[part][:, 0]
+            # a belt is pressed in by its stretch along the drum
+            stretch = (slip - np.einsum("md,md->m", track.tangent, rigid))[closed]
+            approach = max(approach, float(np.ptp(stretch)) if len(stretch) else 0.0)
+        else:
+            loose = self.loose[i]
+            if loose is not None:
+                moved = [body.at(track.points, body.motion(u)) for body in loose]
+                rigid = moved[0] - moved[1] if len(moved) == 2 else moved[0]
+            slip = np.einsum("md,md->m", track.tangent, rigid)
+        force = state.normal_force[part]
+        found = track.drift(closed, slip, gap, force, approach, case, i, part)
+        return Drift(int(closed.sum()), approach=approach, strain=strain, **found)
+
+    def warn(self, result: Answer) -> Watched:
+        """Say what is beyond the bounds and has not been said in this history.
+
+        Warns
+        -----
+        ContactWarning
+            One for each contact and body, with the numbers and the setting to change.
+        """
+        watched, new = result.watched, set()
+        for i, (contact, name, drift) in enumerate(
+            zip(self.contacts, self.interface.names, watched.drifts, strict=False)
+        ):
+            lines = []
+            if i in watched.intrusions and ("overlap", name) not in watched.said:
+                overlap = self.intrusions.sure(i, result, self.soft)
+                if overlap and overlap.excessive:
+                    new.add(("overlap", name))
+                    lines.append(overlap.words(self.intrusions.reasons(i, result.state)))
+            if not drift.small_sliding_holds and ("sliding", name) not in watched.said:
+                new.add(("sliding", name))
+                lines.append(sliding_words(drift))
+            if drift.strain > STRAIN and ("strain", name) not in watched.said:
+                new.add(("strain", name))
+                lines.append(strain_words(drift))
+            if lines:
+                text = f"Contact {name!r} ({contact.label}): " + " ".join(lines)
+                warnings.warn(text + ONCE, ContactWarning, stacklevel=4)
+        far = {
+            name: turn
+            for name, turn in watched.turns.items()
+            if abs(turn) > LARGE and ("rotation", name) not in watched.said
+        }
+        if far:
+            new |= {("rotation", name) for name in far}
+            warnings.warn(rotation_words(far) + ONCE, ContactWarning, stacklevel=4)
+        return replace(watched, said=watched.said | new)
+
+
+ONCE = " (Said once in a history, at the first step beyond the bound; result.validity has the numbers.)"
+
+
+def sliding_words(drift: Drift) -> str:
+    """What small sliding does wrong, and what to do."""
+    found = []
+    if drift.slides_far:
+        found.append(
+            f"points have slid by up to {drift.slip:.3g}, {drift.facets:.3g} facets of the primary "
+            f"and {drift.widths:.3g} times the width of the contact, and press where they began"
+        )
+    if drift.slides_far and drift.beyond:
+        found.append(
+            f"{drift.beyond} of {drift.closed} closed points lie beyond the end of the primary "
+            f"surface, by up to {drift.overhang:.3g}"
+        )
+    if drift.passes_end:
+        found.append(
+            f"{100 * drift.beyond_share:.3g} % of the normal force acts beyond the end of the primary "
+            f"surface (slip {drift.slip:.3g}, {drift.facets:.3g} facets)"
+        )
+    if drift.tilt > TILT:
+        found.append(f"normals are off by up to {drift.tilt:.3g} rad, and so are the forces")
+    if drift.gap_share > GAP:
+        found.append(
+            f"gaps are wrong by up to {drift.gap_error:.3g}, {100 * drift.gap_share:.3g} % of the "
+            f"elastic approach of {drift.approach:.3g}, and forces by as much"
+        )
+    if drift.motion and not drift.slides_far:
+        found.append(f"the obstacle has moved by {drift.motion:.3g}")
+    return (
+        "small sliding, which keeps partners, normals and gaps of the undeformed bodies, does not "
+        "follow: " + "; ".join(found) + ". Give the contact sliding='finite'."
+    )
+
+
+def strain_words(drift: Drift) -> str:
+    """What linear elasticity does wrong, and what to do."""
+    return (
+        f"the bodies take up {drift.approach:.3g} elastically, a strain or rotation of about "
+        f"{drift.strain:.2g}. Bodies are linear: errors are of that order, {100 * drift.strain:.0f} %. "
+        "Check units, load and modulus; large strains need a body that is linearised in each step "
+        "(solver.update)."
+    )

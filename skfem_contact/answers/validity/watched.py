@@ -1,0 +1,99 @@
+"""What is known of the bounds of the model at an answer: measured in every step, kept with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from skfem_contact.answers.validity.drift import Drift, Track
+from skfem_contact.bodies.selection import place
+
+#: What has been warned of in a history: kind, and name of the contact or body.
+Said = frozenset[tuple[str, str]]
+
+#: Overlap over the sagitta of the chords: contact that is held somewhere along a chord leaves up to one
+#: sagitta at its middle or its ends; half of one more is room for chords that the bodies have bent.
+CHORDS = 1.5
+#: Overlap over what the largest nodal force presses in: conditions hold at the points of one side, and
+#: between them the other one bulges by a part of this. On flat tracks 0.01 (nodes, the finer ones) to
+#: 0.36 (four facets of the primary to one), 0.35 (mortar, ten to one); 0.52 at the end of a wedge that
+#: is driven in. 0.63, ten between two nodes of node-to-segment contact, is to be warned of.
+BULGE = 0.6
+
+
+@dataclass(frozen=True)
+class Intrusion:
+    """The deepest overlap of one contact.
+
+    Attributes
+    ----------
+    depth : float
+        Less gaps and with interferences given by the user [length].
+    at : tuple of float
+        Where [length].
+    surface, body : str
+        Labels of the surface of the point, and of the one whose body it lies in.
+    chords, bulge : float
+        Sagitta of straight facets on curved sides; what the largest nodal force presses in [length].
+    left : float
+        What the pairing may be off in this step, or what hardly changes the forces [length].
+    """
+
+    depth: float
+    at: tuple[float, ...]
+    surface: str
+    body: str
+    chords: float
+    bulge: float
+    left: float
+
+    @property
+    def explained(self) -> float:
+        """Beyond this the overlap is warned of [length]."""
+        return max(CHORDS * self.chords, BULGE * self.bulge, self.left)
+
+    @property
+    def excessive(self) -> bool:
+        """Whether it is to be warned of."""
+        return self.depth > self.explained
+
+    def words(self, reasons: Sequence[str]) -> str:
+        """What was found, and what to change."""
+        way = " ".join(reasons) or (
+            "Take smaller steps, or finer facets (quadratic elements) where the surfaces turn, and "
+            "take all sides that may touch into the surfaces."
+        )
+        return (
+            f"the deformed bodies overlap by {self.depth:.3g} at {place(np.array(self.at))}, where "
+            f"{self.surface!r} lies in the body of {self.body!r}; straight facets and the give between "
+            f"points explain {self.explained:.2g}. Contact conditions do not see it. {way}"
+        )
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What is known of the bounds of the model at an answer.
+
+    Attributes
+    ----------
+    drifts : tuple of Drift
+        Of every contact.
+    turns : dict
+        Rotation of bodies as a whole, by name, as far as known: of surfaces that slide far, and of
+        supports [rad].
+    said : frozenset
+        What has been warned of in this history: kind, and name of the contact or body.
+    tracks : tuple of Track
+        Of every contact, for `validity`.
+    intrusions : dict
+        Overlaps of contacts that slide far that seem to be beyond their bounds, by the contact's
+        number.
+    """
+
+    drifts: tuple[Drift, ...] = ()
+    turns: dict[str, float] = field(default_factory=dict)
+    said: Said = frozenset()
+    tracks: tuple[Track, ...] = ()
+    intrusions: dict[int, Intrusion] = field(default_factory=dict)

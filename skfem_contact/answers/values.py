@@ -1,0 +1,196 @@
+"""`ContactValues`: pressure, traction, gap and slip on the secondary surface of one contact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skfem_contact.answers.error.sources import ErrorEstimate
+from skfem_contact.answers.fields import closed_area, displaced, edge_positions, interpolate
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.errors import InputError
+from skfem_contact.sealed import seal, sealed
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactValues:
+    r"""The answer on the secondary surface of one contact, over all its m points.
+
+    ``traction = pressure * normal + tangential_force * tangent / area`` acts on the secondary body,
+    in global axes.
+
+    Attributes
+    ----------
+    points, normal : ndarray, shape (m, d)
+        Position on the undeformed secondary surface; unit normal from primary to secondary.
+    tangent : ndarray, shape (m, d-1, d)
+    gap : ndarray, shape (m,)
+        Positive where open; ``inf`` where a point has no partner [length].
+    status : ndarray of int, shape (m,)
+        0 open, 1 stick, 2 slip. Closed points of a frictionless contact are 2.
+    normal_force : ndarray, shape (m,)
+        Compressive force [force]; for a tied scalar field, the flow into the secondary.
+    tangential_force : ndarray, shape (m, d-1)
+        Friction on the secondary along the tangents [force].
+    area : ndarray, shape (m,)
+        Tributary area; zero at points without one of their own, see `pressure`.
+    surface : ContactSurface
+        The secondary surface, undeformed.
+    heir : ndarray of int, shape (m,)
+        The point whose pressure and traction hold at each point; itself in general.
+    action : ndarray, shape (m, d)
+        Where the force of each point acts; its position in general.
+    dissipation, dissipation_total : float
+        Energy lost by friction in this step, and since the start of the history [energy]: the mean
+        of the friction bounds at both ends of the step times the slip. Never negative, and exact
+        whatever the step where the pressure is constant or grows in proportion with the slip.
+    energy_residual : float
+        What the energy balance of this step misses: trapezoidal work of loads, supports and
+        obstacles, less elastic energy gained, less `dissipation` [energy]. Zero where forces and
+        slips follow a straight path; beside the dissipation it tells how coarse the step is, and
+        falls with the square of its size. With ``sliding="finite"`` without what turning frames
+        add, which is of second order too. Not measured without friction.
+    """
+
+    name: str
+    points: Array
+    normal: Array
+    tangent: Array
+    gap: Array
+    status: NDArray[np.intp]
+    normal_force: Array
+    tangential_force: Array
+    area: Array
+    surface: ContactSurface
+    heir: NDArray[np.intp]
+    action: Array
+    dissipation: float
+    dissipation_total: float
+    energy_residual: float
+    assess: Callable[[ContactValues], ErrorEstimate] = field(repr=False)
+    slips: Callable[[], Array] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        seal(self)
+
+    @cached_property
+    def slip(self) -> Array:
+        """Of the secondary relative to the primary, since the point closed, (m, d-1) [length].
+
+        Without friction nothing tangential is solved for: the slip is then measured on the
+        displacements of all bodies, which are recovered for it when first asked for.
+        """
+        return sealed(self.slips())
+
+    @property
+    def pressure(self) -> Array:
+        """Normal force over tributary area, not negative in compression, shape (m,) [stress].
+
+        With ``method="mortar"`` these are the coefficients of the multiplier; node by node, the
+        pressure that has these nodal forces to second order in the size of the facets, averaged
+        with the shape function of the node. Points without an area of their own have the value of
+        their `heir`: nodes merged by the mortar method, and the node of a quadratic facet that is
+        on the axis of symmetry.
+        """
+        return self._over_area(self.normal_force)
+
+    @property
+    def friction_stress(self) -> Array:
+        """Friction over tributary area along the tangents, shape (m, d-1) [stress]."""
+        return self._over_area(self.tangential_force)
+
+    def _over_area(self, force: Array) -> Array:
+        area = self.area[self.heir].reshape(-1, *[1] * (force.ndim - 1))
+        force = force[self.heir]
+        return np.divide(force, area, out=np.zeros_like(force), where=area > 0)
+
+    @property
+    def forces(self) -> Array:
+        """Force on the secondary at each point, in global axes, shape (m, d) [force]."""
+        along = np.einsum("ik,ikd->id", self.tangential_force, self.tangent)
+        return self.normal_force[:, None] * self.normal + along
+
+    @property
+    def traction(self) -> Array:
+        """Stress vector on the secondary, in global axes, shape (m, d) [stress]."""
+        return self._over_area(self.forces)
+
+    @property
+    def force(self) -> Array:
+        """Resultant on the secondary body, shape (d,) [force]."""
+        return self.forces.sum(axis=0)
+
+    @property
+    def force_on_primary(self) -> Array:
+        """Resultant on the other side, a body or a rigid obstacle, shape (d,) [force]."""
+        return -self.force
+
+    def moment(self, about: ArrayLike = (0.0, 0.0)) -> float | Array:
+        """Moment of the forces on the secondary about a point [force length]."""
+        arm = self.action - np.asarray(about, dtype=float)
+        F = self.forces
+        if self.points.shape[1] == 2:
+            return float(np.sum(arm[:, 0] * F[:, 1] - arm[:, 1] * F[:, 0]))
+        return np.cross(arm, F).sum(axis=0)
+
+    @cached_property
+    def contact_edges(self) -> Array:
+        """Where contact ends, located within a facet, shape (k, d) [length]; in 2-D.
+
+        There ``gap**(2/3)``, extrapolated from the open side, vanishes; see `fields`. In the order
+        of the points; ends of the surface that are closed are no edges.
+        """
+        return sealed(edge_positions(self._placed, self.status != 0, self.gap))
+
+    @cached_property
+    def contact_area(self) -> float:
+        """Area in contact, in 2-D up to `contact_edges`; else that of the closed points [area]."""
+        if self.points.shape[1] != 2:
+            return float(self.area[self.status != 0].sum())
+        return closed_area(self._placed, self.status != 0, self.gap)
+
+    @cached_property
+    def error_estimate(self) -> ErrorEstimate:
+        """Estimated discretisation error of pressure and friction; see `estimate`. In 2-D."""
+        return self.assess(self)
+
+    def interpolate(self, values: ArrayLike, points: ArrayLike) -> Array:
+        """A field over the points (``pressure``, ``traction``, ``slip``, ...) between them.
+
+        Parameters
+        ----------
+        values : ndarray, shape (m, ...)
+        points : ndarray, shape (p, d)
+            Positions on the secondary surface; others are projected onto it [length].
+
+        Returns
+        -------
+        ndarray, shape (p, ...)
+        """
+        values = np.asarray(values, dtype=float)
+        if values.shape[:1] != self.area.shape:
+            raise InputError(
+                f"values have shape {values.shape}, but contact {self.name!r} has "
+                f"{len(self.area)} points: give a value for each"
+            )
+        return interpolate(self._placed, values, np.asarray(points, dtype=float))
+
+    def integrate(self, values: ArrayLike) -> float | Array:
+        """Integral of a field over the points; of `traction` it is `force`, to round-off.
+
+        Parameters
+        ----------
+        values : ndarray, shape (m, ...)
+        """
+        total = np.tensordot(self.area, np.asarray(values, dtype=float), axes=1)
+        return float(total) if total.ndim == 0 else total
+
+    @property
+    def _placed(self) -> ContactSurface:
+        return displaced(self.surface, self.points)

@@ -1,0 +1,286 @@
+"""`Body`: basis, stiffness, load and prescribed DOFs of one body.
+
+Together with `surface` and `io` this is the border with scikit-fem: behind it there are only NumPy
+arrays and SciPy sparse matrices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import skfem
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+from skfem.assembly import BilinearForm, CellBasis
+
+from skfem_contact.arguments import check_name
+from skfem_contact.bodies.inputs import (
+    check_basis,
+    load_of,
+    prescribed_dofs,
+    prescribed_values,
+    stiffness_of,
+)
+from skfem_contact.carried import can_be_carried, carried
+from skfem_contact.errors import InputError
+from skfem_contact.sealed import seal
+
+if TYPE_CHECKING:
+    from skfem_contact.bodies.surface import ContactSurface
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Body:
+    """One body: a scikit-fem basis with the linear system assembled on it.
+
+    Two bodies that live in one mesh are one `Body`; contact is then between two of its surfaces.
+
+    Parameters
+    ----------
+    basis : skfem.CellBasis
+        Basis of an `ElementVector` of P1, P2, Q1, Q2 or S2 elements; of the scalar element itself
+        for heat conduction and the like (tied contact only).
+    K : sparse matrix, shape (n, n), or BilinearForm
+        Stiffness [force/length]. A form is assembled on `basis` here, once. Of a matrix whose last
+        digits are not symmetric the symmetric part is kept.
+    f : ndarray, shape (n,), or LinearForm, optional
+        Load [force]; zero if not given. A form is integrated over the volume of `basis`; assemble
+        loads on a boundary with a `FacetBasis` and pass the vector.
+    D : ndarray, DofsView, dict of DofsView, or (list of) boundary names, optional
+        Prescribed DOFs, as in `skfem.condense`. A boundary name stands for all components.
+    x : ndarray, shape (n,), optional
+        Prescribed values [length]; only the entries `D` are used. Zero if not given.
+    measure : callable, optional
+        Weight of the area where `K` carries one, a function of the component-first position:
+        ``lambda x: 2 * np.pi * x[0]`` for axisymmetric bodies, a thickness for plane ones.
+    name : str, optional
+        Name for reports and results.
+
+    Attributes
+    ----------
+    K : csr_matrix, shape (n, n)
+    f : ndarray, shape (n,)
+    D : ndarray of int
+        Sorted, without repetitions.
+    x : ndarray, shape (n,)
+        Zero where not prescribed.
+    form : BilinearForm or None
+        What `K` was assembled from, where it was one; the error estimate measures energy by it.
+
+    Raises
+    ------
+    InputError
+        Wrong element, shapes that belong to another basis, NaN or infinite numbers, unknown names, a
+        stiffness that is not symmetric.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> basis = fem.Basis(fem.MeshQuad().with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    >>> body = Body(basis, linear_elasticity(), D="bottom", name="block")
+    >>> body.n, body.dim, body.D.tolist()
+    (8, 2, [0, 1, 2, 3])
+    >>> bool(abs(body.K @ body.rigid_modes).max() < 1e-12)
+    True
+    """
+
+    basis: Any
+    K: csr_matrix
+    f: np.ndarray
+    D: np.ndarray
+    x: np.ndarray
+    measure: Callable[[np.ndarray], np.ndarray] | None
+    name: str | None
+    form: BilinearForm | None
+
+    def __init__(
+        self,
+        basis: CellBasis,
+        K: Any,
+        f: Any = None,
+        D: Any = None,
+        x: Any = None,
+        *,
+        measure: Callable[[np.ndarray], np.ndarray] | None = None,
+        name: str | None = None,
+    ) -> None:
+        check_name(name, "name of a body")
+        whose = f"body {name!r}" if name else "a body"
+        check_basis(basis, whose)
+        if measure is not None and not callable(measure):
+            raise InputError(
+                f"measure of {whose} is a {type(measure).__name__}, not a function of position; "
+                f"for a constant thickness pass measure=lambda x: {measure!r} + 0 * x[0]"
+            )
+        numbers = prescribed_dofs(D, basis, whose)
+        values = {
+            "basis": basis,
+            "K": stiffness_of(K, basis, whose),
+            "f": load_of(f, basis, whose),
+            "D": numbers,
+            "x": prescribed_values(x, numbers, D is None, basis, whose),
+            "measure": measure,
+            "name": name,
+            "form": K if isinstance(K, BilinearForm) else None,
+        }
+        for key, value in values.items():
+            object.__setattr__(self, key, value)
+        seal(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        known = dict(vars(self))
+        if self.measure is not None and self.components > 1:
+            known["axisymmetric"] = self.axisymmetric  # what depends on it is told without it
+        known["measure"] = carried(self.measure, f"measure of body {self.name or 'without name'!r}")
+        known["form"] = self.form if can_be_carried(self.form) else None  # K is what it gave
+        return known
+
+    def __setstate__(self, known: dict[str, Any]) -> None:
+        vars(self).update(known)
+        seal(self)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Body {self.name or '(no name)'}: {self.n} DOFs, {len(self.D)} prescribed, "
+            f"{type(self.basis.mesh).__name__} of {self.basis.mesh.nelements} elements>"
+        )
+
+    @property
+    def n(self) -> int:
+        """Number of DOFs."""
+        return int(self.basis.N)
+
+    @property
+    def dim(self) -> int:
+        """Dimension of space."""
+        return int(self.basis.mesh.dim())
+
+    @property
+    def components(self) -> int:
+        """DOFs per node: `dim` for displacements, 1 for a scalar field."""
+        return self.dim if isinstance(self.basis.elem, skfem.ElementVector) else 1
+
+    @property
+    def dof_points(self) -> np.ndarray:
+        """Position of every DOF, shape (n, d)."""
+        return np.ascontiguousarray(self.basis.doflocs.T, dtype=float)
+
+    @cached_property
+    def dof_component(self) -> np.ndarray:
+        """Component (0 for x) that every DOF stands for, shape (n,)."""
+        component = np.zeros(self.n, dtype=np.int32)
+        dofs = self.basis.dofs
+        for rows in (dofs.nodal_dofs, dofs.edge_dofs, dofs.facet_dofs, dofs.interior_dofs):
+            component[rows] = (np.arange(rows.shape[0]) % self.components)[:, None]
+        return component
+
+    @cached_property
+    def axisymmetric(self) -> bool:
+        """Whether `measure` is proportional to ``x[0]`` (a thickness is not)."""
+        if self.measure is None or self.components == 1:
+            return False
+        radius = self.dof_points[:, 0]
+        weight = np.broadcast_to(self.measure(self.dof_points.T), radius.shape)
+        # compared at the largest radius, where the quotient has all its digits
+        far = np.argmax(np.abs(radius))
+        deviation = np.abs(weight * radius[far] - weight[far] * radius)
+        return bool(np.all(deviation <= 1e-9 * np.abs(weight[far] * radius[far])))
+
+    @cached_property
+    def parts(self) -> np.ndarray:
+        """Number of the connected part of the mesh that every DOF belongs to, shape (n,)."""
+        elements = self.basis.dofs.element_dofs
+        first = np.broadcast_to(elements[0], elements.shape)
+        graph = csr_matrix(
+            (np.ones(elements.size, dtype=np.int8), (elements.ravel(), first.ravel())),
+            shape=(self.n, self.n),
+        )
+        return np.asarray(connected_components(graph, directed=False)[1])
+
+    @cached_property
+    def rigid_modes(self) -> np.ndarray:
+        """Motions without strain, shape (n, 3) in 2-D and (n, 6) in 3-D, for each part of the mesh.
+
+        Translations of unit length, then rotations about the centroid of the nodes, divided by the
+        largest lever arm so that no entry exceeds one whatever the unit of length. A scalar field
+        has the constant, shape (n, 1); an axisymmetric body the translation along its axis, (n, 1).
+        A mesh of several pieces has the modes of the first, then those of the second, ...
+        """
+        blocks = []
+        for part in range(self.parts.max() + 1):
+            mine = self.parts == part
+            block = np.zeros((self.n, len(self._motions)))
+            block[mine] = self._modes_of(mine)
+            blocks.append(block)
+        return np.concatenate(blocks, axis=1)
+
+    def _modes_of(self, mine: np.ndarray) -> np.ndarray:
+        component = self.dof_component[mine]
+        if self.components == 1:
+            return np.ones((len(component), 1))
+        translations = (component[:, None] == np.arange(self.dim)).astype(float)
+        if self.axisymmetric:
+            return translations[:, 1:]
+        arm = self.dof_points[mine]
+        arm = arm - arm.mean(axis=0)
+        arm /= np.abs(arm).max()
+        # the rotation in the plane (i, j) moves j by the lever arm along i, and i by minus that
+        # along j
+        planes = [(0, 1)] if self.dim == 2 else [(1, 2), (2, 0), (0, 1)]
+        rotations = [
+            np.where(component == j, arm[:, i], 0.0) - np.where(component == i, arm[:, j], 0.0)
+            for i, j in planes
+        ]
+        return np.column_stack([translations, *rotations])
+
+    @property
+    def _motions(self) -> tuple[str, ...]:
+        if self.components == 1:
+            return ("constant",)
+        if self.axisymmetric:
+            return ("translation along the axis",)
+        axes = "xyz"[: self.dim]
+        turns = ("rotation",) if self.dim == 2 else tuple(f"rotation about {a}" for a in axes)
+        return tuple(f"translation along {a}" for a in axes) + turns
+
+    @property
+    def rigid_mode_names(self) -> tuple[str, ...]:
+        """The motions of `rigid_modes` in words."""
+        count = int(self.parts.max()) + 1
+        if count == 1:
+            return self._motions
+        return tuple(f"{name} of part {i + 1}" for i in range(count) for name in self._motions)
+
+    def surface(self, where: Any, nodes: bool = False, *, name: str | None = None) -> ContactSurface:
+        """Part of the boundary that may come into contact.
+
+        Parameters
+        ----------
+        where : str, callable, int, ndarray, or list, tuple or set of these
+            What `skfem.Mesh.normalize_facets` takes, intersected with the boundary of the mesh: a
+            boundary name, a function of the component-first position of the facet midpoints, facet
+            numbers.
+        nodes : bool, optional
+            A callable selects the facets all of whose mesh nodes satisfy it (circles: the midpoint
+            of a chord is not on the circle), instead of the midpoints.
+        name : str, optional
+            Name for reports; the boundary name or the name of the function if not given.
+
+        Returns
+        -------
+        ContactSurface
+
+        Raises
+        ------
+        InputError
+            Nothing selected, unknown names (the message lists those known), degenerate facets.
+        """
+        # `surface` comes after `body` in the order of the theory, so the import waits until here
+        from skfem_contact.bodies.surface import extract_surface
+
+        return extract_surface(self, where, nodes=nodes, name=name)

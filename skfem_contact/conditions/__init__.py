@@ -1,0 +1,9 @@
+"""The contact conditions: gaps and slips as rows, friction laws, loads, and what they hold.
+
+* `friction`, `checked_law`: laws, and the check of every value that they return;
+* `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, its rows, and where
+  they are when contact slides far;
+* `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers;
+* `prescribed`, `motions`, `statics`: what supports prescribe, leave free, and whether contact holds it;
+* `diagnosis`, `identity`: what can be said before solving; what a stored state belongs to.
+"""

@@ -1,0 +1,167 @@
+"""`CheckedLaw`: the friction law of one contact, every value of which is checked before it is used.
+
+Laws may be the user's own. NaN compares as nothing, so a point whose bound is NaN would stick like
+glue; a negative bound would drive the body. All that asks a law goes through here: the loops,
+complementary pivoting, the certificate, the pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.arguments import numbers
+from skfem_contact.bodies.selection import place
+from skfem_contact.conditions.friction import STEP, Coulomb, FrictionLaw, Tresca
+from skfem_contact.errors import InputError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# Negative bounds this small against the largest force are differences of equal numbers, which is zero.
+ROUND_OFF = 1e-12
+# Points with less than this share of the largest area have none: they carry nothing, and a law of the
+# pressure has no value there. (A quadratic facet on the axis of symmetry has such an end.)
+NO_AREA = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedLaw:
+    """The friction law of one contact, whose values are finite, not negative, and one per point.
+
+    Parameters
+    ----------
+    law : FrictionLaw
+    contact : str
+        Name of the contact, for messages.
+    points : ndarray, shape (m, d)
+        Positions of its points, for messages.
+
+    Examples
+    --------
+    >>> law = CheckedLaw(Coulomb(0.5), "joint", np.zeros((1, 2)))
+    >>> law.limit(np.array([2.0]), np.array([1.0]), np.array([[0.0]]))
+    array([1.])
+    """
+
+    law: FrictionLaw
+    contact: str
+    points: Array
+
+    @property
+    def is_linear(self) -> bool:
+        """See `FrictionLaw.is_linear`."""
+        return self.law.is_linear
+
+    @property
+    def _plain(self) -> bool:
+        """Whether the law is one of ours, whose parameters were checked when it was made.
+
+        Its bounds need no check, and are piecewise linear in the normal force, without the slip.
+        """
+        return type(self.law) in (Coulomb, Tresca)
+
+    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        """Bounds, shape (m,); see `FrictionLaw.limit`. Zero at points without area.
+
+        Raises
+        ------
+        InputError
+            The law returned something else than one finite bound >= 0 for each point.
+        """
+        if self._plain:
+            return self.law.limit(normal_force, area, slip)
+        bounds, known = self._ask(self.law.limit, "limit", normal_force, area, slip)
+        good = known & np.isfinite(bounds)
+        largest = max(np.max(part[good], initial=0.0) for part in (normal_force, bounds))
+        good &= bounds >= -ROUND_OFF * largest
+        if not good[known].all():
+            self._refuse("limit", known & ~good, bounds, normal_force, slip)
+        return np.maximum(bounds, 0.0)
+
+    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        """Derivatives by the normal force, shape (m,); see `FrictionLaw.slope`.
+
+        A point without force is about to get one like the others: if the chord to it is flatter than
+        the tangent, the chord is taken. The tangent of a power of the pressure is infinite there.
+        """
+        if self._plain:
+            return self.law.slope(normal_force, area, slip)
+        slopes, known = self._ask(self.law.slope, "slope", normal_force, area, slip)
+        largest = float(np.max(normal_force[known], initial=0.0))
+        bare = known & (normal_force <= STEP * largest)
+        if largest > 0 and bare.any():
+            rise = self.limit(np.where(bare, largest, normal_force), area, slip)
+            rise -= self.limit(normal_force, area, slip)
+            slopes[bare] = np.fmin(slopes[bare], rise[bare] / largest)
+        good = np.isfinite(slopes)
+        if not good[known].all():
+            self._refuse("slope", known & ~good, slopes, normal_force, slip)
+        return slopes
+
+    def hardening(self, normal_force: Array, area: Array, slip: Array, direction: Array) -> Array:
+        """By how much the bound grows with a slip along `direction`, (m,); zero where it falls.
+
+        A difference quotient. Where bounds fall with the slip the loops let them lag: their
+        derivative would take stiffness away from the bodies.
+        """
+        if self._plain:
+            return np.zeros_like(normal_force)
+        step = STEP * float(np.max(np.abs(slip), initial=0.0))
+        if step == 0.0:
+            return np.zeros_like(normal_force)
+        ahead = self.limit(normal_force, area, slip + step * direction)
+        return np.maximum((ahead - self.limit(normal_force, area, slip)) / step, 0.0)
+
+    def _ask(
+        self, method: Callable[..., Any], what: str, normal_force: Array, area: Array, slip: Array
+    ) -> tuple[Array, Mask]:
+        """What the law returns, and for which points it was asked with numbers to be answered."""
+        idle = area <= NO_AREA * np.max(area, initial=0.0)
+        # the law's own copies, as it may work in place; divisions by zero are found by their result
+        asked = normal_force.copy(), np.where(idle, 1.0, area), slip.copy()
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            found = method(*asked)
+        usage = "it must return an array with one number for each contact point"
+        values = numbers(found, f"what {self._name(what)} returned", usage)
+        if values.shape != normal_force.shape:
+            raise InputError(
+                f"{self._name(what)} returned an array of shape {values.shape} for "
+                f"{len(normal_force)} points, where it must have shape {normal_force.shape}. It is "
+                f"given normal forces and areas of shape {normal_force.shape} and slips of shape "
+                f"{slip.shape}: np.linalg.norm(slip, axis=1) is the size of the slip, one number per "
+                "point."
+            )
+        known = np.isfinite(normal_force) & np.isfinite(slip).all(axis=1) & ~idle
+        return np.where(idle, 0.0, values), known
+
+    def _name(self, method: str) -> str:
+        return f"contact '{self.contact}': {type(self.law).__name__}.{method}"
+
+    def _refuse(self, what: str, bad: Mask, values: Array, normal_force: Array, slip: Array) -> None:
+        i, count = int(np.argmax(bad)), int(bad.sum())
+        many = "" if count == 1 else f" ({count} of {len(bad)} points, of which this is the first)"
+        words = (
+            f"{self._name(what)} returned {values[i]:.6g} at point {i} at {place(self.points[i])}, "
+            f"where the normal force is {normal_force[i]:.6g} and the slip {place(slip[i])}{many}. "
+        )
+        if what == "slope":
+            words += "The derivative of the bound has to be finite; leave slope out for a quotient."
+        elif values[i] < 0:
+            words += (
+                "A bound is the size of the friction force, whose direction follows from the slip: "
+                "it has to be >= 0."
+            )
+        elif normal_force[i] == 0:
+            words += (
+                "A law needs a bound also where nothing presses. With a power of the pressure write "
+                "the bound itself as a power, c * p**(2/3) instead of c * p**(-1/3) * p, or bound p "
+                "from below."
+            )
+        else:
+            words += "A bound has to be finite; for surfaces that never slip use Contact(tied=True)."
+        raise InputError(words)

@@ -1,0 +1,171 @@
+"""`Contact`: what may touch what, and how; the user's settings of one interface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.arguments import check_name, check_switch, number, numbers, shown
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.carried import carried
+from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.errors import InputError
+from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.sealed import kept
+
+Array = NDArray[np.float64]
+Field = float | Array | Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """Contact between two surfaces, or between a surface and a rigid obstacle.
+
+    Parameters
+    ----------
+    secondary : ContactSurface
+        The surface whose points are constrained (slave, in older texts): as a rule the finer one,
+        or the one of the softer body.
+    primary : ContactSurface or obstacle
+        The surface that the points are projected onto (master).
+    friction : FrictionLaw, optional
+        None is frictionless: then nothing tangential is modelled at all.
+    method : {"mortar", "node"}
+        Dual mortar, or node-to-segment, which errs by some percent in the pressure where meshes do
+        not match, at no lower cost (docs/methods.md). Obstacles are met node by node either way.
+    interference : float, ndarray (m,) or callable
+        Overlap added to the geometry, positive where the bodies are too large for each other (a
+        press fit) [length]. A callable takes component-first positions ``x``.
+    gap : float, ndarray (m,) or callable, optional
+        Replaces the initial gap measured on the meshes [length].
+    adjust : float
+        Initial gaps and overlaps up to this length are taken as closed, free of strain [length].
+    reach : float, optional
+        How far a point looks for its partner, outwards and inwards [length]; by default any distance.
+    outside : {"open", "error"}
+        What happens to points that miss the primary surface.
+    sliding : {"small", "finite"}
+        Whether the pairing is that of the undeformed meshes, or follows the motion.
+    tied : bool
+        Both surfaces are glued: no gap, no slip, also in tension.
+    name : str, optional
+
+    Raises
+    ------
+    InputError
+        If a setting is not one of those above.
+    """
+
+    secondary: ContactSurface
+    primary: ContactSurface | Obstacle
+    _: KW_ONLY
+    friction: FrictionLaw | None = None
+    method: Literal["node", "mortar"] = "mortar"
+    interference: Field = 0.0
+    gap: Field | None = None
+    adjust: float = 0.0
+    reach: float | None = None
+    outside: Literal["open", "error"] = "open"
+    sliding: Literal["small", "finite"] = "small"
+    tied: bool = False
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.secondary, ContactSurface):
+            what = "an obstacle" if isinstance(self.secondary, Obstacle) else "no surface"
+            raise InputError(
+                f"Contact: secondary is {what} ({type(self.secondary).__name__}). The secondary "
+                "side is a boundary of a body, body.surface('name'); a rigid obstacle can only be "
+                "the primary: swap the two."
+            )
+        if not isinstance(self.primary, ContactSurface | Obstacle):
+            raise InputError(
+                f"Contact: primary is a {type(self.primary).__name__}; it has to be a surface, "
+                "body.surface('name'), or an obstacle such as RigidPlane(point, normal)."
+            )
+        self._check_sides()
+        choices = {
+            "method": ("node", "mortar"),
+            "outside": ("open", "error"),
+            "sliding": ("small", "finite"),
+        }
+        for name, allowed in choices.items():
+            value = getattr(self, name)
+            if not isinstance(value, str) or value not in allowed:
+                raise InputError(f"Contact: {name} = {shown(value)} is not one of {allowed}.")
+        check_switch(self.tied, "Contact: tied")
+        for name in ("interference", "gap"):
+            object.__setattr__(self, name, kept(getattr(self, name)))
+        check_name(self.name, "Contact: name")
+        if self.friction is not None and not isinstance(self.friction, FrictionLaw):
+            raise InputError(
+                f"Contact: friction = {self.friction!r} is not a friction law; write "
+                "friction=Coulomb(0.3), or derive your own from FrictionLaw."
+            )
+        if self.tied and self.friction is not None:
+            raise InputError(
+                "Contact: tied=True and friction=... exclude each other: glued surfaces do not "
+                "slip. Leave one of them out."
+            )
+        for name in ("adjust", "reach"):
+            value = getattr(self, name)
+            if value is None and name == "reach":
+                continue
+            bound = "> 0" if name == "reach" else ">= 0"  # within no reach there is no partner
+            length = number(value, f"Contact: {name}", f"give a length {bound}")
+            # no limit to `reach` is what it has without; every gap closed is never what is meant
+            if not length >= 0 or length == {"adjust": np.inf, "reach": 0.0}[name]:
+                raise InputError(f"Contact: {name} = {value} has to be a length {bound}.")
+
+    def __getstate__(self) -> dict[str, Any]:
+        known = dict(vars(self))
+        for name in ("interference", "gap"):
+            known[name] = carried(known[name], f"{name} of contact {self.label}")
+        return known
+
+    def _check_sides(self) -> None:
+        """Refuse a surface against itself: every point would be its own partner."""
+        primary = self.primary
+        if not isinstance(primary, ContactSurface) or primary.body is not self.secondary.body:
+            return
+        shared = np.intersect1d(self.secondary.mesh_facets, primary.mesh_facets)
+        if len(shared):
+            raise InputError(
+                f"Contact: secondary {self.secondary.label!r} and primary {primary.label!r} share "
+                f"{len(shared)} facets of one body. A surface in contact with itself is not "
+                "supported: the two sides must be known beforehand. Tag them as two boundaries "
+                "without common facets, for example the two flanks of a slot."
+            )
+
+    @property
+    def rigid(self) -> bool:
+        """Whether the primary side is a rigid obstacle."""
+        return not isinstance(self.primary, ContactSurface)
+
+    @property
+    def label(self) -> str:
+        """The two sides in words, for messages."""
+        primary = self.primary.label
+        return f"{self.secondary.label} on {primary}"
+
+
+def field_values(field: Field, points: Array, what: str) -> Array:
+    """A number, array or callable of component-first positions as one value per point."""
+    given = field(points.T) if callable(field) else field
+    usage = "give one number, one value per point, or a callable of component-first positions x"
+    values = numbers(given, what, usage)
+    try:
+        values = np.broadcast_to(values, (len(points),))
+    except ValueError:
+        raise InputError(
+            f"{what} has shape {np.shape(values)}, but there are {len(points)} contact points. "
+            "Give one number, one value per point of the secondary surface, or a callable of "
+            "component-first positions x."
+        ) from None
+    if not np.isfinite(values).all():
+        raise InputError(f"{what} has NaN or infinite values; give finite lengths.")
+    return np.array(values)

@@ -1,0 +1,226 @@
+"""What is wrong with a contact problem and can be said before, or without, solving it."""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import structural_rank
+
+from skfem_contact.bodies.selection import place
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import System
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.prescribed import prescribed_rows
+from skfem_contact.errors import ConstraintError, ContactWarning, InputError
+from skfem_contact.pairing.diagnosis import diagnose, say_wrong_side
+from skfem_contact.pairing.node import Pairing
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# Overlaps below this fraction of the bodies' extent are round-off of coordinates and values.
+ROUND_OFF = 1e-10
+# An overlap of this share of a body is no interference fit: small strains end long before.
+HUGE = 0.1
+
+
+def check_passes(contacts: Sequence[Contact], names: Sequence[str]) -> None:
+    """Refuse two contacts over one interface: the same pair again, or once in each direction.
+
+    Raises
+    ------
+    InputError
+    """
+    for (i, one), (j, other) in itertools.combinations(enumerate(contacts), 2):
+        rigid = one.primary is other.primary and _shared(one.secondary, other.secondary)
+        again = _shared(one.secondary, other.secondary) and _shared(one.primary, other.primary)
+        back = _shared(one.secondary, other.primary) and _shared(one.primary, other.secondary)
+        if not (rigid or again or back):
+            continue
+        raise InputError(
+            f"contacts '{names[i]}' ({one.label}) and '{names[j]}' ({other.label}) pair the same "
+            f"facets{', the one from one side and the other from the other' if back else ''}. "
+            "The force between two surfaces would be shared out among both, and nothing tells how "
+            "much each has. One contact holds both sides, with method='mortar' also between its nodes: "
+            "leave one of the two out, or give each its own part of the surface."
+        )
+
+
+def _shared(one: Any, other: Any) -> bool:
+    """Whether two sides are surfaces of one body with common facets."""
+    if not (isinstance(one, ContactSurface) and isinstance(other, ContactSurface)):
+        return False
+    return one.body is other.body and bool(np.isin(one.mesh_facets, other.mesh_facets).any())
+
+
+def check_pairing(contact: Contact, pairing: Pairing) -> None:
+    """Refuse a contact none of whose points has a partner, or one too few for ``outside="error"``.
+
+    Raises
+    ------
+    InputError
+    """
+    lonely = pairing.miss > 0  # a node that handed its multiplier on has a partner
+    nobody = bool(lonely.all()) and contact.sliding == "small"
+    if not nobody and not (lonely.any() and contact.outside == "error"):
+        return
+    found = diagnose(pairing, contact.secondary, contact.primary)
+    missed = [line for line in found if not line.startswith("The primary surface")]
+    words = " ".join(missed).replace('They can never touch (outside="open"). ', "")
+    if contact.outside == "error" and not nobody:
+        words += ' They are an error because of outside="error"; outside="open" leaves them out.'
+    raise InputError(words)
+
+
+def warn_redundant_glue(contact: Contact, pairing: Pairing) -> None:
+    """Warn of prescribed points glued to fewer nodes: the force has no unique share among them.
+
+    Warns
+    -----
+    ContactWarning
+    """
+    primary = contact.primary
+    if not (contact.tied and isinstance(primary, ContactSurface)):
+        return
+    prescribed = contact.secondary.held.all(axis=1)
+    if not prescribed.any():
+        return
+    moving = abs(csr_matrix(pairing.secondary_weights)) @ (~prescribed).astype(float)
+    free = ~primary.held.all(axis=1)
+    W = csr_matrix(pairing.primary_weights)[pairing.paired & (moving == 0.0)][:, free]
+    W = W[np.diff(W.indptr) > 0]
+    if W.shape[0] == 0 or structural_rank(W) == W.shape[0]:
+        return
+    nodes = len(np.unique(W.indices))
+    warnings.warn(
+        f"Contact {contact.label}: {W.shape[0]} glued points of '{contact.secondary.label}' are "
+        f"prescribed altogether and hold {nodes} free nodes of '{primary.label}'. The displacements "
+        "are those of the glue, but how its force is shared out among too many points is not unique, "
+        "and tractions there may be far too large. Take the surface whose nodes are free as the "
+        "secondary one: swap the two.",
+        ContactWarning,
+        stacklevel=2,
+    )
+
+
+def check_side(contact: Contact, pairing: Pairing) -> None:
+    """Refuse an obstacle whose normal is the wrong way round; glue may be on either side.
+
+    Raises
+    ------
+    InputError
+    """
+    if contact.rigid and not contact.tied:
+        wrong = say_wrong_side(pairing, contact.secondary, contact.primary)
+        if wrong:
+            raise InputError(wrong)
+
+
+def check_loads(
+    system: System,
+    contacts: Sequence[Contact],
+    names: Sequence[str],
+    parts: Sequence[slice],
+    kin: Kinematics,
+    fixed: Mask,
+    case: LoadCase,
+) -> None:
+    """Say where prescribed displacements or an interference leave contact no right answer.
+
+    `fixed` are the points of `kin` whose gap is prescribed.
+
+    Warns
+    -----
+    ContactWarning
+        Prescribed displacements push points into one another; an overlap is huge.
+
+    Raises
+    ------
+    ConstraintError
+        Tied points whose relative displacement is prescribed otherwise.
+    """
+    prescribed = fixed.any() or kin.tied.any()
+    if prescribed:
+        x = np.zeros(system.n)
+        x[system.D] = case.x[system.D]
+        gap = np.where(fixed, np.where(fixed, case.gap0, 0.0) + kin.B_n @ x, np.inf)
+        small = ROUND_OFF * max(system.extent, float(np.max(np.abs(x), initial=0.0)))
+    for contact, name, part in zip(contacts, names, parts, strict=True):
+        if contact.tied:
+            _check_tied(system, contact, name, part, kin, case, x, small)
+        elif prescribed and np.min(gap[part], initial=np.inf) < -small:
+            _warn_penetration(contact, name, gap[part], small)
+        _warn_overlap(contact, name, kin.gap0[part], case.interference[part])
+
+
+def _check_tied(
+    system: System,
+    contact: Contact,
+    name: str,
+    part: slice,
+    kin: Kinematics,
+    case: LoadCase,
+    x: Array,
+    small: float,
+) -> None:
+    """Tied points that are prescribed on both sides have to be prescribed alike."""
+    t = kin.tangents
+    jumps = [np.where(kin.paired, case.gap0, 0.0) + kin.B_n @ x, kin.B_t @ x]
+    for B, jump, per_point in ((kin.B_n, jumps[0], 1), (kin.B_t, jumps[1], t)):
+        rows = slice(part.start * per_point, part.stop * per_point)
+        fixed = prescribed_rows(B[rows], system.D) & np.repeat(kin.paired[part], per_point)
+        torn = np.flatnonzero(fixed & (np.abs(jump[rows]) > small))
+        if len(torn):
+            worst = torn[np.argmax(np.abs(jump[rows])[torn])] // per_point
+            raise ConstraintError(
+                f"contact '{name}' ties {len(torn)} points of surface {contact.secondary.label!r} "
+                "all of whose DOFs are prescribed, on both sides, with different displacements: "
+                f"they differ by {np.max(np.abs(jump[rows])[torn]):.6g} at point {worst} at "
+                f"{place(contact.secondary.points[worst])}. Prescribe one side only (D=...), or "
+                "both with the same x.",
+                torn // per_point,
+            )
+
+
+def _warn_penetration(contact: Contact, name: str, gap: Array, small: float) -> None:
+    worst = int(np.argmin(gap))
+    warnings.warn(
+        f"contact '{name}': prescribed displacements push {np.sum(gap < -small)} of {len(gap)} "
+        f"points of surface {contact.secondary.label!r} into {contact.primary.label!r}, deepest "
+        f"point {worst} at {place(contact.secondary.points[worst])} by {-gap[worst]:.6g}. Prescribed "
+        "displacements win: the overlap stays, and the force there is a reaction of D, not a "
+        "contact force. Leave these DOFs out of D, or correct x.",
+        ContactWarning,
+        stacklevel=5,
+    )
+
+
+def _warn_overlap(contact: Contact, name: str, gap: Array, interference: Array) -> None:
+    """Overlaps, by the meshes or an interference, as large as the bodies."""
+    deepest = max(float(np.max(-gap, initial=0.0)), float(np.max(interference, initial=0.0)))
+    if deepest == 0.0:
+        return
+    sizes = [_extent(contact.secondary)]
+    if isinstance(contact.primary, ContactSurface):
+        sizes.append(_extent(contact.primary))
+    if deepest > HUGE * min(sizes):
+        warnings.warn(
+            f"contact '{name}' starts with an overlap of {deepest:.6g}, {deepest / min(sizes):.2g} "
+            f"times the extent of the smaller body ({min(sizes):.6g}). The answer is linear, but "
+            "strains of this size are not small. Usually a unit or the sign of interference is "
+            "wrong, or the primary surface is on the far side of its body.",
+            ContactWarning,
+            stacklevel=5,
+        )
+
+
+def _extent(surface: ContactSurface) -> float:
+    return float(np.ptp(surface.body.basis.mesh.p, axis=1).max())

@@ -1,0 +1,120 @@
+"""Each contact paired by its discretisation: node-to-segment, dual mortar, or a rigid obstacle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.pairing.corners import CornerContacts, Names, corner_contacts
+from skfem_contact.pairing.frames import loaded_frames
+from skfem_contact.pairing.mortar import dual_mortar
+from skfem_contact.pairing.node import Pairing, node_to_segment
+
+Array = NDArray[np.float64]
+
+
+def pair(
+    contact: Contact,
+    *,
+    moved: Sequence[Array] = (),
+    motion: object = None,
+    known: Names = frozenset(),
+) -> Pairing:
+    """Find the partner of every point of the secondary surface.
+
+    Parameters
+    ----------
+    contact : Contact
+    moved : pair of ndarray, optional
+        Displacements of the secondary and the primary body, for the deformed geometry [length].
+    motion : optional
+        Motion of a rigid obstacle: translation (d,), or (translation, angle, centre).
+    known : frozenset
+        Vertices that carried in a round before, `Pairing.corners`.
+    """
+    secondary, primary = contact.secondary, contact.primary
+    if len(moved):
+        secondary = secondary.moved(moved[0])
+    if isinstance(primary, Obstacle):
+        pairing = primary.pair(secondary, motion=motion)
+        if contact.reach is not None:
+            pairing = _without(pairing, ~(np.abs(pairing.gap) <= contact.reach))
+        return _without_idle(contact, pairing)
+    if len(moved):
+        primary = primary.moved(moved[1])
+    corners = None if contact.tied else _corners(contact, secondary, primary, known)
+    if contact.method == "mortar":
+        pressed = None if corners is None else corners.pressed
+        pairing = dual_mortar(secondary, primary, reach=contact.reach, pressed=pressed)
+        pairing = pairing if corners is None else corners.rows(pairing, every=True)
+    else:
+        pairing = node_to_segment(secondary, primary, reach=contact.reach)
+        pairing = pairing if corners is None else corners.rows(pairing, every=False)
+        pairing = _without_idle(contact, pairing)
+    if contact.sliding == "small" and not contact.tied and not len(moved):
+        return loaded_frames(secondary, primary, pairing)
+    return pairing
+
+
+def _corners(
+    contact: Contact, secondary: ContactSurface, primary: ContactSurface, known: Names
+) -> CornerContacts:
+    """What corners meet; with small sliding only what they overlap now."""
+    return corner_contacts(
+        secondary,
+        primary,
+        reach=contact.reach,
+        only_overlaps=contact.sliding == "small",
+        known=known,
+    )
+
+
+def _without_idle(contact: Contact, pairing: Pairing) -> Pairing:
+    """The pairing less points whose force has nothing to do with the pressure.
+
+    The end of a quadratic facet on the axis of symmetry has no area: its force vanishes with any
+    constant pressure, and the sign of what is left is not that of the pressure. Glued, it may stay.
+    """
+    idle = _idle_points(contact.secondary)
+    if contact.tied or not (idle & pairing.paired).any():
+        return pairing
+    return _without(pairing, idle)
+
+
+def _without(pairing: Pairing, left_out: NDArray[np.bool_]) -> Pairing:
+    """The pairing less some points."""
+    gap = np.where(left_out, np.inf, pairing.gap)
+    return replace(pairing, paired=pairing.paired & ~left_out, gap=gap)
+
+
+def _idle_points(surface: ContactSurface) -> NDArray[np.bool_]:
+    """Points whose shape function has integral zero, shape (m,)."""
+    middle = np.zeros(len(surface.points))
+    np.maximum.at(middle, surface.facets, surface.area[surface.facets].max(axis=1)[:, None])
+    return np.asarray(surface.area <= 1e-10 * middle)
+
+
+def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
+    """The point whose pressure holds at each point, shape (m,).
+
+    It is the point itself, except that a node merged by `dual_mortar` takes that of its heir, and
+    one without area that of the middle of its facet.
+    """
+    heir: NDArray[np.intp] = np.arange(len(pairing.gap))
+    at = surface.facets
+    if at.shape[1] == 3:
+        middle = heir.copy()
+        middle[at[:, :2]] = at[:, 2:]
+        lonely = _idle_points(surface) & ~pairing.paired
+        heir = np.where(lonely, middle, heir)
+    weights = csr_matrix(pairing.secondary_weights).tocoo()
+    lent = ~pairing.paired[weights.col] & (weights.row != weights.col)
+    heir[weights.col[lent]] = weights.row[lent]
+    return heir

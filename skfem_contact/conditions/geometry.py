@@ -1,0 +1,199 @@
+r"""Where the contact points are: the pairing, fixed for small sliding, following for finite.
+
+With small sliding the pairing of the undeformed bodies serves for ever. With finite sliding it is
+renewed at the displacements of an iterate, for the whole contact problem at once, and the load step
+is solved again until the two agree; the bodies themselves are not touched. At a placement ``u_k``
+
+    gap   g = g(u_k) + B_n (u - u_k),        slip  s = s_n + B_t (u - u_n),
+
+with ``u_n, s_n`` the end of the last load step. The slip is measured in the local frame, so that the
+friction history turns with the point; and since the normals of a surface are interpolated along it,
+a node passes from one facet to the next without a jump of its frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import System
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.diagnosis import check_pairing, check_side, warn_redundant_glue
+from skfem_contact.conditions.discretisation import pair
+from skfem_contact.conditions.identity import Identity
+from skfem_contact.conditions.kinematics import Kinematics, initial_gap, join, kinematics
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.prescribed import prescribed_rows
+from skfem_contact.conditions.state import State
+from skfem_contact.pairing.node import Pairing
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Geometry:
+    """Pairs all contacts, and pairs those that slide again where the bodies have moved."""
+
+    def __init__(self, system: System, contacts: Sequence[Contact], parts: Sequence[slice]) -> None:
+        self.system, self.contacts, self.parts = system, tuple(contacts), tuple(parts)
+        self.pairings: list[Pairing] = [pair(contact) for contact in contacts]
+        for contact, pairing in zip(contacts, self.pairings, strict=True):
+            check_pairing(contact, pairing)
+            check_side(contact, pairing)
+            warn_redundant_glue(contact, pairing)
+        self._first = [
+            kinematics(system, contact, pairing)
+            for contact, pairing in zip(contacts, self.pairings, strict=True)
+        ]
+        self.kin = join(self._first)
+        self.finite = np.zeros(self.kin.m, dtype=bool)
+        for contact, part in zip(contacts, parts, strict=True):
+            self.finite[part] = contact.sliding == "finite"
+        self.surface_dofs = surface_dofs(system, contacts)
+
+    @cached_property
+    def rank(self) -> NDArray[np.intp]:
+        """Places of the points in an order that their positions and normals make, shape (m,).
+
+        It does not depend on the order in which bodies, contacts and nodes were given.
+        """
+        kin = self.kin
+        order = np.lexsort(np.column_stack([kin.normal, kin.points]).T)
+        rank = np.empty_like(order)
+        rank[order] = np.arange(len(order))
+        return rank
+
+    @cached_property
+    def prescribed(self) -> Mask:
+        """Points of the undeformed bodies whose gap is prescribed, shape (m,)."""
+        return self.kin.paired & prescribed_rows(self.kin.B_n, self.system.D)
+
+    @cached_property
+    def identity(self) -> Identity:
+        """What a state has to belong to."""
+        return Identity.of(self.system, self.contacts)
+
+    def __getstate__(self) -> dict[str, Any]:
+        if self.follows:
+            self._offsets  # noqa: B018 (of given gaps, whose functions may stay behind)
+        return dict(vars(self))
+
+    @property
+    def follows(self) -> bool:
+        """Whether any contact slides far."""
+        return bool(self.finite.any())
+
+    def at(self, u: Array, case: LoadCase, before: Kinematics | None = None) -> Kinematics:
+        """Gaps, rows and frames at displacements u of the surfaces, shape (n,).
+
+        Vertices that carried on the pairing `before` go on to do so: where a round would take them
+        and the next leave them none is that of its own answer.
+        """
+        parts = []
+        for i, contact in enumerate(self.contacts):
+            if contact.sliding == "small":
+                parts.append(self._first[i])
+                continue
+            moved = [u[self.system.slice(contact.secondary.body)]]
+            primary = contact.primary
+            if isinstance(primary, ContactSurface):
+                moved.append(u[self.system.slice(primary.body)])
+            known = before.corners[i] if before else frozenset()
+            motion = None if len(moved) == 2 else case.motion[i].as_argument()
+            pairing = pair(contact, moved=moved, motion=motion, known=known)
+            check_pairing(contact, pairing)
+            gap = pairing.gap + self._offsets[i] - case.interference[self.parts[i]]
+            kin = kinematics(self.system, contact, pairing, gap)
+            parts.append(replace(kin, corners=(pairing.corners | known,)))
+        return join(parts)
+
+    @cached_property
+    def _offsets(self) -> list[Array]:
+        """For each contact, where one slides far."""
+        return [self._offset(i) for i in range(len(self.contacts))]
+
+    def _offset(self, i: int) -> Array:
+        """What a given or adjusted initial gap adds to the measured one, interference apart."""
+        contact, first = self.contacts[i], self.pairings[i]
+        given = initial_gap(contact, first, 0.0)
+        both = np.isfinite(given) & np.isfinite(first.gap)
+        return np.where(both, given - np.where(both, first.gap, 0.0), 0.0)
+
+    def case(
+        self, kin: Kinematics, u: Array | None, case: LoadCase, last: State, before: LoadCase
+    ) -> LoadCase:
+        """Initial gaps and slips of a load case, seen from the pairing at displacements u."""
+        if u is None or not self.follows:
+            return case
+        finite = self.finite
+        gap0 = np.where(finite, kin.gap0 - kin.B_n @ u, case.gap0)
+        u_n = self.spread(last.surface)
+        slip0 = last.slip - (kin.B_t @ u_n).reshape(last.slip.shape)
+        for i, part in enumerate(self.parts):
+            if self.contacts[i].rigid:
+                step = case.motion[i].slid(before.motion[i], kin.points[part])
+                slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], step)
+        slip0 = np.where(finite[:, None], slip0, case.slip0)
+        return replace(case, gap0=gap0, slip0=slip0)
+
+    def slip(
+        self, kin: Kinematics, seen: LoadCase, surface: Array, slip: Array, modelled: Mask
+    ) -> Array:
+        """Slips (m, d-1), also of points that slide far without friction: no unknown is theirs."""
+        missing = self.finite & ~modelled
+        if not missing.any():
+            return slip
+        moved = (kin.B_t @ self.spread(surface)).reshape(slip.shape)
+        return np.where(missing[:, None], seen.slip0 + moved, slip)
+
+    def spread(self, surface: Array) -> Array:
+        """Displacements of the surfaces in a vector over all DOFs."""
+        u = np.zeros(self.system.n)
+        u[self.surface_dofs] = surface
+        return u
+
+    def mismatch(
+        self, old: Kinematics, new: Kinematics, state: State, barred: Mask | None = None
+    ) -> float:
+        """How far the contact conditions on a pairing are from those at its own answer.
+
+        The largest of the gaps of closed points and the overlaps of open ones, over the extent of
+        the bodies, and the change of the contact forces' distribution over the largest of them.
+        Points that are left out may overlap.
+        """
+        closed = (state.status != 0) & self.finite
+        if not (closed | self.finite & new.paired).any():
+            return 0.0
+        # an open point may lie in the other body: on the pairing that was solved it was elsewhere
+        wrong = np.where(closed, np.abs(new.gap0), np.maximum(-new.gap0, 0.0))
+        # where supports hold both bodies no pairing mends an overlap; it is warned of
+        judged = self.finite & new.paired & ~new.tied
+        if barred is not None:
+            judged &= ~barred
+        if judged.any():
+            judged &= ~prescribed_rows(new.B_n, self.system.D)
+        gap = np.where(judged, wrong, 0.0)
+        change = (new.B_n - old.B_n).T @ state.normal_force
+        if state.tangential_force.any():
+            change = change - (new.B_t - old.B_t).T @ state.tangential_force.ravel()
+        scale = np.max(np.abs(state.normal_force), initial=0.0)
+        moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
+        return float(np.maximum(np.max(gap, initial=0.0) / self.system.extent, moved))
+
+
+def surface_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.intp]:
+    """DOFs (stacked) of the surfaces of contacts that slide far."""
+    dofs = [np.zeros(0, dtype=int)]
+    for contact in contacts:
+        if contact.sliding == "small":
+            continue
+        for surface in (contact.secondary, contact.primary):
+            if isinstance(surface, ContactSurface):
+                dofs.append(system.slice(surface.body).start + surface.dofs.ravel())
+    return np.unique(np.concatenate(dofs))

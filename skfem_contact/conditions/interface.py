@@ -1,0 +1,144 @@
+"""`Interface`: the friction laws and masks of all contacts over one numbering of points."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
+from skfem_contact.conditions.kinematics import Kinematics, compliance_scale
+from skfem_contact.errors import InputError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# The tangential stiffness that a loop takes where the law gives none, over K's diagonal at the
+# point: exact sticking; an error of 1e-3 in the slip of sticking points; one that still converges.
+STIFFNESS = {"newton": np.inf, "direct": 1e3, "fictitious": 1.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Interface:
+    """What holds at the points whatever the pairing.
+
+    Attributes
+    ----------
+    contacts : tuple of Contact
+    names : tuple of str
+    parts : tuple of slice
+        The points of each contact.
+    laws : tuple of (slice, CheckedLaw)
+    frictional, tied : ndarray of bool, shape (m,)
+    stiffness : ndarray, shape (m,)
+        Tangential stiffness of sticking points [force/length]; ``inf`` is exact.
+    """
+
+    contacts: tuple[Contact, ...]
+    names: tuple[str, ...]
+    parts: tuple[slice, ...]
+    laws: tuple[tuple[slice, CheckedLaw], ...]
+    frictional: Mask
+    tied: Mask
+    stiffness: Array
+
+    @property
+    def slipping(self) -> Mask:
+        """Points with tangential rows: without friction nothing tangential is modelled."""
+        return self.frictional | self.tied
+
+
+def point_slices(contacts: Sequence[Contact]) -> tuple[slice, ...]:
+    """The points of each contact in the joint numbering."""
+    stops = np.cumsum([0, *(len(c.secondary.points) for c in contacts)])
+    return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(stops))
+
+
+def contact_names(contacts: Sequence[Contact]) -> tuple[str, ...]:
+    """Names of the contacts; a missing one is numbered, a repeated one refused."""
+    names = tuple(c.name or f"contact {i + 1}" for i, c in enumerate(contacts))
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"two contacts are called {name!r}: give each its own name=...")
+    return names
+
+
+def can_carry(law: FrictionLaw | None, m: int) -> Mask:
+    """Points at which a law can give any friction: a coefficient of zero is no friction, (m,).
+
+    Nothing tangential is modelled at the others, as without a law: a point that may stick, if only
+    with a force of zero, would hold a body that nothing holds.
+
+    Examples
+    --------
+    >>> can_carry(Coulomb(0.0), 2), can_carry(Tresca([0.0, 1.0]), 2)
+    (array([False, False]), array([False,  True]))
+    """
+    if law is None:
+        return np.zeros(m, dtype=bool)
+    if type(law) not in (Coulomb, Tresca):
+        return np.ones(m, dtype=bool)  # what a user's own law gives is its own affair
+    one = np.ones(m)
+    limit = law.limit(one, one, np.zeros((m, 1)))
+    return np.asarray(np.broadcast_to(limit, m) > 0)
+
+
+def _check_law(law: FrictionLaw, m: int, label: str) -> None:
+    """Parameters given point by point have to be as many as there are points."""
+    if not isinstance(law, Coulomb | Tresca):
+        return  # what a user's own law keeps is its own affair
+    for name in ("mu", "cohesion", "k", "stiffness"):
+        size = np.shape(getattr(law, name, 0.0))
+        if size not in ((), (1,), (m,)):
+            raise InputError(
+                f"contact '{label}': {name} of its {type(law).__name__} law has shape {size}, but "
+                f"the contact has {m} points; give one number, or one per point of the secondary "
+                "surface."
+            )
+
+
+def interface(
+    contacts: tuple[Contact, ...], kin: Kinematics, stiffness: Sequence[csr_matrix], loop: str
+) -> Interface:
+    """Collect the laws of all contacts, each with the tangential stiffness that the loop needs."""
+    parts, names = point_slices(contacts), contact_names(contacts)
+    m = kin.m
+    frictional, tied, G = np.zeros(m, dtype=bool), np.zeros(m, dtype=bool), np.full(m, np.inf)
+    own = np.zeros(m)
+    wanted = any(c.friction is not None and c.friction.stiffness is None for c in contacts)
+    if wanted and kin.tangents and np.isfinite(STIFFNESS[loop]):
+        diagonal = np.concatenate([K.diagonal() for K in stiffness])
+        own = compliance_scale(kin.B_t, diagonal).reshape(m, -1).min(axis=1)
+    typical = np.median(own[own > 0]) if (own > 0).any() else 1.0
+    laws = []
+    for contact, part, name in zip(contacts, parts, names, strict=True):
+        tied[part] = contact.tied
+        law = contact.friction
+        if law is None:
+            continue
+        if kin.tangents == 0:
+            raise InputError(
+                f"contact '{contact.label}': a scalar field has no tangential direction, so there "
+                "is no friction; leave friction out."
+            )
+        _check_law(law, part.stop - part.start, contact.label)
+        carries = can_carry(law, part.stop - part.start)
+        if not carries.any():
+            continue
+        laws.append((part, CheckedLaw(law, name, contact.secondary.points)))
+        frictional[part] = carries
+        default = STIFFNESS[loop] * np.where(own[part] > 0, own[part], typical)
+        G[part] = default if law.stiffness is None else law.stiffness
+        if loop == "fictitious" and np.isinf(G[part]).any():
+            raise InputError(
+                f"contact '{contact.label}': the loop 'fictitious' needs a finite tangential "
+                f"stiffness, but the law has stiffness={law.stiffness}. Leave stiffness out for "
+                "the automatic one, or use loop='newton' for exact sticking."
+            )
+    return Interface(contacts, names, parts, tuple(laws), frictional, tied, G)

@@ -1,0 +1,321 @@
+r"""`Kinematics`: gap and slip as linear functions of the displacements.
+
+Every discretisation (node-to-segment, mortar, rigid obstacle) arrives here as a `Pairing`; from
+here on there are only the two sparse operators of
+
+    gap   g = gap0 + B_n u      > 0 open, = 0 closed
+    slip  s =        B_t u      secondary minus primary
+
+with the frame of each point: ``normal`` (outward of the primary) and ``d - 1`` tangents.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, diags, vstack
+
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import System
+from skfem_contact.conditions.contact import Contact, field_values
+from skfem_contact.conditions.discretisation import carriers
+from skfem_contact.errors import InputError
+from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.strips import turned
+from skfem_contact.pairing.supports import held_rows
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+#: Weights, surface and sign of one side of a contact.
+Side = tuple[csr_matrix, ContactSurface, float]
+
+# A row (of unit vectors and weights) whose free coefficients are below this is prescribed: nearly
+# matching mortar meshes leave some 1e-8 on a line of symmetry, and 1/1e-8 squared in the stiffness.
+FIXED = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Kinematics:
+    """Gap and slip operators of m contact points over n DOFs.
+
+    Attributes
+    ----------
+    B_n : csr_matrix, shape (m, n)
+        Normal rows; empty where a point is not paired.
+    tangential : callable
+        Makes `B_t`.
+    tangents : int
+        Tangents per point, d - 1 (0 for scalar problems).
+    gap0 : ndarray, shape (m,)
+        Initial gap [length]; ``inf`` where a point is not paired.
+    area : ndarray, shape (m,)
+        Tributary area [area].
+    points, normal : ndarray, shape (m, d)
+    tangent : ndarray, shape (m, d-1, d)
+    paired, tied : ndarray of bool, shape (m,)
+    heir : ndarray of int, shape (m,)
+        The point whose pressure and traction hold at each point: itself in general; see
+        `discretisation.carriers`.
+    action : ndarray, shape (m, d)
+        Where the force of each point acts on the secondary: its position in general.
+    offset : ndarray, shape (m, d)
+        From the primary to the secondary side of each point on the undeformed bodies [length]; its
+        position where the primary is a rigid obstacle.
+    tilt : ndarray, shape (m,)
+        Angle between the two sides' normals [rad], see `Pairing.tilt`.
+    corners : tuple of frozenset
+        For each contact the vertices that carry by themselves, `Pairing.corners`.
+    vertex : ndarray of int, shape (m,)
+        The primary node whose row a point carries in place of its own; -1 where none.
+    """
+
+    B_n: csr_matrix
+    tangential: Callable[[], csr_matrix]
+    tangents: int
+    gap0: Array
+    area: Array
+    points: Array
+    normal: Array
+    tangent: Array
+    paired: NDArray[np.bool_]
+    tied: NDArray[np.bool_]
+    heir: NDArray[np.intp]
+    action: Array
+    offset: Array
+    tilt: Array
+    vertex: NDArray[np.intp]
+    corners: tuple[frozenset[tuple[int, int]], ...] = ()
+
+    @property
+    def m(self) -> int:
+        """Number of contact points."""
+        return len(self.gap0)
+
+    @cached_property
+    def B_t(self) -> csr_matrix:
+        """Tangential rows, point by point, shape (m (d-1), n); made when first asked for.
+
+        Without friction nobody asks, unless for the slip of a result.
+        """
+        return self.tangential()
+
+
+def initial_gap(contact: Contact, pairing: Pairing, interference: object = None) -> Array:
+    """``gap0`` of every point: geometry or as given, adjusted, less the interference."""
+    gap = np.array(pairing.gap)
+    if contact.gap is not None:
+        given = field_values(contact.gap, pairing.points, f"gap of contact {contact.label}")
+        gap = np.where(pairing.paired, given, np.inf)
+    if contact.tied and contact.gap is None:
+        gap = np.where(pairing.paired, 0.0, np.inf)  # glued as meshed
+    gap = np.where(np.abs(gap) <= contact.adjust, 0.0, gap)
+    delta = contact.interference if interference is None else interference
+    return gap - field_values(delta, pairing.points, f"interference of contact {contact.label}")  # type: ignore[arg-type]
+
+
+def kinematics(
+    system: System, contact: Contact, pairing: Pairing, gap0: Array | None = None
+) -> Kinematics:
+    """Gap and slip operators of one contact over the DOFs of all bodies.
+
+    Parameters
+    ----------
+    system : System
+    contact : Contact
+    pairing : Pairing
+    gap0 : ndarray, shape (m,), optional
+        Initial gaps, where they are known; else those of the pairing and the contact [length].
+    """
+    secondary = contact.secondary
+    scalar = secondary.dofs.shape[1] == 1
+    frame = np.concatenate([pairing.normal[:, None, :], pairing.tangent], axis=1)
+    if scalar:  # a field with one component: the row of the value itself, no direction
+        frame = np.ones((len(pairing.gap), 1, 1))
+    sides = _sides(contact, pairing.secondary_weights, pairing.primary_weights)
+    slip_sides = _sides(contact, *pairing.slip_weights) if pairing.slip_weights else sides
+    still = np.zeros(len(pairing.gap), dtype=bool) if pairing.still is None else pairing.still
+    bulge = None
+    if pairing.primary_bulge is not None and isinstance(contact.primary, ContactSurface) and not scalar:
+        bulge = (pairing.primary_bulge, contact.primary, -1.0)
+    slip_bulge = bulge
+    if bulge is not None and still.any():  # rows of node-to-segment contact stand on the nodes
+        slip_bulge = (diags((~still).astype(float)) @ bulge[0], *bulge[1:])
+    held = _held(sides, frame[:, 0], contact.tied)
+    B_n = _spread(system, sides, frame[:, 0], pairing.paired, held, bulge)
+    return Kinematics(
+        B_n=B_n,
+        tangential=partial(
+            tangential_rows,
+            system,
+            slip_sides,
+            frame[:, 1:],
+            pairing.paired,
+            still,
+            contact.tied,
+            slip_bulge,
+        ),
+        tangents=frame.shape[1] - 1,
+        gap0=initial_gap(contact, pairing) if gap0 is None else gap0,
+        area=np.array(pairing.area),
+        points=pairing.points,
+        normal=pairing.normal,
+        tangent=pairing.tangent,
+        paired=np.array(pairing.paired),
+        tied=np.full(len(pairing.gap), contact.tied),
+        heir=carriers(secondary, pairing),
+        action=_action(pairing),
+        offset=_offset(contact, pairing),
+        tilt=pairing.tilt,
+        vertex=np.full(len(pairing.gap), -1) if pairing.vertex is None else pairing.vertex,
+        corners=(pairing.corners,),
+    )
+
+
+def _sides(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> list[Side]:
+    """Weights, surface and sign of either side; a rigid obstacle has none."""
+    sides = [(secondary, contact.secondary, 1.0)]
+    if isinstance(contact.primary, ContactSurface):
+        sides.append((primary, contact.primary, -1.0))
+    return sides
+
+
+def _held(sides: Sequence[Side], direction: Array, tied: bool) -> Mask:
+    """Rows that supports hold. Not of glue: its gap is zero, and its rows agree with supports."""
+    return np.zeros(len(direction), dtype=bool) if tied else held_rows(sides, direction)
+
+
+def _action(pairing: Pairing) -> Array:
+    """Where forces act: the weighted position of merged nodes, the point itself else."""
+    mean = pairing.secondary_weights @ pairing.points
+    return np.where(pairing.paired[:, None], mean, pairing.points)
+
+
+def _offset(contact: Contact, pairing: Pairing) -> Array:
+    """`Kinematics.offset` by the weights of the normal rows, which need not be those of the slip."""
+    secondary, primary = contact.secondary, contact.primary
+    if not isinstance(primary, ContactSurface):
+        return np.asarray(pairing.secondary_weights @ secondary.points)
+    weights = pairing.secondary_weights, pairing.primary_weights, pairing.primary_bulge
+    return gap_vectors(secondary, primary, *weights)
+
+
+def join(parts: Sequence[Kinematics]) -> Kinematics:
+    """All contacts in one numbering of points, in the order given."""
+    if not parts:
+        raise InputError("There is no contact: give at least one Contact.")
+    names = "gap0 area points normal tangent paired tied action offset tilt vertex"
+    stacked = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names.split()}
+    first = np.cumsum([0, *(part.m for part in parts)])
+    heir = np.concatenate([k + part.heir for k, part in zip(first[:-1], parts, strict=True)])
+    return Kinematics(
+        B_n=csr_matrix(vstack([part.B_n for part in parts])),
+        tangential=partial(_joined_tangential, tuple(parts)),
+        tangents=parts[0].tangents,
+        heir=heir,
+        corners=tuple(found for part in parts for found in part.corners),
+        **stacked,
+    )
+
+
+def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
+    """The same rows restricted to some DOFs."""
+    place = np.full(kin.B_n.shape[1], -1)
+    place[columns] = np.arange(len(columns))
+    return replace(
+        kin,
+        B_n=_with_columns(kin.B_n, place, len(columns)),
+        tangential=partial(_tangential_columns, kin, place, len(columns)),
+    )
+
+
+def _joined_tangential(parts: Sequence[Kinematics]) -> csr_matrix:
+    return csr_matrix(vstack([part.B_t for part in parts]))
+
+
+def _tangential_columns(kin: Kinematics, place: NDArray[np.intp], count: int) -> csr_matrix:
+    return _with_columns(kin.B_t, place, count)
+
+
+def _with_columns(B: csr_matrix, place: NDArray[np.intp], count: int) -> csr_matrix:
+    """Columns moved to their new place, and left out where that is negative.
+
+    By hand, because slicing in SciPy goes over all columns of all bodies, for every new pairing.
+    """
+    column = place[B.indices]
+    keep = column >= 0
+    start = np.concatenate([[0], np.cumsum(keep)])[B.indptr]
+    return csr_matrix((B.data[keep], column[keep], start), shape=(B.shape[0], count))
+
+
+def _spread(
+    system: System,
+    sides: Sequence[Side],
+    direction: Array,
+    paired: Mask,
+    held: Mask,
+    bulge: Side | None = None,
+) -> csr_matrix:
+    """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
+
+    Of rows that are `held` only what is prescribed is left: so no route closes them, and checks of
+    prescribed values see them. The weights `bulge` act on displacements turned by -90 degrees.
+    """
+    entries = []
+    given = [(*side, direction) for side in sides]
+    if bulge is not None:
+        given.append((*bulge, turned(direction)))
+    for weights, surface, sign, direction in given:
+        W = csr_matrix(weights).tocoo()
+        keep = paired[W.row]
+        row, node, value = W.row[keep], W.col[keep], sign * W.data[keep]
+        columns = system.offsets[system.index(surface.body)] + surface.dofs[node]
+        rows = np.repeat(row, surface.dofs.shape[1])
+        coefficients = value[:, None] * direction[row]
+        if held.any():
+            coefficients[held[row][:, None] & ~surface.held[node]] = 0.0
+        entries.append((coefficients.ravel(), rows, columns.ravel()))
+    data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
+    spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
+    spread.sum_duplicates()
+    spread.eliminate_zeros()
+    return spread
+
+
+def tangential_rows(
+    system: System,
+    sides: Sequence[Side],
+    tangent: Array,
+    paired: Mask,
+    still: Mask,
+    tied: bool,
+    bulge: Side | None = None,
+) -> csr_matrix:
+    """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems."""
+    blocks = [
+        _spread(system, sides, along, paired, still | _held(sides, along, tied), bulge)
+        for along in np.moveaxis(tangent, 1, 0)
+    ]
+    return _interleave(blocks) if blocks else csr_matrix((0, system.n))
+
+
+def _interleave(blocks: Sequence[csr_matrix]) -> csr_matrix:
+    """Rows of several tangents in the order point by point."""
+    if len(blocks) == 1:
+        return csr_matrix(blocks[0])
+    m, k = blocks[0].shape[0], len(blocks)
+    order = np.arange(m * k).reshape(k, m).T.ravel()
+    return csr_matrix(vstack(blocks).tocsr()[order])
+
+
+def compliance_scale(B: csr_matrix, diagonal: Array) -> Array:
+    """Stiffness of each row as seen by K's diagonal, ``1 / sum(B_ij^2 / K_jj)`` [force/length].
+
+    The softer side decides, so that one multiple of it suits any pair of bodies.
+    """
+    inverse = np.where(diagonal > 0, 1.0 / np.where(diagonal > 0, diagonal, 1.0), 0.0)
+    total = np.asarray((B.multiply(B) @ diags(inverse)).sum(axis=1)).ravel()
+    return np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)

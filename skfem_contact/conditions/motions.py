@@ -1,0 +1,217 @@
+"""Rigid motions that the supports leave free, and whether contact holds them.
+
+No direct solver says that a matrix is singular, so this is asked before anything is factorised:
+the rigid modes of all bodies together, less what prescribed DOFs and the stiffness itself hold,
+against the rows that contact and friction hold at the moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.sparse import csr_matrix
+
+from skfem_contact.bodies.system import System
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.errors import NoEquilibrium
+
+Array = NDArray[np.float64]
+
+# What is known of an equilibrium that was not found.
+SHOWN = (
+    "The load drives a motion that no force at the contact points can stop, friction at its bound "
+    "included: there is no equilibrium. "
+)
+NOT_SHOWN = (
+    "Whether there is an equilibrium is not shown: forces at the contact points could balance the "
+    "load, but no way to them was found. "
+)
+
+# A row that holds a mode of unit size resists it by a number of order one; one that does not, by
+# round-off. Everything below this counts as free: the matrix would lose more digits than it has.
+HELD = 1e-9
+
+#: Why a body may stand elsewhere.
+NOWHERE = "nothing loads it and nothing holds it there; it stands where it has moved least"
+BARELY = (
+    "nothing holds it there but friction that is at its bound, or forces that are round-off; it stands "
+    "where the iterations left it"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotions:
+    """The k rigid motions left free by supports, seen from the contact points.
+
+    Attributes
+    ----------
+    modes : ndarray, shape (n, k)
+        Displacements, each mode with largest displacement one.
+    kin : Kinematics
+        The contact points.
+    system : System
+    """
+
+    modes: Array
+    kin: Kinematics
+    system: System
+
+    @property
+    def k(self) -> int:
+        """Number of free motions."""
+        return self.modes.shape[1]
+
+    @cached_property
+    def normal(self) -> Array:
+        """Change of the gap by each mode, shape (m, k)."""
+        return np.asarray(self.kin.B_n @ self.modes)
+
+    @cached_property
+    def tangential(self) -> Array:
+        """Change of the slip by each mode, shape (m, d-1, k); asked for where points may stick."""
+        kin = self.kin
+        return np.asarray(kin.B_t @ self.modes).reshape(kin.m, kin.tangents, self.k)
+
+    def seen_by(self, kin: Kinematics) -> RigidMotions:
+        """The same motions seen from another pairing."""
+        return replace(self, kin=kin)
+
+    def free(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_], firmly: float = HELD) -> Array:
+        """Combinations of modes that closed and sticking points do not hold, shape (k, j).
+
+        `firmly`: how far a point has to move at least where a mode of unit size is held.
+        """
+        if self.k == 0:
+            return np.zeros((0, 0))
+        rows = [self.normal[closed]]
+        if stick.any():
+            rows.append(self.tangential[stick].reshape(-1, self.k))
+        return null_space(np.concatenate(rows), firmly)
+
+    def describe(self, combination: Array) -> tuple[tuple[str, ...], str]:
+        """The bodies that move and their motion in words."""
+        u = self.modes @ combination
+        scale = np.max(np.abs(u))
+        bodies, motions = [], []
+        for body, name, part in zip(self.system.bodies, self.system.names, self._parts(u), strict=True):
+            if np.max(np.abs(part)) > 1e-6 * scale:
+                bodies.append(name)
+                motions.append(_motion_words(body.rigid_modes, body.rigid_mode_names, part))
+        same = len(set(motions)) == 1
+        words = motions[0] if same else "; ".join(map(": ".join, zip(bodies, motions, strict=True)))
+        return tuple(bodies), words
+
+    def indifferent(self, free: Array, why: str = NOWHERE) -> tuple[str, ...]:
+        """A sentence for each body and motion that is free and not loaded, from (k, j)."""
+        u = self.modes @ free
+        sentences = []
+        for body, name, part in zip(self.system.bodies, self.system.names, self._parts(u), strict=True):
+            size = np.linalg.norm(part)
+            if size > 1e-6 * np.linalg.norm(u):
+                words = _motion_words(body.rigid_modes, body.rigid_mode_names, part)
+                sentences.append((name, words))
+        return tuple(
+            f"The place of body '{name}' is indifferent ({words}): {why}, and the forces are the same "
+            "everywhere."
+            for name, words in sentences
+        )
+
+    def _parts(self, u: Array) -> list[Array]:
+        offsets = self.system.offsets
+        return [u[offsets[i] : offsets[i + 1]] for i in range(len(offsets) - 1)]
+
+
+def _motion_words(modes: Array, names: tuple[str, ...], u: Array) -> str:
+    scaled = modes / np.max(np.abs(modes), axis=0)
+    share = np.abs(np.linalg.lstsq(scaled, u, rcond=None)[0])
+    share = share if share.ndim == 1 else np.max(share, axis=1)
+    return " with ".join(np.array(names)[share > 1e-3 * share.max()])
+
+
+def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matrix]) -> RigidMotions:
+    """Find the rigid motions that neither prescribed DOFs nor the stiffness resist."""
+    blocks = []
+    for body, K in zip(system.bodies, stiffness, strict=True):
+        R = body.rigid_modes / np.max(np.abs(body.rigid_modes), axis=0)
+        # prescribed DOFs and springs to the ground: rows that a free motion leaves at zero
+        left = null_space(R[body.D])
+        if left.shape[1]:  # where supports hold all motions, springs have none to hold
+            left = null_space(np.concatenate([R[body.D], _resistance(K, R)]))
+        free = R @ left
+        peak = np.max(np.abs(free), axis=0, initial=0.0)
+        blocks.append(free / np.where(peak > 0, peak, 1.0))
+    modes = block_diag(*blocks) if sum(b.shape[1] for b in blocks) else np.zeros((system.n, 0))
+    return RigidMotions(modes, kin, system)
+
+
+def _resistance(K: csr_matrix, R: Array) -> Array:
+    """Unit rows for the modes that the stiffness itself resists; none for a free body.
+
+    The resistance of a rigid mode of a free body is round-off, some 1e-16 per row; how strong a
+    genuine spring is does not matter here, only that there is one.
+    """
+    scale = np.max(abs(K) @ np.abs(R), initial=0.0)
+    if scale == 0.0:
+        return np.zeros((0, R.shape[1]))
+    _, values, rows = np.linalg.svd(K @ R / scale, full_matrices=False)
+    return rows[values > 1e-14 * np.sqrt(K.shape[0])]
+
+
+def no_equilibrium(
+    motions: RigidMotions,
+    free: Array,
+    when: str,
+    f: Array | None = None,
+    result: Any = None,
+    shown: bool = False,
+) -> NoEquilibrium:
+    """The error for bodies that contact does not hold.
+
+    Parameters
+    ----------
+    motions : RigidMotions
+    free : ndarray, shape (k, j)
+        Combinations of modes that nothing holds, from `RigidMotions.free`.
+    when : str
+        Under which circumstances, in words.
+    f : ndarray, shape (n,), optional
+        Load [force]: of several motions the one that it drives is named.
+    result : ContactResult, optional
+        The last state reached, which the error carries.
+    shown : bool
+        Whether statics alone shows that there is none.
+    """
+    moves = free[:, 0]
+    if f is not None:
+        driven = free @ (free.T @ (motions.modes.T @ f))
+        moves = driven if driven.any() else moves
+    bodies, motion = motions.describe(moves)
+    names = " and ".join(f"'{name}'" for name in bodies)
+    verb = "is" if len(bodies) == 1 else "are together"
+    known = "" if f is None else NOT_SHOWN
+    known = SHOWN if shown else known
+    return NoEquilibrium(
+        f"Body {names} {verb} free to move: {motion}, {when}. {known}Usually a support is missing, "
+        "the load pulls the bodies apart, or friction is too weak for the load. Prescribe a "
+        "DOF (D=...), press the bodies together first, add friction, or hold the body with "
+        "weak springs in K.",
+        bodies,
+        motion,
+        result,
+    )
+
+
+def null_space(rows: Array, least: float = HELD) -> Array:
+    """Directions that all rows leave at zero, shape (k, j), orthonormal."""
+    k = rows.shape[1]
+    if rows.shape[0] == 0:
+        return np.eye(k)
+    _, values, directions = np.linalg.svd(rows, full_matrices=rows.shape[0] < k)
+    values = np.concatenate([values, np.zeros(len(directions) - len(values))])
+    return directions[values < least * max(1.0, np.max(values, initial=0.0))].T

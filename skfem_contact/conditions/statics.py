@@ -1,0 +1,120 @@
+"""What statics alone says of a load: whether any forces at the contact points can balance it.
+
+On the k free motions ``c`` the loads are ``Q = R'f``, and an equilibrium needs
+
+    Q + N' lambda - T' tau = 0,    lambda >= 0,    |tau| <= mu lambda.
+
+These forces make a cone. If ``-Q`` is outside of it, some motion separates the two (Farkas): the load
+drives it, and no force that contact can give does work against it. That is a proof that there is no
+equilibrium, whatever the stiffness. The other way round proves nothing where there is friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.conditions.friction import Coulomb
+from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.motions import RigidMotions
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# What may be left of a load, over the sum of its parts, and count as balanced: the linear program
+# itself ends at 1e-10.
+BALANCED = 1e-9
+# Directions of friction in 3-D; the polygon lies around the circle of Coulomb's law.
+DIRECTIONS = 8
+
+
+def load_on(motions: RigidMotions, f: Array) -> tuple[Array, float]:
+    """Load on each free motion (k,), and the sum of the sizes of its parts, to judge it by [force]."""
+    return motions.modes.T @ f, float(np.max(np.abs(motions.modes.T) @ np.abs(f), initial=0.0))
+
+
+def drives(motions: RigidMotions, f: Array, free: Array, beyond: float = BALANCED) -> bool:
+    """Whether a load does work on some of these motions (k, j), beyond a share of its parts."""
+    Q, size = load_on(motions, f)
+    return bool(np.max(np.abs(free.T @ Q), initial=0.0) > beyond * size)
+
+
+def escape(motions: RigidMotions, interface: Interface, paired: Mask, f: Array) -> Array | None:
+    """A motion that the load drives and that no contact force can stop; None if there is none.
+
+    Parameters
+    ----------
+    motions : RigidMotions
+    interface : Interface
+        Laws of the points. Bounds that do not follow from the normal force alone count as endless.
+    paired : ndarray of bool, shape (m,)
+        Points that may carry a force.
+    f : ndarray, shape (n,)
+        Load [force].
+
+    Returns
+    -------
+    ndarray, shape (k,), or None
+    """
+    from scipy.optimize import linprog  # half of scipy's import time, for a rare question
+
+    Q, size = load_on(motions, f)
+    if size == 0.0:
+        return None
+    G = _cone(motions, interface, paired)
+    one = np.eye(motions.k)
+    cost = np.concatenate([np.zeros(G.shape[1]), np.ones(2 * motions.k)])
+    found = linprog(
+        cost,
+        A_eq=np.hstack([G, one, -one]),
+        b_eq=-Q / size,
+        method="highs",
+        options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+    )
+    if found.status != 0 or found.fun <= BALANCED:
+        return None
+    c = -np.asarray(found.eqlin.marginals)
+    proven = np.min(c @ G, initial=0.0) > -BALANCED and c @ Q > 0.5 * BALANCED * size
+    return c if proven else None
+
+
+def _cone(motions: RigidMotions, interface: Interface, paired: Mask) -> Array:
+    """Forces on the free motions that contact points can give, as columns of length one, (k, g)."""
+    grip = friction_coefficients(interface, len(paired))
+    normal, tied = motions.normal, interface.tied & paired
+    columns = [normal[tied].T, -normal[tied].T]
+    smooth = paired & ~tied & ~(grip > 0)
+    endless = paired & ~tied & np.isinf(grip)
+    columns += [normal[smooth].T, normal[endless].T]
+    rough = paired & ~tied & (grip > 0) & np.isfinite(grip)
+    if (tied | endless | rough).any():
+        tangential = motions.tangential
+        for k in range(tangential.shape[1]):
+            both = tangential[tied | endless, k].T
+            columns += [both, -both]
+        for direction in _directions(tangential.shape[1]):
+            along = np.einsum("ikj,k->ij", tangential[rough], direction)
+            columns.append((normal[rough] + grip[rough, None] * along).T)
+    G = np.concatenate(columns, axis=1)
+    size = np.linalg.norm(G, axis=0)
+    return np.asarray(G[:, size > 0] / size[size > 0])
+
+
+def _directions(tangents: int) -> Sequence[Array]:
+    if tangents == 1:
+        return [np.array([1.0]), np.array([-1.0])]
+    angle = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    return list(np.column_stack([np.cos(angle), np.sin(angle)]) / np.cos(np.pi / DIRECTIONS))
+
+
+def friction_coefficients(interface: Interface, m: int) -> Array:
+    """Largest friction over normal force at every point: endless for laws with cohesion, (m,)."""
+    grip = np.zeros(m)
+    for contact, part in zip(interface.contacts, interface.parts, strict=True):
+        law = contact.friction
+        grip[part] = np.inf
+        if isinstance(law, Coulomb) and type(law) is Coulomb and not np.any(law.cohesion):
+            grip[part] = law.mu
+    return np.where(interface.frictional, grip, 0.0)

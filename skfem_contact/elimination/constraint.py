@@ -1,0 +1,174 @@
+r"""Affine constraints ``u = T u_r + c``: reduce, expand, recover forces.
+
+Rows ``C u = b`` and prescribed DOFs ``u[D] = x[D]`` are merged (`elimination`) into one map from the
+remaining, *independent* DOFs to all DOFs; it condenses a linear system to
+
+    K_r = T' K T,     f_r = T' (f - K c)
+
+([M] eqs. 8-10). No penalty and no multiplier enters the system; the forces of the constraints are
+recovered from the rows that were eliminated.
+
+References
+----------
+[M] V. L. Marchenko, *Solving contact problems by the finite element method at considerable slip
+and friction forces* (in Ukrainian), Khmelnytskyi National University, 2014.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from skfem_contact.bodies.inputs import csr32
+from skfem_contact.elimination.inputs import finite_vector
+from skfem_contact.elimination.pivoting import FloatArray, IntArray
+from skfem_contact.errors import InputError
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AffineConstraint:
+    """All vectors that satisfy a set of constraints, as ``u = T u_r + c``.
+
+    Made by `eliminate`. It holds for linear equality constraints only: which contact points are
+    closed has been decided before.
+
+    Attributes
+    ----------
+    T : csr_matrix, shape (n, n_r)
+        The identity on `independent`, zero on `prescribed`.
+    c : ndarray, shape (n,)
+        One vector that satisfies the constraints: zero on `independent`, ``x`` on `prescribed`.
+    independent : ndarray, shape (n_r,)
+        DOFs kept, ascending.
+    dependent : ndarray, shape (r,)
+        DOFs given up, one for each of `rows_kept`.
+    prescribed : ndarray, shape (n_D,)
+        Prescribed DOFs, ascending.
+    rows_kept, redundant : ndarray
+        Row numbers, ascending: the independent rows, and those that follow from them.
+    C : csr_matrix, shape (k, n)
+        The rows as given.
+    pivot_inverse : csr_matrix, shape (r, r)
+        Inverse of ``C[rows_kept][:, dependent]``.
+    """
+
+    T: sp.csr_matrix
+    c: FloatArray
+    independent: IntArray
+    dependent: IntArray
+    prescribed: IntArray
+    rows_kept: IntArray
+    redundant: IntArray
+    C: sp.csr_matrix
+    pivot_inverse: sp.csr_matrix
+
+    def __repr__(self) -> str:
+        return (
+            f"AffineConstraint({len(self.c)} DOFs = {len(self.independent)} independent"
+            f" + {len(self.dependent)} dependent + {len(self.prescribed)} prescribed,"
+            f" {len(self.redundant)} of {self.C.shape[0]} rows redundant)"
+        )
+
+    def reduce(
+        self, K: Any, f: ArrayLike | None = None, test: AffineConstraint | None = None
+    ) -> tuple[sp.csr_matrix, NDArray[Any]]:
+        r"""Condense a linear system: ``K_r = V' K T``, ``f_r = V' (f - K c)``.
+
+        Parameters
+        ----------
+        K : sparse matrix, shape (n, n)
+            Stiffness of all bodies [force/length].
+        f : ndarray, shape (n,), optional
+            Load [force]; default zero.
+        test : AffineConstraint, optional
+            The constraint whose ``T`` is V; default this one. Where the forces of the constraints
+            do not act along the rows themselves (friction proportional to the normal force), V
+            spans the null space of the rows along which they act. Its independent DOFs need not
+            be those of T, only as many.
+
+        Returns
+        -------
+        K_r : csr_matrix, shape (n_r, n_r)
+            Symmetric to round-off where `K` is and V = T.
+        f_r : ndarray, shape (n_r,)
+
+        Raises
+        ------
+        InputError
+            If the shapes do not fit, or `f` has NaN or inf.
+
+        Examples
+        --------
+        Three springs in a row, the middle DOF tied to the mean of its neighbours:
+
+        >>> from skfem_contact.elimination.eliminate import eliminate
+        >>> K = sp.csr_matrix([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+        >>> tie = eliminate([[-0.5, 1.0, -0.5]], [0.0])
+        >>> K_r, f_r = tie.reduce(K, [0.0, 0.0, 1.0])
+        >>> K_r.toarray()
+        array([[ 1.5, -0.5], [-0.5,  0.5]])
+        >>> u = tie.expand(np.linalg.solve(K_r.toarray(), f_r))
+        >>> u
+        array([1., 2., 3.])
+
+        Every spring is stretched by 1 and carries the load of 1, and the tie carries nothing:
+
+        >>> tie.multipliers(K @ u - [0.0, 0.0, 1.0])
+        array([0.])
+        """
+        V = self if test is None else test
+        n = len(self.c)
+        K = sp.csr_matrix(K)
+        if K.shape != (n, n):
+            raise InputError(f"K has shape {K.shape}, but the constraint is for n = {n} DOFs.")
+        if V.T.shape != self.T.shape:
+            raise InputError(
+                f"The test constraint maps {V.T.shape[1]} independent to {len(V.c)} DOFs, the"
+                f" trial one {self.T.shape[1]} to {n}: the system would not be square. Usually a"
+                " row is redundant in one and not in the other; pass both the same rows and D."
+            )
+        f = np.zeros(n) if f is None else finite_vector("f", f, n)
+        Vt = V.T.T.tocsr()
+        return csr32(Vt @ (K @ self.T)), Vt @ (f - K @ self.c)
+
+    def expand(self, u_r: ArrayLike) -> NDArray[Any]:
+        """All DOFs from the independent ones: ``u = T u_r + c``, shape (n,)."""
+        u: NDArray[Any] = self.T @ finite_vector("u_r", u_r, self.T.shape[1]) + self.c
+        return u
+
+    def multipliers(self, r: ArrayLike) -> NDArray[Any]:
+        r"""Forces of the rows from the residual: the p with ``C' p = r`` off the prescribed DOFs.
+
+        Parameters
+        ----------
+        r : ndarray, shape (n,)
+            ``K u - f`` [force], for a u in equilibrium (``T' r = 0``): then ``K u = f + C' p``.
+
+        Returns
+        -------
+        p : ndarray, shape (k,)
+            Force of each row as given [force, for rows without unit]; 0 for redundant rows, whose
+            share the rows they follow from carry.
+
+        Notes
+        -----
+        Only the residual at the pivots is used, with all rows coupled there solved together:
+        ``C_p' p = r_p``.
+        """
+        r = finite_vector("r", r, len(self.c))
+        p = np.zeros(self.C.shape[0], dtype=np.result_type(r, np.float64))
+        p[self.rows_kept] = self.pivot_inverse.T @ r[self.dependent]
+        return p
+
+    def reactions(self, r: ArrayLike, p: ArrayLike) -> NDArray[Any]:
+        """Forces that hold the prescribed DOFs, ``r - C' p`` there; shape (n_D,), as `prescribed`.
+
+        What the rows themselves put on a prescribed DOF is not part of its reaction.
+        """
+        force = finite_vector("r", r, len(self.c)) - self.C.T @ finite_vector("p", p, self.C.shape[0])
+        held: NDArray[Any] = force[self.prescribed]
+        return held

@@ -1,0 +1,143 @@
+"""One attempt at a load, the way of attempts to it, and the energy that friction takes on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.loops.driver import Outcome
+from skfem_contact.loops.step import Record
+from skfem_contact.problem.placement import Placement
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One attempt at a load: how the loop ended, from which state, and on which pairing."""
+
+    outcome: Outcome
+    placement: Placement
+    load: Any
+    case: LoadCase
+    seen: LoadCase
+    start: State
+    state: State
+    mismatch: float = 0.0
+    failure: str = ""
+    travel: float = 0.0  # of the point that slid furthest, over what is allowed
+
+    @property
+    def good(self) -> bool:
+        """Whether the load was reached."""
+        return self.outcome.converged and not self.failure
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the user's callback ended it."""
+        return self.outcome.stopped
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """Energies of the way so far, per contact [energy].
+
+    Attributes
+    ----------
+    lost : ndarray
+        By friction, see `friction_energy`.
+    residual : ndarray
+        What the energy balance misses.
+    """
+
+    lost: Array
+    residual: Array
+
+    def __add__(self, other: Energy) -> Energy:
+        return Energy(self.lost + other.lost, self.residual + other.residual)
+
+
+@dataclass(eq=False)
+class Walk:
+    """The way from a state to a load, so far."""
+
+    state: State
+    case: LoadCase
+    energy: Energy
+    trace: list[Record] = field(default_factory=list)
+    cuts: int = 0
+    substeps: int = 1
+    share: float = 1.0  # of the step that is attempted next
+    coarse: int = 0  # iterations on fewer points, of nested starts
+
+    @property
+    def words(self) -> str:
+        """What else it took, for messages: a nested start, cuts of the step."""
+        plural = "" if self.coarse == 1 else "s"
+        nested = f" after a nested start of {self.coarse} iteration{plural}" if self.coarse else ""
+        if not self.cuts:
+            return nested
+        return f"{nested}, step cut {self.cuts} times, substep {self.substeps}"
+
+
+def friction_energy(interface: Interface, last: State, new: State) -> Energy:
+    r"""Energy that friction takes between two states, and what the energy balance misses.
+
+    On its plastic slip ``s_p`` a point loses the mean of its friction bounds at both ends,
+
+        ``D = (L_n + L_n+1) / 2 |s_p|``,      ``L = 0`` where it is open,
+
+    never less than nothing; exact where the bound is constant, also if the slip turns round, and
+    where bound and slip grow in proportion. The forces themselves do other work in steps so large
+    that they do not follow their bounds, and so do the pressures of points that close or open: with
+    the loads' work ``W`` by the trapezoidal rule and the elastic energy ``U``,
+
+        ``W = U_n+1 - U_n + D + residual``.
+
+    Friction and opening make the residual: it is of second order in the step, and takes no ``K u``.
+    Overlaps of the meshes count as misfit that the loads' work has in it.
+    """
+    plastic = plastic_slip(interface, last, new)
+    bound = 0.5 * (friction_bound(interface, last) + friction_bound(interface, new))
+    lost = bound * np.linalg.norm(plastic, axis=1)
+    work = np.sum(0.5 * (last.tangential_force + new.tangential_force) * plastic, axis=1)
+    force = 0.5 * (last.normal_force + new.normal_force)
+    # points without partner have no gap, also one that finds or loses it between the two states
+    acts = (force != 0) & np.isfinite(new.gap) & np.isfinite(last.gap)
+    moved = np.maximum(new.gap[acts], 0.0) - np.maximum(last.gap[acts], 0.0)
+    residual = work - lost
+    residual[acts] -= force[acts] * moved
+    parts = interface.parts
+    return Energy(
+        np.array([lost[part].sum() for part in parts]),
+        np.array([residual[part].sum() for part in parts]),
+    )
+
+
+def plastic_slip(interface: Interface, last: State, new: State) -> Array:
+    """Slip between two states that a finite tangential stiffness does not give back, (m, d-1)."""
+    G = interface.stiffness[:, None]
+    elastic = np.where(np.isfinite(G), (new.tangential_force - last.tangential_force) / G, 0.0)
+    return np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
+
+
+def friction_bound(interface: Interface, state: State) -> Array:
+    """Bound of the friction force in a state by the present laws; zero at open points, (m,)."""
+    bound = np.zeros(len(state.status))
+    for part, law in interface.laws:
+        pressing = np.maximum(state.normal_force[part], 0.0)
+        slip = (state.slip - state.reference)[part]
+        bound[part] = law.limit(pressing, state.area[part], slip)
+    return np.where(state.status != OPEN, bound, 0.0)
+
+
+def nothing(interface: Interface) -> Energy:
+    """No energy lost."""
+    zero = np.zeros(len(interface.parts))
+    return Energy(zero, zero)

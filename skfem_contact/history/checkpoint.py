@@ -1,0 +1,238 @@
+"""States on disk: a history that was interrupted goes on from a file."""
+
+from __future__ import annotations
+
+import warnings
+import zlib
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.arguments import shown
+from skfem_contact.conditions.identity import Identity
+from skfem_contact.conditions.loads import LoadCase, Motion
+from skfem_contact.conditions.state import State
+from skfem_contact.errors import ContactWarning, InputError
+from skfem_contact.history.read import Settings
+
+if TYPE_CHECKING:
+    from skfem_contact.answers.result import ContactResult
+
+Array = NDArray[np.float64]
+
+FORMAT = 3  # of the file; a file of another one is refused
+# What reading a file may raise that is damaged, or that is none of ours.
+DAMAGED = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error)
+
+
+@dataclass(frozen=True, eq=False)
+class SavedState:
+    """Where a history stands: what ``solve`` and ``history`` need of their ``start``.
+
+    Attributes
+    ----------
+    state : State
+        What friction remembers.
+    case : LoadCase
+        The loads under which this is the state.
+    settings : Settings
+        The loads in force, which stay as they are where the next step does not name them.
+    dissipation_before, dissipation_by_contact : ndarray
+        Energy lost before and in the last step, per contact [energy].
+    identity : Identity
+        The bodies and contacts that this is a state of.
+    converged : bool
+        A state that is not can be a `guess`, but no `start`.
+    message : str
+    own_interference : tuple of bool
+        Of which contacts the interference is the contact's own, and not that of a step.
+    u : ndarray, shape (n,)
+        Displacements of all bodies, from which movement counts where a place is indifferent [length].
+    """
+
+    state: State
+    case: LoadCase
+    settings: Settings
+    dissipation_before: Array
+    dissipation_by_contact: Array
+    identity: Identity
+    converged: bool
+    message: str
+    own_interference: tuple[bool, ...]
+    u: Array
+
+
+def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
+    """Write the state of a result to an ``.npz`` file, for ``solver.load_state``.
+
+    Everything that the next step depends on is kept, to the last bit: friction, the surfaces where
+    contact slides far, loads, the energy lost so far, and all displacements: a body that nothing
+    holds stays where it was left.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``.npz`` is added where it is missing.
+    result : ContactResult
+
+    Returns
+    -------
+    Path
+        Of the file written.
+
+    Raises
+    ------
+    InputError
+        If there is no such folder, or the file can not be written.
+
+    Warns
+    -----
+    ContactWarning
+        The result did not converge: no history can go on from it.
+    """
+    path = _path(path)
+    if not hasattr(result, "state") or not hasattr(result, "settings"):
+        raise InputError(f"save_state: result is {shown(result)}, not what solve(...) returned")
+    path = _with_suffix(path)
+    case, settings = result.case, result.settings
+    data: dict[str, Any] = {"format": FORMAT, "u": result.u}
+    data |= {f"state_{name}": value for name, value in vars(result.state).items()}
+    for name in ("f", "x", "gap0", "slip0", "interference"):
+        data[f"case_{name}"] = getattr(case, name)
+    data |= _motions(case.motion)
+    data |= {"settings_f": settings.f, "settings_x": settings.x}
+    data["settings_moved"] = [motion is not None for motion in settings.motion]
+    data["settings_own"] = result.own_interference
+    data["settings_factor"] = np.nan if settings.factor is None else settings.factor
+    data["dissipation_before"] = result.dissipation_before
+    data["dissipation_by_contact"] = result.dissipation_by_contact
+    data |= {f"identity_{name}": value for name, value in result.identity.as_arrays().items()}
+    data |= {"converged": result.converged, "message": result.message}
+    _write(path, data)
+    if not result.converged:
+        warnings.warn(
+            f"the state in {str(path)!r} did not converge ({result.message}); it can be a guess, but "
+            "no history can start from it",
+            ContactWarning,
+            stacklevel=2,
+        )
+    return path
+
+
+def _write(path: Path, data: dict[str, Any]) -> None:
+    if not path.parent.is_dir():
+        raise InputError(
+            f"there is no folder {str(path.parent)!r} to save a state in; make it first, for example "
+            "by Path(...).mkdir(parents=True)"
+        )
+    partial = path.with_name(path.name + ".part")
+    try:
+        with partial.open("wb") as file:
+            np.savez(file, **data)
+        partial.replace(path)  # an interruption while writing leaves the old file whole
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise InputError(f"the state could not be written to {str(path)!r}: {error}") from None
+
+
+def _path(path: Any) -> Path:
+    try:
+        return Path(path)
+    except TypeError:
+        raise InputError(f"path is {shown(path)}; give the name of a file, or a Path") from None
+
+
+def _with_suffix(path: Path) -> Path:
+    return path if path.suffix == ".npz" or not path.name else path.with_name(path.name + ".npz")
+
+
+def load_state(path: str | Path, identity: Identity, points: tuple[slice, ...]) -> SavedState:
+    """Read a state back; see `ContactSolver.load_state`.
+
+    Parameters
+    ----------
+    path : str or Path
+    identity : Identity
+        The bodies and contacts that it has to be a state of.
+    points : tuple of slice
+        The points of each contact.
+
+    Raises
+    ------
+    InputError
+        If the file is none of `save_state`, damaged, or of other bodies and contacts.
+    """
+    path = _path(path)
+    if not path.is_file() and _with_suffix(path).is_file():
+        path = _with_suffix(path)  # as it was given to save_state
+    if not path.is_file():
+        raise InputError(f"there is no file {str(path)!r} to load a state from")
+    try:
+        data = _read(path)
+        found = int(data.get("format", 0))
+        if found == FORMAT:
+            return _state(path, data, identity, points)
+    except InputError:
+        raise
+    except DAMAGED as error:
+        raise InputError(
+            f"{str(path)!r} can not be read as a state ({error}): it was not written by "
+            "save_state(...), or it is damaged or cut off. Take the one saved before it."
+        ) from None
+    if found:
+        raise InputError(
+            f"{str(path)!r} has format {found}, this version reads {FORMAT}: files of earlier versions "
+            "do not hold all that a history goes on from. Compute the state again, and save it anew."
+        )
+    raise InputError(f"{str(path)!r} is no file written by save_state(...)")
+
+
+def _read(path: Path) -> dict[str, Any]:
+    with path.open("rb") as stream:  # NumPy leaves it open where it can not read it
+        # NumPy takes what it does not know for pickled objects, and says how to load them unsafely
+        if stream.read(2) not in (b"PK", b"\x93N", b""):
+            raise ValueError("no NumPy file")
+        stream.seek(0)
+        file = np.load(stream, allow_pickle=False)
+        if isinstance(file, np.ndarray):
+            raise ValueError("a single array")
+        with file:
+            return dict(file)
+
+
+def _state(
+    path: Path, data: dict[str, Any], identity: Identity, points: tuple[slice, ...]
+) -> SavedState:
+    state = State(**{f.name: data[f"state_{f.name}"] for f in fields(State)})
+    own = Identity(**{f.name: data[f"identity_{f.name}"] for f in fields(Identity)})
+    identity.refuse(own, repr(str(path)))
+    motion = tuple(
+        Motion(shift, float(angle), centre)
+        for shift, angle, centre in zip(
+            data["motion_translation"], data["motion_angle"], data["motion_centre"], strict=True
+        )
+    )
+    names = ("f", "x", "gap0", "slip0", "interference")
+    case = LoadCase(**{name: data[f"case_{name}"] for name in names}, motion=motion)
+    factor = float(data["settings_factor"])
+    moved = zip(motion, data["settings_moved"], strict=True)
+    settings = Settings(
+        data["settings_f"],
+        data["settings_x"],
+        tuple(case.interference[part] for part in points),
+        tuple(m.as_argument() if there else None for m, there in moved),
+        None if np.isnan(factor) else factor,
+    )
+    lost = data["dissipation_before"], data["dissipation_by_contact"]
+    converged, message = bool(data["converged"]), str(data["message"])
+    ours = tuple(map(bool, data["settings_own"]))
+    return SavedState(state, case, settings, *lost, own, converged, message, ours, data["u"])
+
+
+def _motions(motions: tuple[Motion, ...]) -> dict[str, Any]:
+    listed = [asdict(motion) for motion in motions]
+    return {f"motion_{f.name}": np.array([m[f.name] for m in listed]) for f in fields(Motion)}

@@ -1,0 +1,101 @@
+"""The dry run: `print(solver)` says what is modelled, before anything is solved."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
+
+if TYPE_CHECKING:
+    from skfem_contact.history.solver import ContactSolver
+
+
+def dry_run(solver: ContactSolver) -> str:
+    """What a solver models and what it leaves out, before anything is solved."""
+    system = solver.system
+    lines = [f"Contact solver: loop '{solver.loop}', {_linear_words(solver)}", ""]
+    for body, name in zip(system.bodies, system.names, strict=True):
+        lines.append(
+            f"body {name}: {body.n} DOFs, {len(body.D)} prescribed, "
+            f"{type(body.basis.mesh).__name__}, {body.basis.mesh.nelements} elements"
+        )
+    lines.append(_free_words(solver))
+    for contact, name, pairing in zip(
+        solver.contacts, solver.names, solver.geometry.pairings, strict=True
+    ):
+        part = solver.interface.parts[solver.names.index(name)]
+        lines += ["", f"{name}: {contact.label}"]
+        lines.append(f"  {_model_words(contact)}")
+        lines += [f"  {line}" for line in _gap_words(solver, part)]
+        sides = pairing, contact.secondary, contact.primary, contact.method
+        lines += [f"  {line}" for line in (*diagnose(*sides), *say_stiffer(*sides))]
+    return "\n".join(lines)
+
+
+def _linear_words(solver: ContactSolver) -> str:
+    kin = solver.kin
+    points = int(kin.paired.sum())
+    rows = points + kin.tangents * int((solver.interface.slipping & kin.paired).sum())
+    dofs = len(np.setdiff1d(solver.linear_model.touched(), solver.system.D))
+    if solver.linear_model.condensed:
+        dense = 8e-6 * (2 * dofs**2 + 3 * rows**2)
+        factors = 1e-6 * sum(size.memory for size in solver.sizes().values())
+        return (
+            f"condensed: {solver.system.n} DOFs -> {dofs} contact DOFs -> {rows} gaps and slips "
+            f"of {points} points; {factors:.3g} MB for the factors, {dense:.3g} MB of dense matrices"
+        )
+    why = (
+        "as chosen"
+        if not isinstance(solver.linear, str)
+        else (f"because {dofs} contact DOFs exceed max_candidates = {solver.options.max_candidates}")
+    )
+    backend = solver.linear_model.backend
+    return f"linear solver {backend!r} on all {solver.system.n} DOFs in every iteration, {why}"
+
+
+def _free_words(solver: ContactSolver) -> str:
+    motions = solver.linear_model.motions
+    if motions.k == 0:
+        return "no rigid motion is free: supports alone hold all bodies"
+    words = [motions.describe(column) for column in np.eye(motions.k)]
+    listed = "; ".join(f"{' and '.join(bodies)}: {motion}" for bodies, motion in words)
+    return f"free without contact and friction: {listed}"
+
+
+def _model_words(contact: Contact) -> str:
+    if contact.tied:
+        return f"tied ({contact.method}): gaps and slips are zero, also in tension"
+    method = "node by node" if contact.rigid else contact.method
+    law = "frictionless: nothing tangential is modelled"
+    if contact.friction is not None:
+        law = f"friction {_law_words(contact.friction)}"
+    return f"method {method}; {law}"
+
+
+def _law_words(law: FrictionLaw) -> str:
+    """A law with the parameters that are not its defaults."""
+    given = []
+    for f in fields(law):
+        value = getattr(law, f.name)
+        if value is not f.default and not (np.ndim(value) == 0 and value == f.default):
+            given.append(f"{f.name}={value!r}" if np.ndim(value) == 0 else f"{f.name} by point")
+    return f"{type(law).__name__}({', '.join(given)})"
+
+
+def _gap_words(solver: ContactSolver, part: slice) -> list[str]:
+    gap = solver.kin.gap0[part][solver.kin.paired[part]]
+    total = part.stop - part.start
+    lines = [f"{len(gap)} of {total} points have a partner"]
+    if len(gap):
+        touching = int(np.sum(gap == 0.0))
+        widest, deepest = max(gap.max(), 0.0), max(-gap.min(), 0.0) + 0.0
+        lines.append(
+            f"initial gaps: {int(np.sum(gap > 0))} open (largest {widest:.6g}), "
+            f"{touching} closed, {int(np.sum(gap < 0))} overlap (deepest {deepest:.6g})"
+        )
+    return lines

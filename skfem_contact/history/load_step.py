@@ -1,0 +1,302 @@
+"""`LoadStep`: one load step, from the state before it to the result that the user gets."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.validity.watch import Watch
+from skfem_contact.answers.validity.watched import Said
+from skfem_contact.arguments import check_kind
+from skfem_contact.conditions.diagnosis import check_loads
+from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.motions import no_equilibrium
+from skfem_contact.conditions.state import State
+from skfem_contact.conditions.statics import drives, escape
+from skfem_contact.errors import ContactWarning, InputError, NoEquilibrium, NotConverged
+from skfem_contact.history.attempt import Attempt, Walk, nothing, plastic_slip
+from skfem_contact.history.checkpoint import SavedState
+from skfem_contact.history.indifference import Indifference, Rest, adrift, idles, pins
+from skfem_contact.history.read import Settings, StepReader
+from skfem_contact.history.recovery import Recovery
+from skfem_contact.history.stepping import Stepper
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.driver import converged_words
+from skfem_contact.loops.starts import natural_state
+from skfem_contact.loops.step import Record
+from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
+
+Known = ContactResult | SavedState | None
+CAN_CARRY = "with the forces that contact can carry"
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """From where to where a load step goes, and what is known beforehand."""
+
+    state: State
+    case: LoadCase
+    target: LoadCase
+    known: State | None
+    callback: Callable[[Record], object] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What came out: the last attempt and the way to it; `rest` where it leaves motions free.
+
+    `refuted`: a motion (k,) by which statics alone shows that there is no equilibrium.
+    """
+
+    attempt: Attempt
+    walk: Walk
+    rest: Rest | None = None
+    refuted: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LoadStep:
+    """Reads the loads, advances the state, and makes a result or an error of what came out."""
+
+    model: LinearModel
+    stepper: Stepper
+    reader: StepReader
+
+    def solve(
+        self,
+        settings: Settings,
+        start: Known,
+        guess: Known,
+        callback: Callable[[Record], object] | None,
+        throw: bool,
+    ) -> ContactResult:
+        """The result under these loads; see `ContactSolver.solve` for the other arguments."""
+        begin = time.perf_counter()
+        geometry, interface = self.model.geometry, self.model.interface
+        system, kin = geometry.system, geometry.kin
+        target = self.reader.case(settings)
+        fixed = geometry.prescribed
+        check_loads(system, interface.contacts, interface.names, interface.parts, kin, fixed, target)
+        if start is None:
+            case = self.reader.unloaded()
+            state = natural_state(kin, len(geometry.surface_dofs))
+            state = replace(state, gap=case.gap0)  # without interference
+        else:
+            state, case = start.state, start.case
+        warm = guess or start
+        way = Way(state, case, target, None if warm is None else warm.state, callback)
+        found = self._find(way, start)
+        result = self._result(found, start, settings, time.perf_counter() - begin)
+        if result.converged:
+            watched = self.watch.look(
+                result.state,
+                result.gap,
+                result.case,
+                _said(start),
+                result.recover.at_contact,
+                result.mismatch,
+            )
+            result.watch(watched)
+            result.watch(self.watch.warn(result))
+            self._warn(result)
+        if result.converged or not throw:
+            return result
+        raise self._failure(found, result)
+
+    def _find(self, way: Way, start: Known) -> Found:
+        """The answer to a load; where it leaves motions free, at the place that moves least."""
+        model, f = self.model, way.target.f
+        if model.loose.shape[1] and drives(model.motions, f, model.loose):
+            raise no_equilibrium(model.motions, model.loose, EVEN_CLOSED, f, shown=True)
+        base = self._base
+        settled: list[Rest | None] = []
+        refuted: list[np.ndarray] = []
+
+        def doubt() -> bool:
+            """After the first failure: is there no equilibrium, or one that leaves a motion free?"""
+            kin = model.kin
+            if not model.geometry.follows:  # other points may meet
+                c = escape(model.motions, self.interface, kin.paired, f)
+                refuted.extend([] if c is None else [c])
+            if not refuted:
+                settled.append(self._try_settle(way, start))
+            return bool(refuted) or settled[-1] is not None
+
+        may_float = bool(model.motions.k)
+        try:
+            attempt, walk = base.advance(
+                way.state, way.case, way.target, way.known, way.callback, doubt if may_float else None
+            )
+        except SingularMatrix as error:  # round-off decides whether a free motion makes it so
+            if not may_float:
+                raise
+            return self._freed(way, start, error)
+        if attempt.good and may_float and self._idles(attempt):
+            settled.append(self._try_settle(way, start))
+        if settled and settled[-1] is not None:
+            rest = settled[-1]
+            rest.walk.trace[:0] = walk.trace
+            return Found(rest.attempt, rest.walk, rest)
+        return Found(attempt, walk, None, refuted[0] if refuted else None)
+
+    def _freed(self, way: Way, start: Known, error: SingularMatrix) -> Found:
+        """The answer where a set of points left a motion free; no answer is no equilibrium.
+
+        Where DOFs that hold the motion do not help, the matrix is singular of itself: `error`.
+        """
+        try:
+            rest = self._settle(way, start)
+        except SingularMatrix:
+            raise error from None
+        if rest is not None:
+            return Found(rest.attempt, rest.walk, rest)
+        motions, kin = self.model.motions, self.model.kin
+        free = motions.free(kin.paired, kin.paired & self.interface.slipping)
+        free = free if free.shape[1] else np.eye(motions.k)
+        raise no_equilibrium(motions, free, CAN_CARRY, way.target.f) from error
+
+    def _places(self, found: Found) -> tuple[str, ...]:
+        """What is to be said of bodies that may stand elsewhere."""
+        if found.rest is not None:
+            return self.model.motions.indifferent(found.rest.free)
+        return adrift(self.model, found.attempt, self.interface) if found.attempt.good else ()
+
+    def _settle(self, way: Way, start: Known) -> Rest | None:
+        u_last = np.zeros(self.model.system.n) if start is None else start.u
+        walk = Walk(way.state, way.case, nothing(self.interface))
+        return self._indifference.settle(walk, way.target, u_last)
+
+    def _try_settle(self, way: Way, start: Known) -> Rest | None:
+        try:
+            return self._settle(way, start)
+        except SingularMatrix:  # springs as weak as these do not hold a body everywhere
+            return None
+
+    def _idles(self, attempt: Attempt) -> bool:
+        return bool(self.model.loose.shape[1]) or idles(
+            self.model, attempt, self.interface.frictional | self.interface.tied
+        )
+
+    @property
+    def interface(self) -> Interface:
+        """Laws and masks of the contact points."""
+        return self.stepper.interface
+
+    @cached_property
+    def _indifference(self) -> Indifference:
+        return Indifference(self.model, self.stepper)
+
+    @cached_property
+    def _base(self) -> Stepper:
+        """The stepper; where motions stay free whatever contact does, with as many DOFs held."""
+        loose = self.model.loose
+        if not loose.shape[1]:
+            return self.stepper
+        held = self.model.with_springs(pins(self.model, loose))
+        return replace(self.stepper, place=held.place)
+
+    def _warn(self, result: ContactResult) -> None:
+        if result.indifferent and np.any(result.u):
+            warnings.warn(
+                " ".join(result.indifferent)
+                + " Prescribe a DOF (D=...) if the place matters, or the load should hold it.",
+                ContactWarning,
+                stacklevel=4,
+            )
+
+    @cached_property
+    def watch(self) -> Watch:
+        """What is looked at after every step, made in the first."""
+        return Watch(
+            self.model.geometry, self.stepper.interface, self.model.stiffness, self.model.known
+        )
+
+    def check_start(self, start: Known, what: str) -> None:
+        """Refuse a state of other bodies and contacts, or something else altogether."""
+        if start is None:
+            return
+        usage = "give what solve(...) returned, or load_state(...)"
+        check_kind(start, (ContactResult, SavedState), what, usage)
+        if start.identity is not self.model.geometry.identity:
+            self.model.geometry.identity.refuse(start.identity, what)
+        if what == "start" and not start.converged:
+            raise InputError(
+                f"start did not converge ({start.message}): forces and slips of a state that is no "
+                "equilibrium are no history. Go on from the last result that did (the last one in "
+                "`.results` of the exception) in smaller steps; as starting values alone this one can "
+                "be the `guess` of solve(...)."
+            )
+        if what == "start":
+            words = self.reader.other_interference(start.settings, start.own_interference)
+            if words:
+                warnings.warn(words, ContactWarning, stacklevel=3)
+
+    def _result(
+        self,
+        found: Found,
+        start: Known,
+        settings: Settings,
+        seconds: float,
+    ) -> ContactResult:
+        interface, attempt, walk, rest = self.model.interface, found.attempt, found.walk, found.rest
+        before = np.zeros(len(interface.contacts))
+        if start is not None:
+            before = start.dissipation_before + start.dissipation_by_contact
+        message = attempt.failure or attempt.outcome.message
+        if attempt.good:  # with all rounds, attempts and substeps that came before the last one
+            message = converged_words(len(walk.trace)) + attempt.outcome.note
+        case = attempt.case
+        return ContactResult(
+            system=self.model.system,
+            contacts=interface.contacts,
+            names=interface.names,
+            kin=attempt.placement.kin,
+            stiffness=self.model.stiffness,
+            case=case,
+            seen=attempt.seen,
+            state=attempt.state,
+            gap=attempt.state.gap,
+            plastic_slip=plastic_slip(interface, attempt.start, attempt.state),
+            mismatch=attempt.mismatch,
+            converged=attempt.good,
+            message=message + walk.words,
+            iterations=len(walk.trace),
+            trace=tuple(walk.trace),
+            timings={**self.model.timings, "loop": seconds},
+            tangential_stiffness=interface.stiffness,
+            dissipation_by_contact=walk.energy.lost,
+            residual_by_contact=walk.energy.residual,
+            dissipation_before=before,
+            recover=Recovery.of(attempt) if rest is None else rest.recover,
+            settings=settings,
+            factor=settings.factor,
+            indifferent=self._places(found),
+        )
+
+    def _failure(self, found: Found, result: ContactResult) -> NoEquilibrium | NotConverged:
+        attempt = found.attempt
+        motions, free = attempt.placement.motions, attempt.outcome.free
+        if free is None and found.refuted is not None:
+            motions, free = self.model.motions, found.refuted[:, None]
+        if free is not None:
+            shown = found.refuted is not None
+            return no_equilibrium(motions, free, CAN_CARRY, attempt.case.f, result, shown)
+        return NotConverged(
+            f"The loop '{self.stepper.loop}' did not converge: {result.message}. Usually the load has "
+            "no equilibrium or several (a large coefficient of friction), or the step is too large "
+            "for its path. Try smaller load steps in history(...), another loop, or a smaller mu; "
+            "the last state is in `.result` of this exception, the steps before it in `.results`.",
+            result,
+        )
+
+
+def _said(start: Known) -> Said:
+    """What has been warned of in the history so far; a file does not know."""
+    return start.watched.said if isinstance(start, ContactResult) else frozenset()

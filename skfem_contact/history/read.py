@@ -1,0 +1,256 @@
+"""What the user says of a load step, as a `LoadCase` over all bodies and contact points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.arguments import number, numbers, shown
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.inputs import suggest
+from skfem_contact.bodies.system import System
+from skfem_contact.conditions.contact import Contact, field_values
+from skfem_contact.conditions.interface import point_slices
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.loads import LoadCase, Motion
+from skfem_contact.errors import InputError
+from skfem_contact.sealed import kept
+
+Array = NDArray[np.float64]
+KEYS = ("f", "x", "interference", "motion")
+
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """The loads in force: what a step does not name stays as the step before left it."""
+
+    f: Array
+    x: Array
+    interference: tuple[Any, ...]
+    motion: tuple[Any, ...]
+    factor: float | None = None
+
+
+class StepReader:
+    """Reads steps: a number, or a dict that replaces just what it names."""
+
+    def __init__(
+        self,
+        system: System,
+        contacts: tuple[Contact, ...],
+        names: tuple[str, ...],
+        kin: Kinematics,
+        own_f: Array,
+    ) -> None:
+        self.system, self.contacts, self.names, self.kin = system, contacts, names, kin
+        self.own_f = own_f
+        self.parts = point_slices(contacts)
+        self._own = [
+            field_values(contact.interference, kin.points[part], f"interference of contact '{name}'")
+            for contact, part, name in zip(contacts, self.parts, names, strict=True)
+        ]
+        self._still = read_motion(None, kin.points.shape[1], "")
+
+    def initial(self) -> Settings:
+        """The bodies' own loads and the contacts' own interference."""
+        count = len(self.contacts)
+        interference = tuple(c.interference for c in self.contacts)
+        return Settings(self.own_f, self.system.x, interference, (None,) * count, 1.0)
+
+    def other_interference(self, start: Settings, own: Sequence[bool]) -> str:
+        """In words which contact's own interference a state from another solver leaves without effect.
+
+        Parameters
+        ----------
+        start : Settings
+            In force at the state.
+        own : sequence of bool
+            Of which contacts that is the contact's own there, and not that of a step.
+        """
+        for i, given in enumerate(start.interference):
+            if own[i] and given is not self.contacts[i].interference:
+                there = field_values(given, self.kin.points[self.parts[i]], "interference")
+                if not np.array_equal(there, self._own[i]):
+                    worst, name = int(np.argmax(np.abs(there - self._own[i]))), self.names[i]
+                    return (
+                        f"contact {name!r} has an interference of {self._own[i][worst]:.6g} here and "
+                        f"of {there[worst]:.6g} in the state to go on from, which stays: what no step "
+                        "names is as it was. If it is to change, name it in a step of history(...): "
+                        f"{{'interference': {{{name!r}: ...}}}}."
+                    )
+        return ""
+
+    def unloaded(self) -> LoadCase:
+        """No load, no prescribed displacement, no interference: where a history begins."""
+        n, count = self.system.n, len(self.contacts)
+        nothing = Settings(np.zeros(n), np.zeros(n), (0.0,) * count, (None,) * count)
+        return self.case(nothing)
+
+    def read(self, step: Any, before: Settings) -> Settings:
+        """The settings after a step."""
+        if isinstance(step, Mapping):
+            unknown = set(step) - set(KEYS)
+            if unknown:
+                raise InputError(
+                    f"a load step names {sorted(map(str, unknown))}; it may name {list(KEYS)}, each "
+                    "a dict by body, contact or obstacle name."
+                )
+            return Settings(
+                self.vector("f", step.get("f"), before.f, self.own_f),
+                self.vector("x", step.get("x"), before.x, self.system.x),
+                self._interference(step.get("interference"), before.interference),
+                self._motion(step.get("motion"), before.motion),
+            )
+        try:
+            factor = number(step, "a load step", "")
+        except InputError:
+            raise InputError(
+                f"a load step is {shown(step)}: it has to be a number (the factor on the bodies' own f "
+                "and x) or a dict with some of the keys " + ", ".join(KEYS)
+            ) from None
+        if not np.isfinite(factor):
+            raise InputError(f"a load step is {factor}: give a finite factor.")
+        if factor not in (0.0, 1.0) and not (self.own_f.any() or self.system.x.any()):
+            raise InputError(
+                f"a load step is {shown(step)}, a factor on the bodies' own f and x, but these are "
+                "zero: nothing would change. Give f or x to a Body, or the loads of the step by name; "
+                "an interference is not scaled by a number, write {'interference': {...}}."
+            )
+        return Settings(
+            factor * self.own_f,
+            factor * self.system.x,
+            before.interference,
+            before.motion,
+            factor,
+        )
+
+    def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:
+        """A stacked vector from a dict by body name, a stacked vector, or None."""
+        if given is None:
+            return before
+        if not isinstance(given, Mapping):
+            whole = _checked(given, self.system.n, f"{what} of all bodies")
+            if what == "x":
+                for body, name in zip(self.system.bodies, self.system.names, strict=True):
+                    if whole[self.system.slice(body)].any():
+                        _needs_places(body, name)
+            return whole
+        out = np.array(before)
+        for name, value in given.items():
+            part = self.system.slice(name)
+            given_part = _checked(value, None, f"{what} of body {name!r}")
+            if what == "x":
+                _needs_places(self.system.bodies[self.system.index(name)], name)
+            if given_part.ndim == 0:  # a number is a factor on the body's own
+                if given_part != 0 and not own[part].any():
+                    raise InputError(
+                        f"{what} of body {name!r} is {shown(value)}, a factor on its own {what}, "
+                        f"but that is zero: nothing would change. Give {what} to the Body, or a vector "
+                        "here."
+                    )
+                out[part] = given_part * own[part]
+            else:
+                size = part.stop - part.start
+                out[part] = _checked(given_part, size, f"{what} of body {name!r}")
+        return out
+
+    def _interference(self, given: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:
+        if given is None:
+            return before
+        out = list(before)
+        for name, value in self._named(given, "interference").items():
+            if name not in self.names:
+                raise InputError(
+                    f"interference: there is no contact {name!r}{suggest(name, self.names, 'contacts')}"
+                )
+            out[self.names.index(name)] = kept(value)
+        return tuple(out)
+
+    def _motion(self, given: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:
+        if given is None:
+            return before
+        obstacles = [c.primary.name if c.rigid else None for c in self.contacts]
+        out = list(before)
+        for name, value in self._named(given, "motion").items():
+            meant = [
+                i
+                for i, contact in enumerate(self.contacts)
+                if contact.rigid and name in (obstacles[i], self.names[i])
+            ]
+            if not meant:
+                known = [o or self.names[i] for i, o in enumerate(obstacles) if self.contacts[i].rigid]
+                raise InputError(
+                    f"motion: there is no obstacle {name!r}{suggest(name, known, 'obstacles')}"
+                )
+            for i in meant:
+                out[i] = kept(value)
+        return tuple(out)
+
+    @staticmethod
+    def _named(given: Any, what: str) -> Mapping[str, Any]:
+        if not isinstance(given, Mapping):
+            raise InputError(f"{what} in a load step has to be a dict by name, not {given!r}.")
+        return given
+
+    def case(self, settings: Settings) -> LoadCase:
+        """Loads, prescribed values, initial gaps and slips of these settings."""
+        kin = self.kin
+        gap0, slip0 = np.array(kin.gap0), np.zeros((kin.m, kin.tangents))
+        interference, motions = np.zeros(kin.m), []
+        for i, (contact, part) in enumerate(zip(self.contacts, self.parts, strict=True)):
+            points, name = kin.points[part], self.names[i]
+            interference[part] = self._own[i]
+            if settings.interference[i] is not contact.interference:
+                what = f"interference of contact '{name}'"
+                interference[part] = field_values(settings.interference[i], points, what)
+                gap0[part] += self._own[i] - interference[part]
+            motions.append(self._still)
+            if settings.motion[i] is not None:
+                motions[-1] = read_motion(settings.motion[i], points.shape[1], name)
+                shift = motions[-1].shift(points)
+                gap0[part] -= np.einsum("id,id->i", kin.normal[part], shift)
+                slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], shift)
+        return LoadCase(settings.f, settings.x, gap0, slip0, interference, tuple(motions))
+
+
+def read_motion(motion: Any, d: int, name: str) -> Motion:
+    """A translation (d,), or (translation, angle, centre)."""
+    angle, centre = 0.0, np.zeros(d)
+    usage = f"give a translation of {d} numbers, or (translation, angle, centre)."
+    translation = np.zeros(d) if motion is None else motion
+    parts = isinstance(motion, tuple | list) and len(motion) == 3
+    if parts and (isinstance(motion[0], tuple | list) or np.ndim(motion[0]) == 1):
+        translation, angle, centre = motion
+    try:
+        out = Motion(numbers(translation, "", ""), number(angle, "", ""), numbers(centre, "", ""))
+    except InputError:
+        raise InputError(f"motion of {name!r} is {shown(motion)}; {usage}") from None
+    if not out.translation.shape == out.centre.shape == (d,):
+        raise InputError(f"motion of {name!r} is {shown(motion)}; {usage}")
+    if not np.isfinite([*out.translation, out.angle, *out.centre]).all():
+        raise InputError(f"motion of {name!r} is not finite: {shown(motion)}.")
+    return out
+
+
+def _needs_places(body: Body, name: Any) -> None:
+    if not len(body.D):
+        raise InputError(
+            f"x of body {name!r} prescribes values, but the body has no prescribed DOFs: say "
+            "at which by D of its Body(...). A load goes to f."
+        )
+
+
+def _checked(value: Any, size: int | None, what: str) -> Array:
+    array = numbers(value, what, "give a vector, or a number as a factor on the body's own")
+    if size is not None and array.shape != (size,):
+        raise InputError(
+            f"{what} has shape {array.shape}, but {size} DOFs belong to it. Usually the vector was "
+            "assembled on another basis, or the load is not stacked in the order of the bodies."
+        )
+    if not np.isfinite(array).all():
+        raise InputError(f"{what} has NaN or infinite entries.")
+    return array

@@ -1,0 +1,117 @@
+"""Displacements of all bodies, recovered from the contact DOFs when somebody asks for them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.result import ContactResult
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.history.attempt import Attempt
+from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.problem.condensed import Condensed
+from skfem_contact.problem.model import LinearModel
+from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.spaces import Source
+from skfem_contact.sealed import sealed
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """What it takes to recover the displacements of all bodies for one result, when asked for.
+
+    Vectors over the contact DOFs, and the bodies that all results of a solver share. The dense
+    contact problem on the pairing of the result is none of it: where contact slides far, every result
+    would keep one of its own.
+
+    Attributes
+    ----------
+    model : LinearModel
+    source : Source
+        What all displacements follow from.
+    components : tuple or None
+        What the bodies remember of the load; None where they remember nothing.
+    case : LoadCase
+    moved : bool
+        Whether the pairing is another than that of the undeformed bodies.
+    unknowns : int
+        Gaps and slips of the contact problem; zero where it is not on these.
+    shift : ndarray, shape (n,), optional
+        Along motions that nothing resists, see `indifference` [length].
+    """
+
+    model: LinearModel
+    source: Source
+    components: tuple[Any, ...] | None
+    case: LoadCase
+    moved: bool
+    unknowns: int
+    shift: Array | None = None
+
+    @classmethod
+    def of(cls, attempt: Attempt, shift: Array | None = None) -> Recovery:
+        """That of the last iterate of an attempt."""
+        rows, load, response = attempt.placement.rows, attempt.load, attempt.outcome.iterate.response
+        return cls(
+            model=attempt.placement.model,
+            source=rows.source(load, response),
+            components=load.components,
+            case=attempt.case,
+            moved=attempt.placement.u is not None,
+            unknowns=len(rows.space.S) if isinstance(rows.space, PointSpace) else 0,
+            shift=shift,
+        )
+
+    def __call__(self) -> Array:
+        return _recovered([self])[0]
+
+    def at_contact(self) -> Array:
+        """Displacements (n,) known without the interior: contact DOFs and prescribed ones."""
+        bodies, u = self.model.bodies, np.array(self.case.x)
+        if isinstance(bodies, Condensed):
+            u[bodies.columns] = bodies.contact_dofs(self.source)
+        else:
+            u = self.source.values
+        return u if self.shift is None else u + self.shift
+
+    def space(self, kin: Any) -> tuple[PointSpace, bool] | None:
+        """The contact problem on gaps and slips, and whether supports hold all bodies.
+
+        None where it is not on these. Where contact slides far it is computed anew.
+        """
+        if not self.unknowns:
+            return None
+        rows = self.model.place(kin if self.moved else None, None).rows
+        return (rows.space, rows.model.P.shape[1] == 0) if isinstance(rows.space, PointSpace) else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        # elsewhere the bodies are condensed anew, and remember no loads
+        return {**vars(self), "components": None}
+
+
+def recover_all(results: Sequence[ContactResult]) -> None:
+    """Recover the displacements of many results, with one solve per model for all of them."""
+    waiting = [r for r in results if "u" not in r.__dict__]
+    groups: dict[tuple[int, bool], list[ContactResult]] = {}
+    for result in waiting:
+        key = id(result.recover.model), result.recover.source.forces
+        groups.setdefault(key, []).append(result)
+    for group in groups.values():
+        for result, u in zip(group, _recovered([r.recover for r in group]), strict=True):
+            result.__dict__["u"] = sealed(u)
+
+
+def _recovered(some: Sequence[Recovery]) -> list[Array]:
+    """Displacements of all bodies for recoveries of one model and kind."""
+    bodies = some[0].model.bodies
+    with single_threaded():
+        sources = Source(np.column_stack([r.source.values for r in some]), some[0].source.forces)
+        components = [r.components for r in some]
+        u: list[Array] = bodies.recover(sources, components, [r.case for r in some])
+    return [v if r.shift is None else v + r.shift for v, r in zip(u, some, strict=True)]

@@ -1,0 +1,493 @@
+"""`ContactSolver`: sets the problem up once, then solves load steps and histories."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.result import ContactResult
+from skfem_contact.arguments import check_kind, members, shown
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.inputs import load_of, stiffness_of
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import stack
+from skfem_contact.carried import carried
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.diagnosis import check_passes
+from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.geometry import Geometry
+from skfem_contact.conditions.interface import contact_names, interface, point_slices
+from skfem_contact.conditions.motions import rigid_motions
+from skfem_contact.errors import InputError
+from skfem_contact.history.checkpoint import SavedState, load_state
+from skfem_contact.history.load_step import LoadStep
+from skfem_contact.history.read import StepReader
+from skfem_contact.history.recovery import recover_all
+from skfem_contact.history.stepping import LOOPS, Stepper
+from skfem_contact.history.yielded import Yielded
+from skfem_contact.linalg.multifrontal.factor import Estimate
+from skfem_contact.loops.driver import Options
+from skfem_contact.loops.step import Record
+from skfem_contact.problem.condensed import Condensed
+from skfem_contact.problem.full import FullSystem
+from skfem_contact.problem.model import LinearModel
+from skfem_contact.problem.substructure import Substructure
+from skfem_contact.sealed import sealed
+
+Array = NDArray[np.float64]
+logger = logging.getLogger("skfem_contact")
+
+
+class ContactSolver:
+    """Contact and friction between linear elastic bodies, reusable over many loads.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+    contacts : sequence of Contact
+    loop : {"newton", "direct", "fictitious"}
+        How friction is iterated; all reach the same solution.
+    linear : "auto", "condensed", a backend such as `Direct()` or `AMG()`, or a solver callable
+        Where the linear problems are solved. "condensed" eliminates everything but the contact
+        points once; a backend solves ``T'KT`` with all DOFs in every iteration. A callable is
+        anything that scikit-fem takes as ``solver(A, b)``.
+    options : Options
+
+    Raises
+    ------
+    InputError
+        If bodies, contacts or settings do not fit together.
+    NoEquilibrium
+        If a body could move freely even with every point closed.
+
+    Examples
+    --------
+    A square pressed onto a rigid plane by 1 % of its height:
+
+    >>> import numpy as np
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> basis = fem.Basis(
+    ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+    ... )
+    >>> down = basis.project(lambda x: np.stack([0 * x[0], -0.01 + 0 * x[0]]))
+    >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=down, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1))
+    >>> solver = sc.ContactSolver([block], [sc.Contact(block.surface("bottom"), floor)])
+    >>> result = solver.solve()
+    >>> bool(abs(result.pressure - 0.01).max() < 1e-14)
+    True
+    """
+
+    def __init__(
+        self,
+        bodies: Sequence[Body] | Body,
+        contacts: Sequence[Contact] | Contact,
+        *,
+        loop: str = "newton",
+        linear: Any = "auto",
+        options: Options | None = None,
+    ) -> None:
+        start = time.perf_counter()
+        if not isinstance(loop, str) or loop not in LOOPS:
+            raise InputError(f"loop = {loop!r} is not one of {tuple(LOOPS)}.")
+        if options is not None:
+            check_kind(options, Options, "options", "give Options(tolerance=...) and the like")
+        self.options = options or Options()
+        self.loop, self.linear = loop, linear
+        self.system = stack(bodies)
+        usage = "make each by Contact(surface, other, ...)"
+        self.contacts = tuple(members(contacts, Contact, "contacts", usage))
+        self.names = contact_names(self.contacts)
+        check_passes(self.contacts, self.names)
+        self._stiffness = [body.K for body in self.system.bodies]
+        for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
+            if isinstance(surface, ContactSurface):
+                self.system.index(surface.body)  # refuses what is no body of this solver
+        self.geometry = Geometry(self.system, self.contacts, point_slices(self.contacts))
+        self.kin = self.geometry.kin
+        self._own_f = self.system.f
+        self._reader = self._new_reader()
+        self.timings = {"setup": 0.0}
+        self._set_stiffness()
+        self.timings["setup"] = time.perf_counter() - start
+
+    def _set_stiffness(self, reuse: Sequence[Substructure | None] = ()) -> None:
+        """Everything that follows from the stiffness and is cheap; condensation waits until needed."""
+        self.interface = interface(self.contacts, self.kin, self._stiffness, self.loop)
+        self.linear_model = LinearModel(
+            self.geometry,
+            self.interface,
+            self._stiffness,
+            rigid_motions(self.system, self.kin, self._stiffness),
+            self.linear,
+            self.options.max_candidates,
+            self.timings,
+            reuse,
+        )
+        self._load_step = self._new_load_step()
+
+    def _copied(self) -> ContactSolver:
+        twin = object.__new__(type(self))
+        vars(twin).update(vars(self))
+        return twin
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "linear": carried(self.linear, "linear")}
+
+    def _new_reader(self) -> StepReader:
+        return StepReader(self.system, self.contacts, self.names, self.kin, self._own_f)
+
+    def _new_load_step(self) -> LoadStep:
+        model, options = self.linear_model, self.options
+        stepper = Stepper(self.interface, self.geometry, model.place, self.loop, options)
+        return LoadStep(model, stepper, self._reader)
+
+    @property
+    def model(self) -> Condensed | FullSystem:
+        """The linear problem of the bodies without contact; condensed when first asked for."""
+        return self.linear_model.bodies
+
+    def sizes(self) -> dict[str, Estimate]:
+        """What the factorisation of each body in contact will take, before anything is computed."""
+        return self.linear_model.sizes()
+
+    def __str__(self) -> str:
+        from skfem_contact.history.dry_run import dry_run  # it is about solvers, and stands after them
+
+        return dry_run(self)
+
+    def prepare(self) -> ContactSolver:
+        """Do now what the first load step would do once: condense the bodies. Returns the solver."""
+        self.linear_model.prepare()
+        return self
+
+    def with_friction(
+        self, friction: FrictionLaw | None, contact: Contact | str | None = None
+    ) -> ContactSolver:
+        """A solver for another friction law that shares all that has been computed.
+
+        For parameter studies: pairing and condensation do not depend on the law. The two solvers
+        are independent otherwise; results of one may be the `start` of the other.
+
+        Parameters
+        ----------
+        friction : FrictionLaw or None
+        contact : Contact or str, optional
+            The contact that gets it, itself or by name; by default all but tied ones.
+
+        Notes
+        -----
+        From frictionless to frictional contact or back the contact points keep other DOFs, and the
+        new solver condenses for itself.
+
+        Examples
+        --------
+        A block pulled over a plane, with more and less friction:
+
+        >>> import numpy as np
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> from skfem.models.elasticity import linear_elasticity
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> move = basis.project(lambda x: np.stack([0.2 + 0 * x[0], -0.01 + 0 * x[0]]))
+        >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=move, name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1))
+        >>> rough = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.4))
+        >>> solver = sc.ContactSolver([block], [rough])
+        >>> for mu in (0.1, 0.2):
+        ...     force = solver.with_friction(sc.Coulomb(mu)).solve().force
+        ...     print(f"{-force[0] / force[1]:.9f}")
+        0.100000000
+        0.200000000
+        """
+        chosen = range(len(self.contacts)) if contact is None else [self._position(contact)]
+        contacts = list(self.contacts)
+        for i in chosen:
+            if contact is not None or not contacts[i].tied:
+                contacts[i] = replace(contacts[i], friction=friction)
+        twin = self._copied()
+        twin.contacts = tuple(contacts)
+        twin._reader = twin._new_reader()
+        twin.timings = {"setup": 0.0}
+        twin.interface = interface(twin.contacts, self.kin, twin._stiffness, self.loop)
+        twin.linear_model = self.linear_model.with_interface(twin.interface, twin.timings)
+        twin._load_step = twin._new_load_step()
+        return twin
+
+    def with_load(self, body: Body | str, f: Any) -> ContactSolver:
+        """A solver with another own load of one body that shares all that has been computed.
+
+        Parameters
+        ----------
+        body : Body or str
+        f : ndarray (n_body,) or LinearForm
+            The body's own load, of which numeric load steps are multiples [force].
+
+        Raises
+        ------
+        InputError
+            As for `Body`: wrong shapes, NaN.
+        """
+        i = self.system.index(body)
+        own, name = self.system.bodies[i], self.system.names[i]
+        own_f = np.array(self._own_f)
+        own_f[self.system.slice(own)] = load_of(f, own.basis, f"body {name!r}")
+        twin = self._copied()
+        twin._own_f = sealed(own_f)
+        twin._reader = twin._new_reader()
+        twin._load_step = twin._new_load_step()
+        return twin
+
+    def with_stiffness(self, body: Body | str, K: Any) -> ContactSolver:
+        """A solver with another stiffness of one body; only that body is condensed again.
+
+        The way in for bodies whose stiffness changes: a Newton loop of the user's own around this
+        solver, with the tangent stiffness and ``f = f_ext - f_int(u) + K u`` of each iterate.
+
+        Parameters
+        ----------
+        body : Body or str
+        K : sparse matrix (n_body, n_body) or BilinearForm
+            [force/length]
+
+        Raises
+        ------
+        InputError
+            As for `Body`: wrong shapes, NaN.
+
+        Examples
+        --------
+        Pressed by the same displacement, a block twice as stiff bears twice the force:
+
+        >>> import numpy as np
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> from skfem.models.elasticity import linear_elasticity
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> down = basis.project(lambda x: np.stack([0 * x[0], -0.01 + 0 * x[0]]))
+        >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=down, name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1))
+        >>> solver = sc.ContactSolver([block], [sc.Contact(block.surface("bottom"), floor)])
+        >>> for factor in (1.0, 2.0):
+        ...     result = solver.with_stiffness("block", factor * block.K).solve()
+        ...     print(f"{result.force[1]:.6f}")
+        0.010000
+        0.020000
+        """
+        i = self.system.index(body)
+        own, name = self.system.bodies[i], self.system.names[i]
+        stiffness = list(self._stiffness)
+        stiffness[i] = stiffness_of(K, own.basis, f"body {name!r}")
+        twin = self._copied()
+        twin._stiffness, twin.timings = stiffness, {"setup": 0.0}
+        twin._set_stiffness(
+            [None if k == i else part for k, part in enumerate(self.linear_model.parts)]
+        )
+        return twin
+
+    def _position(self, contact: Contact | str) -> int:
+        if isinstance(contact, str) and contact in self.names:
+            return self.names.index(contact)
+        for i, own in enumerate(self.contacts):
+            if own is contact:
+                return i
+        known = ", ".join(map(repr, self.names))
+        raise InputError(
+            f"contact = {contact!r} is not one of this solver: it has {known}. Pass the name, or "
+            "the object the solver was made with."
+        )
+
+    # -- solving ------------------------------------------------------------------------------
+
+    def solve(
+        self,
+        f: Any = None,
+        x: Any = None,
+        *,
+        start: ContactResult | SavedState | None = None,
+        guess: ContactResult | SavedState | None = None,
+        callback: Callable[[Record], object] | None = None,
+        throw: bool = True,
+    ) -> ContactResult:
+        """Solve one load step.
+
+        Parameters
+        ----------
+        f, x : dict by body name, or ndarray (n,), optional
+            Load [force] and prescribed displacements [length]; by default the bodies' own.
+        start : ContactResult, optional
+            The state to continue from, or one from `load_state`; friction remembers it, obstacles
+            and interferences stay. It may come from another solver over the same bodies and contacts.
+        guess : ContactResult, optional
+            Starting values only.
+        callback : callable, optional
+            Called with a `Record` after every iteration; raising StopIteration ends the loop.
+        throw : bool
+            Whether to raise when there is no convergence, or to return the last state.
+
+        Raises
+        ------
+        NotConverged, NoEquilibrium
+            Carrying the last result.
+        """
+        for what, given in (("start", start), ("guess", guess)):
+            self._load_step.check_start(given, what)
+        own = self._reader.initial()
+        if start is not None:  # obstacles stay where the state before has them
+            kept = start.settings
+            own = replace(own, interference=kept.interference, motion=kept.motion)
+        settings = replace(
+            own,
+            f=self._reader.vector("f", f, own.f, self._own_f),
+            x=self._reader.vector("x", x, own.x, self.system.x),
+            factor=own.factor if f is None and x is None else None,
+        )
+        return self._load_step.solve(settings, start, guess, callback, throw)
+
+    def history(
+        self,
+        steps: Iterable[Any],
+        *,
+        start: ContactResult | SavedState | None = None,
+        progress: bool = False,
+    ) -> Iterator[ContactResult]:
+        """Solve load steps one after the other, each from the state of the one before.
+
+        Parameters
+        ----------
+        steps : iterable
+            A number is the factor on all bodies' own f and x. A dict replaces just what it names:
+            ``f`` and ``x`` (dict by body name; an array, or a number as a factor on the body's
+            own), ``interference`` (by contact name), ``motion`` (by obstacle name: total translation
+            (d,), or (translation, angle, centre)). What a step does not name stays as it was.
+        start : ContactResult, optional
+            The state to continue from, or one from `load_state`; what the steps do not name stays
+            as it is there.
+        progress : bool
+            Show a progress bar; needs tqdm (the extra ``progress``).
+
+        Yields
+        ------
+        ContactResult
+            One per step. A step that does not converge is cut and recovered; the substeps are not
+            yielded, their dissipation is summed. If a step fails for good, all results before it
+            have been yielded, and are in ``results`` of the exception: the history can go on from
+            the last of them.
+
+        Warns
+        -----
+        ContactWarning
+            A body has turned by more than linear elasticity follows.
+        """
+        self._load_step.check_start(start, "start")
+        settings = self._reader.initial() if start is None else start.settings
+        before = start
+        single = isinstance(steps, str | bytes | Mapping) or getattr(steps, "shape", None) == ()
+        if single or not isinstance(steps, Iterable):
+            raise InputError(
+                f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
+            )
+        yielded = Yielded()
+        try:
+            for step in _with_progress(steps, progress):
+                settings = self._reader.read(step, settings)
+                before = self._load_step.solve(settings, before, None, None, True)
+                logger.info("step %s: %s", step if np.ndim(step) == 0 else "", before.message)
+                yielded.add(before, self._reader)
+                yield before
+        except (Exception, KeyboardInterrupt) as error:
+            error.results = yielded.all()  # type: ignore[union-attr]
+            raise
+
+    def load_state(self, path: str | Path) -> SavedState:
+        """A state written by `save_state`, as the ``start`` of ``solve`` or ``history``.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Raises
+        ------
+        InputError
+            If the file is none of `save_state`, or of other bodies and contacts.
+
+        Examples
+        --------
+        A history writes a checkpoint per step, and another one goes on from it::
+
+            for result in solver.history(steps):
+                sc.save_state("last.npz", result)
+
+            start = solver.load_state("last.npz")
+            for result in solver.history(rest_of_the_steps, start=start):
+                ...
+        """
+        return load_state(path, self.geometry.identity, self.interface.parts)
+
+    def update(self, body: Body | str, *, K: Any = None, f: Any = None) -> None:
+        """Replace the stiffness or the load of one body in this solver itself.
+
+        What `with_load` and `with_stiffness` do, which leave the solver as it is and are to be
+        preferred. Results that it has returned stay as they are, and good to go on from; a history
+        that is under way takes the new stiffness, and the new load from the next step on that is a
+        number.
+
+        Parameters
+        ----------
+        body : Body or str
+        K : sparse matrix (n_body, n_body) or BilinearForm, optional
+            [force/length]
+        f : ndarray (n_body,) or LinearForm, optional
+            The body's own load from now on [force].
+
+        Raises
+        ------
+        InputError
+            As for `Body`: wrong shapes, NaN.
+        """
+        self.system.index(body)  # refuses what is none
+        twin = self
+        if f is not None:
+            twin = twin.with_load(body, f)
+        if K is not None:
+            twin = twin.with_stiffness(body, K)
+        self.__dict__.update(vars(twin))
+
+    def recover(self, results: Iterable[ContactResult]) -> list[Array]:
+        """Displacements of all bodies for many results of this solver in one go.
+
+        Each result then has its ``u`` without further work; one solve with many right-hand sides
+        is several times cheaper than as many solves.
+
+        Returns
+        -------
+        list of ndarray, shape (n,)
+        """
+        results = members(results, ContactResult, "results", "give results of this solver")
+        recover_all(results)
+        return [r.u for r in results]
+
+
+def _with_progress(steps: Iterable[Any], progress: bool) -> Iterable[Any]:
+    if not progress:
+        return steps
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        raise InputError(
+            "progress=True needs tqdm, which is not installed: pip install 'skfem-contact[progress]'"
+        ) from None
+    return tqdm(steps, unit="step")

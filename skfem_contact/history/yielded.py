@@ -1,0 +1,70 @@
+"""`Yielded`: the results of a history so far, in little memory, for the exception of a step that fails.
+
+``[result.force for result in solver.history(steps)]`` keeps no result: when a step fails, what was
+found before it must be there all the same. Each is kept as vectors over the contact points and contact
+DOFs; displacements, which are recovered again where somebody asks, and loads that are multiples of the
+bodies' own are left out.
+"""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.result import ContactResult
+from skfem_contact.history.read import StepReader
+
+Array = NDArray[np.float64]
+NONE = np.zeros(0)
+FIELDS = tuple(field.name for field in fields(ContactResult))
+
+
+@dataclass(eq=False)
+class Yielded:
+    """Results of one history, in their order."""
+
+    _light: list[tuple[ContactResult, StepReader]] = field(default_factory=list)
+    _alive: list[weakref.ref[ContactResult]] = field(default_factory=list)
+
+    def add(self, result: ContactResult, reader: StepReader) -> None:
+        """Keep a result; `reader` knows the loads that a number stands for."""
+        light = _copied(result) if result.factor is None else _with_loads(result, NONE, NONE)
+        self._light.append((light, reader))
+        self._alive.append(weakref.ref(result))
+
+    def all(self) -> tuple[ContactResult, ...]:
+        """The results themselves where they are still held by somebody, and equal ones elsewhere."""
+        found = []
+        for (light, reader), alive in zip(self._light, self._alive, strict=True):
+            result = alive()
+            if result is None:
+                result = light
+                if light.factor is not None:
+                    loads = reader.read(light.factor, light.settings)
+                    result = _with_loads(light, loads.f, loads.x)
+            found.append(result)
+        return tuple(found)
+
+
+def _with_loads(result: ContactResult, f: Array, x: Array) -> ContactResult:
+    """The same result with other vectors of loads, and without what it remembers."""
+    case = replace(result.case, f=f, x=x)
+    return _copied(
+        result,
+        case=case,
+        seen=replace(result.seen, f=f, x=x),
+        settings=replace(result.settings, f=f, x=x),
+        recover=replace(result.recover, case=case),
+    )
+
+
+def _copied(result: ContactResult, **changed: Any) -> ContactResult:
+    """A result with its fields or others; what it remembers of earlier questions is left out."""
+    known = vars(result)
+    copy = object.__new__(ContactResult)
+    vars(copy).update({name: known[name] for name in FIELDS} | changed)
+    return copy

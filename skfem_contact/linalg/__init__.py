@@ -1,0 +1,6 @@
+"""Linear solvers, which know nothing of contact.
+
+* `backend`: the interface of a solver; `direct`, `amg`: the ones that come with the library;
+* `multifrontal`: Cholesky factorisation that leaves a Schur complement;
+* `singular`, `threads`: singular matrices recognised; one BLAS thread for small blocks.
+"""

@@ -1,0 +1,116 @@
+"""The interface of linear solvers: settings that factorise, and what they return."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skfem_contact.errors import ContactError, InputError
+from skfem_contact.linalg.singular import Solve
+from skfem_contact.linalg.threads import single_threaded
+
+
+class LinearSolveError(ContactError):
+    """An iterative or foreign solver returned no solution.
+
+    Attributes
+    ----------
+    residual : float
+        ``|b - A x| / |b|`` of the best answer; NaN where unknown.
+    iterations : int
+        How many were made.
+    """
+
+    def __init__(self, message: str, residual: float = np.nan, iterations: int = 0) -> None:
+        super().__init__(message)
+        self.residual, self.iterations = float(residual), int(iterations)
+
+
+@dataclass(frozen=True, eq=False)
+class Factorisation:
+    """A matrix made ready to be solved with.
+
+    Attributes
+    ----------
+    name : str
+        The method, for reports.
+    memory : int
+        What it keeps [bytes]; 0 where unknown.
+    function : callable
+        ``A^-1 b`` for b of shape (n,) or (n, r).
+    """
+
+    name: str
+    memory: int
+    function: Solve
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """``A^-1 b`` for b of shape (n,) or (n, r)."""
+        return self.function(np.asarray(b, dtype=float))
+
+
+class Backend:
+    """Settings of a linear solver; each kind says how it factorises.
+
+    Attributes
+    ----------
+    uses_modes : bool
+        Whether `factorize` looks at the rigid motions; else none are made.
+    """
+
+    uses_modes = True
+
+    def factorize(
+        self,
+        A: Any,
+        *,
+        points: np.ndarray | None = None,
+        modes: np.ndarray | None = None,
+        spd: bool = True,
+    ) -> Factorisation:
+        """Prepare to solve with `A`.
+
+        Parameters
+        ----------
+        A : sparse matrix or ndarray, shape (n, n)
+        points : ndarray, shape (n, d), optional
+            Position of each DOF [length]: guides the order of elimination.
+        modes : ndarray, shape (n, k), optional
+            Rigid motions of the bodies: what `AMG` must know.
+        spd : bool
+            Whether `A` is symmetric and positive definite.
+
+        Returns
+        -------
+        Factorisation
+
+        Raises
+        ------
+        SingularMatrix
+            Where the method can tell.
+        """
+        if A.ndim != 2 or A.shape[0] != A.shape[1]:
+            raise InputError(f"A of shape {A.shape} is not square: pass the matrix of a system.")
+        with single_threaded():
+            return self._factorize(A, points, modes, spd)
+
+    def _factorize(
+        self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
+    ) -> Factorisation:
+        raise NotImplementedError
+
+
+def by_column(solve: Solve) -> Solve:
+    """Let a solver of vectors take the columns of an array (n, r) one by one."""
+
+    def columns(b: np.ndarray) -> np.ndarray:
+        if b.ndim == 1:
+            return solve(b)
+        x = np.empty_like(b)
+        for column in range(b.shape[1]):
+            x[:, column] = solve(np.ascontiguousarray(b[:, column]))
+        return x
+
+    return columns

@@ -1,0 +1,218 @@
+"""Linear solvers behind one small interface (`backend`).
+
+A backend is a frozen bag of settings; ``backend.factorize(A)`` returns a `Factorisation` that
+owns everything computed from A and solves for as many right-hand sides as asked:
+
+* `Direct`: multifrontal Cholesky, or SuperLU where that does not apply;
+* `amg.AMG`: conjugate gradients, preconditioned by smoothed aggregation (pyamg);
+* `Dense`: LAPACK, for the small systems on contact DOFs;
+* `FromSolver`: any solver ``x = solver(A, b)`` as ``skfem.solve`` takes it.
+
+None of the direct solvers notices by itself that a matrix is singular: all return something.
+Here the pivots are compared with the diagonal (or, where they are not to be had cheaply, the
+smallest eigenvalue is estimated), and `SingularMatrix` says which DOF has no stiffness left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import lapack
+from scipy.sparse.linalg import splu
+
+from skfem_contact.errors import InputError
+from skfem_contact.linalg.backend import Backend, Factorisation, LinearSolveError, by_column
+from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
+from skfem_contact.linalg.multifrontal.ordering import dissection_order
+from skfem_contact.linalg.singular import (
+    NotPositiveDefinite,
+    check_eigenvalue,
+    check_pivots,
+    singular,
+)
+
+# Residual over load up to which a solver of the user's own is trusted: conjugate gradients of
+# skfem.utils leave some 1e-6 at their default tolerance.
+ACCEPTED = 1e-4
+
+
+@dataclass(frozen=True)
+class Direct(Backend):
+    """Sparse factorisation.
+
+    Parameters
+    ----------
+    method : str
+        ``"multifrontal"`` (positive definite, needs points), ``"superlu"``, or ``"auto"``: the
+        first where it applies.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import scipy.sparse as sp
+    >>> A = sp.csr_array([[2.0, -1.0], [-1.0, 2.0]])
+    >>> factor = Direct().factorize(A, points=np.array([[0.0], [1.0]]))
+    >>> factor.name, factor.solve(np.array([1.0, 1.0])).round(12).tolist()
+    ('multifrontal Cholesky', [1.0, 1.0])
+    """
+
+    uses_modes = False
+
+    method: str = "auto"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.method, str) or self.method not in ("auto", "multifrontal", "superlu"):
+            raise InputError(
+                f"Direct(method={self.method!r}): known are 'auto', 'multifrontal' and 'superlu'."
+            )
+
+    def _factorize(
+        self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
+    ) -> Factorisation:
+        if points is not None and spd and self.method != "superlu":
+            return _multifrontal(sp.csr_matrix(A), points)
+        if self.method == "multifrontal":
+            raise InputError(
+                "Direct(method='multifrontal') needs points and a positive definite matrix "
+                f"(points {'missing' if points is None else 'given'}, spd={spd}): "
+                "use Direct() or Direct(method='superlu')."
+            )
+        return _superlu(sp.csc_matrix(A), points, spd)
+
+
+@dataclass(frozen=True)
+class Dense(Backend):
+    """Dense Cholesky factorisation; LU with pivoting where `A` is unsymmetric."""
+
+    uses_modes = False
+
+    def _factorize(
+        self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
+    ) -> Factorisation:
+        full = np.array(A.toarray() if hasattr(A, "toarray") else A, dtype=np.float64, order="F")
+        scale = full.diagonal().copy() if spd else np.abs(full).max(axis=0, initial=0.0)
+
+        def solve(b: np.ndarray) -> np.ndarray:
+            if not b.size:  # LAPACK refuses arrays without entries
+                return b.copy()
+            x = lapack.dpotrs(full, b, lower=1) if spd else lapack.dgetrs(full, rows, b)
+            return x[0]
+
+        if spd:
+            full, failed = lapack.dpotrf(full, lower=1, clean=0, overwrite_a=1)
+            pivots = full.diagonal() ** 2
+        else:
+            full, rows, failed = lapack.dgetrf(full, overwrite_a=1)
+            pivots = np.abs(full.diagonal())
+        check_pivots(pivots, scale, failed, solve)
+        return Factorisation("dense Cholesky" if spd else "dense LU", full.nbytes, solve)
+
+
+@dataclass(frozen=True, eq=False)
+class FromSolver(Backend):
+    """Any ``x = solver(A, b)``, such as those of ``skfem.utils``; one call per right-hand side.
+
+    Parameters
+    ----------
+    solver : callable
+        Called with a csr_matrix and a vector. A residual above 1e-4 of the load is refused.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import scipy.sparse as sp
+    >>> from skfem.utils import solver_direct_scipy
+    >>> factor = FromSolver(solver_direct_scipy()).factorize(2.0 * sp.eye_array(3))
+    >>> factor.solve(np.ones(3)).tolist()
+    [0.5, 0.5, 0.5]
+    """
+
+    uses_modes = False
+
+    solver: Callable[..., Any]
+
+    def _factorize(
+        self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
+    ) -> Factorisation:
+        A = sp.csr_matrix(A)
+        name = getattr(self.solver, "__name__", type(self.solver).__name__)
+
+        def solve(b: np.ndarray) -> np.ndarray:
+            try:
+                x = np.asarray(self.solver(A, b), dtype=float)
+            except InputError:
+                raise
+            except ValueError as error:
+                raise LinearSolveError(
+                    f"The linear solver {name!r} failed: {error}. Some solvers of skfem.utils keep "
+                    "the preconditioner of the first matrix they saw, but every iteration has a "
+                    "matrix of its own: pass lambda A, b: solver_iter_pcg(...)(A, b), which makes "
+                    "a new one each time."
+                ) from error
+            if x.shape != b.shape or not np.all(np.isfinite(x)):
+                what = "NaN or inf" if x.shape == b.shape else f"shape {x.shape} for {b.shape}"
+                raise LinearSolveError(
+                    f"The linear solver {name!r} returned {what}. Usually the matrix is singular, "
+                    "as a rigid motion is left free. Try linear=Direct(), which says where."
+                )
+            residual = float(np.linalg.norm(b - A @ x))
+            if residual > ACCEPTED * np.linalg.norm(b):
+                kind = "symmetric" if spd else "unsymmetric (slipping points of the loop newton)"
+                raise LinearSolveError(
+                    f"The linear solver {name!r} leaves {residual / np.linalg.norm(b):.1e} of the "
+                    f"load as residual; the matrix is {kind}. Try a smaller tolerance, "
+                    "loop='direct', whose matrices are symmetric, or linear=Direct().",
+                    residual / float(np.linalg.norm(b)),
+                )
+            return x
+
+        return Factorisation(name, 0, by_column(solve))
+
+
+def as_linear_solver(linear: Any) -> Backend:
+    """A backend as it is, a callable as `FromSolver`; anything else is an `InputError`."""
+    if isinstance(linear, Backend):
+        return linear
+    if callable(linear) and not isinstance(linear, type):
+        return FromSolver(linear)
+    raise InputError(
+        f"linear={linear!r} is no linear solver: use Direct(), AMG(), Dense() or a scikit-fem "
+        "solver such as skfem.utils.solver_direct_scipy()."
+    )
+
+
+def _multifrontal(A: Any, points: np.ndarray) -> Factorisation:
+    try:
+        factor = MultifrontalCholesky(A, points)
+    except NotPositiveDefinite as error:
+        raise singular(error.dof, error.ratio) from error
+    return Factorisation("multifrontal Cholesky", factor.memory, factor.solve)
+
+
+def _superlu(A: Any, points: np.ndarray | None, spd: bool) -> Factorisation:
+    """SuperLU with the order of elimination that suits: its default is up to 7 times slower."""
+    settings: dict[str, Any] = {"permc_spec": "COLAMD"}
+    order = np.arange(A.shape[0])
+    if spd:
+        settings = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0}
+        settings["options"] = {"SymmetricMode": True, "Equil": False}
+    if spd and points is not None and points.shape[1] > 2:
+        order = dissection_order(A, points)
+        settings["permc_spec"] = "NATURAL"
+    try:
+        factor = splu(A if settings["permc_spec"] != "NATURAL" else A[order][:, order], **settings)
+    except RuntimeError as error:  # "Factor is exactly singular"
+        raise singular(-1, 0.0) from error
+
+    def solve(b: np.ndarray) -> np.ndarray:
+        x = np.empty_like(b)
+        x[order] = factor.solve(b[order])
+        return x
+
+    # SuperLU hands out its pivots only with a copy of all factors: use the other criterion
+    check_eigenvalue(abs(A).max(axis=1).toarray().ravel(), solve)
+    return Factorisation("SuperLU", 12 * factor.nnz, solve)

@@ -1,0 +1,198 @@
+"""What every front of a multifrontal factorisation holds, found before any number is computed.
+
+Front f eliminates the DOFs of one box of a nested dissection, its pivots. Its border is what
+these are coupled with further up the tree: by entries of the matrix, or through what the children
+of the box left over. The last front holds the DOFs that are kept and eliminates nothing.
+
+Positions count DOFs in the order of elimination, deepest boxes first, so that the pivots of
+front f are the positions ``start[f]`` to ``start[f + 1]`` and all of its border comes later.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from skfem_contact.linalg.multifrontal.ordering import dissect, distinct
+
+
+@dataclass(frozen=True, eq=False)
+class Fronts:
+    """The fronts of a matrix; `nf` of them, the last one being what is kept.
+
+    Attributes
+    ----------
+    order : ndarray of int, shape (n,)
+        DOF at each position; the DOFs kept come last, as they were given.
+    position : ndarray of int, shape (n,)
+        Its inverse.
+    start : ndarray of int, shape (nf + 1,)
+        First pivot of each front.
+    parent : ndarray of int, shape (nf,)
+        The front that takes over the border of each front; `nf` for the last one.
+    first : ndarray of int, shape (nf + 1,)
+        Where the border of each front begins in `border`, `keys` and `target`.
+    border : ndarray of int
+        Positions in all borders, ascending within each.
+    keys : ndarray of int
+        ``front * n + position``, ascending: to look up a position in a border.
+    target : ndarray of int
+        Row of each border position in the parent front, which lists its pivots, then its border.
+    panel : ndarray of int, shape (nf + 1,)
+        Where the factor of each front begins in the storage of all: ``L11``, then ``L21``.
+    schedule : list of int
+        All fronts, each subtree in one go: so few leftovers wait for their parents at a time.
+    """
+
+    order: np.ndarray
+    position: np.ndarray
+    start: np.ndarray
+    parent: np.ndarray
+    first: np.ndarray
+    border: np.ndarray
+    keys: np.ndarray
+    target: np.ndarray
+    panel: np.ndarray
+    schedule: list[int]
+
+    @property
+    def children(self) -> list[list[int]]:
+        """The fronts that leave their borders to each front."""
+        children: list[list[int]] = [[] for _ in self.parent]
+        for front, parent in enumerate(self.parent[:-1].tolist()):
+            children[parent].append(front)
+        return children
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the indices [bytes]; the factors take ``8 * panel[-1]``."""
+        per_dof, per_entry = (self.order, self.position), (self.border, self.keys, self.target)
+        return sum(array.nbytes for array in per_dof + per_entry)
+
+    @property
+    def flops(self) -> float:
+        """Multiplications and additions of the factorisation."""
+        p, b = np.diff(self.start)[:-1].astype(float), np.diff(self.first)[:-1].astype(float)
+        return float(np.sum(p**3 / 3 + p**2 * b + p * b**2))
+
+    @property
+    def peak(self) -> int:
+        """Largest memory that factors and leftovers take together [bytes]."""
+        left = np.diff(self.first) ** 2
+        waiting = most = 0
+        children = self.children
+        for front in self.schedule:
+            waiting += int(left[front])
+            most = max(most, waiting)
+            waiting -= sum(int(left[child]) for child in children[front])
+        return 8 * (int(self.panel[-1]) + most) + self.nbytes
+
+
+def analyse(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> Fronts:
+    """Find the fronts of a matrix.
+
+    Parameters
+    ----------
+    K : csr_matrix, shape (n, n)
+        Symmetric; only the pattern counts.
+    points : ndarray, shape (n, d)
+        Position of each DOF [length].
+    keep : ndarray of int, shape (nk,)
+        DOFs that are not eliminated.
+    leaf : int
+        DOFs in the boxes that are not divided further.
+
+    Returns
+    -------
+    Fronts
+    """
+    n = K.shape[0]
+    inside = np.ones(n, dtype=bool)
+    inside[keep] = False
+    interior = np.flatnonzero(inside)
+    tree = dissect(K[interior][:, interior] if len(keep) else K, points[interior], leaf)
+    last = tree.parent.size
+    order = np.concatenate((interior[np.lexsort((tree.along, tree.owner))], keep))
+    position = np.empty(n, dtype=np.int64)
+    position[order] = np.arange(n)
+    pivots = np.append(np.bincount(tree.owner, minlength=last), len(keep))
+    start = np.concatenate(([0], np.cumsum(pivots)))
+    parent = np.append(tree.parent, last + 1)
+
+    keys = _borders(K, position, start, parent, tree.levels)
+    first = np.searchsorted(keys, np.arange(last + 2) * n)
+    border, up = keys % n, parent[keys // n]
+    target = border - start[up]
+    far = border >= start[up + 1]
+    at = np.searchsorted(keys, up[far] * n + border[far])
+    target[far] = pivots[up[far]] + at - first[up[far]]
+    panel = np.concatenate(([0], np.cumsum(pivots * (pivots + np.diff(first)))))
+    schedule = _depth_first(parent)
+    return Fronts(order, position, start, parent, first, border, keys, target, panel, schedule)
+
+
+def lower_entries(K: Any, position: np.ndarray, end: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stored entries on or below the diagonal in the columns of the reordered matrix before `end`.
+
+    Returns the mask that selects them, their rows and their columns.
+    """
+    i, j = position[np.repeat(np.arange(K.shape[0]), np.diff(K.indptr))], position[K.indices]
+    lower = (i >= j) & (j < end)
+    return lower, i[lower], j[lower]
+
+
+def find_runs(fronts: Fronts) -> list[np.ndarray]:
+    """For each front, where its border stops being consecutive in the parent; begin and end too.
+
+    Also where it passes from the pivots of the parent to its border.
+    """
+    size, pivots = np.diff(fronts.first), np.diff(fronts.start)
+    begins = np.ones(fronts.target.size, dtype=bool)
+    begins[1:] = np.diff(fronts.target) != 1
+    begins[fronts.first[:-1][size > 0]] = True
+    begins |= fronts.target == np.repeat(np.append(pivots, 0)[fronts.parent], size)
+    cuts = np.flatnonzero(begins)
+    owner = np.repeat(np.arange(size.size), size)[cuts]
+    local = cuts - fronts.first[owner]
+    runs = np.split(local, np.searchsorted(owner, np.arange(1, size.size)))
+    return [np.append(run, end) for run, end in zip(runs, size, strict=True)]
+
+
+def _borders(
+    K: Any, position: np.ndarray, start: np.ndarray, parent: np.ndarray, levels: np.ndarray
+) -> np.ndarray:
+    """All borders as keys ``front * n + position``, the fronts of one level at a time."""
+    n = K.shape[0]
+    _, i, j = lower_entries(K, position, start[-2])
+    front = np.repeat(np.arange(parent.size), np.diff(start))[j]
+    out = i >= start[front + 1]
+    own = distinct(front[out] * n + i[out])
+    bounds = np.searchsorted(own, levels * n)
+    keys, inherited = [], np.empty(0, dtype=np.int64)
+    for begin, end in pairwise(bounds.tolist()):
+        here = distinct(np.concatenate((own[begin:end], inherited)))
+        keys.append(here)
+        up, i = parent[here // n], here % n
+        further = i >= start[up + 1]
+        inherited = up[further] * n + i[further]
+    return np.concatenate(keys)
+
+
+def _depth_first(parent: np.ndarray) -> list[int]:
+    """All fronts, children before parents and every subtree without interruption."""
+    # a front comes after its children and all below them: place by the sizes of the subtrees
+    size = [1] * parent.size
+    for front, up in enumerate(parent[:-1].tolist()):
+        size[up] += size[front]
+    free = [0] * parent.size  # the first place of each subtree still to be given away
+    schedule = [0] * parent.size
+    for front in range(parent.size - 1, -1, -1):
+        up = int(parent[front])
+        if up < parent.size:
+            free[front] = free[up]
+            free[up] += size[front]
+        schedule[free[front] + size[front] - 1] = front
+    return schedule

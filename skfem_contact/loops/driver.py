@@ -1,0 +1,234 @@
+"""The driver of a nonlinear loop: it counts, logs, stops and says why."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from skfem_contact.arguments import number
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.errors import InputError
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.step import Guess, Iterate, Record, Step
+
+logger = logging.getLogger("skfem_contact")
+
+UNHELD = "no equilibrium: nothing holds a rigid motion"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Settings of the nonlinear loop and of load stepping; the defaults need no tuning.
+
+    `fast`, `balanced` (the defaults) and `accurate` are chosen from what was measured
+    (docs/trade.md).
+
+    Attributes
+    ----------
+    tolerance : float
+        Largest violation of the friction law that is accepted, over the largest contact force.
+    max_iterations : int or None
+        Per attempt of a load step; by default 80 for `newton`, 150 for `direct` and 2000 for
+        `fictitious`, whose convergence is linear.
+    max_cuts : int
+        How often in a row a load step that fails may be cut: halved, or to the share that
+        `max_travel` tells, which does not count towards the smallest share ``0.5**max_cuts``.
+    max_candidates : int
+        Largest number of contact DOFs for which the dense contact problem is formed when
+        ``linear="auto"``.
+    placement_tolerance : float
+        With ``sliding="finite"``: how far the pairing of a load step may be from that of its own
+        answer: gaps of closed points over the extent of the bodies, and change of the contact
+        forces' distribution over the largest of them.
+    max_placements : int
+        How often a load step may be paired anew before it is cut.
+    max_travel : float
+        With ``sliding="finite"``: how far a closed point may slide in one step, in facet lengths of
+        its own surface (their mean, also where they differ); steps that exceed it are cut to the
+        share that the distance tells, and substeps grow and shrink with it. ``inf`` for steps as
+        given.
+
+    Examples
+    --------
+    >>> Options(tolerance=1e-8).max_cuts
+    6
+    """
+
+    tolerance: float = 1e-10
+    max_iterations: int | None = None
+    max_cuts: int = 6
+    max_candidates: int = 8000
+    placement_tolerance: float = 1e-4
+    max_placements: int = 20
+    max_travel: float = 1.0
+
+    @classmethod
+    def fast(cls) -> Options:
+        """For finite sliding in a hurry: pairings are iterated to 1e-3 of the largest force.
+
+        On the sliding history of docs/trade.md, whose mesh is wrong by 1.8 %, 0.63 of the time of
+        `balanced` and 1.001 of its error, a nodal force off by 4e-4 of the largest at most; other
+        scenes save less (docs/sliding.md: nothing node by node, 0.35 with mortar). The pairing of
+        small sliding is given, and `newton` ends with round-off: on Hertz, Cattaneo-Mindlin and
+        Raous' block nothing changes, neither error nor, beyond the noise, time. ``tolerance=1e-4`` is
+        for the loops `direct` and `fictitious`. Measured by ``python benchmarks/trade.py``.
+        """
+        return cls(tolerance=1e-4, placement_tolerance=1e-3)
+
+    @classmethod
+    def balanced(cls) -> Options:
+        """The defaults: ``Options.balanced() == Options()``.
+
+        Errors on the base meshes of docs/trade.md, which are those of the meshes: Hertz 0.71 %,
+        Cattaneo-Mindlin 3.3 %, Raous' block 0.051 %, a sliding history 1.8 %. Measured by
+        ``python benchmarks/trade.py``.
+        """
+        return cls()
+
+    @classmethod
+    def accurate(cls) -> Options:
+        """For comparisons of answers with each other: pairings are iterated to 1e-8.
+
+        On the sliding history of docs/trade.md 1.36 of the time of `balanced` and 1.000 of its
+        error, which is the mesh's: a nodal force moves by 2e-6 of the largest. Twice the time in the
+        scene of docs/sliding.md. Nothing changes with small sliding, see `fast`. Measured by
+        ``python benchmarks/trade.py``.
+        """
+        return cls(placement_tolerance=1e-8)
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if name == "max_iterations" and value is None:
+                continue
+            whole = name.startswith("max_") and name != "max_travel"
+            usage = f"give a {'whole number' if whole else 'number'} >= 0"
+            found = number(value, f"Options: {name}", usage)
+            endless = whole and (found == np.inf or found != np.floor(found))
+            if not found >= 0 or endless or isinstance(value, bool | np.bool_):
+                raise InputError(f"Options: {name} = {value!r} is out of range; {usage}.")
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """How a loop ended: its last iterate, the log, and the reason in words.
+
+    `coarse` and `note` are what the log does not show of its start: iterations on fewer points, words.
+    """
+
+    iterate: Iterate
+    trace: tuple[Record, ...]
+    converged: bool
+    message: str
+    free: np.ndarray | None = None
+    stopped: bool = False
+    coarse: int = 0
+    note: str = ""
+
+
+def converged_words(count: int) -> str:
+    """
+    >>> converged_words(1), converged_words(2)
+    ('converged in 1 iteration', 'converged in 2 iterations')
+    """
+    return f"converged in {count} iteration{'' if count == 1 else 's'}"
+
+
+def drive(
+    loop: Callable[[Step, Guess, float], Iterator[Iterate]],
+    step: Step,
+    guess: Guess,
+    tolerance: float,
+    limit: int,
+    callback: Callable[[Record], object] | None = None,
+    patience: int | None = None,
+) -> Outcome:
+    """Run a loop until it converges, stalls, finds no equilibrium, or exceeds its count.
+
+    A `StopIteration` raised by `callback` ends the run where it stands, as in SciPy. With `patience`
+    it ends after so many iterations in which neither fewer points changed than ever before nor the
+    law came twice as close to being satisfied.
+
+    Raises
+    ------
+    SingularMatrix
+        In the first iteration; later it ends the run.
+    """
+    trace: list[Record] = []
+    unheld: set[bytes] = set()
+    suspect: np.ndarray | None = None
+    progress = Progress()
+    message = f"no convergence in {limit} iterations"
+    iterates = loop(step, guess, tolerance)
+    while True:
+        try:
+            iterate = next(iterates)
+        except SingularMatrix:
+            if not trace:
+                raise
+            message = "points that hold a body too weakly were left closed"
+            break
+        record = _record(len(trace) + 1, step, iterate)
+        trace.append(record)
+        logger.debug("%s", record)
+        if not np.isfinite(iterate.residual) or not np.isfinite(iterate.response.solution).all():
+            message = "the linear solve returned numbers that are not finite"
+            break
+        if iterate.converged:
+            return Outcome(iterate, tuple(trace), True, converged_words(len(trace)))
+        if iterate.held is not None:
+            key = iterate.status.tobytes()
+            if key in unheld:
+                # the same set needs the same help again: nothing else holds the body. While the
+                # limits of the loop `direct` still move this is a suspicion only
+                suspect = iterate.held
+                if iterate.residual <= tolerance:
+                    return Outcome(iterate, tuple(trace), False, UNHELD, suspect)
+            unheld.add(key)
+        if callback is not None:
+            try:
+                callback(record)
+            except StopIteration:
+                last = "stopped by the callback"
+                return Outcome(iterate, tuple(trace), False, last, stopped=True)
+        if len(trace) >= limit:
+            break
+        if patience is not None and progress.stalled(record, patience):
+            message = f"no progress in {patience} iterations"
+            break
+    last = f"{record.changes} points still change and the friction law is violated by "
+    last += f"{record.residual:.1e} of the largest force"
+    return Outcome(iterate, tuple(trace), False, f"{message}; {last}", suspect)
+
+
+@dataclass
+class Progress:
+    """The best a run has come to, and how long ago."""
+
+    changes: int = np.iinfo(int).max
+    residual: float = np.inf
+    waited: int = 0
+
+    def stalled(self, record: Record, patience: int) -> bool:
+        """Whether the last improvement is too long ago."""
+        self.waited += 1
+        if record.changes < self.changes or record.residual < 0.5 * self.residual:
+            self.changes = min(self.changes, record.changes)
+            self.residual = min(self.residual, record.residual)
+            self.waited = 0
+        return self.waited >= patience
+
+
+def _record(number: int, step: Step, iterate: Iterate) -> Record:
+    status = iterate.status[step.paired]
+    return Record(
+        number,
+        int(np.sum(status == OPEN)),
+        int(np.sum(status == STICK)),
+        int(np.sum(status == SLIP)),
+        iterate.changes,
+        iterate.residual,
+        iterate.note,
+    )

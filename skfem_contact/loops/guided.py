@@ -1,0 +1,53 @@
+"""Friction at points whose slip is prescribed: supports move them, and take the force.
+
+Where all DOFs of a tangential row are prescribed, the row has no equation to enter: whatever the
+friction, supports balance it. The law gives it all the same, from the slip that they prescribe, and
+what is reported as friction, its resultant and its energy are those of the law.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.conditions.friction import return_map
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.loops.step import Step
+
+if TYPE_CHECKING:
+    from skfem_contact.problem.spaces import Response
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# A change of the slip below this part of it is the round-off of prescribed displacements.
+ROUND_OFF = 1e-12
+
+
+def guided_friction(
+    step: Step, guided: Mask, status: NDArray[np.intp], response: Response
+) -> tuple[NDArray[np.intp], Array]:
+    """Status (m,) and friction (m, d-1) of the answer, by the law where the slip is prescribed.
+
+    In `step` guided points are none with friction: there is no equation for it.
+    """
+    at = guided & (status != OPEN)
+    if not at.any():
+        return status, response.tangential_force
+    limit = step.limit(response.normal_force, response.slip)
+    moved = response.slip - step.last.slip
+    size = np.linalg.norm(moved, axis=1)
+    length = np.linalg.norm(response.slip, axis=1) + np.linalg.norm(step.last.slip, axis=1)
+    moves = size > ROUND_OFF * length
+    along = moved / np.where(moves, size, 1.0)[:, None]
+    # exact sticking gives way to any slip: a trial force beyond any bound
+    exact = step.last.tangential_force + np.where(moves, 4.0 * limit, 0.0)[:, None] * along
+    trial = np.where(np.isinf(step.stiffness)[:, None], exact, step.trial(response.slip))
+    force, slips = return_map(trial, limit)
+    slips |= moves & np.isinf(step.stiffness)
+    return (
+        np.where(at, np.where(slips, SLIP, STICK), status),
+        np.where(at[:, None], force, response.tangential_force),
+    )

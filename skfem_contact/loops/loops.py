@@ -1,0 +1,218 @@
+r"""The three nonlinear loops as generators of iterates.
+
+Each loop solves one load step: which points are closed, which of them slip, and how large the
+friction forces are. It yields every iterate with a record and never stops by itself except when it
+has converged; one driver (`skfem_contact.loops.driver`) counts, logs, stops and raises. The loops keep
+nothing between calls.
+
+``newton``      semismooth Newton: the friction force of a slipping point follows the normal force
+                within the linear solve.
+``direct``      [M] fig. 4b: a slipping point carries the friction force of the last iterate as a load.
+``fictitious``  [M] fig. 4a: every closed point keeps its spring; the excess over the friction limit
+                returns as an unbalanced load (an initial-stress method). One factorisation serves
+                as long as the set of closed points does not change.
+
+All three reach the same solution. Open and closed points change by the same rule: a closed point in
+tension opens, an open one that penetrates closes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.conditions.friction import return_map
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.anderson import Anderson
+from skfem_contact.loops.rules import disagreement, hold, law_residual, propose
+from skfem_contact.loops.step import Guess, Iterate, Step
+from skfem_contact.problem.spaces import Conditions, Response
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# In the loop `fictitious` points open and close freely so often; after that only once the friction of
+# the present set has settled to this share of the largest force, or a point could open and close
+# for ever because of friction forces that lag behind.
+FREE_CHANGES, SETTLED = 12, 1e-6
+
+Loop = Callable[[Step, Guess, float], Iterator[Iterate]]
+
+
+def newton(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+    """Semismooth Newton with the consistent derivative of the return map."""
+    return _active_set(step, guess, tolerance, coupled=True)
+
+
+def direct(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+    """[M] fig. 4b: slipping points carry the friction force of the last iterate."""
+    return _active_set(step, guess, tolerance, coupled=False)
+
+
+def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> Iterator[Iterate]:
+    """Solve for a set of statuses, let the answer correct the set, until it agrees."""
+    current = guess
+    # the limits of `direct` settle over several iterations: until then its sets may well change
+    pace = Pace(patience=4 if coupled else 15)
+    while True:
+        status, held = hold(step, current)
+        current = replace(current, status=status)
+        response = _solve(step, current, coupled)
+        proposal = propose(step, current, response)
+        wrong = disagreement(current, proposal)
+        residual = law_residual(step, status, current.direction, response)
+        kept = np.zeros_like(wrong) if held is None else wrong & held.points
+        done = not (wrong & ~kept).any() and residual <= tolerance
+        yield Iterate(
+            status,
+            current.direction,
+            response,
+            int(wrong.sum()),
+            residual,
+            converged=done and not kept.any(),
+            note=pace.note(),
+            held=None if held is None or not kept.any() else held.motion,
+        )
+        current = pace.advance(step, current, proposal, wrong & ~kept, response)
+
+
+@dataclass
+class Pace:
+    """How many points may change at once (block principal pivoting of Judice and Pires, 1994).
+
+    Whole sets change as long as their number falls; after a few iterations without progress, one
+    point at a time, the last in the order of `Step.rank`, until there is progress again. On problems
+    with unique solutions this ends; where it does not, the driver's count does.
+    """
+
+    patience: int
+    best: int = np.iinfo(int).max
+    left: int = 0
+    single: bool = False
+
+    def note(self) -> str:
+        return "one point at a time" if self.single else ""
+
+    def advance(
+        self, step: Step, current: Guess, proposal: Guess, wrong: Mask, response: Response
+    ) -> Guess:
+        count = int(wrong.sum())
+        if count < self.best:
+            self.best, self.left, self.single = count, self.patience, False
+        elif self.left > 0:
+            self.left -= 1
+        else:
+            self.single = True
+        take = wrong
+        if self.single and count:
+            take = np.zeros_like(wrong)
+            last = np.flatnonzero(wrong)
+            take[last[np.argmax(step.rank[last])]] = True
+        return replace(
+            proposal,
+            status=np.where(take, proposal.status, current.status),
+            direction=np.where(take[:, None], proposal.direction, current.direction),
+        )
+
+
+def _solve(step: Step, current: Guess, coupled: bool) -> Response:
+    """Solve for a set; where the law's tangent has no unique answer, with limits that lag."""
+    conditions = _conditions(step, current, coupled)
+    try:
+        return step.space.solve(conditions, step.load)
+    except SingularMatrix:
+        if not conditions.coupling.any():
+            raise
+    return step.space.solve(_conditions(step, current, coupled=False), step.load)
+
+
+def _conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
+    closed = current.status != OPEN
+    slips = (current.status == SLIP) & step.frictional
+    exact = np.isinf(step.stiffness)
+    stick = (current.status == STICK) & (exact & step.frictional | step.tied)
+    limit = step.limit(current.normal_force, current.slip)
+    t = current.direction.shape[1]
+    coupling, spring = np.zeros_like(current.direction), np.zeros((len(closed), t, t))
+    if coupled and slips.any():
+        slope = step.slope(current.normal_force, current.slip)
+        coupling[slips] = (slope[:, None] * current.direction)[slips]
+        growth = np.where(
+            slips, step.hardening(current.normal_force, current.slip, current.direction), 0
+        )
+        along = current.direction
+        spring += growth[:, None, None] * along[:, :, None] * along[:, None, :]
+        limit = limit - slope * np.maximum(current.normal_force, 0.0)
+        limit = limit - growth * np.sum(current.slip * along, axis=1)
+    offset = np.where(slips[:, None], limit[:, None] * current.direction, 0.0)
+    elastic = (current.status == STICK) & step.frictional & ~exact
+    offset[elastic] = step.trial(np.zeros_like(offset))[elastic]
+    spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
+    return Conditions(closed, stick, step.last.slip, spring, offset, coupling)
+
+
+def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+    """[M] fig. 4a: the method of fictitious friction forces, accelerated by Anderson's mixing.
+
+    Every closed point keeps its spring G. The friction force that the linear solve gives,
+    ``tau_n + G (s - s_n) + e``, is compared with the return map of the elastic predictor, and the
+    excess ``e`` is corrected until the two agree. The plain iteration contracts by a factor that
+    tends to one as G grows; the acceleration shortens it but does not lift that limit.
+    """
+    excess = np.zeros_like(guess.direction)
+    mixing = Anderson(depth=7)
+    current, free_changes = guess, FREE_CHANGES
+    while True:
+        closed_as_stick = np.where(current.status == OPEN, OPEN, STICK)
+        status, held = hold(step, replace(current, status=closed_as_stick))
+        elastic = (status == STICK) & step.frictional
+        offset = np.where(elastic[:, None], step.trial(np.zeros_like(excess)) + excess, 0.0)
+        spring = np.zeros((*offset.shape, offset.shape[1]))
+        spring[elastic] = step.stiffness[elastic, None, None] * np.eye(offset.shape[1])
+        conditions = Conditions(
+            closed=status != OPEN,
+            stick=(status != OPEN) & step.tied,
+            anchor=step.last.slip,
+            spring=spring,
+            offset=offset,
+            coupling=np.zeros_like(offset),
+        )
+        response = step.space.solve(conditions, step.load)
+        trial = step.trial(response.slip)
+        limit = step.limit(response.normal_force, response.slip)
+        mapped, slips = return_map(trial, limit)
+        error = np.where(elastic[:, None], mapped - response.tangential_force, 0.0)
+        scale = max(
+            np.max(np.abs(response.normal_force), initial=0.0),
+            np.max(np.abs(response.tangential_force), initial=0.0),
+        )
+        residual = float(np.max(np.abs(error), initial=0.0) / scale) if scale > 0 else 0.0
+
+        proposal = propose(step, replace(current, status=status), response)
+        wrong = (proposal.status == OPEN) != (status == OPEN)
+        unit = mapped / np.where(limit > 0, limit, 1.0)[:, None]
+        shown = np.where(elastic & slips & (response.normal_force > 0), SLIP, status)
+        kept = held is not None and bool((wrong & held.points).any())
+        yield Iterate(
+            shown,
+            np.where((shown == SLIP)[:, None], unit, 0.0),
+            response,
+            int(wrong.sum()),
+            residual,
+            converged=not wrong.any() and residual <= tolerance,
+            note="accelerated" if mixing.active else "",
+            held=held.motion if held is not None and kept else None,
+        )
+        image = np.where(elastic[:, None], mapped - trial, 0.0)
+        if wrong.any() and (free_changes > 0 or residual <= SETTLED):
+            free_changes -= 1
+            mixing = Anderson(depth=7)  # another set is another fixed-point problem
+            excess = image
+            status = np.where(proposal.status == OPEN, OPEN, STICK)
+        else:
+            excess = mixing.next(excess.ravel(), image.ravel()).reshape(excess.shape)
+        current = replace(proposal, status=status)

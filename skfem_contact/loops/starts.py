@@ -1,0 +1,125 @@
+"""Where the iterations of a load step begin: warm, cold (nested), by another loop, or by pivoting."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.state import OPEN, SLIP, STICK, State
+from skfem_contact.loops import loops
+from skfem_contact.loops.driver import Outcome, drive
+from skfem_contact.loops.lemke import MOST_POINTS, lemke_guess
+from skfem_contact.loops.nested import nested_guess
+from skfem_contact.loops.step import Guess, Step
+
+Array = NDArray[np.float64]
+
+# Where an attempt at a load step begins, in this order; "apart" only where contacts exclude each other.
+STARTS = ("warm", "cold", "newton", "pivoting")
+# Iterations that Newton may take where another loop begins from its answer.
+NEWTON_ITERATIONS = 80
+
+
+def possible_starts(points: int, loop: str) -> list[str]:
+    """Where attempts may begin.
+
+    Newton only for the loop `direct`, whose lagged limits settle slowly near gross slip;
+    pivoting only on problems small enough for its tableau.
+    """
+    few = points <= MOST_POINTS
+    useful = {"warm": True, "cold": True, "newton": loop == "direct", "pivoting": few}
+    return [start for start in STARTS if useful[start]]
+
+
+def starting_values(
+    start: str, known: State, step: Step, kin: Kinematics, tolerance: float, loop: str, dense: Step
+) -> tuple[Guess, Outcome | None]:
+    """Starting values, and how another loop came to them.
+
+    Parameters
+    ----------
+    start : {"warm", "cold", "newton", "pivoting", "apart"}
+    known : State
+        The last known state, which a warm start repeats.
+    step : Step
+    kin : Kinematics
+    tolerance : float
+        To which other loops are run.
+    loop : str
+        The loop that begins here. Before `direct`, whose lagged limits run away from an answer that
+        is not exact, Newton takes the round-off out of what pivoting has found.
+    dense : Step
+        The same step with gaps and slips as unknowns, for pivoting.
+    """
+    if start == "warm":
+        return as_guess(known), None
+    if start == "newton":
+        return _by_newton(as_guess(known), step, tolerance)
+    if start == "pivoting":
+        pivoted = lemke_guess(dense, as_guess(known))
+        if pivoted is not None:
+            return _by_newton(pivoted, step, tolerance) if loop == "direct" else (pivoted, None)
+    return _cold(step, kin, tolerance, apart=start == "apart"), None
+
+
+def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outcome]:
+    first = admissible(guess, step)
+    found = drive(loops.newton, step, first, tolerance, NEWTON_ITERATIONS)
+    it, there = found.iterate, found.iterate.response
+    forces = there.normal_force, there.tangential_force
+    return Guess(it.status, it.direction, *forces, there.slip), found
+
+
+def _cold(step: Step, kin: Kinematics, tolerance: float, apart: bool = False) -> Guess:
+    """Nothing known: points that touch are closed and stick; where few do, a nested start.
+
+    `apart`: of the points that several contacts have at one node only the deepest.
+    """
+    zero = np.zeros((kin.m, kin.tangents))
+    touching = step.paired & (step.load.gap0 <= 0)
+    if apart:
+        touching &= deepest(step.load.gap0, kin.points, step.rank)
+    status = np.where(touching | step.tied, STICK, OPEN)
+    guess = Guess(status, zero, np.zeros(kin.m), zero, zero)
+    if apart or touching.sum() > 0.5 * step.paired.sum():
+        return guess
+    # the coarse levels only look for the zone: exact sticking, whatever the loop
+    exact = replace(step, stiffness=np.full(kin.m, np.inf))
+    return nested_guess(exact, guess, loops.newton, kin.points, tolerance)
+
+
+def deepest(gap: Array, points: Array, rank: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Of all points at one place that with the smallest gap, of equal ones the first by rank, (m,)."""
+    order = np.lexsort((rank, gap))
+    _, first = np.unique(points[order], axis=0, return_index=True)
+    chosen = np.zeros(len(gap), dtype=bool)
+    chosen[order[first]] = True
+    return chosen
+
+
+def natural_state(kin: Kinematics, surface: int) -> State:
+    """Before any load: nothing is known to touch, no slip, no friction."""
+    zero = np.zeros((kin.m, kin.tangents))
+    none, status = np.zeros(surface), np.zeros(kin.m, dtype=int)
+    return State(status, zero, zero, np.zeros(kin.m), zero, kin.gap0, kin.area, none, none, kin.vertex)
+
+
+def as_guess(state: State) -> Guess:
+    """Starting values from a state."""
+    size = np.linalg.norm(state.tangential_force, axis=1)
+    slips = (state.status == SLIP) & (size > 0)
+    status = np.where((state.status == SLIP) & ~slips, STICK, state.status)
+    unit = state.tangential_force / np.where(slips, size, 1.0)[:, None]
+    direction = np.where(slips[:, None], unit, 0.0)
+    return Guess(status, direction, state.normal_force, state.tangential_force, state.slip)
+
+
+def admissible(guess: Guess, step: Step) -> Guess:
+    """The guess without points that have lost their partner, and with all tied points."""
+    status = np.where(step.paired, guess.status, OPEN)
+    status = np.where(step.tied | ((status == SLIP) & ~step.frictional), STICK, status)
+    direction = np.where((status == SLIP)[:, None], guess.direction, 0.0)
+    return replace(guess, status=status, direction=direction)

@@ -1,0 +1,153 @@
+"""What every rigid obstacle does: obstacles have no DOFs, they are paired and they move."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_matrix, identity
+
+from skfem_contact.arguments import check_kind, check_name, number, numbers
+from skfem_contact.bodies.normals import tangents
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.errors import InputError
+from skfem_contact.pairing.node import Pairing
+from skfem_contact.sealed import sealed
+
+
+class Obstacle(ABC):
+    """What all rigid obstacles can do; subclasses give the signed distance.
+
+    The normal of an obstacle points out of it, to the side on which the body is.
+    """
+
+    name: str | None
+
+    @property
+    def label(self) -> str:
+        """Name for messages."""
+        return self.name or {
+            "RigidPlane": "rigid plane",
+            "RigidCylinder": "rigid cylinder",
+            "RigidSphere": "rigid sphere",
+        }.get(type(self).__name__, "rigid obstacle")
+
+    def pair(self, surface: ContactSurface, *, motion: Any = None) -> Pairing:
+        """Pair every node of a surface with its closest point on the obstacle.
+
+        Parameters
+        ----------
+        surface : ContactSurface
+            The secondary surface.
+        motion : array, shape (d,), or (translation, angle, centre), optional
+            Total motion of the obstacle, see `moved`.
+
+        Returns
+        -------
+        Pairing
+            `primary_weights` has no columns. Nodes that look away from the obstacle are not paired
+            (a plane takes every node).
+        """
+        check_kind(surface, ContactSurface, "surface", "take one by body.surface('name')")
+        if motion is not None:
+            return self.moved(motion).pair(surface)
+        points, m = surface.points, len(surface.points)
+        gap, normal, paired = self.distance(surface)
+        normal = np.where(paired[:, None], normal, -surface.normals)
+        return Pairing(
+            points=points,
+            normal=normal,
+            tangent=tangents(normal),
+            gap=np.where(paired, gap, np.inf),
+            area=surface.area,
+            secondary_weights=identity(m, format="csr"),
+            primary_weights=csr_matrix((m, 0)),
+            paired=paired,
+            miss=np.where(paired, 0.0, np.inf),
+            facet=np.full(m, -1),
+        )
+
+    @abstractmethod
+    def moved(self, motion: Any) -> Obstacle:
+        """Return the obstacle after a rigid motion.
+
+        Parameters
+        ----------
+        motion : array, shape (d,), or (translation, angle, centre)
+            A translation [length]; or in 2-D a rotation by `angle` [rad, counterclockwise] about
+            `centre`, followed by the translation. Motions are total, from the obstacle as it was
+            made.
+        """
+
+    @abstractmethod
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where the nodes of a surface are, seen from the obstacle.
+
+        Parameters
+        ----------
+        surface : ContactSurface
+
+        Returns
+        -------
+        gap : ndarray, shape (m,)
+            Signed distance, positive outside [length].
+        normal : ndarray, shape (m, d)
+            Unit normals out of the obstacle.
+        paired : ndarray of bool, shape (m,)
+            Which nodes have a partner.
+        """
+
+
+def rigid_motion(motion: Any, dim: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation matrix and shift of a motion: ``x -> turn @ x + shift``."""
+    usage = (
+        "a motion is a translation of shape (d,), or in 2-D (translation, angle, centre), total, "
+        "with the angle in radians"
+    )
+    if not isinstance(motion, tuple | list) or not motion or _flat(motion[0]):
+        shift = numbers(motion, "motion", usage)
+        turn = np.eye(dim)
+    else:
+        if len(motion) != 3 or dim != 2:
+            raise InputError(f"motion of {len(motion)} parts in {dim}-D; {usage}")
+        angle = number(motion[1], "angle of the motion", usage)
+        centre = numbers(motion[2], "centre of the motion", usage)
+        first = numbers(motion[0], "translation of the motion", usage)
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        if centre.shape != (dim,):
+            raise InputError(f"centre of the motion has shape {centre.shape}, not ({dim},); {usage}")
+        if first.shape != (dim,):
+            raise InputError(
+                f"translation of the motion has shape {first.shape}, not ({dim},); {usage}"
+            )
+        shift = first + centre - turn @ centre
+    if shift.shape != (dim,) or not (np.isfinite(shift).all() and np.isfinite(turn).all()):
+        raise InputError(f"motion={motion!r} in {dim}-D; {usage}")
+    return turn, shift
+
+
+def _flat(part: Any) -> bool:
+    """Whether a part of a motion is a number, so that the whole is a translation."""
+    return not isinstance(part, tuple | list) and np.ndim(part) == 0
+
+
+def location(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
+    check_name(obstacle.name, f"name of a {type(obstacle).__name__}")
+    array = numbers(value, f"{what} of {obstacle.label!r}", "give 2 or 3 finite coordinates")
+    if array.shape not in ((2,), (3,)) or not np.isfinite(array).all():
+        raise InputError(f"{what}={value!r} of {obstacle.label!r} is not a finite point in 2-D or 3-D")
+    return sealed(array)
+
+
+def direction(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
+    array = location(value, what, obstacle)
+    length = np.linalg.norm(array)
+    if length == 0:
+        raise InputError(f"{what}={value!r} of {obstacle.label!r} is zero, it has no direction")
+    return sealed(array / length)
+
+
+def check_dimension(surface: ContactSurface, dim: int, obstacle: Obstacle) -> None:
+    if surface.dim != dim:
+        raise InputError(f"surface {surface.label!r} is {surface.dim}-D, {obstacle.label!r} is {dim}-D")

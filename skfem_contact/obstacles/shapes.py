@@ -1,0 +1,178 @@
+"""Rigid planes, cylinders and spheres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from skfem_contact.arguments import check_switch, number
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.errors import InputError
+from skfem_contact.obstacles.obstacle import (
+    Obstacle,
+    check_dimension,
+    direction,
+    location,
+    rigid_motion,
+)
+from skfem_contact.pairing.closest import FACING
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPlane(Obstacle):
+    """A rigid half-space.
+
+    Parameters
+    ----------
+    point : array, shape (d,)
+        Any point of its surface [length].
+    normal : array, shape (d,)
+        Direction out of it, towards the body; of any length.
+    name : str, optional
+
+    Examples
+    --------
+    >>> floor = RigidPlane(point=(0, 0), normal=(0, 2))
+    >>> floor.normal.tolist(), floor.moved((0.0, -0.1)).point.tolist()
+    ([0.0, 1.0], [0.0, -0.1])
+    """
+
+    point: np.ndarray
+    normal: np.ndarray
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        point = location(self.point, "point", self)
+        normal = direction(self.normal, "normal", self)
+        if point.shape != normal.shape:
+            raise InputError(
+                f"point has {len(point)} coordinates, normal {len(normal)} in {self.label!r}"
+            )
+        object.__setattr__(self, "point", point)
+        object.__setattr__(self, "normal", normal)
+
+    def moved(self, motion: Any) -> RigidPlane:
+        """Return the plane after a rigid motion, see `Obstacle.moved`."""
+        turn, shift = rigid_motion(motion, len(self.point))
+        return replace(self, point=turn @ self.point + shift, normal=turn @ self.normal)
+
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Signed distances, normals and partners, see `Obstacle.distance`."""
+        check_dimension(surface, len(self.point), self)
+        gap = (surface.points - self.point) @ self.normal
+        return gap, np.tile(self.normal, (len(gap), 1)), np.ones(len(gap), dtype=bool)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidCylinder(Obstacle):
+    """A rigid cylinder, in 2-D a disc; hollow: a round hole with the body in it.
+
+    Parameters
+    ----------
+    centre : array, shape (d,)
+        Centre, or any point of the axis [length].
+    radius : float
+        [length]
+    axis : array, shape (3,), optional
+        Direction of the axis, in 3-D only.
+    hollow : bool, optional
+        The body is inside.
+    name : str, optional
+
+    Examples
+    --------
+    >>> RigidCylinder(centre=(0, 1), radius=1.0).moved((0.5, 0)).centre.tolist()
+    [0.5, 1.0]
+    """
+
+    centre: np.ndarray
+    radius: float
+    axis: np.ndarray | None = None
+    hollow: bool = False
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        centre = location(self.centre, "centre", self)
+        check_switch(self.hollow, "RigidCylinder: hollow")
+        object.__setattr__(self, "centre", centre)
+        object.__setattr__(self, "radius", _radius(self.radius, self))
+        if (self.axis is None) != (len(centre) == 2):
+            raise InputError(f"axis of {self.label!r}: needed in 3-D, and only there")
+        if self.axis is not None:
+            object.__setattr__(self, "axis", direction(self.axis, "axis", self))
+
+    def moved(self, motion: Any) -> RigidCylinder:
+        """Return the cylinder after a rigid motion, see `Obstacle.moved`."""
+        turn, shift = rigid_motion(motion, len(self.centre))
+        axis = None if self.axis is None else turn @ self.axis
+        return replace(self, centre=turn @ self.centre + shift, axis=axis)
+
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Signed distances, normals and partners, see `Obstacle.distance`."""
+        check_dimension(surface, len(self.centre), self)
+        arm = surface.points - self.centre
+        if self.axis is not None:
+            arm = arm - np.outer(arm @ self.axis, self.axis)
+        return _round(arm, self.radius, self.hollow, surface)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidSphere(Obstacle):
+    """A rigid sphere, in 2-D a disc; hollow: a round cavity with the body in it.
+
+    With an axisymmetric body the disc is a sphere, if its centre is on the axis.
+
+    Parameters
+    ----------
+    centre : array, shape (d,)
+        [length]
+    radius : float
+        [length]
+    hollow : bool, optional
+        The body is inside.
+    name : str, optional
+    """
+
+    centre: np.ndarray
+    radius: float
+    hollow: bool = False
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        check_switch(self.hollow, "RigidSphere: hollow")
+        object.__setattr__(self, "centre", location(self.centre, "centre", self))
+        object.__setattr__(self, "radius", _radius(self.radius, self))
+
+    def moved(self, motion: Any) -> RigidSphere:
+        """Return the sphere after a rigid motion, see `Obstacle.moved`."""
+        turn, shift = rigid_motion(motion, len(self.centre))
+        return replace(self, centre=turn @ self.centre + shift)
+
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Signed distances, normals and partners, see `Obstacle.distance`."""
+        check_dimension(surface, len(self.centre), self)
+        return _round(surface.points - self.centre, self.radius, self.hollow, surface)
+
+
+def _round(
+    arm: np.ndarray, radius: float, hollow: bool, surface: ContactSurface
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    distance = np.linalg.norm(arm, axis=1)
+    off_centre = distance > 1e-12 * radius  # at the centre no direction is the closest
+    outward = arm / np.where(off_centre, distance, 1.0)[:, None]
+    sign = -1.0 if hollow else 1.0
+    normal = sign * outward
+    facing = np.einsum("md,md->m", normal, surface.normals) < -FACING
+    return sign * (distance - radius), normal, off_centre & facing
+
+
+def _radius(value: Any, obstacle: Obstacle) -> float:
+    radius = number(value, f"radius of {obstacle.label!r}", "give a length > 0")
+    if not 0 < radius < np.inf:
+        raise InputError(
+            f"radius={value!r} of {obstacle.label!r} must be positive and finite"
+            + ("; for a body inside a round hole use hollow=True" if radius < 0 else "")
+        )
+    return radius

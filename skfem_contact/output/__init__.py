@@ -1,0 +1,5 @@
+"""Pictures, files and stresses.
+
+* `stress`: nodal stresses; `vtk`: files for ParaView;
+* `drawing`, `plot_bodies`, `plot_contacts`: pictures with matplotlib.
+"""

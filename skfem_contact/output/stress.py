@@ -1,0 +1,127 @@
+"""Stresses at the nodes of linear elastic bodies: for pictures and files, not for the solver."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from skfem.models.elasticity import lame_parameters
+
+from skfem_contact.bodies.body import Body
+from skfem_contact.errors import InputError
+
+Array = NDArray[np.float64]
+PLANES = ("strain", "stress", "axisymmetric")
+
+
+def nodal_stress(
+    body: Body,
+    u: ArrayLike,
+    *,
+    E: float,
+    nu: float,
+    plane: Literal["strain", "stress", "axisymmetric"] = "strain",
+) -> Array:
+    r"""Stress tensor at the nodes of a homogeneous isotropic body, by projection.
+
+    Parameters
+    ----------
+    body : Body
+    u : ndarray, shape (n,)
+        Displacement of this body [length].
+    E, nu : float
+        Young's modulus [stress] and Poisson's ratio.
+    plane : {"strain", "stress", "axisymmetric"}
+        What the third direction does in 2-D; not used in 3-D. Axisymmetric: r and z are the first
+        and the second coordinate.
+
+    Returns
+    -------
+    ndarray, shape (nodes, 3, 3)
+        The third axis is the thickness, or the hoop direction [stress]. The nodes are those of the
+        scalar element, in the order of its DOFs.
+
+    Raises
+    ------
+    InputError
+        If `plane` is unknown, `u` has another size, or the body is a scalar problem.
+
+    Notes
+    -----
+    ``sigma = lambda tr(eps) 1 + 2 mu eps``, in plane stress with ``eps_zz = -nu/(1 - nu)
+    (eps_xx + eps_yy)``; its components are projected in L2 on the continuous finite elements.
+    """
+    if plane not in PLANES:
+        raise InputError(f"plane = {plane!r} is not one of {PLANES}.")
+    if body.components == 1:
+        raise InputError(f"body {body.name!r} is a scalar problem: it has no stress tensor.")
+    values = np.asarray(u, dtype=float)
+    if values.shape != (body.n,):
+        raise InputError(
+            f"u has shape {values.shape}, but body {body.name!r} has {body.n} DOFs; take "
+            "result.displacement(body), not result.u."
+        )
+    field = body.basis.interpolate(values)
+    gradient = np.asarray(field.grad)
+    d = body.dim
+    strain = np.zeros((3, 3, *gradient.shape[2:]))
+    strain[:d, :d] = 0.5 * (gradient + np.swapaxes(gradient, 0, 1))
+    if d == 2 and plane == "stress":
+        strain[2, 2] = -nu / (1.0 - nu) * (strain[0, 0] + strain[1, 1])
+    if d == 2 and plane == "axisymmetric":
+        # Gauss points are never on the axis
+        strain[2, 2] = np.asarray(field)[0] / np.asarray(body.basis.global_coordinates())[0]
+    lam, mu = lame_parameters(E, nu)
+    trace = strain[0, 0] + strain[1, 1] + strain[2, 2]
+    stress = 2.0 * mu * strain + lam * trace * np.eye(3)[:, :, None, None]
+    scalar = body.basis.with_element(body.basis.elem.elem)
+    nodal = np.zeros((scalar.N, 3, 3))
+    for i, j in [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]:
+        if (i < d and j < d) or i == j:
+            nodal[:, i, j] = nodal[:, j, i] = scalar.project(stress[i, j])
+    return nodal
+
+
+def field_name(field: Any) -> str:
+    """What a function ``(body, u) -> values`` is called in files and pictures: by its own name.
+
+    >>> from functools import partial
+    >>> field_name(von_mises), field_name(partial(von_mises, E=1.0, nu=0.3)), field_name(lambda b, u: u)
+    ('von_mises', 'von_mises', 'stress')
+    """
+    name = getattr(getattr(field, "func", field), "__name__", "<lambda>")
+    return "stress" if name == "<lambda>" else str(name)
+
+
+def von_mises(
+    body: Body,
+    u: ArrayLike,
+    *,
+    E: float,
+    nu: float,
+    plane: Literal["strain", "stress", "axisymmetric"] = "strain",
+) -> Array:
+    """Von Mises stress at the nodes, shape (nodes,) [stress]; parameters as in `nodal_stress`.
+
+    Examples
+    --------
+    A bar in tension: the stress is the modulus times the strain.
+
+    >>> import numpy as np
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> basis = fem.Basis(fem.MeshQuad(), fem.ElementVector(fem.ElementQuad1()))
+    >>> bar = sc.Body(basis, linear_elasticity())
+    >>> u = (
+    ...     np.where(bar.dof_component == 0, 0.01, -0.003)
+    ...     * basis.doflocs[bar.dof_component, np.arange(bar.n)]
+    ... )
+    >>> von_mises(bar, u, E=200.0, nu=0.3, plane="stress").round(9)
+    array([2., 2., 2., 2.])
+    """
+    stress = nodal_stress(body, u, E=E, nu=nu, plane=plane)
+    mean = np.trace(stress, axis1=1, axis2=2) / 3.0
+    deviator = stress - mean[:, None, None] * np.eye(3)
+    return np.sqrt(1.5 * np.sum(deviator**2, axis=(1, 2)))

@@ -1,0 +1,8 @@
+"""What meets what: the points of one surface on the facets of another.
+
+* `search`, `strips`: which facets can meet a point, or along its normal;
+* `closest`, `node`, `corners`: node-to-segment contact, convex corners included;
+* `segmentation`, `dual`, `mortar`, `supports`, `smooth`, `kinks`: dual mortar contact;
+* `facing`, `frames`: normals of both sides, and the frames of small sliding;
+* `diagnosis`: what looks wrong with a pairing, in sentences.
+"""

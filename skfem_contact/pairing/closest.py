@@ -1,0 +1,168 @@
+"""The facet of a surface that is closest to each point, and how far other points overhang its end."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from skfem_contact.bodies.normals import CORNER, tangents
+from skfem_contact.bodies.projection import interpolated_normals, project
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.errors import InputError
+from skfem_contact.pairing.search import FacetTree
+
+#: A facet is a candidate if its normal n_p and that of the node, n_s, have n_s . n_p < -FACING:
+#: they may be up to 84 degrees off the exactly opposite direction.
+FACING = 0.1
+
+
+#: A point beyond the end of a surface by this fraction of a facet length still counts as above its
+#: end.
+END = 1e-6
+
+
+#: Up to this part of a facet the sloping side of a body at the end of a surface decides what is above
+#: the end; what lies farther beyond it is another part of the boundary.
+ASIDE = 0.1
+
+
+#: Facets whose distances differ by less than this fraction of a facet length are equally near.
+TIE = 1e-9
+
+
+def search_range(
+    secondary: ContactSurface, primary: ContactSurface, reach: float | None
+) -> tuple[float, float]:
+    """Largest distances at which partners are looked for: of open points, of overlapping ones."""
+    if reach is None:
+        boxes = [np.linalg.norm(np.ptp(s.points, axis=0)) for s in (secondary, primary)]
+        return np.inf, 0.5 * float(min(boxes))
+    if not isinstance(reach, int | float | np.number) or not reach > 0:
+        raise InputError(f"reach={reach!r} is not a positive length")
+    return float(reach), float(reach)
+
+
+def closest_facets(
+    secondary: ContactSurface, primary: ContactSurface, outside: float, inside: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Point numbers, facets and local coordinates of all pairs."""
+
+    def valid_pairs(point: np.ndarray, facet: np.ndarray) -> tuple[np.ndarray, ...]:
+        xi, distance, valid = _judge(secondary, primary, point, facet, outside, inside)
+        return point[valid], facet[valid], xi[valid], distance[valid]
+
+    # a first guess among the nearest facets bounds the distance, the exact search then is short
+    m = len(secondary.points)
+    bound = np.full(m, np.inf)
+    few = min(4, len(primary.facets))
+    _, guess = cKDTree(primary.points[primary.facets].mean(axis=1)).query(secondary.points, k=few)
+    guessed = valid_pairs(np.repeat(np.arange(m), few), guess.reshape(-1))
+    point, facet, _, distance = guessed
+    np.minimum.at(bound, point, distance + 2 * TIE * primary.lengths[facet])
+
+    blocks = FacetTree.build(primary).candidates(
+        secondary.points,
+        secondary.normals,
+        facing=float(np.arccos(FACING)),
+        bound=bound,
+        outside=outside,
+        inside=inside,
+    )
+    # what is beside an end is no stationary point, but its facet is the nearest
+    found = [guessed, *(valid_pairs(point, facet) for point, facet in blocks)]
+    point, facet, xi, distance = (np.concatenate(column) for column in zip(*found, strict=True))
+    nearest = np.full(m, np.inf)
+    np.minimum.at(nearest, point, distance)
+    near = distance <= nearest[point] + TIE * primary.lengths[facet]
+    point, facet, xi = point[near], facet[near], xi[near]
+    facing = np.einsum("pd,pd->p", secondary.normals[point], primary.facet_normals[facet])
+    # rounded, so that round-off does not decide between two sides of a symmetric corner
+    order = np.lexsort((facet, np.round(facing, 6), point))
+    _, first = np.unique(point[order], return_index=True)
+    chosen = order[first]
+    return point[chosen], facet[chosen], xi[chosen]
+
+
+def _judge(
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    point: np.ndarray,
+    facet: np.ndarray,
+    outside: float,
+    inside: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Local coordinate and distance of each pair, and whether the facet may be the partner."""
+    x = secondary.points[point]
+    xi, foot, over = project(primary, facet, x)
+    apart = x - foot
+    distance = np.linalg.norm(apart, axis=1)
+    height = np.einsum("pd,pd->p", apart, interpolated_normals(primary, facet, xi))
+    facing = np.einsum("pd,pd->p", secondary.normals[point], primary.facet_normals[facet]) < -FACING
+    side = (xi >= 0.5).astype(int)
+    other = primary.neighbours[facet, side]
+    slope = np.where(other < 0, _slopes(primary.end_turns[facet, side]), 0.0)
+    aside = np.clip(height * slope, 0.0, ASIDE * primary.lengths[facet])
+    above_facet = over <= aside + END * primary.lengths[facet]
+
+    # beyond an end: the vertex is the closest point only if it is that of the next facet, too
+    own_normal = primary.end_normals[facet, side]
+    next_normal = primary.end_normals[other, 1 - side]
+    into_next = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(next_normal)[:, 0]
+    beyond_next = np.einsum("pd,pd->p", apart, into_next) > END * primary.lengths[other]
+    smooth = np.einsum("pd,pd->p", own_normal, next_normal) >= CORNER
+    in_cone = over <= np.abs(np.einsum("pd,pd->p", apart, own_normal)) * (1 + END)
+    at_vertex = (other >= 0) & ~beyond_next & (smooth | in_cone)
+
+    within = np.where(height >= 0, distance <= outside, distance <= inside)
+    itself = np.zeros(len(point), dtype=bool)
+    if secondary.body is primary.body:  # the tip of a slit belongs to both lips
+        mine = secondary.dofs[point, 0]
+        itself = (primary.dofs[primary.facets[facet], 0] == mine[:, None]).any(axis=1)
+    return xi, distance, facing & (above_facet | at_vertex) & within & ~itself
+
+
+def _slopes(turn: np.ndarray) -> np.ndarray:
+    """How far the side of a body that a surface ends at leads away from the end, per height.
+
+    A point at a height h (< 0: inside) is on the inner side of the straight line through the side if
+    it lies beyond the end by no more than h times this: the lower corner of an inclined joint between
+    blocks of equal width overlaps the upper one's end, but is not opposite to its last facet. Where
+    the boundary turns by less than 45 degrees or more than 135 it goes on, or back, as a surface.
+    """
+    steep = np.abs(turn - 0.5 * np.pi) <= 0.25 * np.pi + END
+    return np.where(steep, -1.0 / np.tan(np.where(steep, turn, 0.5 * np.pi)), 0.0)
+
+
+def overhang(
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    lonely: np.ndarray,
+    outside: float,
+    inside: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """By how much points without a partner lie beyond the nearest end or corner facing them."""
+    miss = np.where(lonely, np.inf, 0.0)
+    end_facet = np.full(len(miss), -1)
+    other = primary.neighbours
+    bend = np.einsum("fsd,fsd->fs", primary.end_normals, primary.end_normals[other, [1, 0]])
+    facet, side = np.nonzero((other < 0) | (bend < CORNER))
+    point = np.flatnonzero(lonely)
+    if not (len(facet) and len(point)):
+        return miss, end_facet
+    vertex = primary.points[primary.facets[facet, side]]
+    few = min(8, len(facet))
+    _, near = cKDTree(vertex).query(secondary.points[point], k=few)
+    near = near.reshape(len(point), few)
+    apart = secondary.points[point][:, None] - vertex[near]
+    normal = primary.end_normals[facet, side][near]
+    outward = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(primary.end_normals[facet, side])[:, 0]
+    along = np.einsum("pkd,pkd->pk", apart, outward[near])
+    height = np.einsum("pkd,pkd->pk", apart, normal)
+    faces = np.einsum("pd,pkd->pk", secondary.normals[point], primary.facet_normals[facet][near])
+    within = (height <= outside) & (height >= -inside)
+    good = (faces < -FACING) & (along > 0) & within
+    first = np.argmax(good, axis=1)
+    rows = np.flatnonzero(good.any(axis=1))
+    miss[point[rows]] = along[rows, first[rows]]
+    end_facet[point[rows]] = facet[near[rows, first[rows]]]
+    return miss, end_facet

@@ -1,0 +1,177 @@
+r"""Frames of small sliding: the normal of the loaded interface, the same whichever side is secondary.
+
+With small sliding a frame is made once and has to be that of the interface under load. Two bodies
+whose boundaries have the slopes ``s_a``, ``s_b`` are deformed by one and the same pressure, so that
+their slopes change by ``-c_a h`` and ``c_b h`` with a function h of the pressure and the compliances
+``c = 1 / E*`` of two half-planes. Closed, both have the slope
+
+    s = (c_b s_a + c_a s_b) / (c_a + c_b) :
+
+the stiffer side keeps its shape. Equal bodies meet in the mean of both normals, a rigid one shows its
+own. So friction, which acts along the interface, is as well resolved as with `sliding="finite"`,
+where the frames are those of the deformed surfaces.
+
+The compliance at a node is measured on K itself, see `plane_moduli`. What it leaves out is of second
+order in the answer: a weight that is wrong by a tenth turns the frame by a twentieth of the tilt.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skfem_contact.bodies.facets import facet_shapes
+from skfem_contact.bodies.normals import GAUSS, normals_at, tangents, unit
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.pairing.facing import angle_between
+from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.strips import dot
+
+Array = NDArray[np.float64]
+
+#: Normals that differ by less are the same but for round-off of the positions [rad].
+SAME = 1e-8
+#: A nodal force under an isotropic strain that is more than 60 degrees off the normal shows that K is
+#: not that of an elastic body there.
+ALONG = 0.5
+
+
+def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
+    """The pairing in the frames of the loaded interface, its gaps measured along the new normals.
+
+    Parameters
+    ----------
+    secondary, primary : ContactSurface
+    pairing : Pairing
+        With the normals of both sides.
+
+    Returns
+    -------
+    Pairing
+        The very same where the two sides have one normal, or a row has no direction.
+    """
+    of_secondary, of_primary = pairing.secondary_normal, pairing.primary_normal
+    if of_secondary is None or of_primary is None or secondary.dofs.shape[1] != secondary.dim:
+        return pairing
+    apart = [angle_between(pairing.normal, side) for side in (of_secondary, of_primary)]
+    turns = pairing.paired & (np.maximum(*apart) > SAME) & ~_mirrored(secondary)
+    if not turns.any():
+        return pairing
+    soft_s = _mean(pairing.secondary_weights, compliances(secondary))
+    soft_p = _mean(pairing.primary_weights, compliances(primary))
+    both = soft_s + soft_p
+    share = np.divide(soft_p, both, out=np.full_like(both, 0.5), where=both > 0)[:, None]
+    mean = unit(share * of_secondary + (1 - share) * of_primary)
+    normal = np.where(turns[:, None], mean, pairing.normal)
+    weights = pairing.secondary_weights, pairing.primary_weights, pairing.primary_bulge
+    away = gap_vectors(secondary, primary, *weights)
+    measured = np.where(pairing.gap == 0.0, 0.0, dot(normal, away))  # closed ones stay closed
+    if pairing.least_gap is not None:
+        measured = np.maximum(measured, np.minimum(pairing.least_gap, pairing.gap))
+    gap = np.where(turns, measured, pairing.gap)
+    return replace(pairing, normal=normal, tangent=tangents(normal), gap=gap)
+
+
+def _mirrored(surface: ContactSurface) -> NDArray[np.bool_]:
+    """Nodes on a line of symmetry, whose own normal lies in it exactly, shape (m,)."""
+    across = np.abs(np.sum(surface.normals * surface.held, axis=1))
+    return np.asarray((surface.held.sum(axis=1) == 1) & (across <= SAME))
+
+
+def _mean(weights: object, values: Array) -> Array:
+    """Means of nodal values over the rows of a pairing; zero where a row is empty."""
+    size = abs(weights)  # type: ignore[arg-type, var-annotated]
+    total = np.asarray(size.sum(axis=1)).ravel()
+    return np.divide(size @ values, total, out=np.zeros_like(total), where=total > 0)
+
+
+def compliances(surface: ContactSurface) -> Array:
+    """One over `plane_moduli`, and zero at nodes that are prescribed altogether, shape (m,)."""
+    soft = 1.0 / plane_moduli(surface)
+    return np.where(surface.held.all(axis=1), 0.0, soft)
+
+
+def plane_moduli(surface: ContactSurface) -> Array:
+    r"""Plane modulus ``E* = E / (1 - nu^2)`` of the body at the nodes of a surface, shape (m,).
+
+    Read off the stiffness, whatever mesh and element: under a displacement linear in the position
+    the stress is uniform around a node, and its nodal force is ``sigma a`` with the vector
+    ``a = int N n dA`` of the boundary. A dilatation gives ``P = 2 (lambda + mu) |a|``, shears
+    ``Q = 2 mu |a|``, and the plane modulus is ``4 mu (lambda + mu) / (lambda + 2 mu)``. For plane
+    stress lambda is the one of plane stress, as it stands in K. Bodies need not be homogeneous but
+    around a node; springs to the ground do not matter.
+
+    Where K is not that of an elastic body, its diagonal stands in for the modulus, which it is but
+    for a factor of the order of one. The ends of a surface, whose nodes have other boundaries too,
+    take the value of the node next to them.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> from skfem.models.elasticity import linear_elasticity, lame_parameters
+    >>> from skfem_contact.bodies.body import Body
+    >>> basis = fem.Basis(
+    ...     fem.MeshTri().refined(2).with_defaults(), fem.ElementVector(fem.ElementTriP2())
+    ... )
+    >>> top = Body(basis, linear_elasticity(*lame_parameters(0.91, 0.3))).surface("top")
+    >>> bool(abs(plane_moduli(top) - 1.0).max() < 1e-12)
+    True
+    """
+    dilated, stretched, sheared = _strained(surface)
+    area, length = _area_vectors(surface)
+    size = np.linalg.norm(area, axis=1)
+    P = np.linalg.norm(dilated, axis=1)
+    Q = np.sqrt(0.5 * np.sum(stretched**2 + sheared**2, axis=1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        modulus = 2 * P * Q / ((P + Q) * size)
+        diagonal = surface.body.K.diagonal()[surface.dofs].mean(axis=1) * length / size
+    elastic = (dot(dilated, area) > ALONG * P * size) & np.isfinite(modulus) & (modulus > 0)
+    facets = np.bincount(surface.facets[:, :2].ravel(), minlength=len(size))
+    facets[surface.facets[:, 2:]] = 2
+    known = elastic & (facets == 2)
+    if not known.any():
+        return np.where(np.isfinite(diagonal) & (diagonal > 0), diagonal, 1.0)
+    modulus = np.where(elastic, modulus, diagonal)
+    borrowed = (facets != 2) | ~np.isfinite(modulus) | ~(modulus > 0)
+    _, nearest = cKDTree(surface.points[known]).query(surface.points[borrowed])
+    modulus[borrowed] = modulus[known][nearest]
+    return modulus
+
+
+def _strained(surface: ContactSurface) -> tuple[Array, Array, Array]:
+    """Nodal forces of K under a dilatation, a stretch and a shear around each node, each (m, 2)."""
+    body, centre = surface.body, surface.points.mean(axis=0)
+    unit_x = (np.arange(2) == body.dof_component[:, None]).astype(float)
+    at = body.dof_points - centre
+    fields = [at, at * [1.0, -1.0], at[:, ::-1]]
+    columns = [np.sum(unit_x * field, axis=1) for field in fields]
+    forces = body.K[surface.dofs.ravel()] @ np.column_stack([*columns, unit_x])
+    forces = forces.reshape(len(surface.points), 2, 5)
+    # the fields vanish at the node itself: less their value there, a translation
+    x, y = (surface.points - centre).T[:, :, None]
+    by_x, by_y = forces[:, :, 3], forces[:, :, 4]
+    return (
+        forces[:, :, 0] - x * by_x - y * by_y,
+        forces[:, :, 1] - x * by_x + y * by_y,
+        forces[:, :, 2] - y * by_x - x * by_y,
+    )
+
+
+def _area_vectors(surface: ContactSurface) -> tuple[Array, Array]:
+    """``int N n dA`` with the body's measure, (m, 2), and ``int |N| ds`` without, (m,)."""
+    at, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
+    N, _ = facet_shapes(at, surface.facets.shape[1])
+    normal, speed = normals_at(surface.points, surface.facets, at)
+    ds = speed * weight
+    dA = ds
+    if surface.body.measure is not None:
+        x = np.einsum("qk,fkd->dfq", N, surface.points[surface.facets])
+        dA = ds * surface.body.measure(x)
+    area = np.zeros_like(surface.points)
+    length = np.zeros(len(surface.points))
+    np.add.at(area, surface.facets, np.einsum("fq,qk,fqd->fkd", dA, N, normal))
+    np.add.at(length, surface.facets, ds @ np.abs(N))
+    return area, length

@@ -1,0 +1,357 @@
+r"""Dual mortar rows ``D u_s - M u_m``: contact in the weighted mean instead of point by point.
+
+With multipliers ``phi_i`` the gap at node i of the secondary is
+
+    g_i = 1/a_i  int phi_i  n_i . (x_s - x_m),      a_i = int phi_i,
+
+and with the positions interpolated by the shape functions ``N`` of both surfaces
+
+    g_i = n_i . (D x_s - M x_m)_i / a_i,    D_ij = int phi_i N_j,    M_ij = int phi_i N_j^primary.
+
+The *dual* basis is biorthogonal to the shape functions of the secondary, ``D_ij = a_i delta_ij``:
+after division by ``a_i`` the row is one node of the secondary minus a mean over the primary, as
+in node-to-segment contact, and elimination of the normal DOFs is as local. As the integrals are
+exact, a uniform pressure passes between meshes that do not match (patch test).
+
+The basis is that of `dual`: exact also where the primary covers facets only in part, with the
+multipliers of what is cut short merged into their neighbours'. The row of an heir then holds both
+nodes, and a node left with no multiplier on any facet is not paired (it shows the heir's values:
+`discretisation.carriers`). Nodes that supports hold have no multiplier either: `supports`.
+
+References
+----------
+B. I. Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012: dual multipliers. A. Popp, M. W. Gee,
+W. A. Wall, Int. J. Numer. Meth. Engng 79 (2009) 1354-1391: contact.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.spatial import cKDTree
+
+from skfem_contact.bodies.normals import tangents
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.errors import InputError
+from skfem_contact.pairing.dual import COVER_KEPT, SHARE_KEPT, WHOLE, dual_basis
+from skfem_contact.pairing.facing import mortar_normals
+from skfem_contact.pairing.kinks import least_gaps
+from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.segmentation import Quadrature, facet_areas, interface_quadrature
+from skfem_contact.pairing.smooth import common_heights
+from skfem_contact.pairing.strips import facet_normal_field
+from skfem_contact.pairing.supports import FREE, MET, Supports, find_supports, without_multiplier
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+# Weights of a row (their sum is 1) below this are round-off of biorthogonality.
+_ROUND_OFF = 1e-14
+
+
+def dual_mortar(
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    *,
+    reach: float | None = None,
+    pressed: Index | None = None,
+) -> Pairing:
+    """Pair two surfaces in the weighted mean, with dual multipliers on the secondary.
+
+    Parameters
+    ----------
+    secondary : ContactSurface
+        Carries the multipliers: best the finer, or the softer, of the two.
+    primary : ContactSurface
+    reach : float, optional
+        Parts of the surfaces farther apart than this along the normal do not meet [length].
+        Without it, gaps are unlimited and overlaps go up to half the diagonal of the box around
+        the smaller of the two surfaces.
+    pressed : ndarray of int, optional
+        Facets of the secondary that lean over a vertex of the primary: they have one multiplier, a
+        mean that does not extrapolate beyond the vertex (see `corners`).
+
+    Returns
+    -------
+    Pairing
+        A point per node of the secondary. ``area`` is ``int phi_i`` including the ``measure`` of
+        the secondary's body, so ``normal_force / area`` is the coefficient of the multiplier, the
+        nodal pressure (the dual functions themselves jump between facets). ``gap`` is weighted.
+        ``facet`` is the primary facet with the largest part in a row, or the nearest one where a
+        point overhangs.
+
+    Raises
+    ------
+    InputError
+        If the surfaces are not curves in the plane, or `reach` is not positive.
+
+    Notes
+    -----
+    ``normal`` is minus the nodal normal of the *secondary*: it is defined at the nodes, where the
+    rows are, needs no projection, and is the field along which the surfaces are projected, so
+    that the gap vector is parallel to it. It thus is the primary's normal where the two touch. For
+    small sliding `frames.loaded_frames` turns it to the normal of the loaded interface.
+    Forces balance to round-off, as the weights of either side sum to 1; moments do but for
+    ``normal_force x (tangential part of the weighted gap vector)``, zero on flat interfaces.
+
+    Where facets of a sharp corner (over 45 degrees) meet, the normal is the mean of those facets
+    that the primary covers, weighted with the areas: of one facet in general. For contact on both
+    sides of a corner make two contacts, each with one side.
+
+    Examples
+    --------
+    One facet under two, nothing matches, yet the rows hold the mean:
+
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> e = fem.ElementVector(fem.ElementQuad1())
+    >>> low = fem.MeshQuad().refined(1).with_defaults()
+    >>> top = fem.MeshQuad().translated((0, 1)).with_defaults()
+    >>> a = sc.Body(fem.Basis(low, e), linear_elasticity(0, 0.5))
+    >>> b = sc.Body(fem.Basis(top, e), linear_elasticity(0, 0.5))
+    >>> pairing = dual_mortar(b.surface("bottom"), a.surface("top"))
+    >>> print(pairing.area, pairing.gap)
+    [0.5 0.5] [0. 0.]
+    >>> x = a.surface("top").points[:, 0]
+    >>> print((1 + pairing.primary_weights @ x).round(12))  # a linear field at both nodes
+    [1. 2.]
+    """
+    if secondary.points.shape[1] != 2:
+        raise InputError(
+            f"Mortar contact between '{secondary.label}' and '{primary.label}' in "
+            f'{secondary.points.shape[1]}-D: it is available in 2-D. Use method="node".'
+        )
+    if reach is not None and not reach > 0:
+        raise InputError(f"reach={reach!r} must be a positive length")
+    quadrature = interface_quadrature(secondary, primary, reach)
+    supports = find_supports(secondary, primary, quadrature)
+    A, share, heir = _facet_bases(secondary, quadrature, supports, pressed)
+    owner, exchange = _own_rows(secondary, primary, supports, share, heir)
+    D, covered_area, normal = _secondary_matrix(secondary, share, owner)
+    M, facet = _primary_matrix(secondary, primary, quadrature, A)
+    bulge = _bulge_matrix(secondary, primary, quadrature, A)
+    of_secondary, of_primary = mortar_normals(secondary, primary, quadrature, A, normal)
+    M = M + exchange
+    paired = (covered_area > 0) & ~_shared(secondary, primary)
+    W_s = _divide(D, covered_area, paired)
+    sums = np.asarray(M.sum(axis=1), dtype=float).ravel()
+    W_m = _divide(M, sums, paired)
+    W_m.data[np.abs(W_m.data) < _ROUND_OFF] = 0.0
+    W_m.eliminate_zeros()
+    handed = np.zeros(len(paired), dtype=bool)
+    if supports is not None:
+        handed[secondary.facets[supports.rank != FREE]] = True
+    miss, nearest = _overhang(secondary, primary, paired | handed, reach)
+    bulge = None if bulge is None else _divide(bulge, sums, paired)
+    gap = np.sum(normal * gap_vectors(secondary, primary, W_s, W_m, bulge), axis=1)
+    least = least_gaps(secondary, primary, quadrature, A) if bulge is None else None
+    if least is not None:
+        gap = np.maximum(gap, least)
+    # coordinates have 16 digits; whether touching surfaces are closed is not for the last to say
+    scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
+    gap[np.abs(gap) <= _ROUND_OFF * scale] = 0.0
+    return Pairing(
+        points=secondary.points,
+        normal=normal,
+        tangent=tangents(normal),
+        gap=np.where(paired, gap, np.inf),
+        area=np.where(paired, covered_area, _nominal_area(secondary)),
+        secondary_weights=W_s,
+        primary_weights=W_m,
+        paired=paired,
+        miss=miss,
+        facet=np.where(paired, facet, nearest),
+        secondary_normal=of_secondary,
+        primary_normal=of_primary,
+        primary_bulge=bulge,
+        least_gap=least,
+        **_without_slip(supports, paired, W_s, W_m),
+    )
+
+
+def _facet_bases(
+    surface: ContactSurface,
+    quadrature: Quadrature,
+    supports: Supports | None,
+    pressed: Index | None,
+) -> tuple[Array, Array, Index]:
+    """`dual_basis` of every facet; zero where not covered; one multiplier where pressed."""
+    nf, k = surface.facets.shape
+    N = quadrature.secondary_shape
+    q = len(N)
+    collect = csr_matrix((quadrature.weight, (quadrature.secondary_facet, np.arange(q))), shape=(nf, q))
+    products = (N[:, :, None] * N[:, None, :]).reshape(q, k * k)
+    mass = np.asarray(collect @ products).reshape(nf, k, k)
+    A, share, heir = np.zeros_like(mass), np.zeros((nf, k)), np.tile(np.arange(k), (nf, 1))
+    covered = np.unique(quadrature.secondary_facet)
+    without = None if supports is None else without_multiplier(supports.rank)[covered]
+    area = facet_areas(surface)
+    if pressed is not None:
+        area[pressed] *= 2 / COVER_KEPT  # never covered enough
+    A[covered], share[covered], heir[covered] = dual_basis(mass[covered], area[covered], without)
+    return A, share, heir
+
+
+def _own_rows(
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    supports: Supports | None,
+    share: Array,
+    heir: Index,
+) -> tuple[Index, csr_matrix]:
+    """Whose row each node's share of a facet is in, and what rule 2 of `supports` changes in ``M``.
+
+    Nodes held on both sides get their share back from the heir, with a row of node-to-segment.
+    """
+    shape = (len(secondary.points), len(primary.points))
+    if supports is None:
+        return heir, csr_matrix(shape)
+    s, owner = supports, heir.copy()
+    lent = heir[s.facet, s.local] != s.local
+    part, to = share[s.facet, s.local], secondary.facets[s.facet, heir[s.facet, s.local]]
+    back = lent & (s.rank[s.facet, s.local] == MET) & (part > 0)
+    # the heir's row is divided by what it keeps
+    total, given = np.zeros(shape[0]), np.zeros(shape[0])
+    np.add.at(total, np.take_along_axis(secondary.facets, heir, axis=1), share)
+    np.add.at(given, to[back], part[back])
+    back &= (total - given >= SHARE_KEPT * given)[to]
+    owner[s.facet[back], s.local[back]] = s.local[back]
+    data = part[back, None] * s.weight[back]
+    row = np.repeat(np.concatenate([s.node[back], to[back]]), data.shape[1])
+    column = np.tile(s.opposite[back].ravel(), 2)
+    return owner, csr_matrix((np.concatenate([data, -data]).ravel(), (row, column)), shape=shape)
+
+
+def _without_slip(
+    supports: Supports | None, paired: NDArray[np.bool_], W_s: csr_matrix, W_m: csr_matrix
+) -> dict[str, Any]:
+    """`Pairing.still` by rule 3 of `supports`, and rows of node-to-segment contact for their slip."""
+    if supports is None or not supports.still.any():
+        return {}
+    still = np.zeros(len(paired), dtype=bool)
+    still[supports.node[supports.still]] = True
+    node, first = np.unique(supports.node, return_index=True)
+    node, first = node[(still & paired)[node]], first[(still & paired)[node]]
+    others = diags(np.where(still, 0.0, 1.0))
+    own = csr_matrix((np.ones(len(node)), (node, node)), shape=W_s.shape)
+    weight, opposite = supports.weight[first], supports.opposite[first]
+    row = np.repeat(node, weight.shape[1])
+    there = csr_matrix((weight.ravel(), (row, opposite.ravel())), shape=W_m.shape)
+    return {"slip_weights": (others @ W_s + own, others @ W_m + there), "still": still}
+
+
+def _secondary_matrix(
+    surface: ContactSurface, share: Array, owner: Index
+) -> tuple[csr_matrix, Array, Array]:
+    """Assemble ``D``, the areas ``int phi_i``, and the normals of the primary at the nodes.
+
+    Merged nodes keep their entry in the heir's row even where it is zero, on the axis.
+    """
+    m = len(surface.points)
+    row = np.take_along_axis(surface.facets, owner, axis=1)
+    covered = np.any(share != 0, axis=1)
+    data, at = share[covered].ravel(), (row[covered].ravel(), surface.facets[covered].ravel())
+    D = csr_matrix((data, at), shape=(m, m))
+    D.sum_duplicates()
+    area = np.asarray(D.sum(axis=1), dtype=float).ravel()
+    normals = np.take_along_axis(facet_normal_field(surface), owner[:, :, None], axis=1)
+    total = np.zeros_like(surface.points)
+    np.add.at(total, row, share[:, :, None] * normals)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    # opposite sides cancel at no corner but a crack tip; there the node's own will do
+    known = length > 1e-9 * area[:, None]
+    unit = np.divide(total, length, out=surface.normals.copy(), where=known)
+    return D, area, -unit
+
+
+def _primary_matrix(
+    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature, A: Array
+) -> tuple[csr_matrix, Index]:
+    """Assemble ``M``; and for each node the primary facet where its shape function weighs most."""
+    e, f = quadrature.secondary_facet, quadrature.primary_facet
+    m = len(secondary.points)
+    N = quadrature.secondary_shape
+    phi = quadrature.weight[:, None] * np.einsum("qik,qk->qi", A[e], N)
+    data = phi[:, :, None] * quadrature.primary_shape[:, None, :]
+    row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
+    col = np.broadcast_to(primary.facets[f][:, None, :], data.shape)
+    M = csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=(m, len(primary.points)))
+    part = (quadrature.weight[:, None] * N**2).ravel()
+    node, opposite = secondary.facets[e].ravel(), np.repeat(f, N.shape[1])
+    parts = coo_matrix((part, (node, opposite)), shape=(m, len(primary.facets))).tocsr().tocoo()
+    facet = np.full(m, -1)
+    order = np.argsort(parts.data, kind="stable")  # the last written is the largest
+    facet[parts.row[order]] = parts.col[order]
+    return M, facet
+
+
+def _bulge_matrix(
+    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature, A: Array
+) -> csr_matrix | None:
+    """Assemble the heights of both smooth boundaries above their chords; None where there are none.
+
+    Both in terms of the primary's facets, so that rows keep one node of the secondary (what slips
+    strains alike but for the gradient of the slip); on matching meshes they cancel.
+    """
+    e, f = quadrature.secondary_facet, quadrature.primary_facet
+    ends = quadrature.secondary_shape[:, 1], quadrature.primary_shape[:, 1]
+    height = common_heights(secondary, primary, e, f, *ends)
+    if not height.any():
+        return None
+    phi = quadrature.weight[:, None] * np.einsum("qik,qk->qi", A[e], quadrature.secondary_shape)
+    turn = phi * (height / primary.lengths[f])[:, None]
+    data = turn[:, :, None] * np.array([-1.0, 1.0])
+    row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
+    col = np.broadcast_to(primary.facets[f][:, None, :2], data.shape)
+    shape = (len(secondary.points), len(primary.points))
+    return csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=shape)
+
+
+def _divide(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:
+    """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
+    rows = matrix.tocoo()
+    keep = paired[rows.row]
+    row, col = rows.row[keep], rows.col[keep]
+    out = csr_matrix((rows.data[keep] / by[row], (row, col)), shape=matrix.shape)
+    out.sum_duplicates()
+    return out
+
+
+def _shared(secondary: ContactSurface, primary: ContactSurface) -> NDArray[np.bool_]:
+    """Nodes that are on both surfaces (the tip of a slit) and can not meet themselves."""
+    if secondary.body is not primary.body:
+        return np.zeros(len(secondary.points), dtype=bool)
+    return np.isin(secondary.dofs[:, 0], primary.dofs[:, 0])
+
+
+def _nominal_area(surface: ContactSurface) -> Array:
+    """Areas of points that carry nothing: the whole tributary area, positive also on the axis."""
+    k = surface.facets.shape[1]
+    share = np.zeros(len(surface.points))
+    np.add.at(share, surface.facets, facet_areas(surface)[:, None] * WHOLE[k])
+    return np.where(surface.area > _ROUND_OFF * share, surface.area, share)
+
+
+def _overhang(
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    paired: NDArray[np.bool_],
+    reach: float | None,
+) -> tuple[Array, Index]:
+    """How far points are beside the primary, across their normal [length], and of which facet."""
+    limit = np.inf if reach is None else float(reach)
+    _, nearest = cKDTree(primary.points).query(secondary.points)
+    away = primary.points[nearest] - secondary.points
+    normal = secondary.normals
+    along = np.sum(away * normal, axis=1)
+    across = np.linalg.norm(away - along[:, None] * normal, axis=1)
+    facing = np.sum(normal * primary.normals[nearest], axis=1) < 0
+    beside = facing & (np.abs(along) <= limit)
+    facet_of = np.empty(len(primary.points), dtype=np.intp)
+    facet_of[primary.facets] = np.arange(len(primary.facets))[:, None]
+    miss = np.select([paired, beside], [0.0, across], np.inf)
+    return miss, np.where(beside, facet_of[nearest], -1)

@@ -1,0 +1,281 @@
+r"""From contact DOFs to the gaps and slips of contact points: the small dense contact problem.
+
+`Condensed` is what depends on the stiffness alone: every body condensed onto its contact DOFs
+(`skfem_contact.problem.substructure`) and inverted. `PointRows` adds where the points are: with
+``z = B u`` the gaps and slips of the candidates, all else is eliminated (a Delassus operator, as in
+Francavilla and Zienkiewicz, 1975). A new pairing costs a new `PointRows` and nothing before it.
+
+Bodies may float. A body that its supports do not hold is made definite by springs on a few anchor
+DOFs away from contact, ``F = (S + P P')^-1``, whose extensions ``q = P'u`` are kept as extra rows
+that carry no force; taking the springs away again is exact: with ``G = [B; P']``, ``A = (G F G')^-1``
+
+    (A - [0, 0; 0, 1]) [z; q] = A G F f + [p; 0],
+
+and q is eliminated. What is left is the stiffness against relative displacements of the points,
+singular exactly where free motion is.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, block_diag, cho_factor, lu_factor, lu_solve
+from scipy.sparse import csr_matrix, vstack
+
+from skfem_contact.bodies.system import System
+from skfem_contact.conditions.kinematics import FIXED, Kinematics, without_columns
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.linalg.direct import Dense
+from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.spaces import Load, Response, Source, SparseSpace
+from skfem_contact.problem.substructure import Components, Substructure, inverse_of
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+# Pivot of a contact row (of unit diagonal) below which it depends on the others: its square is what
+# the inverse loses of its digits, six here. A beam 20 times as long as high is at 1e-2.
+DEPENDENT = 1e-3
+# Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
+BLOCK = 32
+
+
+class Condensed:
+    """All bodies condensed onto their contact DOFs.
+
+    Parameters
+    ----------
+    system : System
+    stiffness : sequence of csr_matrix
+        Of each body.
+    wanted : ndarray of int
+        DOFs (stacked) that contact rows may touch.
+    reuse : sequence of Substructure or None
+        Parts that are still good.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        stiffness: Sequence[csr_matrix],
+        wanted: Index,
+        reuse: Sequence[Substructure | None] = (),
+    ) -> None:
+        self.system = system
+        self.parts: list[Substructure] = []
+        for i, (body, span) in enumerate(zip(system.bodies, self.spans(), strict=True)):
+            old = reuse[i] if len(reuse) else None
+            mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
+            self.parts.append(old or Substructure(body, stiffness[i], np.setdiff1d(mine, body.D)))
+        kept = [part.kept + span.start for part, span in zip(self.parts, self.spans(), strict=True)]
+        self.columns = np.concatenate(kept)
+        # of no parts at all, block_diag makes one row
+        springs = [part.springs for part in self.parts if len(part.kept)]
+        self.P = block_diag(*springs) if springs else np.zeros((0, 0))
+
+    def spans(self) -> list[slice]:
+        """DOFs of each body."""
+        offsets = self.system.offsets
+        return [slice(int(a), int(b)) for a, b in itertools.pairwise(offsets)]
+
+    def kept_spans(self) -> list[slice]:
+        """Contact DOFs of each body among all contact DOFs."""
+        stops = np.cumsum([0, *(len(part.kept) for part in self.parts)])
+        return [slice(int(a), int(b)) for a, b in itertools.pairwise(stops)]
+
+    def flexibility(self, force: Array) -> Array:
+        """``F`` times forces on the contact DOFs, (n_c, r) -> (n_c, r)."""
+        pieces = [
+            part.flexibility @ force[span]
+            for part, span in zip(self.parts, self.kept_spans(), strict=True)
+        ]
+        return np.concatenate(pieces)
+
+    def row_flexibility(self, rows: csr_matrix) -> Array:
+        """Sparse rows over the contact DOFs times ``F``, (r, n_c) -> (r, n_c)."""
+        rows = rows.tocsc()
+        pieces = [
+            csr_matrix(rows[:, span]) @ part.flexibility
+            for part, span in zip(self.parts, self.kept_spans(), strict=True)
+        ]
+        return np.concatenate(pieces, axis=1)
+
+    def load(self, f: Array, x: Array) -> tuple[Array, tuple[Components | None, ...]]:
+        """Loads condensed onto the contact DOFs, and what `recover` wants to know of them."""
+        pieces = [
+            part.load(f[span], x[span]) for part, span in zip(self.parts, self.spans(), strict=True)
+        ]
+        return np.concatenate([piece[0] for piece in pieces]), tuple(p[1] for p in pieces)
+
+    def contact_dofs(self, source: Source) -> Array:
+        """Displacements of the contact DOFs, (n_c,) or (n_c, r)."""
+        return self.flexibility(source.values) if source.forces else source.values
+
+    def recover(
+        self,
+        sources: Source,
+        components: Sequence[tuple[Components | None, ...] | None],
+        cases: Sequence[LoadCase],
+    ) -> list[Array]:
+        """All displacements, r arrays (n,), from r sources (n_c, r)."""
+        u_c = self.contact_dofs(sources)
+        u = [np.array(case.x) for case in cases]
+        for k, (span, kept) in enumerate(zip(self.spans(), self.kept_spans(), strict=True)):
+            part = self.parts[k]
+            place = span.start + part.order
+            for first in range(0, len(u), BLOCK):
+                some = slice(first, first + BLOCK)
+                x = part.recover(
+                    u_c[kept, some],
+                    [known[k] if known else None for known in components[some]],
+                    [(case.f[span], case.x[span]) for case in cases[some]],
+                )
+                for column, out in zip(np.ascontiguousarray(x.T), u[some], strict=True):
+                    out[place] = column
+        return u
+
+    def attach(
+        self, kin: Kinematics, slipping: Mask, prefer: Mask, labels: Sequence[str]
+    ) -> PointRows | ContactDofRows:
+        """The contact problem for one pairing."""
+        try:
+            return PointRows(self, kin, slipping)
+        except LinAlgError:  # rows that depend on each other: a corner, a chain
+            return ContactDofRows(self, kin, slipping, prefer, labels)
+
+
+class Rows:
+    """What both kinds of contact problem share: the rows on contact DOFs and on prescribed ones."""
+
+    def __init__(self, model: Condensed, kin: Kinematics, slipping: Mask) -> None:
+        self.model, self.slips = model, bool(slipping.any())
+        self.kin = without_columns(kin, model.columns)
+        self.prescribed = without_columns(kin, model.system.D)
+
+    def constant(self, case: LoadCase) -> tuple[Array, Array]:
+        """Initial gaps and slips with what prescribed displacements add."""
+        x_D = case.x[self.model.system.D]
+        gap0, slip0 = case.gap0 + self.prescribed.B_n @ x_D, case.slip0
+        if self.slips:
+            slip0 = slip0 + (self.prescribed.B_t @ x_D).reshape(slip0.shape)
+        return gap0, slip0
+
+    def contact_displacement(self, source: Source, case: LoadCase) -> Array:
+        """Displacements (n,) known without the interior: contact DOFs and prescribed ones."""
+        u = np.zeros(self.model.system.n)
+        u[self.model.system.D] = case.x[self.model.system.D]
+        u[self.model.columns] = self.model.contact_dofs(source)
+        return u
+
+
+class PointRows(Rows):
+    """The contact problem on gaps and slips, see `PointSpace`."""
+
+    def __init__(self, model: Condensed, kin: Kinematics, slipping: Mask) -> None:
+        super().__init__(model, kin, slipping)
+        kin, t = self.kin, kin.tangents
+        normal = np.flatnonzero(kin.paired & (_row_size(kin.B_n) > FIXED))
+        tangential, rows = np.zeros(0, dtype=np.intp), [kin.B_n[normal]]
+        if self.slips:
+            may_slip = np.repeat(kin.paired & slipping, t)
+            tangential = np.flatnonzero(may_slip & (_row_size(kin.B_t) > FIXED))
+            rows.append(kin.B_t[tangential])
+        # of the dense matrices S alone is kept: A follows from it, and G F from G
+        self.G = G = csr_matrix(vstack([*rows, csr_matrix(model.P.T)]))
+        self.q = q = len(normal) + len(tangential)
+        A = _inverse(G @ model.row_flexibility(G).T)
+        self.A_zq, self.A_qq = A[:q, q:].copy(), A[q:, q:].copy()
+        self.rigid = lu_factor(self.A_qq - np.eye(len(A) - q), check_finite=False)
+        S = A
+        if len(A) > q:
+            S = A[:q, :q] - self.A_zq @ self._rigid_solve(self.A_zq.T)
+            S = 0.5 * (S + S.T)
+        normal_rows = np.full(kin.m, -1)
+        normal_rows[normal] = np.arange(len(normal))
+        tangential_rows = np.full(kin.m * t, -1)
+        tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
+        self.space = PointSpace(S, normal_rows, tangential_rows.reshape(kin.m, t))
+
+    def _rigid_solve(self, b: Array) -> Array:
+        if len(self.rigid[0]) == 0:
+            return np.zeros_like(b)
+        return np.asarray(lu_solve(self.rigid, b, check_finite=False))
+
+    def load(self, case: LoadCase) -> Load:
+        """A load case in the unknowns of the space."""
+        f_c, components = self.model.load(case.f, case.x)
+        moved = self.G @ self.model.flexibility(f_c)
+        # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
+        force = self.space.S @ moved[: self.q] - self.A_zq @ self._rigid_solve(moved[self.q :])
+        gap0, slip0 = self.constant(case)
+        return Load(force, gap0, slip0, f_c, components, moved)
+
+    def source(self, load: Load, response: Response) -> Source:
+        """Forces on the contact DOFs: loads, contact, and the springs on the anchors."""
+        assert load.moved is not None
+        # A [z; q] - A G F f is the force on all rows, of which the last is q itself
+        z, known = response.solution, load.moved
+        along = self.A_zq.T @ (known[: self.q] - z)
+        q = self._rigid_solve(along + self.A_qq @ known[self.q :])
+        force = load.prescribed + self.kin.B_n.T @ response.normal_force + self.model.P @ q
+        if self.slips:
+            force -= self.kin.B_t.T @ response.tangential_force.ravel()
+        return Source(force, forces=True)
+
+
+class ContactDofRows(Rows):
+    """The contact problem on contact DOFs, ``T'S T``: for rows that depend on each other."""
+
+    def __init__(
+        self,
+        model: Condensed,
+        kin: Kinematics,
+        slipping: Mask,
+        prefer: Mask,
+        labels: Sequence[str],
+    ) -> None:
+        super().__init__(model, kin, slipping)
+        self.space = SparseSpace(
+            K=csr_matrix(block_diag(*(part.S for part in model.parts if len(part.kept)))),
+            kin=self.kin,
+            D=np.zeros(0, dtype=int),
+            prefer=prefer[model.columns],
+            backend=Dense(),
+            labels=labels,
+            scale=model.system.extent,
+            frictional=slipping,
+        )
+
+    def load(self, case: LoadCase) -> Load:
+        """A load case in the unknowns of the space."""
+        f_c, components = self.model.load(case.f, case.x)
+        gap0, slip0 = self.constant(case)
+        return Load(f_c, gap0, slip0, np.zeros(len(f_c)), components)
+
+    def source(self, load: Load, response: Response) -> Source:
+        """The unknowns are the displacements of the contact DOFs already."""
+        return Source(response.solution, forces=False)
+
+
+def _row_size(B: csr_matrix) -> Array:
+    return np.sqrt(np.asarray(B.multiply(B).sum(axis=1)).ravel())
+
+
+def _inverse(W: Array) -> Array:
+    """Inverse of a symmetric positive definite matrix, refusing dependent rows.
+
+    No diagonal entry is zero: rows without free coefficients are left out before, and the flexibility
+    of the bodies is positive definite.
+    """
+    scale = np.sqrt(np.diag(W))
+    W = 0.5 * (W + W.T) / np.outer(scale, scale)
+    factor = cho_factor(W, lower=True, check_finite=False)
+    if np.min(np.diag(factor[0]), initial=1.0) < DEPENDENT:
+        raise LinAlgError("dependent contact rows")
+    inverse = inverse_of(factor[0])
+    inverse /= np.outer(scale, scale)
+    return inverse

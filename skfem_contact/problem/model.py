@@ -1,0 +1,263 @@
+"""`LinearModel`: the bodies, condensed once or taken whole, and the contact problem put upon them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, diags
+
+from skfem_contact.carried import carried
+from skfem_contact.conditions.geometry import Geometry
+from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
+from skfem_contact.elimination.rows import point_labels, secondary_dofs
+from skfem_contact.errors import InputError
+from skfem_contact.linalg.direct import Direct, as_linear_solver
+from skfem_contact.linalg.multifrontal.factor import Estimate
+from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.problem.condensed import Condensed
+from skfem_contact.problem.full import FullSystem
+from skfem_contact.problem.placement import Placement
+from skfem_contact.problem.substructure import Substructure
+
+Array = NDArray[np.float64]
+
+# Sets of springs whose twins are kept: two weak ones, and some of single DOFs.
+MOST_TWINS = 6
+EVEN_CLOSED = "even with every contact point closed"
+
+
+def checked_linear(linear: Any) -> Any:
+    """The argument `linear` of a solver, refused at once where it is nothing that solves."""
+    if isinstance(linear, str) and linear not in ("auto", "condensed"):
+        raise InputError(
+            f"linear = {linear!r} is neither 'auto' nor 'condensed'; a backend is "
+            "given as an object, Direct() or AMG(), or as a callable solver(A, b)."
+        )
+    if not isinstance(linear, str):
+        as_linear_solver(linear)
+    return linear
+
+
+class LinearModel:
+    """What depends on the stiffness and not on loads; nothing is factorised before it is needed.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Its bodies, contacts, and pairing of the undeformed bodies.
+    interface : Interface
+    stiffness : sequence of csr_matrix
+        Of each body.
+    motions : RigidMotions
+        Those that supports and stiffness leave free.
+    linear : "auto", "condensed", a backend or a solver callable
+        As for `ContactSolver`.
+    max_candidates : int
+        DOFs of contact rows up to which "auto" condenses.
+    timings : dict
+        Seconds by stage are added here.
+    reuse : sequence of Substructure or None
+        Bodies that are still as they were condensed.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        interface: Interface,
+        stiffness: Sequence[csr_matrix],
+        motions: RigidMotions,
+        linear: Any,
+        max_candidates: int,
+        timings: dict[str, float],
+        reuse: Sequence[Substructure | None] = (),
+    ) -> None:
+        self.geometry, self.interface = geometry, interface
+        self.system, self.kin = geometry.system, geometry.kin
+        self.stiffness = tuple(stiffness)
+        self.motions = motions
+        self.linear, self.max_candidates = checked_linear(linear), max_candidates
+        self.timings = timings
+        self._reuse = list(reuse)
+        self._bodies: Condensed | FullSystem | None = None
+        self._base: Placement | None = None
+        self._for_pivoting: Condensed | None = None
+        self._sprung: dict[bytes, LinearModel] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
+        known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
+        return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting"))
+
+    @cached_property
+    def stiffest(self) -> tuple[float, ...]:
+        """Largest diagonal entry of K of each body; load steps ask, and K has the whole interior."""
+        return tuple(float(np.max(K.diagonal())) for K in self.stiffness)
+
+    def with_interface(self, interface: Interface, timings: dict[str, float]) -> LinearModel:
+        """The same bodies under other friction laws; shared, where the laws need the same rows."""
+        same = np.array_equal(interface.slipping, self.interface.slipping)
+        twin = LinearModel(
+            self.geometry,
+            interface,
+            self.stiffness,
+            self.motions,
+            self.linear,
+            self.max_candidates,
+            timings,
+        )
+        if same:
+            self.prepare()
+            twin._bodies, twin._base = self._bodies, self._base
+        return twin
+
+    def with_springs(self, springs: NDArray[np.float64]) -> LinearModel:
+        """The same with springs to the ground on its DOFs (n,); kept, as load steps ask again."""
+        if not springs.any():
+            return self
+        key = springs.tobytes()
+        if key not in self._sprung:
+            stiffness, reuse = [], []
+            parts = self.parts or [None] * len(self.stiffness)
+            for body, K, part in zip(self.system.bodies, self.stiffness, parts, strict=True):
+                own = springs[self.system.slice(body)]
+                stiffness.append(csr_matrix(K + diags(own)) if own.any() else K)
+                reuse.append(None if own.any() else part)
+            motions = rigid_motions(self.system, self.kin, stiffness)
+            if len(self._sprung) >= MOST_TWINS:
+                self._sprung.pop(next(iter(self._sprung)))
+            self._sprung[key] = LinearModel(
+                self.geometry,
+                self.interface,
+                stiffness,
+                motions,
+                self.linear,
+                self.max_candidates,
+                self.timings,
+                reuse,
+            )
+        return self._sprung[key]
+
+    def prepare(self) -> None:
+        """Do now what the first load step would do once."""
+        if self.geometry.follows:
+            self.bodies  # noqa: B018 (made when first asked for)
+        else:
+            self.place(None, None)
+
+    @property
+    def bodies(self) -> Condensed | FullSystem:
+        """The linear problem of the bodies without contact, made when first asked for."""
+        if self._bodies is None:
+            self._check_support()
+            start = time.perf_counter()
+            with single_threaded():
+                if self.condensed:
+                    self._bodies = Condensed(self.system, self.stiffness, self._wanted(), self._reuse)
+                else:
+                    self._bodies = FullSystem(self.system, self.stiffness, self.backend)
+            self.timings["condensation"] = time.perf_counter() - start
+        return self._bodies
+
+    @property
+    def known(self) -> np.ndarray:
+        """DOFs whose displacements a load step knows without the interior, supports apart."""
+        return self._wanted() if self.condensed else np.arange(self.system.n)
+
+    @property
+    def parts(self) -> list[Substructure | None]:
+        """The bodies as condensed so far; empty where they are not."""
+        return list(self._bodies.parts) if isinstance(self._bodies, Condensed) else list(self._reuse)
+
+    @property
+    def condensed(self) -> bool:
+        """Whether the bodies are condensed to their contact DOFs, or solved with all of them."""
+        if not isinstance(self.linear, str):
+            return False
+        return self.linear == "condensed" or len(self.touched()) <= self.max_candidates
+
+    @property
+    def backend(self) -> Any:
+        """The solver of the sparse route; "auto" has come to it by the number of candidates."""
+        return Direct() if isinstance(self.linear, str) else self.linear
+
+    def sizes(self) -> dict[str, Estimate]:
+        """What the factorisation of each body in contact will take, before anything is computed."""
+        wanted = self._wanted()
+        out = {}
+        for i, (body, name) in enumerate(zip(self.system.bodies, self.system.names, strict=True)):
+            span = self.system.slice(body)
+            mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
+            mine = np.setdiff1d(mine, body.D)
+            if len(mine):
+                out[name] = Substructure(body, self.stiffness[i], mine).estimate()
+        return out
+
+    def place(self, kin: Kinematics | None, u: Array | None) -> Placement:
+        """The contact problem on a pairing; without one, on that of the undeformed bodies."""
+        if kin is None and self._base is not None:
+            return self._base
+        bodies = self.bodies
+        own = self.kin if kin is None else kin
+        start = time.perf_counter()
+        with single_threaded():
+            rows = bodies.attach(own, self.interface.slipping, self._prefer, self._labels)
+        spent = time.perf_counter() - start
+        self.timings["contact problem"] = self.timings.get("contact problem", 0.0) + spent
+        dense = cache(lambda: self._dense_rows(own, rows))
+        if kin is None:
+            self._base = Placement(self.kin, rows, self.motions, None, dense, self)
+            return self._base
+        return Placement(kin, rows, self.motions.seen_by(kin), u, dense, self)
+
+    def _dense_rows(self, kin: Kinematics, rows: Any) -> Any:
+        """The contact problem on gaps and slips; on the sparse route condensed for this alone.
+
+        Not in place of an iterative solver, which is chosen where a factorisation is too much.
+        """
+        if self.condensed or not isinstance(self.backend, Direct):
+            return rows
+        if self._for_pivoting is None:
+            self._for_pivoting = Condensed(self.system, self.stiffness, self._wanted())
+        bodies = self._for_pivoting
+        return bodies.attach(kin, self.interface.slipping, self._prefer, self._labels)
+
+    def _wanted(self) -> NDArray[np.intp]:
+        """DOFs that contact rows may touch: those of now, and of surfaces that slide far."""
+        return np.union1d(self.touched(), self.geometry.surface_dofs)
+
+    def touched(self) -> NDArray[np.intp]:
+        """DOFs that occur in the rows of points with a partner."""
+        kin, slips = self.kin, self.kin.paired & self.interface.slipping
+        normal = kin.B_n[kin.paired].indices
+        if not slips.any():
+            return np.unique(normal)
+        return np.union1d(normal, kin.B_t[np.repeat(slips, kin.tangents)].indices)
+
+    @cached_property
+    def _prefer(self) -> NDArray[np.bool_]:
+        return secondary_dofs(self.system, self.interface.contacts)
+
+    @cached_property
+    def _labels(self) -> list[str]:
+        contacts, parts = self.interface.contacts, self.interface.parts
+        sizes = [part.stop - part.start for part in parts]
+        named = [point_labels(c, m) for c, m in zip(contacts, sizes, strict=True)]
+        return [str(label) for label in np.concatenate(named)]
+
+    @cached_property
+    def loose(self) -> Array:
+        """Motions that stay free even with every point closed and sticking, shape (k, j)."""
+        if self.geometry.follows:  # other points will meet
+            return np.zeros((self.motions.k, 0))
+        return self.motions.free(self.kin.paired, self.interface.slipping & self.kin.paired)
+
+    def _check_support(self) -> None:
+        if self.loose.shape[1]:
+            raise no_equilibrium(self.motions, self.loose, EVEN_CLOSED)

@@ -1,0 +1,255 @@
+r"""The linear world seen from the contact: conditions in, gaps, slips and forces out.
+
+One nonlinear iteration asks one linear question: with these points closed, those sticking and a
+given linear friction law on the rest, what are the gaps, slips and contact forces? Three spaces
+answer it, from large and sparse to small and dense, each exactly:
+
+`SparseSpace`   all DOFs, ``K_r = T'KT`` with the rows of the closed points eliminated;
+                the same over the contact DOFs alone, with the condensed S in place of K;
+`PointSpace`    the gaps and slips themselves as unknowns: a dense matrix of m d rows, where
+                eliminating a closed point is deleting its row and column (`problem.points`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, vstack
+
+from skfem_contact.conditions.friction import tangential_matrix
+from skfem_contact.conditions.kinematics import FIXED, Kinematics
+from skfem_contact.elimination.constraint import AffineConstraint
+from skfem_contact.elimination.eliminate import eliminate
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    r"""What holds at every point during one linear solve.
+
+    A closed point has no gap. If it sticks, its slip is `anchor`; otherwise its friction force is
+    ``tau = offset + spring (s - 0) + coupling lambda``. An open point carries nothing.
+
+    Attributes
+    ----------
+    closed, stick : ndarray of bool, shape (m,)
+    anchor, offset, coupling : ndarray, shape (m, d-1)
+        [length], [force], [1]
+    spring : ndarray, shape (m, d-1, d-1)
+        [force/length]
+    """
+
+    closed: Mask
+    stick: Mask
+    anchor: Array
+    spring: Array
+    offset: Array
+    coupling: Array
+
+    def matrix_key(self) -> bytes:
+        """Equal for conditions with the same matrix, so that a factorisation can be kept."""
+        parts = (self.closed, self.stick, self.spring, self.coupling)
+        return b"".join(part.tobytes() for part in parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Gaps, slips and forces of all points, and the solution in the space's own unknowns."""
+
+    gap: Array
+    slip: Array
+    normal_force: Array
+    tangential_force: Array
+    solution: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """One load step in the unknowns of a space: forces and initial gaps and slips.
+
+    Attributes
+    ----------
+    components : tuple
+        What the bodies remember of the load, for the interior.
+    moved : ndarray
+        Changes of gaps, slips and anchors where contact carries nothing; on gaps and slips.
+    """
+
+    force: Array
+    gap0: Array
+    slip0: Array
+    prescribed: Array
+    components: tuple[Any, ...] = ()
+    moved: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What the displacements of the bodies follow from.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n_c,) or (n_c, r), or with n in place of n_c
+        Forces on the contact DOFs, contact forces included; or displacements of the contact DOFs; or
+        of all DOFs.
+    forces : bool
+    """
+
+    values: Array
+    forces: bool
+
+
+class Space(Protocol):
+    """What a nonlinear loop needs to know of the bodies."""
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Solve one linear problem."""
+        ...
+
+
+def friction_force(conditions: Conditions, slip: Array, normal_force: Array) -> Array:
+    """The linear friction law of the points that do not stick exactly."""
+    elastic = np.einsum("ikl,il->ik", conditions.spring, slip)
+    return conditions.offset + elastic + conditions.coupling * normal_force[:, None]
+
+
+@dataclass(eq=False)
+class SparseSpace:
+    r"""Displacements as unknowns, ``u = T u_r + c``, ``T'KT u_r = T'(f - K c)``.
+
+    On slipping points of the loop ``newton`` the friction force follows the normal force; the test
+    functions then come from ``B_n - coupling B_t`` instead of ``B_n``: a Petrov-Galerkin elimination
+    with the same pivots, unsymmetric but as small.
+
+    Parameters
+    ----------
+    K : csr_matrix, shape (n, n)
+    kin : Kinematics
+    D : ndarray of int
+        Prescribed DOFs.
+    prefer : ndarray of bool, shape (n,)
+        DOFs of the secondary surfaces.
+    backend : object
+        ``factorize(A, ...)`` of `skfem_contact.linalg.direct`.
+    labels : sequence of str
+        Names of the m points.
+    scale : float
+        Size of the bodies: gaps below its round-off are zero [length].
+    frictional : ndarray of bool, shape (m,)
+    points : ndarray, shape (n, d), optional
+        Positions of the DOFs, for the ordering of the backend.
+    modes : ndarray, shape (n, k), optional
+        Rigid-body modes, for multigrid.
+    """
+
+    K: csr_matrix
+    kin: Kinematics
+    D: NDArray[np.intp]
+    prefer: Mask
+    backend: Any
+    labels: Any
+    scale: float
+    frictional: Mask
+    points: Array | None = None
+    modes: Array | None = None
+    _key: bytes = field(default=b"", repr=False)
+    _factor: Any = field(default=None, repr=False)
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Eliminate, reduce, solve, expand, and read the forces off the eliminated rows."""
+        kin, t = self.kin, self.kin.tangents
+        # a gap or a slip that is prescribed on both sides is what it is: contact has no say in it
+        closed = np.flatnonzero(conditions.closed & self.can_close)
+        tangential, rows = np.zeros(0, dtype=np.intp), [kin.B_n[closed]]
+        if conditions.stick.any():
+            tangential = np.flatnonzero(np.repeat(conditions.stick, t) & self.can_slip)
+            rows.append(kin.B_t[tangential])
+        C = vstack(rows).tocsr()
+        anchor = (conditions.anchor - load.slip0).ravel()
+        b = np.concatenate([-load.gap0[closed], anchor[tangential]])
+        names = [self.labels[i] for i in closed] + [self.labels[i] for i in tangential // t]
+        trial = eliminate(
+            C, b, self.D, load.prescribed, prefer=self.prefer, labels=names, scale=self.scale
+        )
+        test = self._test_space(conditions, C, closed, trial)
+
+        slides = (conditions.closed & ~conditions.stick)[:, None]
+        spring = np.where(slides[:, None], conditions.spring, 0.0)
+        known = np.einsum("ikl,il->ik", spring, load.slip0)
+        offset = np.where(slides, conditions.offset, 0.0) + known
+        f = load.force - kin.B_t.T @ offset.ravel() if offset.any() else load.force
+        K = self.K + tangential_matrix(kin.B_t, spring) if spring.any() else self.K
+        K_r, f_r = trial.reduce(K, f, test=test)
+        key = conditions.matrix_key()
+        if key != self._key or self._factor is None:
+            self._factor = self._factorize(K_r, trial, spd=test is trial)
+            self._key = key
+        u = trial.expand(self._factor.solve(f_r))
+        p = np.zeros(len(names))
+        p[trial.rows_kept] = test.multipliers(K @ u - f)[
+            trial.rows_kept if test is trial else slice(None)
+        ]
+        return self._response(conditions, load, u, p, closed, tangential)
+
+    @cached_property
+    def can_close(self) -> Mask:
+        """Rows of B_n that touch DOFs that are not prescribed, shape (m,)."""
+        free = np.ones(self.K.shape[0])
+        free[self.D] = 0.0
+        return np.asarray(abs(self.kin.B_n) @ free > FIXED)
+
+    @cached_property
+    def can_slip(self) -> Mask:
+        """Rows of B_t that touch DOFs that are not prescribed, shape (m (d-1),)."""
+        free = np.ones(self.K.shape[0])
+        free[self.D] = 0.0
+        return np.asarray(abs(self.kin.B_t) @ free > FIXED)
+
+    def _test_space(
+        self, conditions: Conditions, C: csr_matrix, closed: NDArray[np.intp], trial: Any
+    ) -> AffineConstraint:
+        if not conditions.coupling.any():
+            return trial
+        coupling = np.where((conditions.closed & ~conditions.stick)[:, None], conditions.coupling, 0.0)
+        m, t = coupling.shape
+        columns = np.arange(m * t)
+        spread = csr_matrix((coupling.ravel(), (columns // t, columns)), shape=(m, m * t))
+        rows = self.kin.B_n - spread @ self.kin.B_t
+        # which rows follow from the others is decided once: of two normals that differ by round-off
+        # one row is left, though with friction the two forces may differ by more than that
+        test = vstack([rows.tocsr()[closed], C[len(closed) :]]).tocsr()[trial.rows_kept]
+        return eliminate(test, np.zeros(test.shape[0]), self.D, None, prefer=self.prefer)
+
+    def _factorize(self, K_r: csr_matrix, trial: Any, spd: bool) -> Any:
+        points = None if self.points is None else self.points[trial.independent]
+        modes = None if self.modes is None else self.modes[trial.independent]
+        return self.backend.factorize(K_r, points=points, modes=modes, spd=spd)
+
+    def _response(
+        self,
+        conditions: Conditions,
+        load: Load,
+        u: Array,
+        p: Array,
+        closed: NDArray[np.intp],
+        sticking: NDArray[np.intp],
+    ) -> Response:
+        kin, (m, t) = self.kin, conditions.anchor.shape
+        gap = load.gap0 + kin.B_n @ u
+        gap[closed] = 0.0
+        slip = load.slip0
+        if self.frictional.any():
+            slip = slip + (kin.B_t @ u).reshape(m, t)
+        normal_force = np.zeros(m)
+        normal_force[closed] = p[: len(closed)]
+        tangential = np.zeros((m, t))
+        tangential.ravel()[sticking] = -p[len(closed) :]
+        slides = conditions.closed & ~conditions.stick & self.frictional
+        tangential[slides] = friction_force(conditions, slip, normal_force)[slides]
+        return Response(gap, slip, normal_force, tangential, u)
