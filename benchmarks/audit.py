@@ -48,12 +48,10 @@ def calls(row: Row, blocks: Blocks, present: bool) -> tuple[Counts, Any]:
     profile.create_stats()
     counts = dict.fromkeys(row.functions, 0)
     for (path, _, function), (_, number, *_) in profile.stats.items():  # type: ignore[attr-defined]
-        place = Path(path)
-        if place.parent.name != PACKAGE:
-            continue
         for name in counts:
             module, _, wanted = name.partition(":")
-            if place.stem == module and wanted in ("", function) and function[0] != "<":
+            here = Path(path).parts[-2 - module.count("/") :] == (PACKAGE, *f"{module}.py".split("/"))
+            if here and wanted in ("", function) and function[0] != "<":
                 counts[name] += number
     return counts, done
 
