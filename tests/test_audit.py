@@ -133,7 +133,8 @@ def test_a_module_is_a_module() -> None:
 
     for row in scenes.ROWS:
         for name in row.functions:
-            module = importlib.import_module(f"skfem_contact.{name.partition(':')[0]}")
+            path = name.partition(":")[0].replace("/", ".")
+            module = importlib.import_module(f"skfem_contact.{path}")
             assert isinstance(module, ModuleType)
 
 
