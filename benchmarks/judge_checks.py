@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 from judge_geometry import CORNER, PIECES, Line, angle, inside, line, nearest
-from judge_near import Foot, Near, grouped, spread_of
+from judge_near import Foot, Near, grouped, spread_of, summed
 from judge_scenes import ContactSpec, Made, Scene, place, turn
 
 EPS = np.finfo(float).eps
@@ -115,6 +115,21 @@ class Court:
             out[name] = count > 1
         return out
 
+    @cached_property
+    def give(self) -> dict[str, float]:
+        """By how much a force of one on every DOF, of random sign, moves a body beside its rigid motion."""
+        out = {}
+        for name, m in self.made.items():
+            free = np.setdiff1d(np.arange(m.basis.N), m.D)
+            size, way = np.linalg.eigh(m.K[free][:, free].toarray())
+            elastic = size > 1e-12 * size.max()
+            out[name] = float(np.linalg.norm(way[:, elastic] / size[elastic], axis=1).max())
+        return out
+
+    def felt(self, forces: Forces) -> float:
+        """What round-off of the forces moves the bodies: one lies on the other, so that it adds up."""
+        return sum(noise * self.give[name] for name, noise in forces.noise.items())
+
     def motion(self, spec: ContactSpec, k: int) -> np.ndarray:
         """Translation of an obstacle in a step."""
         a, b = self.scene.steps[k]
@@ -208,6 +223,16 @@ class Court:
         if np.isin(surface.dofs, self.made[name].D).any() or self.shared[name][surface.dofs].any():
             return None
         return forces.R[name][surface.dofs]
+
+    def held_alone(self, spec: ContactSpec) -> bool:
+        """Whether a held node of one surface lies before a part of the other that moves."""
+        sides = [side for side in (spec.secondary, spec.primary) if side is not None]
+        held = [np.isin(self.lines[s].dofs, self.made[s[0]].D).all(axis=1) for s in sides]
+        for own, other, mine, theirs in zip(sides, sides[::-1], held, held[::-1], strict=True):
+            foot = Foot(self.lines[other], self.lines[own].X[mine])
+            if not theirs[foot.nodes].any(axis=1).all():
+                return True
+        return False
 
     def where(self, side: tuple[str, str], spec: ContactSpec, answer: Answer) -> np.ndarray:
         """Positions on which the kinematics of a contact stands: deformed if it slides far."""
@@ -324,6 +349,7 @@ class Court:
         if spec.sliding == "finite":  # the pairing is known to its tolerance: forces and their frames
             noise += 2 * self.placement * largest
         mu, bound = self._bound(spec, Fn, near.area)
+        bears = size > 1e-3 * largest + 10 * noise
         F, Fn, Ft, size, bound, free, off = grouped(near, surface, F, Fn, Ft, size, bound, free, off)
         out = []
         pulls = np.where(free, -Fn - size * off - noise, -np.inf)
@@ -338,7 +364,7 @@ class Court:
                 out.append(Finding(what, k, words, 1 + over[i] / max(noise, 1e-300)))
         if before is None or answer.cut or spec.friction is None:
             return out
-        values = (F, Ft, t, free, noise, bound, near, off)
+        values = (F, Ft, t, free, noise, bound, near, off, bears)
         return out + self._direction(k, spec, answer, before, values)
 
     def _bound(self, spec: ContactSpec, Fn: np.ndarray, area: np.ndarray) -> tuple[float, np.ndarray]:
@@ -356,7 +382,7 @@ class Court:
     def _direction(
         self, k: int, spec: ContactSpec, answer: Answer, before: Answer, values: tuple
     ) -> list[Finding]:
-        F, Ft, t, free, noise, bound, near, off = values
+        F, Ft, t, free, noise, bound, near, off, bears = values
         name, surface = spec.secondary[0], self.lines[spec.secondary]
         slid = near.jump(answer) - near.jump(before)
         if spec.primary is None:
@@ -370,11 +396,23 @@ class Court:
         allowed = spread + MOVED * moved + self.tiny
         if spec.sliding == "finite":
             return []
+        name2 = self.made[name]
+        R = (name2.K @ before.u[name] - name2.f(*self.scene.steps[k - 1]))[surface.dofs]
+        if spec.G is not None:
+            # friction is a spring up to its bound: it goes along with what its force changes by, and
+            # comes back where the force falls but does not turn
+            E = self.made[name].spec.E * self.scene.unit
+            changed = Ft - summed(near, (R * t).sum(axis=1))
+            allowed = allowed + np.abs(changed) / (spec.G * E)
         size = np.abs(F).max()
         # a normal that is off by an angle takes that part of the force for friction, of either sign
         unsure = np.linalg.norm(F, axis=1) * off
         carries = free & (np.abs(Ft) > 1e-3 * size + 10 * noise + unsure)
         along_friction = np.where(carries, along * np.sign(Ft) - allowed, -np.inf)
+        for group in near.groups:
+            # their sum acts somewhere between the nodes that bear it, and slips as that place does
+            some = group[bears[group]]
+            along_friction[group] = along_friction[some].min(initial=np.inf) if len(some) else -np.inf
         i = int(along_friction.argmax())
         if along_friction[i] > 0:
             words = (
@@ -383,16 +421,11 @@ class Court:
             )
             return [Finding("friction along slip", k, words, 1 + along_friction[i] / allowed[i])]
         # what slides through a step from closed to closed carries the bound
-        name2 = self.made[name]
-        R = (name2.K @ before.u[name] - name2.f(*self.scene.steps[k - 1]))[surface.dofs]
         closed = np.linalg.norm(R, axis=1) > 1e-3 * size + 10 * noise
         closed &= np.linalg.norm(F, axis=1) > 1e-3 * size + 10 * noise
         closed &= (bound > 1e-3 * size + 10 * noise) & (near.full_area) & free
         for group in near.groups:
             closed[group] = False
-        if spec.G is not None:
-            E = self.made[name].spec.E * self.scene.unit
-            allowed = allowed + 2 * bound / (spec.G * E)
         mu = spec.friction[1] if spec.friction[0] == "coulomb" else 0.0
         room = bound * (1 - 1e-3) - np.abs(Ft) - (1 + mu) * (np.linalg.norm(F, axis=1) * off + noise)
         slides = np.where(closed & (room > 0), np.abs(along) - 2 * allowed, -np.inf)
@@ -614,7 +647,7 @@ class Court:
                 near_end |= (far[:, ends] < widest[:, None]).any(axis=1)
             explained[free & near_end] *= 2
         elif other is not None:
-            explained += self._tilt(lines, away, widest, samples)
+            explained += self._tilt(lines, away, widest, self.held_alone(spec))
         if spec.primary is None and spec.obstacle[0] == "cylinder":
             # a straight facet on a round obstacle: the sagitta between its nodes
             explained += own_h**2 / (8 * spec.obstacle[2] * self.scene.size)
@@ -624,9 +657,13 @@ class Court:
             return explained + self.placement * self.extent
         return explained + self._second_order(spec, side, other, answer, shape, own_h, k)
 
-    def _tilt(self, lines: list, away: list, widest: np.ndarray, samples: np.ndarray) -> np.ndarray:
-        """Mortar at the end of a surface: one mean there, and both lines may cross within a facet."""
-        near_end = np.zeros(len(samples), dtype=bool)
+    def _tilt(self, lines: list, away: list, widest: np.ndarray, held: bool) -> np.ndarray:
+        """Mortar at the end of a surface: one mean there, and both lines may cross within a facet.
+
+        A gap with a slope whose mean is zero is off at the end by half a facet of it. A held end has no
+        multiplier: the mean is that of a facet and a half, and the end is off by two thirds of a facet.
+        """
+        near_end = np.zeros(len(widest), dtype=bool)
         for far, (s, _) in zip(away, lines, strict=True):
             last = np.bincount(s.facets[:, :2].ravel(), minlength=len(s.X)) == 1
             ends = last[s.facets[:, :2]].any(axis=1)
@@ -635,7 +672,8 @@ class Court:
         which = [far.argmin(axis=1) for far in away]
         normals = [s.normals(u).reshape(len(s.facets), -1, 2)[:, 0] for s, u in ((s1, u1), (s2, u2))]
         across = np.abs(angle(normals[0][which[0]], -normals[1][which[1]]))
-        return np.where(near_end & (across < CORNER), 0.5 * widest * across, 0.0)
+        part = 2 / 3 if held else 0.5
+        return np.where(near_end & (across < CORNER), part * widest * across, 0.0)
 
     def _second_order(
         self,

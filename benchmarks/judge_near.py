@@ -213,10 +213,15 @@ def grouped(near: Near, surface: Line, *values: np.ndarray) -> tuple[np.ndarray,
     for group in near.groups:
         free[group] = free[group].all()
         off[group] = off[group].max()
-        for v in (F, Fn, Ft, bound):
-            v[group] = v[group].sum(axis=0)
-        size[group] = size[group].sum()
-    return F, Fn, Ft, size, bound, free, off
+    return *(summed(near, v) for v in (F, Fn, Ft, size, bound)), free, off
+
+
+def summed(near: Near, values: np.ndarray) -> np.ndarray:
+    """Nodal values, at nodes of a group their sum."""
+    out = values.copy()
+    for group in near.groups:
+        out[group] = values[group].sum(axis=0)
+    return out
 
 
 def spread_of(surface: Line, values: np.ndarray) -> np.ndarray:

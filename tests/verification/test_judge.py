@@ -161,10 +161,67 @@ def test_an_order_that_matters_is_seen():
     court = Court(truth, make(truth))
     one = bench.run(truth, court.made).answers[0]
     other = reported(one, force=lambda v: (1 + 1e-6) * v)
-    assert bench.difference(court, 0, one, one) == 0.0
-    assert bench.difference(court, 0, one, other) > bench.SAME
+    way = bench.travelled([one], 0)
+    assert bench.difference(court, 0, one, one, way) == 0.0
+    assert bench.difference(court, 0, one, other, way) > bench.SAME
     moved = replace(one, u={**one.u, "upper": one.u["upper"] * (1 + 1e-6)})
-    assert bench.difference(court, 0, one, moved) > bench.SAME
+    assert bench.difference(court, 0, one, moved, way) > bench.SAME
+
+
+def test_a_step_that_takes_all_back_leaves_round_off():
+    """What is left is compared with what had moved before; a thousandth of that is seen."""
+    truth = replace(blocks("mortar"), steps=((1.0, 0.0), (0.0, 0.0)))
+    court = Court(truth, make(truth))
+    one, back = bench.run(truth, court.made).answers
+    way = bench.travelled([one, back], 1)
+    assert way == max(np.abs(u).max() for u in one.u.values())
+    for part, same in ((1e-13, True), (1e-3, False)):
+        other = replace(back, u={name: u + part * way for name, u in back.u.items()})
+        assert (bench.difference(court, 1, back, other, way) <= bench.SAME) == same
+
+
+def test_round_off_of_forces_moves_a_soft_body():
+    """A block a million times softer than its floor is known to the round-off that the floor leaves."""
+    truth = blocks("mortar")
+    lower, upper = truth.bodies
+    truth = replace(truth, bodies=(replace(lower, E=1e6), upper))
+    court = Court(truth, make(truth))
+    one = bench.run(truth, court.made).answers[0]
+    felt, way = court.felt(court.forces(0, one)), bench.travelled([one], 0)
+    # forces of one on all DOFs, of random sign, on the block that is clamped
+    m = court.made["lower"]
+    free = np.setdiff1d(np.arange(m.basis.N), m.D)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (len(free), 50))
+    moved = np.abs(np.linalg.solve(m.K[free][:, free].toarray(), signs)).mean(axis=1).max()
+    assert 0.5 < moved / court.give["lower"] < 1.0  # the mean is 0.8 of the root of the mean square
+    assert court.give["upper"] > 1e5 * court.give["lower"]
+    for part, same in ((0.5 * felt, True), (2 * felt + 2 * bench.SAME * way, False)):
+        other = replace(one, u={**one.u, "upper": one.u["upper"] + part})
+        assert (bench.difference(court, 0, one, other, way) <= bench.SAME) == same
+
+
+def test_a_refusal_after_an_indifferent_place_is_no_difference(monkeypatch):
+    """Where a body was left to stand by one order and by the other, they may go on in their own ways."""
+    truth = blocks("mortar")
+    court = Court(truth, make(truth))
+    first = bench.run(truth, court.made)
+    said = ("ContactWarning: The place of body 'upper' is indifferent (translation along x): ...",)
+    for warned, words in ((said, "several answers are reported"), ((), "differ")):
+        one = replace(first.answers[0], warned=warned)
+        there = replace(one, u={**one.u, "upper": one.u["upper"] + 1e-3})
+        second = bench.Run([there], sc.NotConverged("no progress"))
+        monkeypatch.setattr(bench, "run", lambda *_, second=second, **__: second)
+        given = replace(first, answers=[one, *first.answers[1:]])
+        assert bench.compare_orders(court, given).startswith(words)
+
+
+@pytest.mark.parametrize("held, alone", [(("left",), True), ((), False)])
+def test_a_held_end_that_presses_alone(held, alone):
+    """The corner of a block that is held at its side stands on a layer that gives way."""
+    truth = blocks("mortar")
+    lower, upper = truth.bodies
+    truth = replace(truth, bodies=(lower, replace(upper, clamped=held)))
+    assert Court(truth, make(truth)).held_alone(truth.contacts[0]) is alone
 
 
 def test_a_refusal_is_held_against_statics():
@@ -262,10 +319,11 @@ def test_a_warning_excuses_what_it_is_about():
     assert bench.excuses(told(kept, 0), overlap) and not bench.excuses(told(kept, 0), gap)
 
 
+@pytest.mark.parametrize("G", [None, 30.0])
 @pytest.mark.parametrize("method", ["mortar", "node"])
-def test_friction_that_drives_the_slip(method):
-    """Friction turned round is found: it pushes along the slip."""
-    truth = blocks(method)
+def test_friction_that_drives_the_slip(method, G):
+    """Friction turned round is found: it pushes along the slip, farther than as a spring."""
+    truth = blocks(method, G=G)
     made = make(truth)
     one = bench.run(truth, made)
     court = Court(truth, made)
