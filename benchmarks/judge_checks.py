@@ -117,7 +117,7 @@ class Court:
 
     @cached_property
     def give(self) -> dict[str, float]:
-        """By how much a force of one on every DOF, of random sign, moves a body beside its rigid motion."""
+        """What forces of one on all DOFs, of random sign, do to a body beside its rigid motion."""
         out = {}
         for name, m in self.made.items():
             free = np.setdiff1d(np.arange(m.basis.N), m.D)

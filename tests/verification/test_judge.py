@@ -201,7 +201,7 @@ def test_round_off_of_forces_moves_a_soft_body():
 
 
 def test_a_refusal_after_an_indifferent_place_is_no_difference(monkeypatch):
-    """Where a body was left to stand by one order and by the other, they may go on in their own ways."""
+    """Where two orders leave a body at two places, each may go on in its own way."""
     truth = blocks("mortar")
     court = Court(truth, make(truth))
     first = bench.run(truth, court.made)
