@@ -501,6 +501,9 @@ class Court:
         keep &= ~self.shared[name][surface.dofs].any(axis=1)
         ends = np.bincount(surface.facets[:, :2].ravel(), minlength=len(keep)) == 1
         keep &= ~ends & ~near.beyond(answer)
+        if spec.sliding == "small":
+            # what had no partner gets none: below a facet the mesh does not resolve where it is
+            keep &= ~near.began_beyond() | (np.linalg.norm(near.jump(answer), axis=1) > near.h)
         for group in near.groups:
             keep[group] = False
         F = np.linalg.norm(forces.R[name][surface.dofs], axis=1)
@@ -646,8 +649,10 @@ class Court:
                 ends = last[s.facets[:, :2]].any(axis=1)
                 near_end |= (far[:, ends] < widest[:, None]).any(axis=1)
             explained[free & near_end] *= 2
+            explained[free] += self._tilt(lines, away, widest, 1.0)[free]
         elif other is not None:
-            explained += self._tilt(lines, away, widest, self.held_alone(spec))
+            part = 2 / 3 if self.held_alone(spec) else 0.5
+            explained += self._tilt(lines, away, widest, part)
         if spec.primary is None and spec.obstacle[0] == "cylinder":
             # a straight facet on a round obstacle: the sagitta between its nodes
             explained += own_h**2 / (8 * spec.obstacle[2] * self.scene.size)
@@ -657,11 +662,12 @@ class Court:
             return explained + self.placement * self.extent
         return explained + self._second_order(spec, side, other, answer, shape, own_h, k)
 
-    def _tilt(self, lines: list, away: list, widest: np.ndarray, held: bool) -> np.ndarray:
-        """Mortar at the end of a surface: one mean there, and both lines may cross within a facet.
+    def _tilt(self, lines: list, away: list, widest: np.ndarray, part: float) -> np.ndarray:
+        """Lines that cross at an angle near the end of one overlap by a part of a facet of it.
 
-        A gap with a slope whose mean is zero is off at the end by half a facet of it. A held end has no
-        multiplier: the mean is that of a facet and a half, and the end is off by two thirds of a facet.
+        By mortar there is one mean there: of a gap with a slope it is off at the end by half a facet.
+        A held end has no multiplier: the mean is that of a facet and a half, and two thirds are left.
+        Node by node the last node before the other line may be a whole facet from the end of that.
         """
         near_end = np.zeros(len(widest), dtype=bool)
         for far, (s, _) in zip(away, lines, strict=True):
@@ -672,7 +678,6 @@ class Court:
         which = [far.argmin(axis=1) for far in away]
         normals = [s.normals(u).reshape(len(s.facets), -1, 2)[:, 0] for s, u in ((s1, u1), (s2, u2))]
         across = np.abs(angle(normals[0][which[0]], -normals[1][which[1]]))
-        part = 2 / 3 if held else 0.5
         return np.where(near_end & (across < CORNER), part * widest * across, 0.0)
 
     def _second_order(

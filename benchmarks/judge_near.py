@@ -89,11 +89,7 @@ class Near:
         surface, line2 = self.surface, self.court.lines[self.spec.primary]
         xi = np.linspace(0.0, 1.0, 9)
         samples = surface.at(self.nodes, xi).reshape(-1, 2)
-        pieces = line2.pieces(self.u2)
-        _, which, share = nearest(samples, pieces)
-        d = pieces[which, 1] - pieces[which, 0]
-        foot = pieces[which, 0] + share[:, None] * d
-        past = np.abs(((samples - foot) * d).sum(axis=1)) > 1e-6 * (d * d).sum(axis=1)
+        past = _past(samples, line2.pieces(self.u2))
         part = past.reshape(len(surface.facets), -1).any(axis=1)
         groups: list[np.ndarray] = []
         for facet in surface.facets[part]:
@@ -107,14 +103,16 @@ class Near:
         if self.spec.primary is None:
             return np.zeros(len(self.nodes), dtype=bool)
         line2 = self.court.lines[self.spec.primary]
-        pieces = line2.pieces(answer.u[self.spec.primary[0]])
         here = self.surface.nodes(answer.u[self.spec.secondary[0]])
-        _, which, share = nearest(here, pieces)
-        per = len(line2.xi) - 1
-        degree = np.bincount(line2.facets[:, :2].ravel(), minlength=len(line2.X))
-        first, last = (degree[line2.facets[which // per, c]] == 1 for c in (0, 1))
-        at_start = first & (which % per == 0) & (share <= 0.0)
-        return at_start | last & (which % per == per - 1) & (share >= 1.0)
+        return _at_end(here, line2, line2.pieces(answer.u[self.spec.primary[0]]))
+
+    def began_beyond(self) -> np.ndarray:
+        """Nodes that were past the end of the other line, not at it, when nothing had moved."""
+        if self.spec.primary is None:
+            return np.zeros(len(self.nodes), dtype=bool)
+        line2 = self.court.lines[self.spec.primary]
+        pieces = line2.pieces(np.zeros(line2.dofs.max() + 1))
+        return _at_end(self.surface.X, line2, pieces) & _past(self.surface.X, pieces)
 
     def lost(self, answer: Any) -> np.ndarray:
         """The part of what a node had before it when undeformed that now lies past an end."""
@@ -128,11 +126,7 @@ class Near:
         """How much of a node's facets has the other line before it, not its end."""
         surface, xi = self.surface, np.linspace(0.0, 1.0, 33)
         samples = surface.at(surface.nodes(u), xi).reshape(-1, 2)
-        pieces = line2.pieces(u2)
-        _, which, share = nearest(samples, pieces)
-        d = pieces[which, 1] - pieces[which, 0]
-        foot = pieces[which, 0] + share[:, None] * d
-        past = np.abs(((samples - foot) * d).sum(axis=1)) > 1e-6 * (d * d).sum(axis=1)
+        past = _past(samples, line2.pieces(u2))
         above = ~past.reshape(len(surface.facets), -1)
         out = np.zeros(len(surface.X))
         for column, hat in ((0, 1 - xi), (1, xi)):
@@ -161,6 +155,24 @@ class Near:
             if mine.sum() > 1:
                 out[i] = np.linalg.norm(np.ptp(du[mine], axis=0))
         return out
+
+
+def _at_end(points: np.ndarray, line2: Line, pieces: np.ndarray) -> np.ndarray:
+    """Which points have the end of a line before them."""
+    _, which, share = nearest(points, pieces)
+    per = len(line2.xi) - 1
+    degree = np.bincount(line2.facets[:, :2].ravel(), minlength=len(line2.X))
+    first, last = (degree[line2.facets[which // per, c]] == 1 for c in (0, 1))
+    at_start = first & (which % per == 0) & (share <= 0.0)
+    return at_start | last & (which % per == per - 1) & (share >= 1.0)
+
+
+def _past(points: np.ndarray, pieces: np.ndarray) -> np.ndarray:
+    """Which points have the end of a piece before them, not the piece."""
+    _, which, share = nearest(points, pieces)
+    d = pieces[which, 1] - pieces[which, 0]
+    foot = pieces[which, 0] + share[:, None] * d
+    return np.abs(((points - foot) * d).sum(axis=1)) > 1e-6 * (d * d).sum(axis=1)
 
 
 def court_obstacle(spec: ContactSpec) -> tuple[Any, ...]:
