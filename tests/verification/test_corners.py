@@ -59,6 +59,8 @@ def test_an_open_point_lies_in_no_body(shape):
 @pytest.mark.filterwarnings("ignore:.*the deformed bodies overlap:skfem_contact.ContactWarning")
 @pytest.mark.filterwarnings("ignore:.*has turned.*:skfem_contact.ContactWarning")
 @pytest.mark.filterwarnings("ignore:.*nothing holds it there:skfem_contact.ContactWarning")
+# where the disc leaves the corner it is pressed in by three times the height of its chords
+@pytest.mark.filterwarnings("ignore:.*curves stand .* off each other:skfem_contact.ContactWarning")
 @pytest.mark.parametrize(
     "way", [pytest.param(w, marks=() if w in QUICK else pytest.mark.slow) for w in WAYS], ids=str
 )

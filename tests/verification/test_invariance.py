@@ -18,6 +18,10 @@ import skfem_contact as sc
 # Two solutions that differ in every operation agree to the round-off of the condition number; a
 # point may change between two statuses where both are right to this accuracy.
 SAME = 1e-8
+# the punch stands on a facet or two of the block: its forces are 8 and 16 % off in the two steps
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:.*curves stand .* off each other:skfem_contact.ContactWarning"
+)
 few = settings(max_examples=8, deadline=None, derandomize=True)
 
 

@@ -183,20 +183,23 @@ class Intrusions:
         return tuple(words)
 
 
-def elastic_approach(result: Answer, i: int, closed: Mask) -> float:
+def elastic_approach(result: Answer, i: int, closed: Mask, displacement: Array | None = None) -> float:
     """What bodies take up at closed points, less their supports' rigid motions; 0 where they float.
+
+    Takes the displacements (n,) of all bodies, or some that are right on surfaces and at supports.
 
     The force over the diagonal of K, which is all that is known without the interior, is far less in
     bodies that are nearly incompressible.
     """
     contact, part, system = result.contacts[i], result.slices()[i], result.system
     sides = [contact.secondary] if contact.rigid else [contact.secondary, contact.primary]
-    elastic = np.array(result.u)
+    u = result.u if displacement is None else displacement
+    elastic = np.array(u)
     for body in {id(side.body): side.body for side in sides}.values():  # type: ignore[union-attr]
         support = Support.of(body, 0)
         if not support.holds(contact.secondary.points[closed], result.kin.normal[part][closed]):
             return 0.0
-        rigid = support.at(body.dof_points, support.motion(result.displacement(body)))
+        rigid = support.at(body.dof_points, support.motion(u[system.slice(body)]))
         elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
     lifted = (result.kin.B_n[part] @ elastic)[closed]
     return float(np.max(np.abs(lifted), initial=0.0))

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.drift import FACETS, GAP, STRAIN, TILT, WIDTH, Drift
+from skfem_contact.answers.validity.drift import FACETS, GAP, SAGITTA, STRAIN, TILT, WIDTH, Drift
 from skfem_contact.answers.validity.intrusion import elastic_approach
 from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, sagitta, strains
 from skfem_contact.answers.validity.overlap import Outline, outline
 from skfem_contact.answers.validity.rotation import LARGE, rotation_words
-from skfem_contact.answers.validity.watch import sliding_words, strain_words
+from skfem_contact.answers.validity.watch import facet_words, sliding_words, strain_words
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.errors import ContactWarning
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -105,7 +105,7 @@ class Validity:
     rotation : dict of float
         Root of the mean square of the rotation over every body [rad].
     problems : dict
-        Sentences, by kind ("sliding", "overlap", "chords",
+        Sentences, by kind ("sliding", "overlap", "facets", "chords",
         "strain", "rotation") and name of the contact or body.
 
     Examples
@@ -154,7 +154,7 @@ class Validity:
             drift = part.drift
             found += [min(drift.facets / FACETS, drift.widths / WIDTH), drift.tilt / TILT]
             found += [drift.gap_share / GAP, drift.strain / STRAIN, part.excess]
-            found.append(part.chord_share / GAP)
+            found += [part.chord_share / GAP, drift.sagitta_share / SAGITTA]
         found += [strain / STRAIN for strain in self.strain.values()]
         found += [rotation / LARGE for rotation in self.rotation.values()]
         return float(np.nanmax(found))
@@ -193,6 +193,11 @@ def _contact_lines(part: ContactValidity) -> list[str]:
             f"gaps to chords are off by {part.chord_gaps:.2g}, {100 * part.chord_share:.2g} % of the "
             f"elastic approach (up to {100 * GAP:g} %)"
         )
+    if drift.sagitta:
+        words.append(
+            f"over one facet curves stand {drift.sagitta:.2g} off each other, "
+            f"{100 * drift.sagitta_share:.2g} % of the elastic approach (up to {100 * SAGITTA:g} %)"
+        )
     if part.angle_over_mu > 0:
         words.append(
             f"normals of the two sides differ by {part.angle:.2g}, {part.angle_over_mu:.2g} of mu"
@@ -223,6 +228,8 @@ def assess(result: Answer) -> Validity:
             problems["sliding", name] = label + sliding_words(part.drift)
         elif part.excess > 1.0:  # small sliding that does not follow is the reason already
             problems["overlap", name] = label + _overlap_words(part, contact)
+        if part.drift.facets_too_long:
+            problems["facets", name] = label + facet_words(part.drift)
         if part.chord_share > GAP:
             problems["chords", name] = label + _chord_words(part)
         if part.drift.strain > STRAIN:

@@ -12,10 +12,11 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.validity.drift import GAP, STRAIN, TILT, Drift, Track
-from skfem_contact.answers.validity.intrusion import Intrusions
+from skfem_contact.answers.validity.intrusion import Intrusions, elastic_approach
 from skfem_contact.answers.validity.rotation import LARGE, rigid_rotations, rotation_words
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.watched import Said, Watched
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
@@ -46,7 +47,7 @@ class Watch:
         stiffness: Sequence[csr_matrix],
         known: Index,
     ) -> None:
-        self.interface, self.contacts = interface, interface.contacts
+        self.interface, self.contacts, self.geometry = interface, interface.contacts, geometry
         self.system, kin = geometry.system, geometry.kin
         self.plane = kin.points.shape[1] == 2 and kin.tangents == 1
         if not self.plane:  # a scalar field moves nothing
@@ -116,6 +117,7 @@ class Watch:
         u = displacement() if any(loose is not None for loose in self.loose) else np.zeros(0)
         motions = [support.motion(case.x) for support in self.supports]
         drifts = tuple(self._drift(i, motions, state, gap, case, u) for i in range(len(self.contacts)))
+        drifts = tuple(replace(d, sagitta=self._sagitta(i, state)) for i, d in enumerate(drifts))
         turns = {
             name: float(motion[2] / support.arm)
             for name, support, motion in zip(self.system.names, self.supports, motions, strict=True)
@@ -170,6 +172,30 @@ class Watch:
         found = track.drift(closed, slip, gap, force, approach, case, i, part)
         return Drift(int(closed.sum()), approach=approach, strain=strain, **found)
 
+    def _sagitta(self, i: int, state: State) -> float:
+        contact, part, track = self.contacts[i], self.interface.parts[i], self.tracks[i]
+        if not track.curved or not isinstance(contact.primary, ContactSurface):
+            return 0.0
+        force, moved = np.where(state.status[part] != OPEN, state.normal_force[part], 0.0), None
+        if contact.sliding == "finite":
+            u = self.geometry.spread(state.surface)
+            one, other = (
+                s.points + u[self.system.slice(s.body)][s.dofs]
+                for s in (track.secondary, contact.primary)
+            )
+            moved = one, other
+        return track.sagitta(force, moved)
+
+    def _sure(self, i: int, result: Answer, drift: Drift) -> Drift:
+        """Where points slide far and facets seem too long: with the approach since the beginning."""
+        if self.contacts[i].sliding == "small" or not drift.facets_too_long:
+            return drift
+        part = self.interface.parts[i]
+        closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
+        u = self.geometry.spread(result.state.surface)
+        u[self.system.D] = result.case.x[self.system.D]
+        return replace(drift, approach=max(drift.approach, elastic_approach(result, i, closed, u)))
+
     def warn(self, result: Answer) -> Watched:
         """Say what is beyond the bounds and has not been said in this history.
 
@@ -191,6 +217,9 @@ class Watch:
             if not drift.small_sliding_holds and ("sliding", name) not in watched.said:
                 new.add(("sliding", name))
                 lines.append(sliding_words(drift))
+            if ("facets", name) not in watched.said and self._sure(i, result, drift).facets_too_long:
+                new.add(("facets", name))
+                lines.append(facet_words(self._sure(i, result, drift)))
             if drift.strain > STRAIN and ("strain", name) not in watched.said:
                 new.add(("strain", name))
                 lines.append(strain_words(drift))
@@ -241,6 +270,17 @@ def sliding_words(drift: Drift) -> str:
     return (
         "small sliding, which keeps partners, normals and gaps of the undeformed bodies, does not "
         "follow: " + "; ".join(found) + ". Give the contact sliding='finite'."
+    )
+
+
+def facet_words(drift: Drift) -> str:
+    """What long facets on curves do to a light contact, and what to do."""
+    return (
+        f"over the length of one facet the curves stand {drift.sagitta:.3g} off each other, "
+        f"{100 * drift.sagitta_share:.3g} % of the elastic approach of {drift.approach:.3g}: contact "
+        "ends within the facets, and polygons meet elsewhere than curves do. Pressures there are not "
+        "resolved, and forces that follow from prescribed displacements may be wrong by a large "
+        "factor. Refine both surfaces where they touch."
     )
 
 

@@ -1,0 +1,185 @@
+"""Arcs of long facets that are hardly pressed: contact within a facet is warned of, and only that.
+
+An arc of radius 1 with the facets of a polygon of 36 sides is pressed on a flat block by a multiple of
+the height of its chords. The reference is the arc itself, on a mesh that resolves the contact.
+"""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+import skfem as fem
+from scenes import elastic
+from unlike_meshes import KINDS
+
+import skfem_contact as sc
+from skfem_contact.answers.validity.chords import bends, sagittas
+from skfem_contact.answers.validity.drift import SAGITTA
+
+SIZE = 0.6
+CHORD = np.pi / 18
+HEIGHT = CHORD**2 / 8
+WORDS = "over the length of one facet the curves stand"
+
+
+def block(name, facet, kind, shift=0.0, straight=True):
+    """Basis of a block, with an arc of radius 1 as the bottom of the upper one."""
+    steps = np.arange(-round(2 * SIZE / facet), round(2 * SIZE / facet) + 1)
+    x = (steps + shift) * facet
+    x = np.concatenate([[-SIZE], x[np.abs(x) < SIZE - 0.3 * facet], [SIZE]])
+    y = np.linspace(0, SIZE, max(2, round(SIZE / facet)) + 1)
+    mesh = fem.MeshQuad.init_tensor(x, y if name == "arc" else -y[::-1])
+    mesh = (mesh.to_meshtri() if kind.startswith("P") else mesh).with_defaults()
+    if not straight:
+        mesh = fem.MeshQuad2.from_mesh(mesh).with_boundaries(mesh.boundaries)
+    if name == "arc":
+        p = mesh.doflocs.copy()
+        p[1] += (1 - np.sqrt(1 - p[0] ** 2)) * (1 - p[1] / SIZE)
+        mesh = type(mesh)(p, mesh.t).with_boundaries(mesh.boundaries)
+    return fem.Basis(mesh, fem.ElementVector(KINDS[kind]()), intorder=4)
+
+
+def pressed(
+    heights,
+    facets=(CHORD, CHORD),
+    secondary="flat",
+    method="mortar",
+    kind="Q1",
+    shift=(0.0, 0.0),
+    **settings,
+):
+    """Force and result of the arc pressed by a multiple of the height of the coarse chords."""
+    upper, lower = (
+        block(*args) for args in zip(("arc", "flat"), facets, (kind, kind), shift, strict=True)
+    )
+    x = np.zeros(upper.N)
+    x[upper.get_dofs("top").all("u^2")] = -heights * HEIGHT
+    bodies = [
+        sc.Body(upper, elastic(1.0, 0.3), D="top", x=x, name="arc"),
+        sc.Body(lower, elastic(1.0, 0.3), D="bottom", name="flat"),
+    ]
+    pair = bodies[0].surface("bottom"), bodies[1].surface("top")
+    contact = sc.Contact(*pair[:: 1 if secondary == "arc" else -1], method=method, **settings)
+    result = sc.ContactSolver(bodies, [contact]).solve()
+    return abs(result.force[1]), result
+
+
+@lru_cache
+def fine(heights):
+    """The force where facets are 100 times too short for a warning; .1 heights: 15 times."""
+    facet = 0.006 if heights < 1 else 0.012
+    return pressed(heights, (facet, facet))[0]
+
+
+def said(heights, *args, **settings):
+    """Force over that of the fine mesh; whether it was warned of; and the result."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        force, result = pressed(heights, *args, **settings)
+    texts = [str(w.message) for w in caught]  # of large strains as well
+    return force / fine(heights), any(WORDS in text for text in texts), result
+
+
+QUICK = [("mortar", "flat", "P1"), ("node", "arc", "Q1")]
+PLACES = [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.25, 0.5)]
+
+
+@pytest.mark.parametrize(
+    ("method", "secondary", "kind"),
+    [
+        pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow)
+        for case in itertools.product(("mortar", "node"), ("flat", "arc"), ("Q1", "P1"))
+    ],
+)
+def test_a_force_that_is_wrong_is_warned_of(method, secondary, kind):
+    """Whatever the meshes, and how nodes lie to each other: silent forces are right within a fifth."""
+    settings = {"method": method, "secondary": secondary, "kind": kind}
+    for shift, other in itertools.product(PLACES, (0.06, CHORD, 0.3)):
+        for heights in (1.02, 3, 10, 30):
+            ratio, warned, result = said(heights, (CHORD, other), shift=shift, **settings)
+            if result.normal_force.any():
+                # node by node a coarser secondary is wrong by more than its facets say (up to 17 %)
+                assert warned or abs(ratio - 1) <= SAGITTA, (shift, other, heights, ratio)
+            if heights == 30:  # some three facets on the half width
+                assert not warned
+
+
+def test_ten_times_too_large():
+    """The case that nobody saw: mortar with a coarse flat side that is pressed by little."""
+    ratio, warned, result = said(0.1, (CHORD, 0.3))
+    # the weighted gap of a parabola between two nodes is an overlap, of 20 times the approach
+    assert ratio > 20 and warned
+    assert not result.validity.holds
+    assert "facets" in {kind for kind, _ in result.validity.problems}
+    assert result.validity.worst == pytest.approx(
+        result.validity.contacts["contact 1"].drift.sagitta_share / SAGITTA
+    )
+    assert "of the elastic approach (up to 20 %)" in str(result.validity)
+    # refined, it is right and silent
+    ratio, warned, _ = said(0.1, (0.006, 0.012))
+    assert ratio == pytest.approx(1.0, abs=0.05) and not warned
+
+
+def test_a_given_gap_knows_the_arc():
+    """Who gives the gap has it measured on no chord."""
+    pressed(1.02, shift=(0.5, 0.0), gap=lambda x: 0.5 * x[0] ** 2)
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+def test_the_height_over_a_facet(sliding):
+    """The sagitta of the longer facet, also where points have slid on."""
+    for facets in ((CHORD, 0.06), (0.06, CHORD)):
+        _, _, result = said(3, facets, sliding=sliding)
+        assert result.watched.drifts[0].sagitta == pytest.approx(HEIGHT, rel=0.02)
+
+
+def test_facets_are_those_that_points_have_slid_to():
+    """Dragged from short facets of the track to long ones, an arc stands higher above each of them."""
+    x = np.concatenate([np.linspace(-0.9, 0.06, 25), np.linspace(0.06, 1.5, 9)[1:]])
+    mesh = fem.MeshQuad.init_tensor(x, np.linspace(-0.6, 0, 11)).with_defaults()
+    lower = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    upper = block("arc", 0.06, "Q1")
+    bodies = [
+        sc.Body(upper, elastic(1.0, 0.3), D="top", name="arc"),
+        sc.Body(lower, elastic(1.0, 0.3), D="bottom", name="flat"),
+    ]
+    pair = bodies[0].surface("bottom"), bodies[1].surface("top")
+    solver = sc.ContactSolver(bodies, [sc.Contact(*pair, sliding="finite")])
+    top, heights = upper.get_dofs("top"), []
+    for way in (-0.3, 0.0, 0.4, 0.6):
+        x = np.zeros(upper.N)
+        x[top.all("u^1")], x[top.all("u^2")] = way, -0.05
+        heights.append(solver.solve(x={"arc": x}).watched.drifts[0].sagitta)
+    # facets of equal steps in x are longer along the arc, by 2 % where it stands
+    np.testing.assert_allclose(np.array(heights)[[0, 3]], np.array([0.06, 0.18]) ** 2 / 8, rtol=0.03)
+    assert (np.diff(heights) > -1e-6).all()
+
+
+def test_curves_that_fit_and_facets_that_are_curved():
+    """Two arcs of one curvature stand nowhere off each other; a curved facet counts as its halves."""
+    arc, flat = (block(name, CHORD, "Q1") for name in ("arc", "flat"))
+    bodies = [sc.Body(basis, elastic(1.0, 0.3)) for basis in (arc, flat)]
+    bottom, top = bodies[0].surface("bottom"), bodies[1].surface("top")
+    inner = slice(2, -2)
+    bend, length = bends(bottom)
+    np.testing.assert_allclose(bend[inner], 1.0, rtol=0.02)
+    np.testing.assert_array_equal(length, bottom.lengths)
+    assert not bends(top)[0].any()
+    lowest = np.argmin(bottom.points[:, 1])
+    facet = np.full(len(bottom.points), np.flatnonzero(bottom.facets[:, 0] == lowest)[0])
+    # two like arcs: their curvatures add
+    double = sagittas(bottom, bottom, facet)[lowest]
+    assert double == pytest.approx(2 * bottom.lengths[facet[0]] ** 2 / 8, rel=0.02)
+    hollow = replace(bottom, slopes=-bottom.slopes)
+    assert sagittas(bottom, hollow, facet)[lowest] == pytest.approx(0.0, abs=1e-12)
+    for straight, pieces in ((True, 1.0), (False, 0.5)):
+        basis = block("arc", CHORD, "Q2", straight=straight)
+        side = sc.Body(basis, elastic(1.0, 0.3)).surface("bottom")
+        bend, length = bends(side)
+        np.testing.assert_allclose(bend[inner], 1.0, rtol=0.02)
+        np.testing.assert_allclose(length[inner], pieces * side.lengths[inner])
