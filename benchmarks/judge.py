@@ -288,7 +288,10 @@ def compare_orders(court: Court, first: Run) -> str:
     if first_off is not None and elsewhere(court, first_off, *pairs[first_off], SAME):
         # all that follows depends on where the body was left, a later refusal too
         return f"several answers are reported: a place that is indifferent, step {first_off}"
-    if type(first.error) is not type(second.error) or len(first.answers) != len(second.answers):
+    # whatever a refusal is called: that there is no equilibrium, or that none was found
+    same = type(first.error) is type(second.error)
+    same |= isinstance(first.error, REFUSALS) and isinstance(second.error, REFUSALS)
+    if not same or len(first.answers) != len(second.answers):
         return (
             f"differ: {len(first.answers)} steps, {type(first.error).__name__} against "
             f"{len(second.answers)} steps, {type(second.error).__name__} "

@@ -226,8 +226,8 @@ def _solve(problem: _Problem, slope: Array, cohesion: Array) -> Array | None:
 
 def _statuses(step: Step, problem: _Problem, z: Array, current: Guess) -> Guess:
     a, b = len(problem.points), len(problem.friction)
-    normal_force, friction = z[:a], z[a : a + b] - z[a + b : a + 2 * b]
-    sigma = z[a + 2 * b :]
+    normal_force, forward, backward, sigma = np.split(z, [a, a + b, a + 2 * b])
+    friction = forward - backward
     m, t = current.direction.shape
     status = np.where(step.tied & step.paired, STICK, OPEN)
     status[problem.points] = np.where(normal_force > 0, STICK, OPEN)
@@ -236,7 +236,25 @@ def _statuses(step: Step, problem: _Problem, z: Array, current: Guess) -> Guess:
     if b:
         tangential[problem.friction, 0] = friction
         # a slipping point with a limit of zero has no direction: it is left to the loop
-        slips = (sigma > 0) & (status[problem.friction] != OPEN) & (friction != 0)
+        slips = (
+            slipping(forward, backward, sigma) & (status[problem.friction] != OPEN) & (friction != 0)
+        )
         status[problem.friction[slips]] = SLIP
         direction[problem.friction[slips], 0] = np.sign(friction[slips])
     return Guess(status, direction, force, tangential, current.slip, pivoted=True)
+
+
+def slipping(forward: Array, backward: Array, sigma: Array) -> NDArray[np.bool_]:
+    """Which points slip, by both parts ``b+``, ``b-`` of their friction and their slip, (b,).
+
+    Where both parts act the friction is below its bound, and the point sticks: its slip is zero. A
+    solution has them to round-off, and the one that is nearer to zero, over what there is, is zero.
+
+    >>> forward, backward = np.array([1.0, 0.8, 1.0]), np.array([0.0, 0.2, 1e-17])
+    >>> slipping(forward, backward, np.array([1e-9, 1e-25, 2e-9])).tolist()
+    [True, False, True]
+    """
+    tiny = np.finfo(float).tiny
+    both = np.minimum(forward, backward) / np.maximum(forward + backward, tiny)
+    far = sigma / max(np.max(sigma, initial=0.0), tiny)
+    return np.asarray((sigma > 0) & (both <= far))
