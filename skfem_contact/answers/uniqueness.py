@@ -23,11 +23,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor
+from scipy.linalg import LinAlgError
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.state import OPEN, SLIP, State
+from skfem_contact.linalg.dense_factors import cho_factor
 from skfem_contact.problem.points import LOOSE, PointSpace
 from skfem_contact.problem.substructure import inverse_of
 
@@ -208,7 +209,7 @@ def _unheld(space: PointSpace, opened: Mask, soft: Mask, G: Array) -> tuple[NDAr
 
 def _factor(A: Array) -> Array:
     """Cholesky factor of the stiffness that free rows meet; closed points have to hold them."""
-    L = cho_factor(A, lower=True, check_finite=False)[0]
+    L = cho_factor(A)[0]
     pivots = np.diag(L)
     if np.min(pivots, initial=1.0) < LOOSE * np.max(pivots, initial=0.0):
         raise LinAlgError("the closed points leave a motion free")

@@ -106,7 +106,8 @@ class Dense(Backend):
             full, failed = lapack.dpotrf(full, lower=1, clean=0, overwrite_a=1)
             pivots = full.diagonal() ** 2
         else:
-            full, rows, failed = lapack.dgetrf(full, overwrite_a=1)
+            # LAPACK takes no equations at all for an illegal value
+            full, rows, failed = lapack.dgetrf(full, overwrite_a=1) if full.size else (full, None, 0)
             pivots = np.abs(full.diagonal())
         check_pivots(pivots, scale, failed, solve)
         return Factorisation("dense Cholesky" if spd else "dense LU", full.nbytes, solve)

@@ -22,12 +22,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, block_diag, cho_factor, lu_factor, lu_solve
+from scipy.linalg import LinAlgError, block_diag
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import FIXED, Kinematics, without_columns
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.linalg.dense_factors import cho_factor, lu_factor, lu_solve
 from skfem_contact.linalg.direct import Dense
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.spaces import Load, Response, Source, SparseSpace
@@ -189,7 +190,7 @@ class PointRows(Rows):
         self.q = q = len(normal) + len(tangential)
         A = _inverse(G @ model.row_flexibility(G).T)
         self.A_zq, self.A_qq = A[:q, q:].copy(), A[q:, q:].copy()
-        self.rigid = lu_factor(self.A_qq - np.eye(len(A) - q), check_finite=False)
+        self.rigid = lu_factor(self.A_qq - np.eye(len(A) - q))
         S = A
         if len(A) > q:
             S = A[:q, :q] - self.A_zq @ self._rigid_solve(self.A_zq.T)
@@ -201,9 +202,7 @@ class PointRows(Rows):
         self.space = PointSpace(S, normal_rows, tangential_rows.reshape(kin.m, t))
 
     def _rigid_solve(self, b: Array) -> Array:
-        if len(self.rigid[0]) == 0:
-            return np.zeros_like(b)
-        return np.asarray(lu_solve(self.rigid, b, check_finite=False))
+        return lu_solve(self.rigid, b)
 
     def load(self, case: LoadCase) -> Load:
         """A load case in the unknowns of the space."""
@@ -273,7 +272,7 @@ def _inverse(W: Array) -> Array:
     """
     scale = np.sqrt(np.diag(W))
     W = 0.5 * (W + W.T) / np.outer(scale, scale)
-    factor = cho_factor(W, lower=True, check_finite=False)
+    factor = cho_factor(W)
     if np.min(np.diag(factor[0]), initial=1.0) < DEPENDENT:
         raise LinAlgError("dependent contact rows")
     inverse = inverse_of(factor[0])

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve, lu_factor, lu_solve
+from scipy.linalg import LinAlgError
 
+from skfem_contact.linalg.dense_factors import cho_factor, cho_solve, lu_factor, lu_solve
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem.spaces import Conditions, Load, Response, friction_force
 
@@ -170,14 +171,14 @@ class Reduction:
         self.rows = rows = np.sort(rows[rows >= 0])
         self.rest = rest = np.setdiff1d(np.arange(len(space.S)), rows)
         try:
-            self._factor = cho_factor(space.S[np.ix_(rest, rest)], lower=True, check_finite=False)
+            self._factor = cho_factor(space.S[np.ix_(rest, rest)])
         except LinAlgError:
             self.good = False
             return
         pivots = np.diag(self._factor[0])
         self.good = bool(np.min(pivots, initial=1.0) >= LOOSE * np.max(pivots, initial=0.0))
         coupling = space.S[np.ix_(rest, rows)]
-        self._follow = cho_solve(self._factor, coupling, check_finite=False)
+        self._follow = cho_solve(self._factor, coupling)
         S = space.S[np.ix_(rows, rows)] - coupling.T @ self._follow
         place = np.full(len(space.S) + 1, -1)
         place[rows] = np.arange(len(rows))
@@ -196,7 +197,7 @@ class Reduction:
         """A load on the rows that are kept; the same load is reduced once."""
         if self._load is not load:
             self._load = load
-            self._at_rest = cho_solve(self._factor, load.force[self.rest], check_finite=False)
+            self._at_rest = cho_solve(self._factor, load.force[self.rest])
             force = load.force[self.rows] - self._follow.T @ load.force[self.rest]
             self._reduced = replace(load, force=force)
         return self._reduced
@@ -221,13 +222,13 @@ def dense_solver(A: Array, symmetric: bool) -> Any:
     """Factorise a dense matrix, which it may overwrite: Cholesky, or LU with a check of the pivots."""
     if symmetric:
         try:
-            factor = cho_factor(A, lower=True, check_finite=False, overwrite_a=True)
+            factor = cho_factor(A, overwrite=True)
         except LinAlgError:
             raise SingularMatrix("the matrix of the contact problem is not positive definite") from None
-        return lambda b: cho_solve(factor, b, check_finite=False)
+        return lambda b: cho_solve(factor, b)
     largest = np.max(np.abs(np.diag(A)), initial=0.0)
-    factor = lu_factor(A, check_finite=False, overwrite_a=True)
+    factor = lu_factor(A, overwrite=True)
     pivots = np.abs(np.diag(factor[0]))
     if len(pivots) and not pivots.min() > 1e-14 * largest:
         raise SingularMatrix("the matrix of the contact problem is singular")
-    return lambda b: lu_solve(factor, b, check_finite=False)
+    return lambda b: lu_solve(factor, b)

@@ -11,12 +11,13 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor
+from scipy.linalg import LinAlgError
 from scipy.linalg.lapack import dpotri
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.body import Body
 from skfem_contact.errors import InputError
+from skfem_contact.linalg.dense_factors import cho_factor
 from skfem_contact.linalg.multifrontal.factor import Estimate, MultifrontalCholesky, estimate
 
 Array = NDArray[np.float64]
@@ -155,7 +156,7 @@ class Substructure:
         """``(S + P P')^-1``, shape (n_c, n_c) [length/force]."""
         if len(self.kept) == 0:
             return np.zeros((0, 0))
-        factor = cho_factor(self.S + self.springs @ self.springs.T, lower=True, check_finite=False)
+        factor = cho_factor(self.S + self.springs @ self.springs.T)
         return inverse_of(factor[0])
 
     @property

@@ -1,0 +1,73 @@
+"""Matrices without entries: LAPACK calls them illegal on stderr, and nobody is to hear of it."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+import scipy.linalg
+import skfem as fem
+from skfem.models.elasticity import linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact.linalg.dense_factors import cho_factor, cho_solve, lu_factor, lu_solve
+from skfem_contact.linalg.direct import Dense
+
+
+@pytest.mark.parametrize("spd", [True, False])
+def test_no_equations(spd, capfd):
+    """A dense factorisation of no equations has a solution without entries, and says nothing."""
+    solve = Dense().factorize(np.zeros((0, 0)), spd=spd).solve
+    assert solve(np.zeros(0)).shape == (0,)
+    for factor, solve in ((lu_factor, lu_solve), (cho_factor, cho_solve)):
+        known = factor(np.zeros((0, 0)))
+        assert solve(known, np.zeros(0)).shape == (0,) and solve(known, np.zeros((0, 3))).shape == (
+            0,
+            3,
+        )
+        assert solve(factor(np.eye(2)), np.zeros((2, 0))).shape == (2, 0)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.fixture
+def strict(monkeypatch):
+    """Earlier versions of SciPy hand empty matrices on to LAPACK; here whoever does so is found out."""
+
+    def guarded(function):
+        def call(*args, **settings):
+            arrays = [a for arg in args for a in (arg if isinstance(arg, tuple) else (arg,))]
+            assert all(np.size(a) for a in arrays), f"{function.__name__} of an empty matrix"
+            return function(*args, **settings)
+
+        return call
+
+    for name in ("lu_factor", "lu_solve", "cho_factor", "cho_solve", "qr", "solve_triangular"):
+        monkeypatch.setattr(scipy.linalg, name, guarded(getattr(scipy.linalg, name)))
+
+
+@pytest.mark.parametrize("linear", ["auto", sc.Direct(), Dense()], ids=["auto", "direct", "dense"])
+@pytest.mark.parametrize("law", [None, sc.Coulomb(0.3), sc.Coulomb(0.3, stiffness=1e2)], ids=str)
+@pytest.mark.parametrize("D", ["top", "all", "none"])
+@pytest.mark.parametrize("height", [-0.01, 0.5])
+def test_a_report_is_all_that_is_printed(D, law, linear, height, strict, capfd):
+    """Held at its top, everywhere or nowhere, on a floor or above it: no word but ours."""
+    basis = fem.Basis(
+        fem.MeshQuad().refined(1).with_defaults(), fem.ElementVector(fem.ElementQuad1()), intorder=2
+    )
+    down = basis.project(lambda x: np.stack([0 * x[0], height + 0 * x[0]]))
+    held = {"top": "top", "all": np.arange(basis.N), "none": None}[D]
+    body = sc.Body(
+        basis, linear_elasticity(0.0, 0.5), D=held, x=None if held is None else down, name="block"
+    )
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    solver = sc.ContactSolver(
+        body, sc.Contact(body.surface("bottom"), floor, friction=law), linear=linear
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sc.ContactWarning)
+        result = solver.solve(throw=False)
+        text = str(solver) + str(result)
+        result.certificate, result.validity, result.uniqueness, result.u  # noqa: B018
+    assert result.converged and "Certificate" in text
+    assert capfd.readouterr() == ("", "")
