@@ -39,7 +39,9 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
         np.diag(np.r_[np.full(m, K_N), np.full(m, K_T)]), np.arange(m), m + np.arange(m)[:, None]
     )
     load = Load(np.r_[-normal, tangential], np.full(m, gap), np.zeros((m, 1)), np.zeros(0))
-    still = natural_state(SimpleNamespace(m=m, tangents=1, gap0=np.zeros(m), area=np.ones(m)), 0)
+    own = np.full(m, -1)  # no point carries the row of a vertex
+    kin = SimpleNamespace(m=m, tangents=1, gap0=np.zeros(m), area=np.ones(m), vertex=own)
+    still = natural_state(kin, 0)
     return Step(
         space=space,
         load=load,

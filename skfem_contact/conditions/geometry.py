@@ -186,6 +186,19 @@ class Geometry:
         moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
         return float(np.maximum(np.max(gap, initial=0.0) / self.system.extent, moved))
 
+    def least_settled(self, placement: Placement, new: Kinematics, state: State) -> int:
+        """The point that makes most of the `mismatch`: by its gap, or by where its force goes."""
+        old, closed = placement.kin, state.status != 0
+        wrong = np.where(closed, np.abs(new.gap0), np.maximum(-new.gap0, 0.0)) / self.system.extent
+        wrong = np.where(self.finite & new.paired & old.paired, wrong, 0.0)
+        forces = np.column_stack([state.normal_force, state.tangential_force])
+        scale = np.max(np.abs(forces), initial=np.finfo(float).tiny)
+        rows = [abs(new.B_n - old.B_n).max(axis=1).toarray().ravel()]
+        if state.tangential_force.any():  # without friction nobody has made these rows
+            rows.append(abs(new.B_t - old.B_t).max(axis=1).toarray().ravel())
+        moved = sum(row * np.abs(force) for row, force in zip(rows, forces.T, strict=False)) / scale
+        return int(np.argmax(np.maximum(wrong, moved)))
+
 
 def surface_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.intp]:
     """DOFs (stacked) of the surfaces of contacts that slide far."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.bodies.selection import place
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
@@ -47,6 +48,12 @@ class Interface:
     frictional: Mask
     tied: Mask
     stiffness: Array
+
+    def point_words(self, point: int, position: Array) -> str:
+        """A contact point in words, with the place where it is now."""
+        i = next(k for k, part in enumerate(self.parts) if part.start <= point < part.stop)
+        number = point - self.parts[i].start
+        return f"point {number} of contact {self.names[i]!r}, now at {place(position)},"
 
     @property
     def slipping(self) -> Mask:

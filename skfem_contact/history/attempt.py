@@ -32,6 +32,7 @@ class Attempt:
     mismatch: float = 0.0
     failure: str = ""
     travel: float = 0.0  # of the point that slid furthest, over what is allowed
+    culprit: int = -1  # the point whose partner or way made the attempt fail
 
     @property
     def good(self) -> bool:

@@ -31,6 +31,8 @@ from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.driver import converged_words
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Record
+from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.pairing.corners import Corners
 from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
 
 Known = ContactResult | SavedState | None
@@ -288,13 +290,33 @@ class LoadStep:
         if free is not None:
             shown = found.refuted is not None
             return no_equilibrium(motions, free, CAN_CARRY, attempt.case.f, result, shown)
+        usually = (
+            "Usually the load has no equilibrium or several (a large coefficient of friction), or the "
+            "step is too large for its path. Try smaller load steps in history(...), another loop, or "
+            "a smaller mu; "
+        )
+        if attempt.culprit >= 0 and self._has_corners(attempt.culprit):
+            usually = (
+                "Its surfaces have sharp corners. Usually a face gives way to the next one there: the "
+                "body snaps from the one to the other, and between them there is no equilibrium, "
+                "however small the step. Round the corners by an arc of a few facets, push "
+                "less deep, or lead the bodies apart and together again behind the corner; "
+            )
         return NotConverged(
-            f"The loop '{self.stepper.loop}' did not converge: {result.message}. Usually the load has "
-            "no equilibrium or several (a large coefficient of friction), or the step is too large "
-            "for its path. Try smaller load steps in history(...), another loop, or a smaller mu; "
+            f"The loop '{self.stepper.loop}' did not converge: {result.message}. {usually}"
             "the last state is in `.result` of this exception, the steps before it in `.results`.",
             result,
         )
+
+    def _has_corners(self, point: int) -> bool:
+        """Whether the surfaces of a point's contact have convex corners, their ends included."""
+        parts = self.interface.parts
+        i = next(k for k, part in enumerate(parts) if part.start <= point < part.stop)
+        contact = self.interface.contacts[i]
+        sides = [
+            side for side in (contact.secondary, contact.primary) if not isinstance(side, Obstacle)
+        ]
+        return any(len(Corners.of(side).node) for side in sides)
 
 
 def _said(start: Known) -> Said:

@@ -217,8 +217,11 @@ class Stepper:
                     return self._settled(attempt, own, mismatch)
             start, known = "warm", attempt.state
             placement = self.place(next_kin, u)
-        words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e})"
-        return replace(attempt, mismatch=mismatch, failure=words)
+        point = geometry.least_settled(attempt.placement, next_kin, attempt.state)
+        words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e}): "
+        words += self.interface.point_words(point, next_kin.points[point])
+        words += " meets another partner in every round"
+        return replace(attempt, mismatch=mismatch, failure=words, culprit=point)
 
     def _settled(self, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
         """The attempt whose pairing is that of its own answer, with the gaps of that."""
@@ -232,16 +235,17 @@ class Stepper:
         last = attempt.start
         closed = (attempt.state.status != OPEN) & (last.status != OPEN) & self.geometry.finite
         slid = np.linalg.norm(attempt.state.slip - last.slip, axis=1)
-        travel = 0.0
+        travel, culprit = 0.0, -1
         for contact, part in zip(self.interface.contacts, self.interface.parts, strict=True):
-            furthest = np.max(slid[part][closed[part]], initial=0.0)
-            travel = np.maximum(
-                travel, furthest / (self.options.max_travel * np.mean(contact.secondary.lengths))
-            )
-        failure = attempt.failure
+            way = np.where(closed[part], slid[part], 0.0)
+            share = np.max(way) / (self.options.max_travel * np.mean(contact.secondary.lengths))
+            if not share <= travel:  # a NaN as well
+                travel, culprit = float(share), part.start + int(np.argmax(way))
         if travel > max(limit, 1.0 + ROUND_OFF):
-            failure = f"a point slid {travel:.3g} times as far as max_travel allows"
-        return replace(attempt, failure=failure, travel=float(travel))
+            words = self.interface.point_words(culprit, attempt.placement.kin.points[culprit])
+            words += f" slid {travel:.3g} times as far as max_travel allows"
+            return replace(attempt, failure=words, travel=travel, culprit=culprit)
+        return replace(attempt, travel=travel)
 
     def _solve(
         self,

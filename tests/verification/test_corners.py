@@ -7,8 +7,8 @@ import warnings
 
 import numpy as np
 import pytest
-from corner_scenes import CORNER, FACET, overlap, path, scene, wedge
-from sliding_scenes import dragged_block, travel
+from corner_scenes import CORNER, FACET, HOME, overlap, path, placed, ring, scene, wedge
+from sliding_scenes import dragged_block, elastic, travel
 
 import skfem_contact as sc
 
@@ -180,3 +180,34 @@ def test_friction_goes_along_with_a_vertex(law, method):
     # the block tilts below the wedge, by 0.01; Coulomb's bound is reached once, and kept to
     expected = 0.3 if isinstance(law, sc.Coulomb) else 0.4 - 2 * np.minimum(way, 0.1)
     np.testing.assert_allclose(ratio[3:], np.broadcast_to(expected, ratio.shape)[3:], atol=0.01)
+
+
+@pytest.mark.filterwarnings("ignore::skfem_contact.ContactWarning")
+@pytest.mark.parametrize("method", ["node", "mortar"])
+def test_a_square_led_round_a_corner_is_refused_by_name(method):
+    """Face to face round a square corner is no equilibrium: the words say where, and what to do."""
+    solver, put = scene("disc", method, "both", shape="square")
+    places = [put(*place) for place in path("round", 6)]
+    words = (
+        r"point \d+ of contact 'c', now at \(.*\), (slid|meets another partner) .*sharp corners.*"
+        r"Round the corners .* behind the corner; the last state is in `.result`"
+    )
+    with pytest.raises(sc.NotConverged, match=words) as caught:
+        list(solver.history(places))
+    # at the corner, in the middle of the way round it, and what came before is not lost
+    assert len(caught.value.results) > 6
+    assert not caught.value.result.converged
+
+
+def test_refusals_without_corners_blame_none():
+    """A disc on a plane has no corner: where its pairing may not settle, the point is named alone."""
+    tool = ring()
+    disc = sc.Body(tool, elastic(1.0), D="inner", name="disc")
+    ground = sc.RigidPlane((0, 0), (0, 1))
+    contact = sc.Contact(disc.surface("outer"), ground, sliding="finite", name="c")
+    options = sc.Options(placement_tolerance=0.0, max_placements=2, max_cuts=0)
+    solver = sc.ContactSolver(disc, contact, options=options)
+    step = {"x": {"disc": placed(tool, disc.D, HOME - [0.0, 0.04])}}
+    with pytest.raises(sc.NotConverged, match=r"point \d+ of contact 'c', now at ") as caught:
+        list(solver.history([step]))
+    assert "corners" not in str(caught.value)
