@@ -38,7 +38,7 @@ def slid_on(angle):
     way = 0.2 * np.array([np.cos(angle), np.sin(angle)])
     u[solver.system.slice("punch")] = way[punch.dof_component]
     case = solver._load_step.reader.unloaded()
-    return solver.geometry, SimpleNamespace(kin=solver.kin), solver.geometry.at(u, case)
+    return solver.geometry, solver.kin, solver.geometry.at(u, case)
 
 
 @pytest.fixture(scope="module")
@@ -61,21 +61,21 @@ def test_forces_that_move_to_other_nodes(slid, share):
     On a flat track the normal forces are those along y, friction those along x; a law of a user's own
     may have friction that is larger than the pressure.
     """
-    geometry, placement, new = slid
-    found = geometry.mismatch(placement, new, state([1.0, 0.0], [share, 0.0]))
+    geometry, old, new = slid
+    found = geometry.mismatch(old, new, state([1.0, 0.0], [share, 0.0]))
     assert_allclose(found, 0.2 * max(share, 1.0), rtol=1e-12)
 
 
 def test_gaps_count_where_no_force_moves(slid):
     """Without forces only gaps are left, and there are none."""
-    geometry, placement, new = slid
-    assert geometry.mismatch(placement, new, state([0.0, 0.0], [0.0, 0.0])) == 0.0
+    geometry, old, new = slid
+    assert geometry.mismatch(old, new, state([0.0, 0.0], [0.0, 0.0])) == 0.0
 
 
 def test_friction_and_pressure_are_the_parts_of_one_force():
     """On a track inclined by 0.5 the force on a point is ``p n - tau t``, and 0.2 of it move on."""
-    geometry, placement, new = slid_on(0.5)
+    geometry, old, new = slid_on(0.5)
     normal, tangent = np.array([-np.sin(0.5), np.cos(0.5)]), -np.array([np.cos(0.5), np.sin(0.5)])
     for friction in (0.5, -0.5):
-        found = geometry.mismatch(placement, new, state([1.0, 0.0], [friction, 0.0]))
+        found = geometry.mismatch(old, new, state([1.0, 0.0], [friction, 0.0]))
         assert_allclose(found, 0.2 * np.abs(normal - friction * tangent).max(), rtol=1e-9)

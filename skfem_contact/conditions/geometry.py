@@ -186,9 +186,9 @@ class Geometry:
         moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
         return float(np.maximum(np.max(gap, initial=0.0) / self.system.extent, moved))
 
-    def least_settled(self, placement: Placement, new: Kinematics, state: State) -> int:
+    def least_settled(self, old: Kinematics, new: Kinematics, state: State) -> int:
         """The point that makes most of the `mismatch`: by its gap, or by where its force goes."""
-        old, closed = placement.kin, state.status != 0
+        closed = state.status != 0
         wrong = np.where(closed, np.abs(new.gap0), np.maximum(-new.gap0, 0.0)) / self.system.extent
         wrong = np.where(self.finite & new.paired & old.paired, wrong, 0.0)
         forces = np.column_stack([state.normal_force, state.tangential_force])

@@ -217,7 +217,7 @@ class Stepper:
                     return self._settled(attempt, own, mismatch)
             start, known = "warm", attempt.state
             placement = self.place(next_kin, u)
-        point = geometry.least_settled(attempt.placement, next_kin, attempt.state)
+        point = geometry.least_settled(attempt.placement.kin, next_kin, attempt.state)
         words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e}): "
         words += self.interface.point_words(point, next_kin.points[point])
         words += " meets another partner in every round"
