@@ -138,3 +138,13 @@ def test_certificate_of_a_body_moved_as_a_whole():
     assert np.all(moved.status == 0)
     # round-off of K u, over the millionth part of its terms that stands in for a force
     assert moved.certificate.worst < 1e-8
+
+
+def test_a_result_is_one_line_where_nobody_prints_it(result):
+    """In a notebook, and in the list of results that an exception carries: no pages of arrays."""
+    line = repr(result)
+    assert line.startswith("<ContactResult: converged in ") and "\n" not in line and len(line) < 200
+    for values in result.values:
+        counts = [int(np.sum(values.status == k)) for k in range(3)]
+        words = f"<{values.name}: {counts[0]} open, {counts[1]} stick, {counts[2]} slip>"
+        assert repr(values) == words and words in line

@@ -226,6 +226,10 @@ class ContactResult(Answer):
             )
         return getattr(self.values[0], name)
 
+    def __repr__(self) -> str:
+        contacts = "; ".join(map(repr, self.values))
+        return f"<ContactResult: {self.message}; {contacts}>"
+
     def __str__(self) -> str:
         from skfem_contact.answers.report import (
             report,

@@ -79,6 +79,10 @@ class ContactValues:
     def __post_init__(self) -> None:
         seal(self)
 
+    def __repr__(self) -> str:
+        open_, stick, slip = (int(np.sum(self.status == k)) for k in range(3))
+        return f"<{self.name}: {open_} open, {stick} stick, {slip} slip>"
+
     @cached_property
     def slip(self) -> Array:
         """Of the secondary relative to the primary, since the point closed, (m, d-1) [length].
