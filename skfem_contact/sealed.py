@@ -34,8 +34,8 @@ def seal(value: Any) -> None:
     """Make all arrays and matrices that an object has read-only; for every result, so it is quick."""
     for part in vars(value).values():
         if isinstance(part, np.ndarray):
-            sealed(part)
-        elif isinstance(part, csr_matrix) and part.data.flags.writeable:
+            part.flags.writeable = False
+        elif type(part) is csr_matrix and part.data.flags.writeable:
             sealed_matrix(part)
 
 

@@ -173,3 +173,32 @@ def test_increments_do_not_touch_the_interior(mu: Any, sliding: str, monkeypatch
     results = list(history)
     assert len(results) == 2 and not read
     assert results[-1].certificate.worst < 1e-10 and read  # asked for, it multiplies with K
+
+
+def test_increments_compute_nothing_that_only_questions_need(blocks: Any, monkeypatch: Any) -> None:
+    """Forces that displacements follow from, singular values and ends of surfaces: where asked for."""
+    from skfem_contact.answers.validity.drift import Track
+    from skfem_contact.problem.condensed import PointRows
+
+    upper = blocks.floating  # contact alone holds it sideways
+    pair = blocks.contact(upper, friction=sc.Coulomb(0.3))
+    steps = (blocks.moved(upper, down, 0.0) for down in (0.9, 1.0, 1.1))
+    history = sc.ContactSolver([upper, blocks.lower], pair).history(steps)
+    next(history)  # what is asked for once has been
+    calls: list[str] = []
+
+    def count(owner: Any, name: str) -> None:
+        known = getattr(owner, name)
+
+        def counted(*given: Any, **settings: Any) -> Any:
+            calls.append(name)
+            return known(*given, **settings)
+
+        monkeypatch.setattr(owner, name, counted)
+
+    count(PointRows, "source")
+    count(Track, "_past_ends")
+    count(np.linalg, "svd")
+    results = list(history)
+    assert len(results) == 2 and not calls
+    assert results[-1].certificate.worst < 1e-10 and "source" in calls

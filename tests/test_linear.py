@@ -303,7 +303,7 @@ def test_single_threaded():
 def test_single_threaded_without_threadpoolctl(monkeypatch):
     """Without the optional package nothing is limited, and nothing fails."""
     monkeypatch.setitem(sys.modules, "threadpoolctl", None)
-    threads._threads.cache_clear()
+    threads._blas.cache_clear()
     with single_threaded():
         pass
-    threads._threads.cache_clear()
+    threads._blas.cache_clear()

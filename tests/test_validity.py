@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.answers.validity.drift import curvatures, node_lengths, ways_to_ends
+from skfem_contact.answers.validity.drift import Track, curvatures, node_lengths, ways_to_ends
 from skfem_contact.answers.validity.overlap import Outline, outline
 
 QUAD = fem.ElementVector(fem.ElementQuad1())
@@ -537,6 +537,29 @@ def test_ways_to_the_ends_of_surfaces():
     behind, ahead = ways_to_ends(rim, np.arange(len(rim.facets)), rim.points[rim.facets[:, 0]])
     assert np.isinf(behind).all() and np.isinf(ahead).all()
     assert_allclose(curvatures(rim), 1.0, rtol=0.01)  # facets of 0.1
+
+
+def test_ends_are_looked_at_where_a_point_may_have_passed_them():
+    """Points that keep all of their share above the surface lose nothing: both ways say so."""
+    grid = np.linspace(0, 1, 9)
+    low, up = rectangle(grid, grid - 1.0, D="bottom"), rectangle(grid, grid, D="top")
+    contact = sc.Contact(up.surface("bottom"), low.surface("top"), friction=sc.Coulomb(0.3))
+    solver = sc.ContactSolver([low, up], contact)
+    gap, part = np.zeros(9), slice(0, 9)
+    short, long = (Track(contact, solver.geometry.pairings[0], solver.kin.gap0) for _ in range(2))
+    long.room = np.full(9, -np.inf)
+    order = np.argsort(short.points[:, 0])
+    for first in range(5):
+        closed = np.zeros(9, dtype=bool)
+        closed[order[first : 9 - first]] = True
+        for slip in (0.0, 0.02, 0.06, 0.07, 0.13, -0.19, 0.4, -0.5):
+            given = closed, np.full(9, slip), gap, np.ones(9), 1e-3, None, 0, part
+            found = short.drift(*given)
+            assert found == long.drift(*given)
+            # a point counts with the 1/8 of the surface around it, of which the slip takes its part
+            lost = [np.clip(abs(slip) - (k - 0.5) / 8, 0, 1 / 8) * 8 for k in range(first, 9 - first)]
+            lost[0] = min(8 * abs(slip), 0.5) / 0.5 if first == 0 else lost[0]
+            assert_allclose(found["beyond_share"], sum(lost) / len(lost), atol=1e-12)
 
 
 def test_angle_between_the_sides(fine):

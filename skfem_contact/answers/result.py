@@ -68,8 +68,10 @@ class ContactResult(Answer):
         object.__setattr__(self, "watched", watched)
 
     def _seal(self) -> None:
-        for part in (self, self.kin, self.state, self.case, self.seen, self.settings):
+        for part in (self, self.state, self.case, self.settings):
             seal(part)
+        if self.seen is not self.case:
+            seal(self.seen)
         if "u" in vars(self):
             sealed(self.u)
 
@@ -90,6 +92,7 @@ class ContactResult(Answer):
     def __setstate__(self, known: dict[str, Any]) -> None:
         vars(self).update(known)
         self._seal()
+        seal(self.kin)  # a pairing that is solved on has been
 
     def __getitem__(self, key: Contact | str | int) -> ContactValues:
         return self.values[self._position(key)]

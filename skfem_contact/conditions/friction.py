@@ -177,15 +177,18 @@ class Coulomb(FrictionLaw):
         return bool(np.all(np.isinf(np.asarray(self.tau_max, dtype=float))))
 
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        return np.minimum(self.mu * normal_force + self.cohesion * area, self._cap(area))
+        bound = self._uncapped(normal_force, area)
+        # inf * 0 is nan: an area of zero has no cap either
+        return bound if self.tau_max == np.inf else np.minimum(bound, self.tau_max * area)
 
     def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        capped = self.mu * normal_force + self.cohesion * area >= self._cap(area)
-        return np.where(capped, 0.0, self.mu * np.ones_like(normal_force))
+        steady = self.mu * np.ones_like(normal_force)
+        if self.tau_max == np.inf:
+            return steady
+        return np.where(self._uncapped(normal_force, area) >= self.tau_max * area, 0.0, steady)
 
-    def _cap(self, area: Array) -> Array:
-        # inf * 0 is nan: an area of zero has no cap either
-        return np.full_like(area, np.inf) if self.tau_max == np.inf else self.tau_max * area
+    def _uncapped(self, normal_force: Array, area: Array) -> Array:
+        return np.asarray(self.mu * normal_force + self.cohesion * area)
 
 
 @dataclass(frozen=True, eq=False, init=False)

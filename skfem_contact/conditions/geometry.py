@@ -55,6 +55,7 @@ class Geometry:
         self.finite = np.zeros(self.kin.m, dtype=bool)
         for contact, part in zip(contacts, parts, strict=True):
             self.finite[part] = contact.sliding == "finite"
+        self.follows = bool(self.finite.any())  # whether any contact slides far
         self.surface_dofs = surface_dofs(system, contacts)
 
     @cached_property
@@ -83,11 +84,6 @@ class Geometry:
         if self.follows:
             self._offsets  # noqa: B018 (of given gaps, whose functions may stay behind)
         return dict(vars(self))
-
-    @property
-    def follows(self) -> bool:
-        """Whether any contact slides far."""
-        return bool(self.finite.any())
 
     def at(self, u: Array, case: LoadCase, before: Kinematics | None = None) -> Kinematics:
         """Gaps, rows and frames at displacements u of the surfaces, shape (n,).

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +83,11 @@ class LoadCase:
     slip0: Array
     interference: Array
     motion: tuple[Motion, ...]
+
+    @cached_property
+    def largest_force(self) -> float:
+        """Largest entry of the load; asked for by all that tells forces from round-off [force]."""
+        return float(max(np.max(self.f, initial=0.0), -np.min(self.f, initial=0.0)))
 
     def towards(self, other: LoadCase, share: float) -> LoadCase:
         """The load on the straight way from this one to another."""

@@ -36,6 +36,8 @@ NOT_SHOWN = (
 # A row that holds a mode of unit size resists it by a number of order one; one that does not, by
 # round-off. Everything below this counts as free: the matrix would lose more digits than it has.
 HELD = 1e-9
+# Round-off of squares of singular values, over the largest of them.
+DIGITS = 1e-12
 
 #: Why a body may stand elsewhere.
 NOWHERE = "nothing loads it and nothing holds it there; it stands where it has moved least"
@@ -210,8 +212,22 @@ def no_equilibrium(
 def null_space(rows: Array, least: float = HELD) -> Array:
     """Directions that all rows leave at zero, shape (k, j), orthonormal."""
     k = rows.shape[1]
-    if rows.shape[0] == 0:
+    if rows.size == 0:
         return np.eye(k)
+    if _holds_all(rows, least):
+        return np.zeros((k, 0))
     _, values, directions = np.linalg.svd(rows, full_matrices=rows.shape[0] < k)
     values = np.concatenate([values, np.zeros(len(directions) - len(values))])
     return directions[values < least * max(1.0, np.max(values, initial=0.0))].T
+
+
+def _holds_all(rows: Array, least: float) -> bool:
+    """Whether no direction is anywhere near the bound: what nearly every load step asks.
+
+    By the squares of the singular values, the eigenvalues of a matrix of few directions. They have
+    half of the digits, so the bound is taken twice as high, and above their round-off.
+    """
+    products = rows.T @ rows
+    squares = np.linalg.eigvalsh(products) if len(products) > 1 else products.ravel()
+    smallest, largest = float(squares[0]), float(squares[-1])
+    return smallest > (2 * least) ** 2 * max(1.0, largest) + DIGITS * largest

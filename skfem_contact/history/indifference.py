@@ -20,6 +20,7 @@ are the same at each of these places. They are found in three steps, each only w
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,8 @@ NOTHING = 1e-9
 FAINT = 1e-7
 # A force that is none whatever made it, over the terms that cancel where nothing presses.
 ROUND_OFF = 1e-12
+# The smallest number that is divided by.
+TINY = float(np.finfo(float).tiny)
 # Where contact slides far its normals turn by the strains of the surfaces: motions that points hold by
 # no more than that may be free. Whether they are the reaction of the held DOFs says.
 TURNED = 1e-2
@@ -86,64 +89,84 @@ class Rest:
     recover: Recovery
 
 
-def idles(model: LinearModel, attempt: Attempt, holds: Mask) -> bool:
-    """Whether an answer rests on points that carry nothing: some motion is held by nothing else.
+@dataclass(frozen=True, eq=False)
+class Grip:
+    """What holds the bodies at an answer: points that carry a force, and friction.
 
-    A point holds a motion by the work of its force: one that hardly moves on it and hardly carries
-    anything (a point of an arc, that a body has rolled to by several widths) holds by round-off.
+    Attributes
+    ----------
+    motions : RigidMotions
+        Those that supports leave free, as the pairing of the answer sees them.
+    state : State
+    carrying : ndarray of bool, shape (m,)
+        Points with more than round-off of a force, glued ones too.
+    stick : ndarray of bool, shape (m,)
+        Of these the ones that friction or glue holds.
+    largest : float
+        Largest normal force, or what is round-off of the loads where nothing presses [force].
+    firmly : float
+        What holds a motion, see `RigidMotions.free`.
     """
-    motions, state = attempt.placement.motions, attempt.state
-    if motions.k == 0:
-        return False
-    carrying, floor = _carrying(model, attempt)
-    tied = motions.kin.tied & motions.kin.paired
-    largest = np.max(np.abs(state.normal_force), initial=0.0)
-    stick = carrying & holds & (state.status == STICK)
-    if motions.free(carrying, stick, TURNED if model.geometry.follows else HELD).shape[1]:
-        return True
-    share = np.where(tied, 1.0, state.normal_force / max(largest, floor, np.finfo(float).tiny))
-    rows = [share[carrying, None] * motions.normal[carrying]]
-    if stick.any():
-        rows.append(motions.tangential[stick].reshape(-1, motions.k))
-    return null_space(np.concatenate(rows), FAINT).shape[1] > 0
 
+    motions: RigidMotions
+    state: State
+    carrying: Mask
+    stick: Mask
+    largest: float
+    firmly: float
 
-def _carrying(model: LinearModel, attempt: Attempt) -> tuple[Mask, float]:
-    """Points with more than round-off of a force, glued ones too; and that round-off [force]."""
-    motions, state = attempt.placement.motions, attempt.state
-    largest = np.max(np.abs(state.normal_force), initial=0.0)
-    floor = max(NOTHING * largest, ROUND_OFF * force_terms(model, attempt.case))
-    carrying = (state.status != OPEN) & (state.normal_force > floor)
-    return np.asarray(carrying | (motions.kin.tied & motions.kin.paired)), float(floor)
+    @classmethod
+    def of(cls, model: LinearModel, attempt: Attempt, interface: Interface) -> Grip:
+        """That of an attempt."""
+        motions, state = attempt.placement.motions, attempt.state
+        largest = float(np.max(np.abs(state.normal_force), initial=0.0))
+        floor = max(NOTHING * largest, ROUND_OFF * force_terms(model, attempt.case))
+        carrying = (state.status != OPEN) & (state.normal_force > floor)
+        carrying |= motions.kin.tied & motions.kin.paired
+        stick = carrying & interface.slipping & (state.status == STICK)
+        firmly = TURNED if model.geometry.follows else HELD
+        return cls(motions, state, carrying, stick, max(largest, floor, TINY), firmly)
 
+    @cached_property
+    def idles(self) -> bool:
+        """Whether an answer rests on points that carry nothing: some motion is held by nothing else.
 
-def adrift(model: LinearModel, attempt: Attempt, interface: Interface) -> tuple[str, ...]:
-    """Sentences on bodies whose place an answer does not decide, and that were not settled.
+        A point holds a motion by the work of its force: one that hardly moves on it and hardly carries
+        anything (a point of an arc, that a body has rolled to by several widths) holds by round-off.
+        """
+        motions, carrying = self.motions, self.carrying
+        if motions.free(carrying, self.stick, self.firmly).shape[1]:
+            return True
+        tied = motions.kin.tied & motions.kin.paired
+        share = np.where(tied, 1.0, self.state.normal_force / self.largest)
+        rows = [share[carrying, None] * motions.normal[carrying]]
+        if self.stick.any():
+            rows.append(motions.tangential[self.stick].reshape(-1, motions.k))
+        return null_space(np.concatenate(rows), FAINT).shape[1] > 0
 
-    A point that sticks with friction at its bound holds nothing: it may as well slip on, while
-    others that slipped do so less, and all forces stay. On which of them the body comes to rest is
-    a matter of the iterations. So it is where forces are round-off and contact slides far.
-    """
-    motions, state = attempt.placement.motions, attempt.state
-    if motions.k == 0:
-        return ()
-    carrying, _ = _carrying(model, attempt)
-    holds = (interface.frictional | interface.tied) & carrying & (state.status == STICK)
-    if not state.tangential_force.size:
-        free = motions.free(carrying, holds)
-        return motions.indifferent(free, BARELY) if free.shape[1] else ()
-    friction = np.linalg.norm(state.tangential_force, axis=1)
-    bound = np.where(interface.frictional, friction_bound(interface, state), np.inf)
-    full = holds & (friction >= (1 - NOTHING) * bound) & (friction > 0)
-    free = motions.free(carrying, holds & ~full)
-    if not free.shape[1]:
-        return ()
-    if free.shape[1] == 1 and full.any():  # all of them have to slip against their friction at once
-        slip = (motions.tangential[full] @ free)[..., 0]
-        work = np.einsum("pt,pt->p", slip, state.tangential_force[full])
-        if np.min(work) < 0 < np.max(work):
+    def adrift(self, interface: Interface) -> tuple[str, ...]:
+        """Sentences on bodies whose place an answer does not decide, and that were not settled.
+
+        A point that sticks with friction at its bound holds nothing: it may as well slip on, while
+        others that slipped do so less, and all forces stay. On which of them the body comes to rest is
+        a matter of the iterations. So it is where forces are round-off and contact slides far.
+        """
+        motions, state, full = self.motions, self.state, np.zeros_like(self.stick)
+        if state.tangential_force.size:
+            friction = np.linalg.norm(state.tangential_force, axis=1)
+            bound = np.where(interface.frictional, friction_bound(interface, state), np.inf)
+            full = self.stick & (friction >= (1 - NOTHING) * bound) & (friction > 0)
+        if not (full.any() or self.idles):  # all that sticks holds, and that is enough
             return ()
-    return motions.indifferent(free, BARELY)
+        free = motions.free(self.carrying, self.stick & ~full)
+        if not free.shape[1]:
+            return ()
+        if free.shape[1] == 1 and full.any():  # all of them have to slip against their friction at once
+            slip = (motions.tangential[full] @ free)[..., 0]
+            work = np.einsum("pt,pt->p", slip, state.tangential_force[full])
+            if np.min(work) < 0 < np.max(work):
+                return ()
+        return motions.indifferent(free, BARELY)
 
 
 @dataclass(eq=False)
@@ -311,9 +334,10 @@ class Indifference:
 
 def force_terms(model: LinearModel, case: LoadCase) -> float:
     """The largest load, or product of stiffness and prescribed displacement [force]."""
-    largest = float(np.max(np.abs(case.f), initial=0.0))
-    for body, stiffest in zip(model.system.bodies, model.stiffest, strict=True):
-        moved = np.max(np.abs(case.x[model.system.slice(body)][body.D]), initial=0.0)
+    largest = case.largest_force
+    system = model.system
+    for start, body, stiffest in zip(system.offsets[:-1], system.bodies, model.stiffest, strict=True):
+        moved = np.max(np.abs(case.x[start + body.D]), initial=0.0)
         largest = max(largest, stiffest * float(moved))
     return largest
 
@@ -334,7 +358,7 @@ def pins(model: LinearModel, free: Array) -> Array:
     U = model.motions.modes @ free
     chosen = qr(U.T, mode="economic", pivoting=True)[2][: U.shape[1]]
     springs = np.zeros(len(U))
-    diagonal = np.concatenate([K.diagonal() for K in model.stiffness])
+    diagonal = np.concatenate(model.diagonals)
     springs[chosen] = diagonal[chosen]
     return springs
 

@@ -23,7 +23,7 @@ from skfem_contact.conditions.statics import drives, escape
 from skfem_contact.errors import ContactWarning, InputError, NoEquilibrium, NotConverged
 from skfem_contact.history.attempt import Attempt, Walk, nothing, plastic_slip
 from skfem_contact.history.checkpoint import SavedState
-from skfem_contact.history.indifference import Indifference, Rest, adrift, idles, pins
+from skfem_contact.history.indifference import Grip, Indifference, Rest, pins
 from skfem_contact.history.read import Settings, StepReader
 from skfem_contact.history.recovery import Recovery
 from skfem_contact.history.stepping import Stepper
@@ -54,13 +54,15 @@ class Way:
 class Found:
     """What came out: the last attempt and the way to it; `rest` where it leaves motions free.
 
-    `refuted`: a motion (k,) by which statics alone shows that there is no equilibrium.
+    `refuted`: a motion (k,) by which statics alone shows that there is no equilibrium. `grip`: what
+    holds the bodies of an attempt that was good, where supports do not.
     """
 
     attempt: Attempt
     walk: Walk
     rest: Rest | None = None
     refuted: np.ndarray | None = None
+    grip: Grip | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,13 +142,14 @@ class LoadStep:
             if not may_float:
                 raise
             return self._freed(way, start, error)
-        if attempt.good and may_float and self._idles(attempt):
+        grip = Grip.of(model, attempt, self.interface) if attempt.good and may_float else None
+        if grip is not None and (model.loose.shape[1] or grip.idles):
             settled.append(self._try_settle(way, start))
         if settled and settled[-1] is not None:
             rest = settled[-1]
             rest.walk.trace[:0] = walk.trace
             return Found(rest.attempt, rest.walk, rest)
-        return Found(attempt, walk, None, refuted[0] if refuted else None)
+        return Found(attempt, walk, None, refuted[0] if refuted else None, grip)
 
     def _freed(self, way: Way, start: Known, error: SingularMatrix) -> Found:
         """The answer where a set of points left a motion free; no answer is no equilibrium.
@@ -168,7 +171,7 @@ class LoadStep:
         """What is to be said of bodies that may stand elsewhere."""
         if found.rest is not None:
             return self.model.motions.indifferent(found.rest.free)
-        return adrift(self.model, found.attempt, self.interface) if found.attempt.good else ()
+        return () if found.grip is None else found.grip.adrift(self.interface)
 
     def _settle(self, way: Way, start: Known) -> Rest | None:
         u_last = np.zeros(self.model.system.n) if start is None else start.u
@@ -180,11 +183,6 @@ class LoadStep:
             return self._settle(way, start)
         except SingularMatrix:  # springs as weak as these do not hold a body everywhere
             return None
-
-    def _idles(self, attempt: Attempt) -> bool:
-        return bool(self.model.loose.shape[1]) or idles(
-            self.model, attempt, self.interface.frictional | self.interface.tied
-        )
 
     @property
     def interface(self) -> Interface:
@@ -216,9 +214,8 @@ class LoadStep:
     @cached_property
     def watch(self) -> Watch:
         """What is looked at after every step, made in the first."""
-        return Watch(
-            self.model.geometry, self.stepper.interface, self.model.stiffness, self.model.known
-        )
+        model = self.model
+        return Watch(model.geometry, self.stepper.interface, model.diagonals, lambda: model.known)
 
     def check_start(self, start: Known, what: str) -> None:
         """Refuse a state of other bodies and contacts, or something else altogether."""

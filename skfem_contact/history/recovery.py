@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.spaces import Source
+from skfem_contact.problem.spaces import Load, Response, Source
 from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
@@ -33,8 +34,9 @@ class Recovery:
     Attributes
     ----------
     model : LinearModel
-    source : Source
-        What all displacements follow from.
+    found : Source, or pair of Load and Response
+        What all displacements follow from; on the pairing of the undeformed bodies, which the model
+        keeps, the answer that `source` makes it from when somebody asks.
     components : tuple or None
         What the bodies remember of the load; None where they remember nothing.
     case : LoadCase
@@ -47,7 +49,7 @@ class Recovery:
     """
 
     model: LinearModel
-    source: Source
+    found: Source | tuple[Load, Response]
     components: tuple[Any, ...] | None
     case: LoadCase
     moved: bool
@@ -58,15 +60,24 @@ class Recovery:
     def of(cls, attempt: Attempt, shift: Array | None = None) -> Recovery:
         """That of the last iterate of an attempt."""
         rows, load, response = attempt.placement.rows, attempt.load, attempt.outcome.iterate.response
+        moved = attempt.placement.u is not None
         return cls(
             model=attempt.placement.model,
-            source=rows.source(load, response),
+            found=rows.source(load, response) if moved else (load, response),
             components=load.components,
             case=attempt.case,
-            moved=attempt.placement.u is not None,
+            moved=moved,
             unknowns=len(rows.space.S) if isinstance(rows.space, PointSpace) else 0,
             shift=shift,
         )
+
+    @cached_property
+    def source(self) -> Source:
+        """What all displacements follow from."""
+        if isinstance(self.found, Source):
+            return self.found
+        source: Source = self.model.place(None, None).rows.source(*self.found)
+        return source
 
     def __call__(self) -> Array:
         return _recovered([self])[0]
@@ -92,7 +103,7 @@ class Recovery:
 
     def __getstate__(self) -> dict[str, Any]:
         # elsewhere the bodies are condensed anew, and remember no loads
-        return {**vars(self), "components": None}
+        return {**vars(self), "found": self.source, "components": None}
 
 
 def recover_all(results: Sequence[ContactResult]) -> None:

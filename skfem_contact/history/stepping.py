@@ -107,8 +107,6 @@ class Stepper:
         starts = [start for start in self.starts() if known is not None or start != "warm"]
         done, share, fails = 0.0, 1.0, 0
         smallest = 0.5**self.options.max_cuts
-        linear = all(law.is_linear for _, law in self.interface.laws)
-        complete = linear and not self.geometry.follows
         while True:
             aim = min(1.0, done + share)
             here, walk.share = case.towards(target, aim), aim - done
@@ -144,8 +142,8 @@ class Stepper:
                 known, starts, fails = walk.state, self.starts(), 0
                 walk.substeps += 1
                 share = min(grown(share, attempt.travel), 1.0 - done)
-            elif attempt.outcome.free is not None and "pivoting" in starts and complete:
-                # for linear laws in 2-D and a given pairing: smaller steps would end there too
+            elif attempt.outcome.free is not None and "pivoting" in starts and self._complete:
+                # smaller steps would end there too
                 if starts == ["pivoting"]:
                     return attempt, walk
                 starts = ["pivoting"]
@@ -168,6 +166,12 @@ class Stepper:
     def starts(self) -> list[str]:
         """Where attempts may begin, in this order."""
         return possible_starts(len(self.interface.stiffness), self.loop)
+
+    @property
+    def _complete(self) -> bool:
+        """Whether pivoting finds what there is: for linear laws in 2-D and a given pairing."""
+        linear = all(law.is_linear for _, law in self.interface.laws)
+        return linear and not self.geometry.follows
 
     def _attempt(
         self,
@@ -306,7 +310,7 @@ class Stepper:
         """Largest load, or what moves of D make of the softest body's stiffness [force]."""
         moved = np.max(np.abs(case.x[self.geometry.system.D]), initial=0.0)
         softest = min(placement.model.stiffest)  # the bodies' own K may have been replaced
-        return float(max(np.max(np.abs(case.f), initial=0.0), softest * moved))
+        return float(max(case.largest_force, softest * moved))
 
     def _state(
         self,
@@ -355,16 +359,18 @@ def balanced(motions: RigidMotions, f: Array, state: State, noise: float) -> boo
         return True
     closed = state.status != OPEN
     force, friction = state.normal_force[closed], state.tangential_force[closed]
-    parts = [(motions.modes, f), (motions.normal[closed], force)]
+    parts = [(motions.normal[closed], force), (motions.modes, f)]
     if friction.any():
         parts.append((motions.tangential[closed].reshape(-1, motions.k), -friction.ravel()))
     left = np.abs(sum(rows.T @ values for rows, values in parts))
+    # along a motion that nothing pushes there is only the round-off of what acts across it; the largest
+    # displacement of each motion is one
+    if np.all(left <= ACROSS * np.abs(force).sum()):  # nearly always: the rest need not be looked at
+        return True
+    across = sum(float(np.abs(values).sum()) for _, values in parts)
     size = sum(np.abs(rows).T @ np.abs(values) for rows, values in parts)
-    # along a motion that nothing pushes there is only the round-off of what acts across it
-    total = sum(float(np.abs(values).sum()) for _, values in parts)
-    across = np.max(np.abs(motions.modes), axis=0) * total
-    least = np.maximum(ACROSS * across, noise * len(f))
-    return bool(np.all((left <= BALANCE * size) | (left <= least)))
+    least = np.maximum(BALANCE * size, max(ACROSS * across, noise * len(f)))
+    return bool(np.all(left <= least))
 
 
 def grown(share: float, travel: float) -> float:

@@ -2,6 +2,9 @@
 
 Nothing prescribed, nothing sticking, every DOF decided by contact: then there are no equations, and
 their solution has no entries. SciPy looks after that in its later versions, and not everywhere.
+
+A load history solves some hundred times with factors of a few rows, which takes less than SciPy's
+checks of every call: LAPACK is called directly.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dgetrs, dpotrs
 
 Array = NDArray[np.float64]
 
@@ -38,7 +42,7 @@ def lu_solve(factor: Any, b: Array) -> Array:
     """Solve with the factors of `lu_factor`; `b` is (n,) or (n, r)."""
     if not b.size:
         return np.zeros(b.shape)
-    return np.asarray(scipy.linalg.lu_solve(factor, b, check_finite=False))
+    return np.asarray(dgetrs(*factor, b)[0])
 
 
 def cho_factor(A: Array, overwrite: bool = False) -> Any:
@@ -58,4 +62,5 @@ def cho_solve(factor: Any, b: Array) -> Array:
     """Solve with the factor of `cho_factor`; `b` is (n,) or (n, r)."""
     if not b.size:
         return np.zeros(b.shape)
-    return np.asarray(scipy.linalg.cho_solve(factor, b, check_finite=False))
+    triangle, lower = factor
+    return np.asarray(dpotrs(triangle, b, lower=lower)[0])

@@ -13,14 +13,18 @@ def single_threaded() -> AbstractContextManager[Any]:
     The dense blocks of contact problems are small: two threads spend their time waiting for each
     other and cost up to 30 times the CPU.
     """
-    controller = _threads()
-    return nullcontext() if controller is None else controller.limit(limits=1, user_api="blas")
+    blas = _blas()
+    # asking takes a microsecond, limiting twenty
+    if blas is None or all(library.num_threads == 1 for library in blas.lib_controllers):
+        return nullcontext()
+    limited: AbstractContextManager[Any] = blas.limit(limits=1)
+    return limited
 
 
 @lru_cache(maxsize=1)
-def _threads() -> Any:
+def _blas() -> Any:
     try:
         from threadpoolctl import ThreadpoolController
     except ImportError:
         return None
-    return ThreadpoolController()
+    return ThreadpoolController().select(user_api="blas")

@@ -144,10 +144,11 @@ def _conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
         growth = np.where(
             slips, step.hardening(current.normal_force, current.slip, current.direction), 0
         )
-        along = current.direction
-        spring += growth[:, None, None] * along[:, :, None] * along[:, None, :]
         limit = limit - slope * np.maximum(current.normal_force, 0.0)
-        limit = limit - growth * np.sum(current.slip * along, axis=1)
+        if growth.any():
+            along = current.direction
+            spring += growth[:, None, None] * along[:, :, None] * along[:, None, :]
+            limit = limit - growth * np.sum(current.slip * along, axis=1)
     offset = np.where(slips[:, None], limit[:, None] * current.direction, 0.0)
     elastic = (current.status == STICK) & step.frictional & ~exact
     offset[elastic] = step.trial(np.zeros_like(offset))[elastic]

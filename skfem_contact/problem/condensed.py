@@ -67,32 +67,25 @@ class Condensed:
         reuse: Sequence[Substructure | None] = (),
     ) -> None:
         self.system = system
+        self.spans = slices(system.offsets)  # DOFs of each body
         self.parts: list[Substructure] = []
-        for i, (body, span) in enumerate(zip(system.bodies, self.spans(), strict=True)):
+        for i, (body, span) in enumerate(zip(system.bodies, self.spans, strict=True)):
             old = reuse[i] if len(reuse) else None
             mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
             self.parts.append(old or Substructure(body, stiffness[i], np.setdiff1d(mine, body.D)))
-        kept = [part.kept + span.start for part, span in zip(self.parts, self.spans(), strict=True)]
+        kept = [part.kept + span.start for part, span in zip(self.parts, self.spans, strict=True)]
         self.columns = np.concatenate(kept)
+        # contact DOFs of each body among all contact DOFs
+        self.kept_spans = slices(np.cumsum([0, *map(len, kept)]))
         # of no parts at all, block_diag makes one row
         springs = [part.springs for part in self.parts if len(part.kept)]
         self.P = block_diag(*springs) if springs else np.zeros((0, 0))
-
-    def spans(self) -> list[slice]:
-        """DOFs of each body."""
-        offsets = self.system.offsets
-        return [slice(int(a), int(b)) for a, b in itertools.pairwise(offsets)]
-
-    def kept_spans(self) -> list[slice]:
-        """Contact DOFs of each body among all contact DOFs."""
-        stops = np.cumsum([0, *(len(part.kept) for part in self.parts)])
-        return [slice(int(a), int(b)) for a, b in itertools.pairwise(stops)]
 
     def flexibility(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c, r) -> (n_c, r)."""
         pieces = [
             part.flexibility @ force[span]
-            for part, span in zip(self.parts, self.kept_spans(), strict=True)
+            for part, span in zip(self.parts, self.kept_spans, strict=True)
         ]
         return np.concatenate(pieces)
 
@@ -101,14 +94,14 @@ class Condensed:
         rows = rows.tocsc()
         pieces = [
             csr_matrix(rows[:, span]) @ part.flexibility
-            for part, span in zip(self.parts, self.kept_spans(), strict=True)
+            for part, span in zip(self.parts, self.kept_spans, strict=True)
         ]
         return np.concatenate(pieces, axis=1)
 
     def load(self, f: Array, x: Array) -> tuple[Array, tuple[Components | None, ...]]:
         """Loads condensed onto the contact DOFs, and what `recover` wants to know of them."""
         pieces = [
-            part.load(f[span], x[span]) for part, span in zip(self.parts, self.spans(), strict=True)
+            part.load(f[span], x[span]) for part, span in zip(self.parts, self.spans, strict=True)
         ]
         return np.concatenate([piece[0] for piece in pieces]), tuple(p[1] for p in pieces)
 
@@ -125,7 +118,7 @@ class Condensed:
         """All displacements, r arrays (n,), from r sources (n_c, r)."""
         u_c = self.contact_dofs(sources)
         u = [np.array(case.x) for case in cases]
-        for k, (span, kept) in enumerate(zip(self.spans(), self.kept_spans(), strict=True)):
+        for k, (span, kept) in enumerate(zip(self.spans, self.kept_spans, strict=True)):
             part = self.parts[k]
             place = span.start + part.order
             for first in range(0, len(u), BLOCK):
@@ -159,10 +152,12 @@ class Rows:
 
     def constant(self, case: LoadCase) -> tuple[Array, Array]:
         """Initial gaps and slips with what prescribed displacements add."""
-        x_D = case.x[self.model.system.D]
-        gap0, slip0 = case.gap0 + self.prescribed.B_n @ x_D, case.slip0
-        if self.slips:
-            slip0 = slip0 + (self.prescribed.B_t @ x_D).reshape(slip0.shape)
+        gap0, slip0 = case.gap0, case.slip0
+        if self.prescribed.B_n.nnz:  # only where supports reach into the contact
+            gap0 = gap0 + self.prescribed.B_n @ case.x[self.model.system.D]
+        if self.slips and self.prescribed.B_t.nnz:
+            moved = self.prescribed.B_t @ case.x[self.model.system.D]
+            slip0 = slip0 + moved.reshape(slip0.shape)
         return gap0, slip0
 
     def contact_displacement(self, source: Source, case: LoadCase) -> Array:
@@ -193,7 +188,7 @@ class PointRows(Rows):
         self.rigid = lu_factor(self.A_qq - np.eye(len(A) - q))
         S = A
         if len(A) > q:
-            S = A[:q, :q] - self.A_zq @ self._rigid_solve(self.A_zq.T)
+            S = A[:q, :q] - self.A_zq @ lu_solve(self.rigid, self.A_zq.T)
             S = 0.5 * (S + S.T)
         normal_rows = np.full(kin.m, -1)
         normal_rows[normal] = np.arange(len(normal))
@@ -201,15 +196,12 @@ class PointRows(Rows):
         tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
         self.space = PointSpace(S, normal_rows, tangential_rows.reshape(kin.m, t))
 
-    def _rigid_solve(self, b: Array) -> Array:
-        return lu_solve(self.rigid, b)
-
     def load(self, case: LoadCase) -> Load:
         """A load case in the unknowns of the space."""
         f_c, components = self.model.load(case.f, case.x)
         moved = self.G @ self.model.flexibility(f_c)
         # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
-        force = self.space.S @ moved[: self.q] - self.A_zq @ self._rigid_solve(moved[self.q :])
+        force = self.space.S @ moved[: self.q] - self.A_zq @ lu_solve(self.rigid, moved[self.q :])
         gap0, slip0 = self.constant(case)
         return Load(force, gap0, slip0, f_c, components, moved)
 
@@ -219,7 +211,7 @@ class PointRows(Rows):
         # A [z; q] - A G F f is the force on all rows, of which the last is q itself
         z, known = response.solution, load.moved
         along = self.A_zq.T @ (known[: self.q] - z)
-        q = self._rigid_solve(along + self.A_qq @ known[self.q :])
+        q = lu_solve(self.rigid, along + self.A_qq @ known[self.q :])
         force = load.prescribed + self.kin.B_n.T @ response.normal_force + self.model.P @ q
         if self.slips:
             force -= self.kin.B_t.T @ response.tangential_force.ravel()
@@ -258,6 +250,15 @@ class ContactDofRows(Rows):
     def source(self, load: Load, response: Response) -> Source:
         """The unknowns are the displacements of the contact DOFs already."""
         return Source(response.solution, forces=False)
+
+
+def slices(offsets: Index) -> list[slice]:
+    """From each number to the next.
+
+    >>> slices(np.array([0, 2, 5]))
+    [slice(0, 2, None), slice(2, 5, None)]
+    """
+    return [slice(int(a), int(b)) for a, b in itertools.pairwise(offsets)]
 
 
 def _row_size(B: csr_matrix) -> Array:

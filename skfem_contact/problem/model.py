@@ -25,6 +25,7 @@ from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.placement import Placement
 from skfem_contact.problem.substructure import Substructure
+from skfem_contact.sealed import seal
 
 Array = NDArray[np.float64]
 
@@ -96,9 +97,14 @@ class LinearModel:
         return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting"))
 
     @cached_property
+    def diagonals(self) -> tuple[Array, ...]:
+        """Diagonal of K of each body; load steps ask, and K has the whole interior."""
+        return tuple(K.diagonal() for K in self.stiffness)
+
+    @cached_property
     def stiffest(self) -> tuple[float, ...]:
-        """Largest diagonal entry of K of each body; load steps ask, and K has the whole interior."""
-        return tuple(float(np.max(K.diagonal())) for K in self.stiffness)
+        """Largest diagonal entry of K of each body."""
+        return tuple(float(np.max(diagonal)) for diagonal in self.diagonals)
 
     def with_interface(self, interface: Interface, timings: dict[str, float]) -> LinearModel:
         """The same bodies under other friction laws; shared, where the laws need the same rows."""
@@ -205,6 +211,7 @@ class LinearModel:
             return self._base
         bodies = self.bodies
         own = self.kin if kin is None else kin
+        seal(own)
         start = time.perf_counter()
         with single_threaded():
             rows = bodies.attach(own, self.interface.slipping, self._prefer, self._labels)

@@ -9,6 +9,7 @@ factorisations of a load history are then of the size of the contact zone, not o
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -225,10 +226,10 @@ def dense_solver(A: Array, symmetric: bool) -> Any:
             factor = cho_factor(A, overwrite=True)
         except LinAlgError:
             raise SingularMatrix("the matrix of the contact problem is not positive definite") from None
-        return lambda b: cho_solve(factor, b)
+        return partial(cho_solve, factor)
     largest = np.max(np.abs(np.diag(A)), initial=0.0)
     factor = lu_factor(A, overwrite=True)
     pivots = np.abs(np.diag(factor[0]))
     if len(pivots) and not pivots.min() > 1e-14 * largest:
         raise SingularMatrix("the matrix of the contact problem is singular")
-    return lambda b: lu_solve(factor, b)
+    return partial(lu_solve, factor)

@@ -170,10 +170,15 @@ class Track:
             facet = np.where(self.paired, pairing.facet, 0)
             self.facet = primary.lengths[facet]
             self.curvature = np.where(self.follows, curvatures(primary)[facet], 0.0)
+            self.turns = bool(self.curvature.any())
             measured_on_chords = contact.gap is None and not contact.adjust and self.follows
             if measured_on_chords and contact.method == "node" and contact.sliding == "small":
                 self.chord = np.where(self.paired, chord_gaps(primary, facet, self.points), 0.0)
-            self.behind, self.ahead = ways_to_ends(primary, facet, self.points)
+            # of a node beyond the end at the start, the facet before it is in contact
+            behind, ahead = ways_to_ends(primary, facet, self.points)
+            self.behind, self.ahead = np.maximum(behind, 0.0), np.maximum(ahead, 0.0)
+            # slips up to this leave a point with all of its share above the surface
+            self.room = np.minimum(self.behind, self.ahead) - 0.5 * self.width
             # a gap that is given knows the curves
             self.curved = contact.gap is None and not contact.adjust and self.follows
             self.sagittas = sagittas(self.secondary, primary, facet) if self.curved else self.chord
@@ -243,24 +248,28 @@ class Track:
             found["widths"] = found["slip"] / width
         if isinstance(self.primary, Obstacle) or not len(way):
             return found
-        # of a node beyond the end at the start, the facet before it is in contact
-        ahead, behind = np.maximum(self.ahead, 0.0), np.maximum(self.behind, 0.0)
-        past = np.maximum(slip - ahead, -slip - behind)[closed]
+        found["facets"] = float(np.max(way / self.facet[closed]))
+        if self.turns:
+            curvature = self.curvature[closed]
+            found["tilt"] = float(np.max(curvature * way))
+            found["gap_error"] = error = float(np.max(0.5 * curvature * way**2))
+            found["gap_share"] = error / approach if approach > 0 else 0.0
+        if np.all(way < self.room[closed]):
+            return found | {"beyond": 0, "overhang": 0.0, "beyond_share": 0.0}
+        return found | self._past_ends(closed, slip[closed], np.abs(force[closed]))
+
+    def _past_ends(self, closed: Mask, slip: Array, force: Array) -> dict[str, Any]:
+        """What has slid past the ends of the primary, by slip and force of closed points."""
+        ahead, behind, share = self.ahead[closed], self.behind[closed], self.width[closed]
+        past = np.maximum(slip - ahead, -slip - behind)
         beyond = past >= 0.5 * self.step[closed]
         # of the share of a point, as much as was above the surface and is no more
-        share = self.width[closed]
         lost = np.zeros(len(past))
-        for way_there, way_on in ((ahead[closed], slip[closed]), (behind[closed], -slip[closed])):
+        for way_there, way_on in ((ahead, slip), (behind, -slip)):
             above = np.minimum(0.5 * share + way_there, share)
             now = np.clip(0.5 * share + way_there - way_on, 0.0, above)
             lost = np.maximum(lost, 1 - now / above)
-        force = np.abs(force[closed])
-        error = float(np.max(0.5 * self.curvature[closed] * way**2))
-        return found | {
-            "facets": float(np.max(way / self.facet[closed])),
-            "tilt": float(np.max(self.curvature[closed] * way)),
-            "gap_error": error,
-            "gap_share": error / approach if approach > 0 else 0.0,
+        return {
             "beyond": int(beyond.sum()),
             "overhang": float(np.max(past[beyond], initial=0.0)),
             "beyond_share": float(lost @ force / max(force.sum(), np.finfo(float).tiny)),

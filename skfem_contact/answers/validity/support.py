@@ -83,10 +83,15 @@ class Support:
         """Displacements of points (m, 2) by a motion, shape (m, 2)."""
         return np.asarray(unit_motions(points, self.centre, self.arm) @ motion)
 
+    def along(self, points: Array, direction: Array) -> Array:
+        """How far motions move points (m, 2) along their directions (m, 2): rows, shape (m, 3)."""
+        motions = unit_motions(points, self.centre, self.arm)
+        return np.asarray(np.einsum("md,mdk->mk", direction, motions))
+
     def holds(self, points: Array, direction: Array) -> bool:
         """Whether no open motion moves points along their directions, both (m, 2)."""
-        along = np.einsum("md,mdk->mk", direction, unit_motions(points, self.centre, self.arm))
-        return bool(np.max(np.abs(along @ self.free), initial=0.0) < HELD)
+        moved = self.along(points, direction) @ self.free
+        return bool(np.max(np.abs(moved), initial=0.0) < HELD)
 
 
 def unit_motions(points: Array, centre: Array, arm: float) -> Array:

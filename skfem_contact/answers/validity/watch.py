@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.validity.drift import GAP, STRAIN, TILT, Drift, Track
@@ -34,18 +33,19 @@ class Watch:
     ----------
     geometry : Geometry
     interface : Interface
-    stiffness : sequence of csr_matrix
-        Of every body.
-    known : ndarray of int
-        DOFs whose displacements are known without the interior.
+    diagonals : sequence of ndarray
+        Of the stiffness of every body [force/length].
+    known : callable
+        Gives the DOFs whose displacements are known without the interior; called only where bodies that
+        nothing holds along a frictionless contact may slide on it.
     """
 
     def __init__(
         self,
         geometry: Geometry,
         interface: Interface,
-        stiffness: Sequence[csr_matrix],
-        known: Index,
+        diagonals: Sequence[Array],
+        known: Callable[[], Index],
     ) -> None:
         self.interface, self.contacts, self.geometry = interface, interface.contacts, geometry
         self.system, kin = geometry.system, geometry.kin
@@ -58,34 +58,40 @@ class Watch:
             for body, start in zip(self.system.bodies, self.system.offsets[:-1], strict=True)
         ]
         self.tracks, self.bodies, self.held, self.extent, self.soft = [], [], [], [], []
-        self.known = known
+        # how far motions of the bodies move points along their normals and tangents
+        self.normal_rows: list[list[Array]] = []
+        self.tangential_rows: list[list[Array]] = []
         # motions of bodies where neither friction nor supports say how they slide
         self.loose: list[list[Support] | None] = []
         for contact, pairing, part in zip(
             self.contacts, geometry.pairings, interface.parts, strict=True
         ):
-            self.tracks.append(Track(contact, pairing, kin.gap0[part]))
+            track = Track(contact, pairing, kin.gap0[part])
+            self.tracks.append(track)
             sides = [contact.secondary] if contact.rigid else [contact.secondary, contact.primary]
             bodies = [self.system.index(side.body) for side in sides]  # type: ignore[union-attr]
             # the diagonal of K at a surface is of the order of the modulus, whatever the mesh
-            diagonals = [
-                stiffness[b].diagonal()[side.dofs]  # type: ignore[union-attr]
+            stiff = [
+                diagonals[b][side.dofs]  # type: ignore[union-attr]
                 for b, side in zip(bodies, sides, strict=True)
             ]
-            self.soft.append(sum(1 / np.median(d[d > 0]) for d in diagonals if (d > 0).any()))
+            self.soft.append(sum(1 / np.median(d[d > 0]) for d in stiff if (d > 0).any()))
             at = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
             self.bodies.append(bodies)
-            self.held.append(all(self.supports[b].holds(*at) for b in bodies))
+            supports = [self.supports[b] for b in bodies]
+            self.normal_rows.append([s.along(track.points, track.normal) for s in supports])
+            self.tangential_rows.append([s.along(track.points, track.tangent) for s in supports])
+            self.held.append(all(support.holds(*at) for support in supports))
             along = at[0], pairing.tangent[pairing.paired, 0]
             slides = contact.sliding == "small" and contact.friction is None and not contact.tied
-            loose = slides and not all(self.supports[b].holds(*along) for b in bodies)
-            self.loose.append([self._free(b) for b in bodies] if loose else None)
-            self.extent.append(sum(self.supports[b].arm for b in bodies))
+            loose = slides and not all(support.holds(*along) for support in supports)
+            self.loose.append([self._free(b, known()) for b in bodies] if loose else None)
+            self.extent.append(sum(support.arm for support in supports))
 
-    def _free(self, b: int) -> Support:
+    def _free(self, b: int, known: Index) -> Support:
         """How a body moves as a whole, by what is known of its displacements."""
         start, end = self.system.offsets[b : b + 2]
-        known = self.known[(self.known >= start) & (self.known < end)] - start
+        known = known[(known >= start) & (known < end)] - start
         body = self.system.bodies[b]
         return Support.of(body, int(start), np.union1d(known, body.D))
 
@@ -148,26 +154,23 @@ class Watch:
         strain = pressed / width if width else 0.0
         if not small:
             return Drift(int(closed.sum()), approach=pressed, strain=strain)
-        # points without a partner have no gap
-        gap0, gap = (np.where(track.paired, g[part], 0.0) for g in (case.gap0, gap))
-        approach = pressed
-        moved = [self.supports[b].at(track.points, motions[b]) for b in self.bodies[i]]
-        rigid = moved[0] - moved[1] if len(moved) == 2 else moved[0]
+        approach, gap = pressed, gap[part]
+        moved = [motions[b] for b in self.bodies[i]]
         if self.held[i] and closed.any():
-            lifted = (gap0 - gap)[closed] + np.einsum("md,md->m", track.normal, rigid)[closed]
+            lifted = case.gap0[part][closed] - gap[closed]
+            lifted += relative(self.normal_rows[i], moved)[closed]
             elastic = float(np.max(np.abs(lifted)))
             approach, strain = max(approach, elastic), max(strain, elastic / self.extent[i])
         if contact.friction is not None or contact.tied:
             slip = state.slip[part][:, 0] - case.slip0[part][:, 0]
             # a belt is pressed in by its stretch along the drum
-            stretch = (slip - np.einsum("md,md->m", track.tangent, rigid))[closed]
-            approach = max(approach, float(np.ptp(stretch)) if len(stretch) else 0.0)
+            stretch = (slip - relative(self.tangential_rows[i], moved))[closed]
+            approach = max(approach, float(stretch.max() - stretch.min()) if len(stretch) else 0.0)
         else:
             loose = self.loose[i]
             if loose is not None:
-                moved = [body.at(track.points, body.motion(u)) for body in loose]
-                rigid = moved[0] - moved[1] if len(moved) == 2 else moved[0]
-            slip = np.einsum("md,md->m", track.tangent, rigid)
+                moved = [body.motion(u) for body in loose]
+            slip = relative(self.tangential_rows[i], moved)
         force = state.normal_force[part]
         found = track.drift(closed, slip, gap, force, approach, case, i, part)
         return Drift(int(closed.sum()), approach=approach, strain=strain, **found)
@@ -234,7 +237,13 @@ class Watch:
         if far:
             new |= {("rotation", name) for name in far}
             warnings.warn(rotation_words(far) + ONCE, ContactWarning, stacklevel=4)
-        return replace(watched, said=watched.said | new)
+        return replace(watched, said=watched.said | new) if new else watched
+
+
+def relative(rows: list[Array], motions: list[Array]) -> Array:
+    """How far points move against each other, from the rows (m, 3) and motions (3,) of each side."""
+    own, *other = (side @ motion for side, motion in zip(rows, motions, strict=True))
+    return np.asarray(own - other[0] if other else own)
 
 
 ONCE = " (Said once in a history, at the first step beyond the bound; result.validity has the numbers.)"
