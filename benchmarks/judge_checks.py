@@ -546,6 +546,9 @@ class Court:
         if spec.primary is not None and spec.method == "mortar":
             value = np.divide(total, mass, out=np.zeros_like(total), where=vertex)
             slack = slack + MEAN * np.where(keep, high - low, 0.0)
+            # between two arcs gaps are those of the curves, from which the facets of both are off
+            off = [self.lines[side].sagitta() for side in (spec.secondary, spec.primary)]
+            slack = slack + (sum(off) if min(off) > 0 else 0.0)
         out = []
         deep = np.where(keep, -value - slack, -np.inf)
         wide = np.where(keep & closed, value - slack, -np.inf)
@@ -641,8 +644,13 @@ class Court:
         if spec.method == "node" and other is not None:
             # node by node only nodes of the secondary are kept out. The last node of the primary,
             # between two of them, is as far in as its facet is turned against the next
-            nodes = np.tile(np.isin(np.linspace(0, 1, shape[1]), (0.0, 1.0)), shape[0])
-            free = ~nodes if side == spec.secondary else np.ones_like(nodes)
+            free = np.ones(shape, dtype=bool)
+            if side == spec.secondary:
+                alone = np.zeros(len(lines[0][0].X), dtype=bool)
+                if spec.sliding == "small":  # what had no partner when nothing had moved gets none
+                    alone = self._near(spec, answer, False).began_beyond()
+                free[:, [0, -1]] = alone[lines[0][0].facets[:, :2]]
+            free = free.ravel()
             near_end = np.zeros(len(samples), dtype=bool)
             for far, (s, _) in zip(away, lines, strict=True):
                 last = np.bincount(s.facets[:, :2].ravel(), minlength=len(s.X)) == 1

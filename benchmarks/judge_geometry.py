@@ -85,6 +85,18 @@ class Line:
         after[self.before[has]] = joint[has]
         return np.linalg.norm(d, axis=2).sum(axis=1), inner + joint + after
 
+    def sagitta(self) -> float:
+        """How far a curve through the nodes stands off its straight facets at most, corners apart."""
+        if self.facets.shape[1] > 2:
+            return 0.0
+        turned = np.abs(self._turns(np.zeros(self.dofs.max() + 1)))
+        turned = np.where(turned > CORNER, 0.0, turned)
+        after = np.zeros(len(turned))
+        has = self.before >= 0
+        after[self.before[has]] = turned[has]
+        chord = self.X[self.facets[:, 1]] - self.X[self.facets[:, 0]]
+        return float((np.linalg.norm(chord, axis=1) * np.maximum(turned, after)).max()) / 8
+
     def _turns(self, u: np.ndarray) -> np.ndarray:
         """Turn at the start of each facet, signed; zero where the line ends."""
         p = self.pieces(u).reshape(len(self.facets), -1, 2, 2)
