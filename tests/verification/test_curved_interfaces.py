@@ -101,6 +101,94 @@ def test_pressure_between_unlike_polygons(swap):
     assert errors[-1] <= 1.5e-4
 
 
+def mean_and_ripple(result, p2):
+    """Mean error of the nodal pressure, and root mean square of what is left, over the pressure."""
+    exact = interface_pressure(p2)(np.arctan2(result.points[:, 1], result.points[:, 0]))
+    error, share = result.pressure / exact - 1, result.area / result.area.sum()
+    mean = share @ error
+    return mean, np.sqrt(share @ (error - mean) ** 2)
+
+
+@pytest.mark.parametrize("swap", [False, True])
+@pytest.mark.parametrize("p2", [0.0, 1e5])
+def test_the_estimate_feels_the_ripple(p2, swap):
+    """What alternates in the pattern of the facets is .66 to .75 of it in the estimate's own parts."""
+    for n in (8, 16):
+        result = rings(3 * n, 2 * n, p2, swap)[1]
+        _, ripple = mean_and_ripple(result, p2)
+        parts = result.error_estimate.pressure
+        assert 0.5 <= np.hypot(parts.facets, parts.scatter) / ripple <= 1.0
+    # and nothing where facets match
+    matching = rings(16, 16, 0.0)[1].error_estimate.pressure
+    assert np.hypot(matching.facets, matching.scatter) < 1e-9
+
+
+def pressure_without_contact(bodies):
+    """The uniform pressure that closes the gap in the mean, from plain solutions for the two rings."""
+    inner, outer = bodies
+    found = []
+    for body, side, outward in ((inner, "outer", 1.0), (outer, "inner", -1.0)):
+        rim = fem.FacetBasis(body.basis.mesh, body.basis.elem, facets=side, intorder=4)
+        push = fem.LinearForm(lambda v, w, k=outward: k * (w.n[0] * v[0] + w.n[1] * v[1])).assemble(rim)
+        moved = [fem.solve(*fem.condense(body.K, f, D=body.D)) for f in (push, body.f)]
+        found.append([push @ u for u in moved])
+    (give, _), (other, loaded) = found
+    return -loaded / (give + other)
+
+
+def shown_too_low(n):
+    """What nodal forces along the curve show too little of a pressure on n chords of the quarter."""
+    return 1 - np.cos(np.pi / 4 / n)
+
+
+@pytest.mark.parametrize("n", [(16, 16), (24, 16), (16, 24), (32, 32), (48, 32)])
+def test_the_mean_error_is_that_of_chords_and_bodies(n):
+    """Most of the error is the same at all nodes: that of two rings without contact, and of the chords.
+
+    The pressure of facets has the nodal force p L cos(a/2) along the curve, so over L it is shown too
+    low; between unlike meshes by something between both.
+    """
+    result = rings(*n, 0.0)[1]
+    mean, _ = mean_and_ripple(result, 0.0)
+    alone = pressure_without_contact(result.system.bodies) / interface_pressure(0.0)(0.0) - 1
+    low, high = sorted(map(shown_too_low, n))
+    assert 0.99 * low <= alone - mean <= 1.01 * high
+    # the estimate takes the mean of both
+    assert result.error_estimate.pressure.chords == pytest.approx((low + high) / 2, rel=0.02)
+
+
+@pytest.mark.parametrize("swap", [False, True])
+@pytest.mark.parametrize("p2", [0.0, 1e5])
+@pytest.mark.parametrize("n", [(24, 16), (48, 32), (16, 16), (32, 32)])
+def test_effectivity_on_curves(n, p2, swap):
+    """Estimated over true error, uniform pressure and with the wave (without chords .22 to .64)."""
+    result = rings(*n, p2, swap)[1]
+    mean, ripple = mean_and_ripple(result, p2)
+    assert 0.7 <= result.error_estimate.pressure.total / np.hypot(mean, ripple) <= 1.5
+
+
+def test_what_interference_presses_and_chords_show():
+    """Where interference alone presses, meshes show too much, chords too little: the rest is left."""
+    parts = sc.ContactSolver(*press_fit()).solve().error_estimate.pressure
+    assert min(parts.bodies, parts.chords) == 0.0
+    loaded = sc.ContactSolver(*press_fit(pull=1e-9)).solve().error_estimate.pressure
+    assert loaded.bodies > 0 and loaded.chords == pytest.approx(shown_too_low(16), rel=0.02)
+    left = abs(loaded.bodies - loaded.chords)
+    # the load, which only leaves the sign open, is below a hundredth of what presses
+    assert max(parts.bodies, parts.chords) == pytest.approx(left, rel=1e-2)
+
+
+def press_fit(pull=0.0):
+    """Two rings of 16 chords per quarter with an interference, bodies and contact."""
+    bodies = []
+    for a, b, name in ((A, C, "inner"), (C, B, "outer")):
+        basis = ring_basis(np.linspace(a, b, 11), np.linspace(0, np.pi / 2, 17))
+        D = np.concatenate([sides(basis, "start", component=2), sides(basis, "end", component=1)])
+        bodies.append(sc.Body(basis, elastic(1.0, NU), f=np.full(basis.N, pull), D=D, name=name))
+    pair = bodies[0].surface("outer"), bodies[1].surface("inner")
+    return bodies, [sc.Contact(*pair, interference=1e-3)]
+
+
 def pin_in_hole(n_pin, n_hole, half, swap=False, sliding="small"):
     """L2 error of the pressure of a pin in a hole, with the clearance of the meshes themselves.
 

@@ -1,6 +1,7 @@
 """The discretisation error of tractions, estimated from the answer alone.
 
 * `sources`: what is estimated;
-* `misfit`, `surface`: from the surface; `body`: from the bodies behind it;
+* `misfit`, `surface`: from the surface; `body`: from the bodies behind it; `chords`: from what
+  straight facets make of curves;
 * `estimate`: all together, with advice.
 """

@@ -1,7 +1,7 @@
 r"""What an answer is worth: the discretisation error of its tractions, estimated from the answer alone.
 
 The certificate says how well the discrete problem is solved. This says how far its solution may be
-from that of the continuous problem, in the L2 norm over the contact, from five sources:
+from that of the continuous problem, in the L2 norm over the contact, from six sources:
 
 ``edges``
     Where contact or sticking ends, tractions behave like the square root of the distance, which no
@@ -15,11 +15,14 @@ from that of the continuous problem, in the L2 norm over the contact, from five 
     Elements count the less the farther they are from the contact.
 ``stiffness``
     A finite tangential stiffness of the friction law lets sticking points move.
+``chords``
+    On curves of straight facets nodal forces act along normals of the curve, pressures along the
+    facets'.
 
-The first three are in `surface_error`, the others in `body_error`.
+The first three are in `surface`, the last in `chords`, the others in `body`.
 
-What no answer shows of itself is not in it: curved bodies meshed with straight facets, load steps too
-long for a history that depends on the path, the limits of the linear theory.
+What no answer shows of itself is not in it: what else curved bodies lose with straight facets, load
+steps too long for a history that depends on the path, the limits of the linear theory.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.error.body import bodies_error, stiffness_error
+from skfem_contact.answers.error.chords import chords_error, net
 from skfem_contact.answers.error.misfit import Line
 from skfem_contact.answers.error.sources import ROUND_OFF, Elements, ErrorEstimate, ErrorSources
 from skfem_contact.answers.error.surface import points_across, surface_error
@@ -54,8 +58,9 @@ def estimate(result: Answer, values: ContactValues) -> ErrorEstimate:
     of_pressure, _ = surface_error(values, line, p)
     of_both, share = surface_error(values, line, both)
     stiffness = stiffness_error(result, contact, values, both)
-    pressure = ErrorSources(*of_pressure, bodies)
-    traction = ErrorSources(*of_both, bodies, stiffness)
+    bodies, chords = net(result, bodies, chords_error(result, values))
+    pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
+    traction = ErrorSources(*of_both, bodies, stiffness, chords)
     across = points_across(line, values.status)
     advice = _advice(contact, values, line, traction, share, elements, across)
     return ErrorEstimate(pressure, traction, share, elements, across, advice)
@@ -90,6 +95,11 @@ def _advice(
         return f"most of it scatter of the nodal values on {name}: take method='mortar'"
     if largest in ("facets", "scatter"):
         return f"most of it between the points of {name}: refine it near {at}"
+    if largest == "chords":
+        return (
+            f"most of it the straight facets of curved surfaces: refine {name} and its partner, or "
+            "take quadratic elements with curved sides"
+        )
     if largest == "stiffness":
         return (
             "most of it the motion of sticking points: give the friction law a larger stiffness, or "

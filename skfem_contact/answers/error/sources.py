@@ -20,7 +20,7 @@ class ErrorSources:
 
     Attributes
     ----------
-    edges, facets, scatter, bodies, stiffness : float
+    edges, facets, scatter, bodies, stiffness, chords : float
         See the top of the module `estimate`. `bodies` is NaN where a body was given a matrix instead
         of a `BilinearForm`: then there is no measure of energy, and it is left out.
     """
@@ -30,6 +30,7 @@ class ErrorSources:
     scatter: float = 0.0
     bodies: float = 0.0
     stiffness: float = 0.0
+    chords: float = 0.0
 
     @property
     def total(self) -> float:

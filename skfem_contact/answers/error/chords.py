@@ -1,0 +1,53 @@
+r"""Error of pressures on curves of straight facets: nodal forces act along the curve, facets do not.
+
+The pressure p of a chord that spans the angle a acts along the normal of the chord. Along the normal
+of the curve, at the node between two, it has the force ``p L cos(a / 2)``: the nodal force over the
+length L shows a pressure that is ``1 - cos(a / 2)`` too low, on matching meshes as well. Between two
+bodies it is the mean of both sides (more or less, by their stiffness).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.values import ContactValues
+from skfem_contact.bodies.surface import ContactSurface
+
+Array = NDArray[np.float64]
+
+
+def chords_error(result: Answer, values: ContactValues) -> float:
+    """By which part pressures are too low; zero on straight and on quadratic facets."""
+    i = result.names.index(values.name)
+    contact, part = result.contacts[i], result.slices()[i]
+    forces = result.kin.B_n[part].T @ values.normal_force
+    sides = [contact.secondary]
+    if isinstance(contact.primary, ContactSurface):
+        sides.append(contact.primary)
+    return float(np.mean([_lost(side, forces[result.system.slice(side.body)]) for side in sides]))
+
+
+def _lost(surface: ContactSurface, forces: Array) -> float:
+    """Root of the mean square of ``1 - cos(a / 2)`` over a surface, weighted as the pressure is."""
+    if not surface.slopes.any() or surface.dofs.shape[1] != surface.dim:
+        return 0.0  # what flows from chord to chord has no direction
+    half = np.arctan(0.5 * (surface.slopes[:, 0] - surface.slopes[:, 1]))
+    size = np.linalg.norm(forces[surface.dofs], axis=1)
+    pressure = np.divide(size, surface.area, out=np.zeros_like(size), where=surface.area > 0)
+    weight = surface.lengths * np.sum(pressure[surface.facets] ** 2, axis=1)
+    total = float(weight.sum())
+    return float(np.sqrt(weight @ (1 - np.cos(half)) ** 2 / total)) if total > 0 else 0.0
+
+
+def net(result: Answer, bodies: float, chords: float) -> tuple[float, float]:
+    """What is left of both where they are known to have opposite signs.
+
+    Meshes are too stiff, so what interference presses is too high, and chords show too little of it.
+    Loads and supports leave the sign of the first open: then the squares of both count.
+    """
+    driven = np.any(result.case.f) or np.any(result.case.x)
+    if driven or np.isnan(bodies):
+        return bodies, chords
+    return max(bodies - chords, 0.0), max(chords - bodies, 0.0)
