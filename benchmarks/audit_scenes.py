@@ -145,7 +145,7 @@ class Row:
 
 def tangential(done: Done) -> Counts:
     """Rows of slips in the dense problem, and entries of the tangential operator."""
-    space = done.solver.linear_model.place(None, None).rows.space
+    space = done.solver.linear_model.place(None, None).points
     return {"tangential rows": int(np.sum(space.tangential_rows >= 0))} | operator(done)
 
 
@@ -181,12 +181,12 @@ def factored(done: Done) -> Counts:
 def never_closed(done: Done) -> Counts:
     """Points with a partner that stay open in all steps, and the dense problem they are part of."""
     closed = np.any([result.state.status != 0 for result in done.results], axis=0)
-    rows = done.solver.linear_model.place(None, None).rows
+    points = done.solver.linear_model.place(None, None).points
     parts = sum(part.S.nbytes + part.flexibility.nbytes for part in done.solver.model.parts)
     return {
         "points that never close": int(np.sum(done.solver.kin.paired & ~closed)),
-        "rows": len(rows.space.S),
-        "bytes of dense matrices": parts + rows.space.S.nbytes,
+        "rows": len(points.S),
+        "bytes of dense matrices": parts + points.S.nbytes,
     }
 
 
@@ -364,7 +364,7 @@ ROWS = (
         "`linear=Direct()`: in every iteration",
         "condensed once",
         interior,
-        ("problem/spaces:solve", "elimination/eliminate:eliminate", "problem/full:"),
+        ("problem/sparse:solve", "elimination/eliminate:eliminate", "problem/full:"),
     ),
     Row(
         "displacements",

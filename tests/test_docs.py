@@ -12,13 +12,24 @@ import pytest
 import skfem_contact as sc
 
 DOCS = Path(__file__).parents[1] / "docs"
-MODULES = {path.stem for path in Path(sc.__file__).parent.glob("*.py")} - {"__init__"}
+ROOT = Path(sc.__file__).parent
+MODULES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    for path in ROOT.rglob("*.py")
+    if path.name != "__init__.py"
+}
 
 
 def code_names(page: str) -> list[tuple[str, str]]:
-    """All code spans ``module.name`` of a page whose module is one of the package."""
-    found = re.findall(r"`([a-z_]+)\.([A-Za-z_][\w.]*)`", (DOCS / page).read_text(encoding="utf-8"))
-    return sorted({(module, name) for module, name in found if module in MODULES and name != "py"})
+    """All code spans ``package.module.name`` of a page whose module is one of the library."""
+    spans = re.findall(r"`([a-z_]+(?:\.\w+)+)`", (DOCS / page).read_text(encoding="utf-8"))
+    found = {
+        (module, span[len(module) + 1 :])
+        for span in spans
+        for module in MODULES
+        if span.startswith(module + ".")
+    }
+    return sorted(found)
 
 
 @pytest.mark.parametrize(("module", "name"), code_names("theory.md"))

@@ -25,7 +25,7 @@ from skfem_contact.loops.rules import disagreement, hold, propose
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.spaces import Conditions, Load
+from skfem_contact.problem.response import Conditions, Load
 
 LOOPS = {"newton": newton, "direct": direct, "fictitious": fictitious}
 K_N, K_T, MU = 4.0, 3.0, 0.5
@@ -43,7 +43,7 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
     kin = SimpleNamespace(m=m, tangents=1, gap0=np.zeros(m), area=np.ones(m), vertex=own)
     still = natural_state(kin, 0)
     return Step(
-        space=space,
+        problem=SimpleNamespace(points=space, solve=space.solve),
         load=load,
         motions=RigidMotions(np.zeros((2 * m, 0)), None, None),
         area=np.ones(m),
@@ -140,7 +140,7 @@ def test_proposals_follow_signorini():
     guess = replace(cold(one), status=status)
     free = np.zeros((2, 1))
     held = Conditions(status != OPEN, status == STICK, free, np.zeros((2, 1, 1)), free, free)
-    response = one.space.solve(held, one.load)
+    response = one.problem.solve(held, one.load)
     proposal = propose(one, guess, response)
     assert_array_equal(proposal.status, [OPEN, STICK])
     assert_array_equal(guess.status, [STICK, OPEN])

@@ -9,7 +9,7 @@ from scipy.linalg import cho_factor, lu_factor
 
 from skfem_contact.linalg.dense_factors import cho_solve, lu_solve
 from skfem_contact.problem.points import PointSpace, Reduction
-from skfem_contact.problem.spaces import Conditions, Load
+from skfem_contact.problem.response import Conditions, Load
 
 m = 60  # of them 10 closed: enough for the reduction to be worth its while
 

@@ -12,7 +12,8 @@ from scipy.sparse import csr_matrix
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem.points import PointSpace, dense_solver
-from skfem_contact.problem.spaces import Conditions, Load, SparseSpace
+from skfem_contact.problem.response import Conditions, Load
+from skfem_contact.problem.sparse import SparseSpace
 
 
 class Problem:

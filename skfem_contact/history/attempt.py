@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,9 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.loops.driver import Outcome
 from skfem_contact.loops.step import Record
-from skfem_contact.problem.placement import Placement
+from skfem_contact.problem.model import LinearModel
+from skfem_contact.problem.response import Load
+from skfem_contact.problem.seam import ContactProblem
 
 Array = NDArray[np.float64]
 
@@ -23,8 +24,9 @@ class Attempt:
     """One attempt at a load: how the loop ended, from which state, and on which pairing."""
 
     outcome: Outcome
-    placement: Placement
-    load: Any
+    model: LinearModel
+    problem: ContactProblem
+    load: Load
     case: LoadCase
     seen: LoadCase
     start: State

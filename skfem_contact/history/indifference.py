@@ -118,7 +118,7 @@ class Grip:
     @classmethod
     def of(cls, model: LinearModel, attempt: Attempt, interface: Interface) -> Grip:
         """That of an attempt."""
-        motions, state = attempt.placement.motions, attempt.state
+        motions, state = attempt.problem.motions, attempt.state
         largest = float(np.max(np.abs(state.normal_force), initial=0.0))
         floor = max(NOTHING * largest, ROUND_OFF * force_terms(model, attempt.case))
         carrying = (state.status != OPEN) & (state.normal_force > floor)
@@ -265,7 +265,7 @@ class Indifference:
             recover = Recovery.of(attempt)
             u, gap = recover(), attempt.state.gap
             seen = np.isfinite(gap)
-            normal = self.model.motions.seen_by(attempt.placement.kin).normal[seen]
+            normal = self.model.motions.seen_by(attempt.problem.kin).normal[seen]
             A = np.linalg.solve(R.T, (normal @ free).T).T
             y = nearest(A, -gap[seen], Q.T @ (u_last - u))
             if y is None:
@@ -304,7 +304,7 @@ class Indifference:
             forces.append(np.where(known.status != OPEN, known.normal_force, 0.0))
         floor = ROUND_OFF * max(np.max(np.abs(forces)), force_terms(self.model, target))
         carrying = forces[1] > np.maximum(FALLS * forces[0], floor)
-        kin = attempt.placement.kin
+        kin = attempt.problem.kin
         motions = self.model.motions.seen_by(kin)  # those of the springs' own model are held
         tied = self.stepper.interface.tied & kin.paired
         return None if known is None else (carrying | tied, known, motions)
@@ -328,7 +328,7 @@ class Indifference:
         options = self.stepper.options
         if self.stepper.geometry.follows:  # a body that is driven runs off on weak springs, cut by cut
             options = replace(options, max_cuts=min(options.max_cuts, FEW_CUTS))
-        stepper = replace(self.stepper, place=model.place, barred=barred, options=options)
+        stepper = replace(self.stepper, model=model, barred=barred, options=options)
         return stepper.advance(walk.state, walk.case, target, known, None)
 
 

@@ -200,7 +200,7 @@ class LoadStep:
         if not loose.shape[1]:
             return self.stepper
         held = self.model.with_springs(pins(self.model, loose))
-        return replace(self.stepper, place=held.place)
+        return replace(self.stepper, model=held)
 
     def _warn(self, result: ContactResult) -> None:
         if result.indifferent and np.any(result.u):
@@ -256,7 +256,7 @@ class LoadStep:
             system=self.model.system,
             contacts=interface.contacts,
             names=interface.names,
-            kin=attempt.placement.kin,
+            kin=attempt.problem.kin,
             stiffness=self.model.stiffness,
             case=case,
             seen=attempt.seen,
@@ -281,7 +281,7 @@ class LoadStep:
 
     def _failure(self, found: Found, result: ContactResult) -> NoEquilibrium | NotConverged:
         attempt = found.attempt
-        motions, free = attempt.placement.motions, attempt.outcome.free
+        motions, free = attempt.problem.motions, attempt.outcome.free
         if free is None and found.refuted is not None:
             motions, free = self.model.motions, found.refuted[:, None]
         if free is not None:

@@ -17,7 +17,7 @@ from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.spaces import Load, Response, Source
+from skfem_contact.problem.response import Load, Response, Source
 from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
@@ -59,15 +59,15 @@ class Recovery:
     @classmethod
     def of(cls, attempt: Attempt, shift: Array | None = None) -> Recovery:
         """That of the last iterate of an attempt."""
-        rows, load, response = attempt.placement.rows, attempt.load, attempt.outcome.iterate.response
-        moved = attempt.placement.u is not None
+        problem, load, response = attempt.problem, attempt.load, attempt.outcome.iterate.response
+        moved = problem.u is not None
         return cls(
-            model=attempt.placement.model,
-            found=rows.source(load, response) if moved else (load, response),
+            model=attempt.model,
+            found=problem.source(load, response) if moved else (load, response),
             components=load.components,
             case=attempt.case,
             moved=moved,
-            unknowns=len(rows.space.S) if isinstance(rows.space, PointSpace) else 0,
+            unknowns=0 if problem.points is None else len(problem.points.S),
             shift=shift,
         )
 
@@ -98,8 +98,9 @@ class Recovery:
         """
         if not self.unknowns:
             return None
-        rows = self.model.place(kin if self.moved else None, None).rows
-        return (rows.space, rows.model.P.shape[1] == 0) if isinstance(rows.space, PointSpace) else None
+        points, bodies = self.model.place(kin if self.moved else None, None).points, self.model.bodies
+        held = isinstance(bodies, Condensed) and bodies.P.shape[1] == 0
+        return None if points is None else (points, held)
 
     def __getstate__(self) -> dict[str, Any]:
         # elsewhere the bodies are condensed anew, and remember no loads

@@ -148,7 +148,7 @@ class ContactSolver:
 
     def _new_load_step(self) -> LoadStep:
         model, options = self.linear_model, self.options
-        stepper = Stepper(self.interface, self.geometry, model.place, self.loop, options)
+        stepper = Stepper(self.interface, self.geometry, model, self.loop, options)
         return LoadStep(model, stepper, self._reader)
 
     @property

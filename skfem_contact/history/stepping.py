@@ -33,7 +33,8 @@ from skfem_contact.loops.driver import Options, Outcome, drive
 from skfem_contact.loops.guided import guided_friction
 from skfem_contact.loops.starts import NEWTON_ITERATIONS, admissible, possible_starts, starting_values
 from skfem_contact.loops.step import Record, Step
-from skfem_contact.problem.placement import Placement
+from skfem_contact.problem.model import LinearModel
+from skfem_contact.problem.seam import ContactProblem
 
 Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
@@ -74,8 +75,8 @@ class Stepper:
     ----------
     interface : Interface
     geometry : Geometry
-    place : callable
-        ``place(kin, u)`` gives the `Placement` of a pairing; None, None that of the meshes.
+    model : LinearModel
+        The bodies, which it gives the contact problem on each pairing of.
     loop : str
     options : Options
     barred : ndarray of bool, shape (m,), optional
@@ -84,7 +85,7 @@ class Stepper:
 
     interface: Interface
     geometry: Geometry
-    place: Callable[[Kinematics | None, Array | None], Placement]
+    model: LinearModel
     loop: str
     options: Options
     barred: NDArray[np.bool_] | None = None  # points that stay open whatever happens
@@ -184,15 +185,15 @@ class Stepper:
         """Solve one load; where contact slides far, on the pairing of its own answer."""
         geometry, options = self.geometry, self.options
         if not geometry.follows:
-            return self._solve(walk, case, self.place(None, None), start, known, callback)
+            return self._solve(walk, case, self.model.place(None, None), start, known, callback)
         at = walk.state.surface + walk.share * walk.state.trend
         u = geometry.spread(at)
-        placement = self.place(geometry.at(u, case), u)
+        problem = self.model.place(geometry.at(u, case), u)
         trace: tuple[Record, ...] = ()
         coarse = 0
         secant, lost = Anderson(), np.zeros(len(geometry.finite), dtype=bool)
         for number in range(options.max_placements):
-            attempt = self._solve(walk, case, placement, start, known, callback)
+            attempt = self._solve(walk, case, problem, start, known, callback)
             trace += attempt.outcome.trace
             coarse += attempt.outcome.coarse
             outcome = replace(attempt.outcome, trace=trace, coarse=coarse)
@@ -206,22 +207,22 @@ class Stepper:
             plain = number < PLAIN
             at = there if plain else secant.next(at, there)
             u = geometry.spread(at)
-            next_kin = without_points(geometry.at(u, case, placement.kin), lost)
+            next_kin = without_points(geometry.at(u, case, problem.kin), lost)
             if number >= EDGE:
-                lost = lost | (placement.kin.paired & ~next_kin.paired)
-            mismatch = geometry.mismatch(placement.kin, next_kin, attempt.state, self.barred)
+                lost = lost | (problem.kin.paired & ~next_kin.paired)
+            mismatch = geometry.mismatch(problem.kin, next_kin, attempt.state, self.barred)
             if mismatch <= options.placement_tolerance:
                 # so far only the next pairing is alike: what counts is that of the answer itself
                 own = next_kin
                 if not plain:
                     own = geometry.at(geometry.spread(there), case, next_kin)
                     own = without_points(own, lost)
-                    mismatch = geometry.mismatch(placement.kin, own, attempt.state, self.barred)
+                    mismatch = geometry.mismatch(problem.kin, own, attempt.state, self.barred)
                 if mismatch <= options.placement_tolerance:
                     return self._settled(attempt, own, mismatch)
             start, known = "warm", attempt.state
-            placement = self.place(next_kin, u)
-        point = geometry.least_settled(attempt.placement.kin, next_kin, attempt.state)
+            problem = self.model.place(next_kin, u)
+        point = geometry.least_settled(problem.kin, next_kin, attempt.state)
         words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e}): "
         words += self.interface.point_words(point, next_kin.points[point])
         words += " meets another partner in every round"
@@ -255,26 +256,26 @@ class Stepper:
         self,
         walk: Walk,
         case: LoadCase,
-        placement: Placement,
+        problem: ContactProblem,
         start: str,
         known: State,
         callback: Callable[[Record], object] | None,
     ) -> Attempt:
-        interface, options, kin = self.interface, self.options, placement.kin
+        interface, options, kin = self.interface, self.options, problem.kin
         # a vertex brings its history along to the point that carries its row now
         last = walk.state.handed_on(kin.vertex, interface.parts)
         known = known.handed_on(kin.vertex, interface.parts)
         with single_threaded():
-            seen = self.geometry.case(placement.kin, placement.u, case, last, walk.case)
-            load = placement.rows.load(seen)
-            paired = kin.paired & (interface.tied | placement.able)
+            seen = self.geometry.case(problem.kin, problem.u, case, last, walk.case)
+            load = problem.load(seen)
+            paired = kin.paired & (interface.tied | problem.able)
             if self.barred is not None:
                 paired &= ~self.barred
-            guided = placement.guided if interface.laws else np.zeros_like(paired)
+            guided = problem.guided if interface.laws else np.zeros_like(paired)
             step = Step(
-                space=placement.rows.space,
+                problem=problem,
                 load=load,
-                motions=placement.motions,
+                motions=problem.motions,
                 area=kin.area,
                 paired=paired,
                 tied=interface.tied & paired,
@@ -283,11 +284,11 @@ class Stepper:
                 stiffness=interface.stiffness,
                 last=last,
                 rank=self.geometry.rank,
-                noise=NOISE * self._force_terms(case, placement),
+                noise=NOISE * self._force_terms(case),
             )
             dense = step
-            if start == "pivoting" and (rows := placement.dense_rows()) is not placement.rows:
-                dense = replace(step, space=rows.space, load=rows.load(seen))
+            if start == "pivoting" and (points := self.model.on_points(problem)) is not problem:
+                dense = replace(step, problem=points, load=points.load(seen))
             guess, spent = starting_values(start, known, step, kin, options.tolerance, self.loop, dense)
             guess = admissible(guess, step)
             limit = options.max_iterations or ITERATIONS[self.loop]
@@ -302,14 +303,14 @@ class Stepper:
                 outcome = replace(outcome, free=spent.free)  # its limits do not lag
             note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
             outcome = replace(outcome, trace=trace, coarse=guess.coarse, note=note)
-            state = self._state(step, outcome, walk.share, placement, load, case, seen)
-        failure = "" if balanced(placement.motions, case.f, state, step.noise) else RAN_AWAY
-        return Attempt(outcome, placement, load, case, seen, last, state, failure=failure)
+            state = self._state(step, outcome, walk.share, problem, load, case, seen)
+        failure = "" if balanced(problem.motions, case.f, state, step.noise) else RAN_AWAY
+        return Attempt(outcome, self.model, problem, load, case, seen, last, state, failure=failure)
 
-    def _force_terms(self, case: LoadCase, placement: Placement) -> float:
+    def _force_terms(self, case: LoadCase) -> float:
         """Largest load, or what moves of D make of the softest body's stiffness [force]."""
         moved = np.max(np.abs(case.x[self.geometry.system.D]), initial=0.0)
-        softest = min(placement.model.stiffest)  # the bodies' own K may have been replaced
+        softest = min(self.model.stiffest)  # the bodies' own K may have been replaced
         return float(max(case.largest_force, softest * moved))
 
     def _state(
@@ -317,7 +318,7 @@ class Stepper:
         step: Step,
         outcome: Outcome,
         share: float,
-        placement: Placement,
+        problem: ContactProblem,
         load: Any,
         case: LoadCase,
         seen: LoadCase,
@@ -326,15 +327,15 @@ class Stepper:
         response = it.response
         status, friction = it.status, response.tangential_force
         if step.laws:
-            guided = placement.guided & self.interface.frictional
+            guided = problem.guided & self.interface.frictional
             status, friction = guided_friction(step, guided, status, response)
         opened = (status == OPEN)[:, None]
         surface, slip = last.surface, response.slip
         if self.geometry.follows:
             dofs = self.geometry.surface_dofs
-            source = placement.rows.source(load, response)
-            surface = placement.rows.contact_displacement(source, case)[dofs]
-            slip = self.geometry.slip(placement.kin, seen, surface, slip, self.interface.slipping)
+            source = problem.source(load, response)
+            surface = problem.surface(source, case)[dofs]
+            slip = self.geometry.slip(problem.kin, seen, surface, slip, self.interface.slipping)
         return State(
             status,
             slip,
@@ -342,10 +343,10 @@ class Stepper:
             np.where(opened[:, 0], 0.0, response.normal_force),
             np.where(opened, slip, last.reference),
             response.gap,
-            placement.kin.area,
+            problem.kin.area,
             surface,
             (surface - last.surface) / share,
-            placement.kin.vertex,
+            problem.kin.vertex,
         )
 
 

@@ -17,7 +17,7 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops.step import Step
 
 if TYPE_CHECKING:
-    from skfem_contact.problem.spaces import Response
+    from skfem_contact.problem.response import Response
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -126,12 +126,13 @@ def lemke_guess(step: Step, current: Guess) -> Guess | None:
     current : Guess
         Where a law that is not linear in the normal force is linearised first.
     """
-    if not isinstance(step.space, PointSpace) or step.space.tangential_rows.shape[1] > 1:
+    space = step.problem.points
+    if space is None or space.tangential_rows.shape[1] > 1:
         return None
     if not (step.paired & ~step.tied).any():  # contact has gone elsewhere: nothing is to be decided
         return None
     for weak in WEAK if step.motions.k else WEAK[:1]:
-        guess = _sweeps(step, _problem(step, step.space, weak), current)
+        guess = _sweeps(step, _problem(step, space, weak), current)
         if guess is not None:
             return guess
     return None

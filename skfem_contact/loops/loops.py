@@ -30,7 +30,7 @@ from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.anderson import Anderson
 from skfem_contact.loops.rules import disagreement, hold, law_residual, propose
 from skfem_contact.loops.step import Guess, Iterate, Step
-from skfem_contact.problem.spaces import Conditions, Response
+from skfem_contact.problem.response import Conditions, Response
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -123,11 +123,11 @@ def _solve(step: Step, current: Guess, coupled: bool) -> Response:
     """Solve for a set; where the law's tangent has no unique answer, with limits that lag."""
     conditions = _conditions(step, current, coupled)
     try:
-        return step.space.solve(conditions, step.load)
+        return step.problem.solve(conditions, step.load)
     except SingularMatrix:
         if not conditions.coupling.any():
             raise
-    return step.space.solve(_conditions(step, current, coupled=False), step.load)
+    return step.problem.solve(_conditions(step, current, coupled=False), step.load)
 
 
 def _conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
@@ -182,7 +182,7 @@ def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
             offset=offset,
             coupling=np.zeros_like(offset),
         )
-        response = step.space.solve(conditions, step.load)
+        response = step.problem.solve(conditions, step.load)
         trial = step.trial(response.slip)
         limit = step.limit(response.normal_force, response.slip)
         mapped, slips = return_map(trial, limit)

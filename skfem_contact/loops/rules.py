@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.problem.spaces import Response
+from skfem_contact.problem.response import Response
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

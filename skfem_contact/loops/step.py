@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import State
-from skfem_contact.problem.spaces import Load, Response, Space
+from skfem_contact.problem.response import Load, Response
+from skfem_contact.problem.seam import ContactProblem
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -26,7 +27,7 @@ class Step:
     the other, or two are alike, it decides.
     """
 
-    space: Space
+    problem: ContactProblem
     load: Load
     motions: RigidMotions
     area: Array

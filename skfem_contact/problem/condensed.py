@@ -1,9 +1,9 @@
 r"""From contact DOFs to the gaps and slips of contact points: the small dense contact problem.
 
 `Condensed` is what depends on the stiffness alone: every body condensed onto its contact DOFs
-(`skfem_contact.problem.substructure`) and inverted. `PointRows` adds where the points are: with
+(`skfem_contact.problem.substructure`) and inverted. `PointProblem` adds where the points are: with
 ``z = B u`` the gaps and slips of the candidates, all else is eliminated (a Delassus operator, as in
-Francavilla and Zienkiewicz, 1975). A new pairing costs a new `PointRows` and nothing before it.
+Francavilla and Zienkiewicz, 1975). A new pairing costs a new `PointProblem` and nothing before it.
 
 Bodies may float. A body that its supports do not hold is made definite by springs on a few anchor
 DOFs away from contact, ``F = (S + P P')^-1``, whose extensions ``q = P'u`` are kept as extra rows
@@ -26,12 +26,14 @@ from scipy.linalg import LinAlgError, block_diag
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.kinematics import FIXED, Kinematics, without_columns
+from skfem_contact.conditions.kinematics import FIXED, without_columns
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.dense_factors import cho_factor, lu_factor, lu_solve
 from skfem_contact.linalg.direct import Dense
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.spaces import Load, Response, Source, SparseSpace
+from skfem_contact.problem.response import Conditions, Load, Response, Source
+from skfem_contact.problem.seam import ContactProblem, Place, Placed
+from skfem_contact.problem.sparse import SparseSpace
 from skfem_contact.problem.substructure import Components, Substructure, inverse_of
 
 Array = NDArray[np.float64]
@@ -132,48 +134,47 @@ class Condensed:
                     out[place] = column
         return u
 
-    def attach(
-        self, kin: Kinematics, slipping: Mask, prefer: Mask, labels: Sequence[str]
-    ) -> PointRows | ContactDofRows:
-        """The contact problem for one pairing."""
+    def attach(self, place: Place, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
+        """The contact problem on one pairing."""
         try:
-            return PointRows(self, kin, slipping)
+            return PointProblem(self, place)
         except LinAlgError:  # rows that depend on each other: a corner, a chain
-            return ContactDofRows(self, kin, slipping, prefer, labels)
+            return SurfaceProblem(self, place, prefer, labels)
 
 
-class Rows:
+class CondensedProblem(Placed):
     """What both kinds of contact problem share: the rows on contact DOFs and on prescribed ones."""
 
-    def __init__(self, model: Condensed, kin: Kinematics, slipping: Mask) -> None:
-        self.model, self.slips = model, bool(slipping.any())
-        self.kin = without_columns(kin, model.columns)
-        self.prescribed = without_columns(kin, model.system.D)
+    def __init__(self, bodies: Condensed, place: Place) -> None:
+        super().__init__(place)
+        self.bodies, self.slips = bodies, bool(place.slipping.any())
+        self.rows = without_columns(place.kin, bodies.columns)
+        self.prescribed = without_columns(place.kin, bodies.system.D)
 
     def constant(self, case: LoadCase) -> tuple[Array, Array]:
         """Initial gaps and slips with what prescribed displacements add."""
         gap0, slip0 = case.gap0, case.slip0
         if self.prescribed.B_n.nnz:  # only where supports reach into the contact
-            gap0 = gap0 + self.prescribed.B_n @ case.x[self.model.system.D]
+            gap0 = gap0 + self.prescribed.B_n @ case.x[self.bodies.system.D]
         if self.slips and self.prescribed.B_t.nnz:
-            moved = self.prescribed.B_t @ case.x[self.model.system.D]
+            moved = self.prescribed.B_t @ case.x[self.bodies.system.D]
             slip0 = slip0 + moved.reshape(slip0.shape)
         return gap0, slip0
 
-    def contact_displacement(self, source: Source, case: LoadCase) -> Array:
+    def surface(self, source: Source, case: LoadCase) -> Array:
         """Displacements (n,) known without the interior: contact DOFs and prescribed ones."""
-        u = np.zeros(self.model.system.n)
-        u[self.model.system.D] = case.x[self.model.system.D]
-        u[self.model.columns] = self.model.contact_dofs(source)
+        u = np.zeros(self.bodies.system.n)
+        u[self.bodies.system.D] = case.x[self.bodies.system.D]
+        u[self.bodies.columns] = self.bodies.contact_dofs(source)
         return u
 
 
-class PointRows(Rows):
+class PointProblem(CondensedProblem):
     """The contact problem on gaps and slips, see `PointSpace`."""
 
-    def __init__(self, model: Condensed, kin: Kinematics, slipping: Mask) -> None:
-        super().__init__(model, kin, slipping)
-        kin, t = self.kin, kin.tangents
+    def __init__(self, bodies: Condensed, place: Place) -> None:
+        super().__init__(bodies, place)
+        kin, slipping, t = self.rows, place.slipping, place.kin.tangents
         normal = np.flatnonzero(kin.paired & (_row_size(kin.B_n) > FIXED))
         tangential, rows = np.zeros(0, dtype=np.intp), [kin.B_n[normal]]
         if self.slips:
@@ -181,9 +182,9 @@ class PointRows(Rows):
             tangential = np.flatnonzero(may_slip & (_row_size(kin.B_t) > FIXED))
             rows.append(kin.B_t[tangential])
         # of the dense matrices S alone is kept: A follows from it, and G F from G
-        self.G = G = csr_matrix(vstack([*rows, csr_matrix(model.P.T)]))
+        self.G = G = csr_matrix(vstack([*rows, csr_matrix(bodies.P.T)]))
         self.q = q = len(normal) + len(tangential)
-        A = _inverse(G @ model.row_flexibility(G).T)
+        A = _inverse(G @ bodies.row_flexibility(G).T)
         self.A_zq, self.A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         self.rigid = lu_factor(self.A_qq - np.eye(len(A) - q))
         S = A
@@ -194,16 +195,20 @@ class PointRows(Rows):
         normal_rows[normal] = np.arange(len(normal))
         tangential_rows = np.full(kin.m * t, -1)
         tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
-        self.space = PointSpace(S, normal_rows, tangential_rows.reshape(kin.m, t))
+        self.points = PointSpace(S, normal_rows, tangential_rows.reshape(kin.m, t))
 
     def load(self, case: LoadCase) -> Load:
-        """A load case in the unknowns of the space."""
-        f_c, components = self.model.load(case.f, case.x)
-        moved = self.G @ self.model.flexibility(f_c)
+        """A load case on gaps and slips."""
+        f_c, components = self.bodies.load(case.f, case.x)
+        moved = self.G @ self.bodies.flexibility(f_c)
         # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
-        force = self.space.S @ moved[: self.q] - self.A_zq @ lu_solve(self.rigid, moved[self.q :])
+        force = self.points.S @ moved[: self.q] - self.A_zq @ lu_solve(self.rigid, moved[self.q :])
         gap0, slip0 = self.constant(case)
         return Load(force, gap0, slip0, f_c, components, moved)
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps, slips and forces under these conditions."""
+        return self.points.solve(conditions, load)
 
     def source(self, load: Load, response: Response) -> Source:
         """Forces on the contact DOFs: loads, contact, and the springs on the anchors."""
@@ -212,40 +217,39 @@ class PointRows(Rows):
         z, known = response.solution, load.moved
         along = self.A_zq.T @ (known[: self.q] - z)
         q = lu_solve(self.rigid, along + self.A_qq @ known[self.q :])
-        force = load.prescribed + self.kin.B_n.T @ response.normal_force + self.model.P @ q
+        force = load.prescribed + self.rows.B_n.T @ response.normal_force + self.bodies.P @ q
         if self.slips:
-            force -= self.kin.B_t.T @ response.tangential_force.ravel()
+            force -= self.rows.B_t.T @ response.tangential_force.ravel()
         return Source(force, forces=True)
 
 
-class ContactDofRows(Rows):
+class SurfaceProblem(CondensedProblem):
     """The contact problem on contact DOFs, ``T'S T``: for rows that depend on each other."""
 
-    def __init__(
-        self,
-        model: Condensed,
-        kin: Kinematics,
-        slipping: Mask,
-        prefer: Mask,
-        labels: Sequence[str],
-    ) -> None:
-        super().__init__(model, kin, slipping)
+    points = None
+
+    def __init__(self, bodies: Condensed, place: Place, prefer: Mask, labels: Sequence[str]) -> None:
+        super().__init__(bodies, place)
         self.space = SparseSpace(
-            K=csr_matrix(block_diag(*(part.S for part in model.parts if len(part.kept)))),
-            kin=self.kin,
+            K=csr_matrix(block_diag(*(part.S for part in bodies.parts if len(part.kept)))),
+            kin=self.rows,
             D=np.zeros(0, dtype=int),
-            prefer=prefer[model.columns],
+            prefer=prefer[bodies.columns],
             backend=Dense(),
             labels=labels,
-            scale=model.system.extent,
-            frictional=slipping,
+            scale=bodies.system.extent,
+            frictional=place.slipping,
         )
 
     def load(self, case: LoadCase) -> Load:
-        """A load case in the unknowns of the space."""
-        f_c, components = self.model.load(case.f, case.x)
+        """A load case on the contact DOFs."""
+        f_c, components = self.bodies.load(case.f, case.x)
         gap0, slip0 = self.constant(case)
         return Load(f_c, gap0, slip0, np.zeros(len(f_c)), components)
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps, slips and forces under these conditions."""
+        return self.space.solve(conditions, load)
 
     def source(self, load: Load, response: Response) -> Source:
         """The unknowns are the displacements of the contact DOFs already."""

@@ -11,10 +11,11 @@ from scipy.linalg import block_diag as dense_block_diag
 from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.direct import as_linear_solver
-from skfem_contact.problem.spaces import Load, Response, Source, SparseSpace
+from skfem_contact.problem.response import Conditions, Load, Response, Source
+from skfem_contact.problem.seam import ContactProblem, Place, Placed
+from skfem_contact.problem.sparse import SparseSpace
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -38,43 +39,43 @@ class FullSystem:
         """All displacements, r arrays (n,), which are the sources themselves (n, r)."""
         return [np.array(u) for u in sources.values.T]
 
-    def attach(self, kin: Kinematics, slipping: Mask, prefer: Mask, labels: Sequence[str]) -> FullRows:
-        """The contact problem for one pairing."""
-        return FullRows(self, kin, slipping, prefer, labels)
+    def attach(self, place: Place, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
+        """The contact problem on one pairing."""
+        return FullProblem(self, place, prefer, labels)
 
 
-class FullRows:
-    """The contact problem on all DOFs for one pairing."""
+class FullProblem(Placed):
+    """The contact problem on all DOFs."""
 
-    def __init__(
-        self,
-        model: FullSystem,
-        kin: Kinematics,
-        slipping: Mask,
-        prefer: Mask,
-        labels: Sequence[str],
-    ) -> None:
+    points = None
+
+    def __init__(self, bodies: FullSystem, place: Place, prefer: Mask, labels: Sequence[str]) -> None:
+        super().__init__(place)
         self.space = SparseSpace(
-            K=model.K,
-            kin=kin,
-            D=model.system.D,
+            K=bodies.K,
+            kin=place.kin,
+            D=bodies.system.D,
             prefer=prefer,
-            backend=model.backend,
+            backend=bodies.backend,
             labels=labels,
-            scale=model.system.extent,
-            frictional=slipping,
-            points=model.points,
-            modes=model.modes,
+            scale=bodies.system.extent,
+            frictional=place.slipping,
+            points=bodies.points,
+            modes=bodies.modes,
         )
 
     def load(self, case: LoadCase) -> Load:
         """The load case as it stands."""
         return Load(case.f, case.gap0, case.slip0, case.x)
 
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps, slips and forces under these conditions."""
+        return self.space.solve(conditions, load)
+
     def source(self, load: Load, response: Response) -> Source:
         """The unknowns are the displacements of all DOFs already."""
         return Source(response.solution, forces=False)
 
-    def contact_displacement(self, source: Source, case: LoadCase) -> Array:
+    def surface(self, source: Source, case: LoadCase) -> Array:
         """Displacements of all DOFs (n,)."""
         return source.values

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from skfem_contact.linalg.multifrontal.factor import Estimate
 from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
-from skfem_contact.problem.placement import Placement
+from skfem_contact.problem.seam import Bodies, ContactProblem, Place
 from skfem_contact.problem.substructure import Substructure
 from skfem_contact.sealed import seal
 
@@ -87,7 +87,7 @@ class LinearModel:
         self.timings = timings
         self._reuse = list(reuse)
         self._bodies: Condensed | FullSystem | None = None
-        self._base: Placement | None = None
+        self._base: ContactProblem | None = None
         self._for_pivoting: Condensed | None = None
         self._sprung: dict[bytes, LinearModel] = {}
 
@@ -205,35 +205,37 @@ class LinearModel:
                 out[name] = Substructure(body, self.stiffness[i], mine).estimate()
         return out
 
-    def place(self, kin: Kinematics | None, u: Array | None) -> Placement:
+    def place(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         """The contact problem on a pairing; without one, on that of the undeformed bodies."""
         if kin is None and self._base is not None:
             return self._base
         bodies = self.bodies
-        own = self.kin if kin is None else kin
-        seal(own)
+        seal(self.kin if kin is None else kin)
         start = time.perf_counter()
         with single_threaded():
-            rows = bodies.attach(own, self.interface.slipping, self._prefer, self._labels)
+            problem = self._attach(bodies, kin, u)
         spent = time.perf_counter() - start
         self.timings["contact problem"] = self.timings.get("contact problem", 0.0) + spent
-        dense = cache(lambda: self._dense_rows(own, rows))
         if kin is None:
-            self._base = Placement(self.kin, rows, self.motions, None, dense, self)
-            return self._base
-        return Placement(kin, rows, self.motions.seen_by(kin), u, dense, self)
+            self._base = problem
+        return problem
 
-    def _dense_rows(self, kin: Kinematics, rows: Any) -> Any:
-        """The contact problem on gaps and slips; on the sparse route condensed for this alone.
+    def _attach(self, bodies: Bodies, kin: Kinematics | None, u: Array | None) -> ContactProblem:
+        own = self.kin if kin is None else kin
+        motions = self.motions if kin is None else self.motions.seen_by(kin)
+        place = Place(own, motions, u, self.interface.slipping)
+        return bodies.attach(place, self._prefer, self._labels)
+
+    def on_points(self, problem: ContactProblem) -> ContactProblem:
+        """The same problem on gaps and slips; on the sparse route condensed for this alone.
 
         Not in place of an iterative solver, which is chosen where a factorisation is too much.
         """
         if self.condensed or not isinstance(self.backend, Direct):
-            return rows
+            return problem
         if self._for_pivoting is None:
             self._for_pivoting = Condensed(self.system, self.stiffness, self._wanted())
-        bodies = self._for_pivoting
-        return bodies.attach(kin, self.interface.slipping, self._prefer, self._labels)
+        return self._attach(self._for_pivoting, problem.kin, problem.u)
 
     def _wanted(self) -> NDArray[np.intp]:
         """DOFs that contact rows may touch: those of now, and of surfaces that slide far."""

@@ -18,7 +18,7 @@ from scipy.linalg import LinAlgError
 
 from skfem_contact.linalg.dense_factors import cho_factor, cho_solve, lu_factor, lu_solve
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.problem.spaces import Conditions, Load, Response, friction_force
+from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -1,20 +1,10 @@
-r"""The linear world seen from the contact: conditions in, gaps, slips and forces out.
-
-One nonlinear iteration asks one linear question: with these points closed, those sticking and a
-given linear friction law on the rest, what are the gaps, slips and contact forces? Three spaces
-answer it, from large and sparse to small and dense, each exactly:
-
-`SparseSpace`   all DOFs, ``K_r = T'KT`` with the rows of the closed points eliminated;
-                the same over the contact DOFs alone, with the condensed S in place of K;
-`PointSpace`    the gaps and slips themselves as unknowns: a dense matrix of m d rows, where
-                eliminating a closed point is deleting its row and column (`problem.points`).
-"""
+"""The contact problem on displacements, by elimination: all DOFs, or those of the contact alone."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,99 +14,10 @@ from skfem_contact.conditions.friction import tangential_matrix
 from skfem_contact.conditions.kinematics import FIXED, Kinematics
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.eliminate import eliminate
+from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Conditions:
-    r"""What holds at every point during one linear solve.
-
-    A closed point has no gap. If it sticks, its slip is `anchor`; otherwise its friction force is
-    ``tau = offset + spring (s - 0) + coupling lambda``. An open point carries nothing.
-
-    Attributes
-    ----------
-    closed, stick : ndarray of bool, shape (m,)
-    anchor, offset, coupling : ndarray, shape (m, d-1)
-        [length], [force], [1]
-    spring : ndarray, shape (m, d-1, d-1)
-        [force/length]
-    """
-
-    closed: Mask
-    stick: Mask
-    anchor: Array
-    spring: Array
-    offset: Array
-    coupling: Array
-
-    def matrix_key(self) -> bytes:
-        """Equal for conditions with the same matrix, so that a factorisation can be kept."""
-        parts = (self.closed, self.stick, self.spring, self.coupling)
-        return b"".join(part.tobytes() for part in parts)
-
-
-@dataclass(frozen=True, eq=False)
-class Response:
-    """Gaps, slips and forces of all points, and the solution in the space's own unknowns."""
-
-    gap: Array
-    slip: Array
-    normal_force: Array
-    tangential_force: Array
-    solution: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Load:
-    """One load step in the unknowns of a space: forces and initial gaps and slips.
-
-    Attributes
-    ----------
-    components : tuple
-        What the bodies remember of the load, for the interior.
-    moved : ndarray
-        Changes of gaps, slips and anchors where contact carries nothing; on gaps and slips.
-    """
-
-    force: Array
-    gap0: Array
-    slip0: Array
-    prescribed: Array
-    components: tuple[Any, ...] = ()
-    moved: Array | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Source:
-    """What the displacements of the bodies follow from.
-
-    Attributes
-    ----------
-    values : ndarray, shape (n_c,) or (n_c, r), or with n in place of n_c
-        Forces on the contact DOFs, contact forces included; or displacements of the contact DOFs; or
-        of all DOFs.
-    forces : bool
-    """
-
-    values: Array
-    forces: bool
-
-
-class Space(Protocol):
-    """What a nonlinear loop needs to know of the bodies."""
-
-    def solve(self, conditions: Conditions, load: Load) -> Response:
-        """Solve one linear problem."""
-        ...
-
-
-def friction_force(conditions: Conditions, slip: Array, normal_force: Array) -> Array:
-    """The linear friction law of the points that do not stick exactly."""
-    elastic = np.einsum("ikl,il->ik", conditions.spring, slip)
-    return conditions.offset + elastic + conditions.coupling * normal_force[:, None]
 
 
 @dataclass(eq=False)

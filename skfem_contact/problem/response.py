@@ -1,0 +1,99 @@
+r"""What one iteration asks of a contact problem, and what it is told.
+
+One nonlinear iteration asks one linear question: with these points closed, those sticking and a
+given linear friction law on the rest (`Conditions`), what are the gaps, slips and contact forces
+(`Response`) under this load (`Load`)?
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    r"""What holds at every point during one linear solve.
+
+    A closed point has no gap. If it sticks, its slip is `anchor`; otherwise its friction force is
+    ``tau = offset + spring (s - 0) + coupling lambda``. An open point carries nothing.
+
+    Attributes
+    ----------
+    closed, stick : ndarray of bool, shape (m,)
+    anchor, offset, coupling : ndarray, shape (m, d-1)
+        [length], [force], [1]
+    spring : ndarray, shape (m, d-1, d-1)
+        [force/length]
+    """
+
+    closed: Mask
+    stick: Mask
+    anchor: Array
+    spring: Array
+    offset: Array
+    coupling: Array
+
+    def matrix_key(self) -> bytes:
+        """Equal for conditions with the same matrix, so that a factorisation can be kept."""
+        parts = (self.closed, self.stick, self.spring, self.coupling)
+        return b"".join(part.tobytes() for part in parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Gaps, slips and forces of all points, and the solution in the space's own unknowns."""
+
+    gap: Array
+    slip: Array
+    normal_force: Array
+    tangential_force: Array
+    solution: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """One load step in the unknowns of a space: forces and initial gaps and slips.
+
+    Attributes
+    ----------
+    components : tuple
+        What the bodies remember of the load, for the interior.
+    moved : ndarray
+        Changes of gaps, slips and anchors where contact carries nothing; on gaps and slips.
+    """
+
+    force: Array
+    gap0: Array
+    slip0: Array
+    prescribed: Array
+    components: tuple[Any, ...] = ()
+    moved: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What the displacements of the bodies follow from.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n_c,) or (n_c, r), or with n in place of n_c
+        Forces on the contact DOFs, contact forces included; or displacements of the contact DOFs; or
+        of all DOFs.
+    forces : bool
+    """
+
+    values: Array
+    forces: bool
+
+
+def friction_force(conditions: Conditions, slip: Array, normal_force: Array) -> Array:
+    """The linear friction law of the points that do not stick exactly."""
+    elastic = np.einsum("ikl,il->ik", conditions.spring, slip)
+    return conditions.offset + elastic + conditions.coupling * normal_force[:, None]

@@ -1,0 +1,151 @@
+r"""The seam between bodies and contact: `ContactProblem`.
+
+Whatever the bodies are and however they are solved, contact knows them by five questions. A load step
+is put to a problem (`load`); an iteration asks for gaps, slips and forces under given conditions
+(`solve`); at its end the problem says what the displacements follow from (`source`), those of the
+surfaces at once (`surface`), those of the bodies by ``model.bodies.recover`` when somebody asks.
+
+Three problems answer them, each exactly:
+
+=================  =====================  ==========================================================
+problem            unknowns               in
+=================  =====================  ==========================================================
+`PointProblem`     gaps and slips         `condensed`: small and dense; rows that do not depend on
+                                          each other
+`SurfaceProblem`   contact DOFs           `condensed`: rows that do, at corners and in chains
+`FullProblem`      all DOFs               `full`: sparse, with any linear solver
+=================  =====================  ==========================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.motions import RigidMotions
+from skfem_contact.conditions.prescribed import guided_points, prescribed_rows
+from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.response import Conditions, Load, Response, Source
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class ContactProblem(Protocol):
+    """The bodies reduced to the points of one pairing.
+
+    Attributes
+    ----------
+    kin : Kinematics
+        The pairing; its `gap0` are the gaps at the displacements `u`.
+    motions : RigidMotions
+        Those that supports leave free, seen from these points.
+    u : ndarray, shape (n,) or None
+        Displacements of the surfaces at which the pairing was made; None for the undeformed bodies.
+    """
+
+    kin: Kinematics
+    motions: RigidMotions
+    u: Array | None
+
+    @property
+    def points(self) -> PointSpace | None:
+        """The dense problem on gaps and slips, where it is that: pivoting and uniqueness need it."""
+        ...
+
+    @property
+    def able(self) -> Mask:
+        """Points whose gap can change: where it is prescribed, D carries the force instead."""
+        ...
+
+    @property
+    def guided(self) -> Mask:
+        """Points whose slip supports prescribe: they take whatever friction there is."""
+        ...
+
+    def load(self, case: LoadCase) -> Load:
+        """A load case in the unknowns of the problem."""
+        ...
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps, slips and forces of all points under these conditions.
+
+        Raises
+        ------
+        SingularMatrix
+            If the conditions do not hold the bodies.
+        """
+        ...
+
+    def source(self, load: Load, response: Response) -> Source:
+        """What the displacements of the bodies follow from."""
+        ...
+
+    def surface(self, source: Source, case: LoadCase) -> Array:
+        """Displacements (n,) as far as they are known without the interior [length]."""
+        ...
+
+
+class Bodies(Protocol):
+    """The bodies without contact: `Condensed` or `FullSystem`."""
+
+    def attach(self, place: Place, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
+        """The contact problem on one pairing.
+
+        Parameters
+        ----------
+        place : Place
+        prefer : ndarray of bool, shape (n,)
+            DOFs of the secondary surfaces, which are eliminated where there is a choice.
+        labels : sequence of str
+            Names of the m points.
+        """
+        ...
+
+    def recover(
+        self, sources: Source, components: Sequence[Any], cases: Sequence[LoadCase]
+    ) -> list[Array]:
+        """All displacements, r arrays (n,), from r sources."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a contact problem is posed.
+
+    Attributes
+    ----------
+    kin, motions, u
+        As of `ContactProblem`.
+    slipping : ndarray of bool, shape (m,)
+        Points with tangential rows.
+    """
+
+    kin: Kinematics
+    motions: RigidMotions
+    u: Array | None
+    slipping: Mask
+
+
+class Placed:
+    """What all contact problems have of their place."""
+
+    def __init__(self, place: Place) -> None:
+        self.kin, self.motions, self.u = place.kin, place.motions, place.u
+
+    @cached_property
+    def able(self) -> Mask:
+        """Points whose gap can change: where it is prescribed, D carries the force instead."""
+        return ~prescribed_rows(self.kin.B_n, self.motions.system.D)
+
+    @cached_property
+    def guided(self) -> Mask:
+        """Points whose slip supports prescribe: they take whatever friction there is."""
+        return guided_points(self.kin, self.motions.system.D)
