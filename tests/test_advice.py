@@ -60,25 +60,6 @@ def pressed(n, friction=None, **settings):
     return sc.ContactSolver(body, pair)
 
 
-def test_iterations_of_the_nested_start_are_said(caplog):
-    """What the log of the coarse levels counts is in the message; without a nested start it is not."""
-    solver = pressed(64)
-    with caplog.at_level("DEBUG", logger="skfem_contact"):
-        result = solver.solve()
-    levels = [m for m in caplog.messages if m.startswith("nested start on")]
-    lines = [m for m in caplog.messages if " open " in m]  # one per iteration, coarse ones too
-    coarse = len(lines) - len(result.trace)
-    assert levels and coarse > 0
-    plural = "" if result.iterations == 1 else "s"
-    words = (
-        f"converged in {result.iterations} iteration{plural} after a nested start of {coarse} iteration"
-    )
-    assert result.message.startswith(words)
-    assert words in str(result)
-    again = solver.solve(start=result)
-    assert "nested" not in again.message
-
-
 def test_all_iterations_are_said():
     """With finite sliding a step is solved in rounds, and the message counts those of all."""
     result = pressed(16, sc.Coulomb(0.2), sliding="finite").solve()

@@ -77,16 +77,13 @@ class Walk:
     cuts: int = 0
     substeps: int = 1
     share: float = 1.0  # of the step that is attempted next
-    coarse: int = 0  # iterations on fewer points, of nested starts
 
     @property
     def words(self) -> str:
-        """What else it took, for messages: a nested start, cuts of the step."""
-        plural = "" if self.coarse == 1 else "s"
-        nested = f" after a nested start of {self.coarse} iteration{plural}" if self.coarse else ""
+        """What else it took, for messages: cuts of the step."""
         if not self.cuts:
-            return nested
-        return f"{nested}, step cut {self.cuts} times, substep {self.substeps}"
+            return ""
+        return f", step cut {self.cuts} times, substep {self.substeps}"
 
 
 def friction_energy(interface: Interface, last: State, new: State) -> Energy:

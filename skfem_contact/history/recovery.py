@@ -76,7 +76,7 @@ class Recovery:
         """What all displacements follow from."""
         if isinstance(self.found, Source):
             return self.found
-        source: Source = self.model.place(None, None).rows.source(*self.found)
+        source: Source = self.model.place(None, None).source(*self.found)
         return source
 
     def __call__(self) -> Array:

@@ -1,6 +1,6 @@
 """From one state to the next: a load step, cut into smaller ones where it fails.
 
-A step is tried whole, from the last state's contact zone; if that fails, from a cold (nested)
+A step is tried whole, from the last state's contact zone; if that fails, from a cold
 start, then from complementary pivoting (Lemke's method); if all fail it is halved. Where contact
 slides far, every attempt is solved again on the pairing of its own answer until the two agree
 (a fixed point, which secants reach in half the rounds); and if a point slid too far in it, the step
@@ -126,7 +126,6 @@ class Stepper:
                 starts.pop(0)
                 continue
             walk.trace.extend(attempt.outcome.trace)
-            walk.coarse += attempt.outcome.coarse
             last = len(starts) == 1 or attempt.failure == RAN_AWAY  # wherever it begins
             lost = not attempt.good and not attempt.stopped and last
             if lost and doubt is not None and share == 1.0:
@@ -190,13 +189,11 @@ class Stepper:
         u = geometry.spread(at)
         problem = self.model.place(geometry.at(u, case), u)
         trace: tuple[Record, ...] = ()
-        coarse = 0
         secant, lost = Anderson(), np.zeros(len(geometry.finite), dtype=bool)
         for number in range(options.max_placements):
             attempt = self._solve(walk, case, problem, start, known, callback)
             trace += attempt.outcome.trace
-            coarse += attempt.outcome.coarse
-            outcome = replace(attempt.outcome, trace=trace, coarse=coarse)
+            outcome = replace(attempt.outcome, trace=trace)
             attempt = replace(attempt, outcome=outcome)
             if not attempt.good:
                 return attempt
@@ -247,7 +244,7 @@ class Stepper:
             if not share <= travel:  # a NaN as well
                 travel, culprit = float(share), part.start + int(np.argmax(way))
         if travel > max(limit, 1.0 + ROUND_OFF):
-            words = self.interface.point_words(culprit, attempt.placement.kin.points[culprit])
+            words = self.interface.point_words(culprit, attempt.problem.kin.points[culprit])
             words += f" slid {travel:.3g} times as far as max_travel allows"
             return replace(attempt, failure=words, travel=travel, culprit=culprit)
         return replace(attempt, travel=travel)
@@ -302,7 +299,7 @@ class Stepper:
             elif spent and spent.free is not None and not outcome.converged:
                 outcome = replace(outcome, free=spent.free)  # its limits do not lag
             note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
-            outcome = replace(outcome, trace=trace, coarse=guess.coarse, note=note)
+            outcome = replace(outcome, trace=trace, note=note)
             state = self._state(step, outcome, walk.share, problem, load, case, seen)
         failure = "" if balanced(problem.motions, case.f, state, step.noise) else RAN_AWAY
         return Attempt(outcome, self.model, problem, load, case, seen, last, state, failure=failure)

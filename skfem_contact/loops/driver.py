@@ -115,7 +115,7 @@ class Options:
 class Outcome:
     """How a loop ended: its last iterate, the log, and the reason in words.
 
-    `coarse` and `note` are what the log does not show of its start: iterations on fewer points, words.
+    `note` is what the log does not show of its start, in words.
     """
 
     iterate: Iterate
@@ -124,7 +124,6 @@ class Outcome:
     message: str
     free: np.ndarray | None = None
     stopped: bool = False
-    coarse: int = 0
     note: str = ""
 
 

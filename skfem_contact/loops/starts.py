@@ -1,4 +1,4 @@
-"""Where the iterations of a load step begin: warm, cold (nested), by another loop, or by pivoting."""
+"""Where the iterations of a load step begin: warm, cold, by another loop, or by pivoting."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK, State
 from skfem_contact.loops import loops
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.lemke import MOST_POINTS, lemke_guess
-from skfem_contact.loops.nested import nested_guess
 from skfem_contact.loops.step import Guess, Step
 
 Array = NDArray[np.float64]
@@ -62,7 +61,7 @@ def starting_values(
         pivoted = lemke_guess(dense, as_guess(known))
         if pivoted is not None:
             return _by_newton(pivoted, step, tolerance) if loop == "direct" else (pivoted, None)
-    return _cold(step, kin, tolerance, apart=start == "apart"), None
+    return _cold(step, kin, apart=start == "apart"), None
 
 
 def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outcome]:
@@ -73,8 +72,8 @@ def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outco
     return Guess(it.status, it.direction, *forces, there.slip), found
 
 
-def _cold(step: Step, kin: Kinematics, tolerance: float, apart: bool = False) -> Guess:
-    """Nothing known: points that touch are closed and stick; where few do, a nested start.
+def _cold(step: Step, kin: Kinematics, apart: bool = False) -> Guess:
+    """Nothing known: points that touch are closed and stick.
 
     `apart`: of the points that several contacts have at one node only the deepest.
     """
@@ -83,12 +82,7 @@ def _cold(step: Step, kin: Kinematics, tolerance: float, apart: bool = False) ->
     if apart:
         touching &= deepest(step.load.gap0, kin.points, step.rank)
     status = np.where(touching | step.tied, STICK, OPEN)
-    guess = Guess(status, zero, np.zeros(kin.m), zero, zero)
-    if apart or touching.sum() > 0.5 * step.paired.sum():
-        return guess
-    # the coarse levels only look for the zone: exact sticking, whatever the loop
-    exact = replace(step, stiffness=np.full(kin.m, np.inf))
-    return nested_guess(exact, guess, loops.newton, kin.points, tolerance)
+    return Guess(status, zero, np.zeros(kin.m), zero, zero)
 
 
 def deepest(gap: Array, points: Array, rank: NDArray[np.intp]) -> NDArray[np.bool_]:

@@ -102,8 +102,8 @@ class Iterate:
 class Guess:
     """Starting values of a loop; never part of the answer.
 
-    `coarse` are the iterations on fewer points that a nested start took, and `pivoted` says whether
-    complementary pivoting found the values: work that the iterations of the loop do not count.
+    `pivoted` says whether complementary pivoting found the values: work that the iterations of the loop
+    do not count.
     """
 
     status: NDArray[np.intp]
@@ -111,7 +111,6 @@ class Guess:
     normal_force: Array
     tangential_force: Array
     slip: Array
-    coarse: int = 0
     pivoted: bool = False
 
 
