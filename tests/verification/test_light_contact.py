@@ -19,7 +19,7 @@ from unlike_meshes import KINDS
 
 import skfem_contact as sc
 from skfem_contact.answers.validity.chords import bends, sagittas
-from skfem_contact.answers.validity.drift import SAGITTA
+from skfem_contact.answers.validity.drift import SAGITTA, Drift
 
 SIZE = 0.6
 CHORD = np.pi / 18
@@ -183,3 +183,9 @@ def test_curves_that_fit_and_facets_that_are_curved():
         bend, length = bends(side)
         np.testing.assert_allclose(bend[inner], 1.0, rtol=0.02)
         np.testing.assert_allclose(length[inner], pieces * side.lengths[inner])
+
+
+def test_a_touch_without_force_is_no_light_contact():
+    """Bodies lifted to where they touch press with round-off: there is nothing to resolve."""
+    assert Drift(sagitta=1e-4, approach=1e-6).facets_too_long
+    assert not Drift(sagitta=1e-4, approach=1e-32).facets_too_long

@@ -112,8 +112,11 @@ class Drift:
 
     @property
     def sagitta_share(self) -> float:
-        """The height of the curves over one facet, over the elastic approach."""
-        return self.sagitta / self.approach if self.approach > 0 else 0.0
+        """The height of the curves over one facet, over the elastic approach.
+
+        Zero where the approach is round-off of that height: nothing presses, whatever touches.
+        """
+        return self.sagitta / self.approach if self.approach > ROUND_OFF * self.sagitta else 0.0
 
     @property
     def facets_too_long(self) -> bool:
