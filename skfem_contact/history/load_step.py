@@ -143,6 +143,11 @@ class LoadStep:
                 raise
             return self._freed(way, start, error)
         grip = Grip.of(model, attempt, self.interface) if attempt.good and may_float else None
+        if grip is not None and grip.idles:
+            other = self._pressed(way)
+            if other is not None:
+                attempt, grip = other[0], other[2]
+                walk = replace(other[1], trace=walk.trace + other[1].trace)
         if grip is not None and (model.loose.shape[1] or grip.idles):
             settled.append(self._try_settle(way, start))
         if settled and settled[-1] is not None:
@@ -150,6 +155,26 @@ class LoadStep:
             rest.walk.trace[:0] = walk.trace
             return Found(rest.attempt, rest.walk, rest)
         return Found(attempt, walk, None, refuted[0] if refuted else None, grip)
+
+    def _pressed(self, way: Way) -> tuple[Attempt, Walk, Grip] | None:
+        """An answer that holds all bodies where they were pressed before; None if there is none.
+
+        A block between inclined sides may stand loose as well as squeezed by friction. From squeezed it
+        comes to loose by no small step, but iterations may jump there: pivoting has no such jumps.
+        """
+        base = self._base
+        if "pivoting" not in base.starts() or not np.any(way.state.normal_force > 0):
+            return None
+        once = replace(base, options=replace(base.options, max_cuts=0))
+        given = way.state, way.case, way.target, way.known, way.callback
+        try:
+            attempt, walk = once.advance(*given, begin=["pivoting"])
+        except SingularMatrix:  # where it leads leaves a motion free as well
+            return None
+        if not attempt.good:
+            return None
+        grip = Grip.of(self.model, attempt, self.interface)
+        return None if grip.idles else (attempt, walk, grip)
 
     def _freed(self, way: Way, start: Known, error: SingularMatrix) -> Found:
         """The answer where a set of points left a motion free; no answer is no equilibrium.

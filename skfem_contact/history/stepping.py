@@ -98,14 +98,16 @@ class Stepper:
         warm: State | None,
         callback: Callable[[Record], object] | None,
         doubt: Callable[[], bool] | None = None,
+        begin: list[str] | None = None,
     ) -> tuple[Attempt, Walk]:
         """Go from a state under `case` to `target`; the last attempt says whether it arrived.
 
-        `doubt` is asked once, where the whole step has failed, whether to leave it at that.
+        `doubt` is asked once, where the whole step has failed, whether to leave it at that. `begin` are
+        the starts of the first attempt, by default all that there are.
         """
         walk = Walk(state, case, nothing(self.interface))
         known = warm
-        starts = [start for start in self.starts() if known is not None or start != "warm"]
+        starts = begin or [s for s in self.starts() if known is not None or s != "warm"]
         done, share, fails = 0.0, 1.0, 0
         smallest = 0.5**self.options.max_cuts
         while True:

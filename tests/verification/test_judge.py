@@ -295,6 +295,28 @@ def test_a_stiff_block_that_sticks_above_in_part_and_slides_below(order):
     assert {1, 2} <= set(status)
 
 
+def test_a_block_that_friction_squeezes_does_not_drop_out():
+    """Unloaded in one step it carries what it carries after twenty small ones.
+
+    Between inclined sides it could stand loose as well, without a force, and iterations jumped there
+    in one step, while `Direct()` kept it squeezed. A block that is drawn off is loose, however.
+    """
+    truth = bench.scene(795)
+    (a0, b0), (a1, b1) = truth.steps[1:3]
+    way = tuple((a0 + s * (a1 - a0), b0 + s * (b1 - b0)) for s in np.linspace(0.05, 1.0, 20))
+    made = make(truth)
+
+    def after(steps):
+        history = bench.run(replace(truth, steps=(*truth.steps[:2], *steps)), made)
+        assert history.error is None
+        return history.answers[-1].contacts["joint1"].force
+
+    whole, small = after(((a1, b1),)), after(way)
+    assert np.linalg.norm(small) > 1e-6
+    np.testing.assert_allclose(whole, small, rtol=1e-6)
+    np.testing.assert_allclose(after(((-1.0, b1),)), 0.0, atol=1e-15)
+
+
 def test_refusals_are_alike_whatever_they_are_called(monkeypatch):
     """No equilibrium in one order and none found in the other is no difference; an answer is one."""
     truth = blocks("mortar")
