@@ -11,7 +11,7 @@ import skfem as fem
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.linalg.dense_factors import cho_factor, cho_solve, lu_factor, lu_solve
+from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.direct import Dense
 
 
@@ -20,14 +20,40 @@ def test_no_equations(spd, capfd):
     """A dense factorisation of no equations has a solution without entries, and says nothing."""
     solve = Dense().factorize(np.zeros((0, 0)), spd=spd).solve
     assert solve(np.zeros(0)).shape == (0,)
-    for factor, solve in ((lu_factor, lu_solve), (cho_factor, cho_solve)):
-        known = factor(np.zeros((0, 0)))
-        assert solve(known, np.zeros(0)).shape == (0,) and solve(known, np.zeros((0, 3))).shape == (
-            0,
-            3,
-        )
-        assert solve(factor(np.eye(2)), np.zeros((2, 0))).shape == (2, 0)
+    for factorise in (lu, cholesky):
+        known = factorise(np.zeros((0, 0)))
+        assert known.solve(np.zeros(0)).shape == (0,) and known.solve(np.zeros((0, 3))).shape == (0, 3)
+        assert factorise(np.eye(2)).solve(np.zeros((2, 0))).shape == (2, 0)
+    assert cholesky(np.zeros((0, 0))).inverse().shape == (0, 0)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_pivot_that_is_missing():
+    """Both factorisations name the row without a pivot: of the definite one it has to be positive."""
+    for factorise, A in ((cholesky, np.diag([1.0, -1.0])), (lu, np.diag([1.0, 0.0]))):
+        with pytest.raises(NoPivot, match="row 1 has no pivot") as caught:
+            factorise(A)
+        assert caught.value.row == 1
+
+
+@pytest.mark.parametrize("factorise", [cholesky, lu])
+def test_even_pivots(factorise):
+    """The pivots of a diagonal matrix are its entries; Cholesky's diagonal has their roots."""
+    diagonal = np.array([4.0, 1.0, 100.0])
+    known = factorise(np.diag(diagonal))
+    wanted = np.sqrt(diagonal) if factorise is cholesky else diagonal
+    np.testing.assert_allclose(known.diagonal, wanted, rtol=1e-15)
+    share = wanted.min() / wanted.max()
+    assert known.even(0.99 * share) and not known.even(1.01 * share)
+
+
+def test_an_inverse_is_symmetric_to_the_last_bit():
+    """The inverse from the factors is that of the matrix, and equal to its transpose."""
+    A = np.random.default_rng(1).standard_normal((6, 6))
+    A = A @ A.T + np.eye(6)
+    inverse = cholesky(A).inverse()
+    np.testing.assert_allclose(inverse @ A, np.eye(6), atol=1e-12)  # condition number below 1e3
+    np.testing.assert_array_equal(inverse, inverse.T)
 
 
 @pytest.fixture

@@ -9,9 +9,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.sparse import csr_matrix
 
+from skfem_contact.linalg.dense_factors import factorised
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.problem.points import PointSpace, dense_solver
+from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load
 from skfem_contact.problem.sparse import SparseSpace
 
@@ -148,6 +149,8 @@ def test_another_load_reuses_and_other_conditions_renew_the_factor(make):
 def test_dense_matrices_that_can_not_be_factorised():
     """A singular contact problem is an error that says so, symmetric or not."""
     with pytest.raises(SingularMatrix, match="not positive definite"):
-        dense_solver(np.array([[1.0, 2.0], [2.0, 1.0]]), symmetric=True)
+        factorised(np.array([[1.0, 2.0], [2.0, 1.0]]), symmetric=True)
     with pytest.raises(SingularMatrix, match="is singular"):
-        dense_solver(np.array([[1.0, 1.0], [1.0, 1.0 + 1e-15]]), symmetric=False)
+        factorised(np.array([[1.0, 1.0], [1.0, 1.0 + 1e-15]]), symmetric=False)
+    with pytest.raises(SingularMatrix, match="is singular"):  # the pivot is zero, and nothing warns
+        factorised(np.ones((2, 2)), symmetric=False)

@@ -28,9 +28,8 @@ from scipy.linalg import LinAlgError
 from skfem_contact.answers.answer import Answer
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.state import OPEN, SLIP, State
-from skfem_contact.linalg.dense_factors import cho_factor
+from skfem_contact.linalg.dense_factors import DenseFactors, cholesky
 from skfem_contact.problem.points import LOOSE, PointSpace
-from skfem_contact.problem.substructure import inverse_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -149,7 +148,7 @@ def critical_friction(space: PointSpace, status: NDArray[np.intp], friction: Arr
     free, A = _unheld(space, status == OPEN, soft, G)
     place = np.full(len(space.S), -1)
     place[free] = np.arange(len(free))
-    W = inverse_of(_factor(A))
+    W = _factors(A).inverse()
     coupling = W @ space.S[free]  # of free rows to all others
 
     opened = able & (status == OPEN)
@@ -182,7 +181,7 @@ def orientation(space: PointSpace, state: State, friction: Array, G: Array) -> i
     slips = (state.status == SLIP) & exists
     soft = (state.status != OPEN) & exists & ~slips & np.isfinite(G)
     free, J = _unheld(space, state.status == OPEN, soft | slips, np.where(slips, 0.0, G))
-    _factor(J)  # what follows has a meaning only where the bodies are held
+    _factors(J)  # what follows has a meaning only where the bodies are held
     coupled = slips & (friction > 0) & (space.normal_rows >= 0)
     place = np.searchsorted(free, t[coupled])
     push = friction[coupled] * np.sign(state.tangential_force[coupled, 0])
@@ -207,13 +206,12 @@ def _unheld(space: PointSpace, opened: Mask, soft: Mask, G: Array) -> tuple[NDAr
     return free, A
 
 
-def _factor(A: Array) -> Array:
+def _factors(A: Array) -> DenseFactors:
     """Cholesky factor of the stiffness that free rows meet; closed points have to hold them."""
-    L = cho_factor(A)[0]
-    pivots = np.diag(L)
-    if np.min(pivots, initial=1.0) < LOOSE * np.max(pivots, initial=0.0):
+    factors = cholesky(A)
+    if not factors.even(LOOSE):
         raise LinAlgError("the closed points leave a motion free")
-    return np.asarray(L)
+    return factors
 
 
 def _ratio(k_tt: Array, k_tn: Array, scale: Array) -> Array:

@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import lapack
 from scipy.sparse.linalg import splu
 
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend, Factorisation, LinearSolveError, by_column
+from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 from skfem_contact.linalg.multifrontal.ordering import dissection_order
 from skfem_contact.linalg.singular import (
@@ -95,22 +95,13 @@ class Dense(Backend):
     ) -> Factorisation:
         full = np.array(A.toarray() if hasattr(A, "toarray") else A, dtype=np.float64, order="F")
         scale = full.diagonal().copy() if spd else np.abs(full).max(axis=0, initial=0.0)
-
-        def solve(b: np.ndarray) -> np.ndarray:
-            if not b.size:  # LAPACK refuses arrays without entries
-                return b.copy()
-            x = lapack.dpotrs(full, b, lower=1) if spd else lapack.dgetrs(full, rows, b)
-            return x[0]
-
-        if spd:
-            full, failed = lapack.dpotrf(full, lower=1, clean=0, overwrite_a=1)
-            pivots = full.diagonal() ** 2
-        else:
-            # LAPACK takes no equations at all for an illegal value
-            full, rows, failed = lapack.dgetrf(full, overwrite_a=1) if full.size else (full, None, 0)
-            pivots = np.abs(full.diagonal())
-        check_pivots(pivots, scale, failed, solve)
-        return Factorisation("dense Cholesky" if spd else "dense LU", full.nbytes, solve)
+        try:
+            factors = (cholesky if spd else lu)(full, overwrite=True)
+        except NoPivot as error:
+            raise singular(error.row, 0.0) from error
+        pivots = factors.diagonal**2 if spd else factors.diagonal
+        check_pivots(pivots, scale, factors.solve)
+        return Factorisation("dense Cholesky" if spd else "dense LU", full.nbytes, factors.solve)
 
 
 @dataclass(frozen=True, eq=False)

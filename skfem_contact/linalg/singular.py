@@ -87,10 +87,8 @@ def smallest_eigenvalue(scale: np.ndarray, solve: Solve) -> tuple[float, int]:
     return float(1.0 / np.linalg.norm(vector)), int(np.argmax(np.abs(vector)))
 
 
-def check_pivots(pivots: np.ndarray, scale: np.ndarray, failed: int, solve: Solve) -> None:
-    """Raise `SingularMatrix` where a dense factorisation stopped or lost a pivot in round-off."""
-    if failed:
-        raise singular(failed - 1, 0.0)
+def check_pivots(pivots: np.ndarray, scale: np.ndarray, solve: Solve) -> None:
+    """Raise `SingularMatrix` where a dense factorisation lost a pivot in round-off."""
     if not pivots.size:
         return
     ratios = pivots / scale

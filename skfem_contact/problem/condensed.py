@@ -28,13 +28,13 @@ from scipy.sparse import csr_matrix, vstack
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import FIXED, without_columns
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.linalg.dense_factors import cho_factor, lu_factor, lu_solve
+from skfem_contact.linalg.dense_factors import cholesky, lu
 from skfem_contact.linalg.direct import Dense
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Response, Source
 from skfem_contact.problem.seam import ContactProblem, Place, Placed
 from skfem_contact.problem.sparse import SparseSpace
-from skfem_contact.problem.substructure import Components, Substructure, inverse_of
+from skfem_contact.problem.substructure import Components, Substructure
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -186,10 +186,10 @@ class PointProblem(CondensedProblem):
         self.q = q = len(normal) + len(tangential)
         A = _inverse(G @ bodies.row_flexibility(G).T)
         self.A_zq, self.A_qq = A[:q, q:].copy(), A[q:, q:].copy()
-        self.rigid = lu_factor(self.A_qq - np.eye(len(A) - q))
+        self.rigid = lu(self.A_qq - np.eye(len(A) - q))
         S = A
         if len(A) > q:
-            S = A[:q, :q] - self.A_zq @ lu_solve(self.rigid, self.A_zq.T)
+            S = A[:q, :q] - self.A_zq @ self.rigid.solve(self.A_zq.T)
             S = 0.5 * (S + S.T)
         normal_rows = np.full(kin.m, -1)
         normal_rows[normal] = np.arange(len(normal))
@@ -202,7 +202,7 @@ class PointProblem(CondensedProblem):
         f_c, components = self.bodies.load(case.f, case.x)
         moved = self.G @ self.bodies.flexibility(f_c)
         # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
-        force = self.points.S @ moved[: self.q] - self.A_zq @ lu_solve(self.rigid, moved[self.q :])
+        force = self.points.S @ moved[: self.q] - self.A_zq @ self.rigid.solve(moved[self.q :])
         gap0, slip0 = self.constant(case)
         return Load(force, gap0, slip0, f_c, components, moved)
 
@@ -216,7 +216,7 @@ class PointProblem(CondensedProblem):
         # A [z; q] - A G F f is the force on all rows, of which the last is q itself
         z, known = response.solution, load.moved
         along = self.A_zq.T @ (known[: self.q] - z)
-        q = lu_solve(self.rigid, along + self.A_qq @ known[self.q :])
+        q = self.rigid.solve(along + self.A_qq @ known[self.q :])
         force = load.prescribed + self.rows.B_n.T @ response.normal_force + self.bodies.P @ q
         if self.slips:
             force -= self.rows.B_t.T @ response.tangential_force.ravel()
@@ -277,9 +277,9 @@ def _inverse(W: Array) -> Array:
     """
     scale = np.sqrt(np.diag(W))
     W = 0.5 * (W + W.T) / np.outer(scale, scale)
-    factor = cho_factor(W)
-    if np.min(np.diag(factor[0]), initial=1.0) < DEPENDENT:
+    factors = cholesky(W)
+    if np.min(factors.diagonal, initial=1.0) < DEPENDENT:
         raise LinAlgError("dependent contact rows")
-    inverse = inverse_of(factor[0])
+    inverse = factors.inverse()
     inverse /= np.outer(scale, scale)
     return inverse

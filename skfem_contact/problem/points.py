@@ -9,15 +9,12 @@ factorisations of a load history are then of the size of the contact zone, not o
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
-from skfem_contact.linalg.dense_factors import cho_factor, cho_solve, lu_factor, lu_solve
-from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, factorised
 from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 
 Array = NDArray[np.float64]
@@ -49,7 +46,7 @@ class PointSpace:
     normal_rows: NDArray[np.intp]
     tangential_rows: NDArray[np.intp]
     _key: bytes = field(default=b"", repr=False)
-    _factor: Any = field(default=None, repr=False)
+    _factor: DenseFactors | None = field(default=None, repr=False)
     _reduction: Reduction | None = field(default=None, repr=False)
     _last: Array | None = field(default=None, repr=False)
 
@@ -84,7 +81,7 @@ class PointSpace:
         if key != self._key or self._factor is None:
             self._factor = self._factorize(conditions, slides, coupled, free)
             self._key = key
-        z[free] = self._factor(rhs[free])
+        z[free] = self._factor.solve(rhs[free])
         return z, self.S @ z - load.force
 
     def _reduce(self, conditions: Conditions, load: Load) -> Reduction | None:
@@ -117,7 +114,7 @@ class PointSpace:
 
     def _factorize(
         self, conditions: Conditions, slides: Mask, coupled: Mask, free: NDArray[np.intp]
-    ) -> Any:
+    ) -> DenseFactors:
         where = np.full(len(self.S), -1)
         where[free] = np.arange(len(free))
         At = self.S[np.ix_(free, free)]  # transposed, as LAPACK has it
@@ -131,7 +128,7 @@ class PointSpace:
             on = coupled & (self.tangential_rows[:, k] >= 0)
             row, normal = where[self.tangential_rows[on, k]], self.normal_rows[on]
             At[:, row] += conditions.coupling[on, k] * self.S[np.ix_(free, normal)]
-        return dense_solver(At.T, symmetric=not coupled.any())
+        return factorised(At.T, symmetric=not coupled.any())
 
     def _response(self, conditions: Conditions, load: Load, z: Array, p: Array) -> Response:
         # a row of -1, one that can not change, finds the zero at the end
@@ -172,14 +169,13 @@ class Reduction:
         self.rows = rows = np.sort(rows[rows >= 0])
         self.rest = rest = np.setdiff1d(np.arange(len(space.S)), rows)
         try:
-            self._factor = cho_factor(space.S[np.ix_(rest, rest)])
+            self._factor = cholesky(space.S[np.ix_(rest, rest)])
         except LinAlgError:
             self.good = False
             return
-        pivots = np.diag(self._factor[0])
-        self.good = bool(np.min(pivots, initial=1.0) >= LOOSE * np.max(pivots, initial=0.0))
+        self.good = self._factor.even(LOOSE)
         coupling = space.S[np.ix_(rest, rows)]
-        self._follow = cho_solve(self._factor, coupling)
+        self._follow = self._factor.solve(coupling)
         S = space.S[np.ix_(rows, rows)] - coupling.T @ self._follow
         place = np.full(len(space.S) + 1, -1)
         place[rows] = np.arange(len(rows))
@@ -198,7 +194,7 @@ class Reduction:
         """A load on the rows that are kept; the same load is reduced once."""
         if self._load is not load:
             self._load = load
-            self._at_rest = cho_solve(self._factor, load.force[self.rest])
+            self._at_rest = self._factor.solve(load.force[self.rest])
             force = load.force[self.rows] - self._follow.T @ load.force[self.rest]
             self._reduced = replace(load, force=force)
         return self._reduced
@@ -217,19 +213,3 @@ class Reduction:
         forces = np.zeros(len(self.rows) + len(self.rest))
         forces[self.rows] = p
         return self.expand(z, load), forces
-
-
-def dense_solver(A: Array, symmetric: bool) -> Any:
-    """Factorise a dense matrix, which it may overwrite: Cholesky, or LU with a check of the pivots."""
-    if symmetric:
-        try:
-            factor = cho_factor(A, overwrite=True)
-        except LinAlgError:
-            raise SingularMatrix("the matrix of the contact problem is not positive definite") from None
-        return partial(cho_solve, factor)
-    largest = np.max(np.abs(np.diag(A)), initial=0.0)
-    factor = lu_factor(A, overwrite=True)
-    pivots = np.abs(np.diag(factor[0]))
-    if len(pivots) and not pivots.min() > 1e-14 * largest:
-        raise SingularMatrix("the matrix of the contact problem is singular")
-    return partial(lu_solve, factor)
