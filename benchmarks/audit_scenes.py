@@ -21,6 +21,7 @@ from cases import NU, Case, E, H, R, Scene, steps
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
 
 STEPS = 20
 WIDE = 10.0  # half width and depth of the blocks with many points
@@ -100,16 +101,16 @@ class Blocks:
         self,
         *contacts: sc.Contact,
         bodies: Any = (),
-        after: Callable[[Any], Any] | None = None,
+        after: Callable[[sc.ContactSolver, sc.ContactResult], Any] | None = None,
         **settings: Any,
     ) -> Done:
-        """The history; `after` is done with every result, and what it returns is kept."""
+        """The history; `after` is done with solver and every result, and what it returns is kept."""
         bodies = bodies or [self.upper, self.lower]
         solver = sc.ContactSolver(bodies, contacts or [self.contact()], **settings)
         results, extra = [], []
         for result in solver.history(self.way(bodies[0])):
             results.append(result)
-            extra.append(after(result) if after else None)
+            extra.append(after(solver, result) if after else None)
         return Done(solver, results, extra)
 
 
@@ -180,7 +181,7 @@ def factored(done: Done) -> Counts:
 
 def never_closed(done: Done) -> Counts:
     """Points with a partner that stay open in all steps, and the dense problem they are part of."""
-    closed = np.any([result.state.status != 0 for result in done.results], axis=0)
+    closed = np.any([answer_of(result).state.status != 0 for result in done.results], axis=0)
     points = done.solver.linear_model.place(None, None).points
     parts = sum(part.S.nbytes + part.flexibility.nbytes for part in done.solver.model.parts)
     return {
@@ -192,7 +193,7 @@ def never_closed(done: Done) -> Counts:
 
 def recovered(done: Done) -> Counts:
     """Results that hold displacements."""
-    return {"displacements": sum("u" in result.__dict__ for result in done.results)}
+    return {"displacements": sum("u" in vars(answer_of(result)) for result in done.results)}
 
 
 def anchored(done: Done) -> Counts:
@@ -221,7 +222,7 @@ def friction(blocks: Blocks, present: bool) -> Done:
 
 
 def slip(blocks: Blocks, present: bool) -> Done:
-    return blocks.solve(after=(lambda result: result.slip) if present else None)
+    return blocks.solve(after=(lambda _, result: result.slip) if present else None)
 
 
 def history(blocks: Blocks, present: bool) -> Done:
@@ -238,7 +239,7 @@ def interior(blocks: Blocks, present: bool) -> Done:
 
 
 def displacements(blocks: Blocks, present: bool) -> Done:
-    return blocks.solve(after=(lambda result: result.u) if present else None)
+    return blocks.solve(after=(lambda _, result: result.u) if present else None)
 
 
 def candidates(blocks: Blocks, present: bool) -> Done:
@@ -300,21 +301,23 @@ def pivoting(blocks: Blocks, present: bool) -> Done:
 
 
 def certificate(blocks: Blocks, present: bool) -> Done:
-    return blocks.solve(after=(lambda result: result.certificate) if present else None)
+    return blocks.solve(after=(lambda _, result: result.certificate) if present else None)
 
 
 def validity(blocks: Blocks, present: bool) -> Done:
-    return blocks.solve(after=(lambda result: result.validity) if present else None)
+    return blocks.solve(after=(lambda _, result: result.validity) if present else None)
 
 
 def checkpoint(blocks: Blocks, present: bool) -> Done:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "state.npz"
-        return blocks.solve(after=(lambda result: sc.save_state(path, result)) if present else None)
+        return blocks.solve(
+            after=(lambda solver, result: solver.save_state(path, result)) if present else None
+        )
 
 
 def report(blocks: Blocks, present: bool) -> Done:
-    return blocks.solve(after=str if present else None)
+    return blocks.solve(after=(lambda _, result: result.report()) if present else None)
 
 
 def pictures(blocks: Blocks, present: bool) -> Done:

@@ -39,6 +39,7 @@ from enumeration import Problem, all_solutions, distance
 from random_problems import random_scene
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
 
 HERE = Path(__file__).parent
 STORED = [HERE / "results" / name for name in ("fuzz.json", "fuzz_large.json")]
@@ -328,7 +329,7 @@ def _judge(drawn: Drawn, show: bool) -> list[tuple[str, str]]:
         out.append((kind, words))
         if known is not None and not cut and foretold_wrongly(result, known):
             out.append(("wrong", f"{words}, {result.uniqueness}"))
-        state = result.state
+        state = answer_of(result).state
         p = replace(
             p,
             slip_before=state.slip[points, 0],

@@ -100,7 +100,7 @@ def follow(improve, rounds):
 
 print("round     DOFs   estimated         true")
 adaptive, result = follow(refined, 25)
-print(result)
+print(result.report())
 print("\nrefined everywhere")
 uniform, _ = follow(lambda meshes, result: [mesh.refined() for mesh in meshes], 6)
 last_dofs, _, last_error = uniform[-1]

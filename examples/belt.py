@@ -64,7 +64,7 @@ print(solver)
 # %% Pull
 pulled = np.linspace(50, 300, 16) / E
 results = list(solver.history({"f": {"belt": slack + spring * d * tight}} for d in pulled))
-print(results[-1])
+print(results[-1].report())
 
 
 def tension(result):

@@ -73,7 +73,7 @@ block = sc.Body(lower, stiffness, D="bottom", name="block")
 # %% Contact, solve
 contact = sc.Contact(cylinder.surface("bottom"), block.surface("top"), method="mortar")
 result = sc.ContactSolver([cylinder, block], [contact]).solve()
-print(result)
+print(result.report())
 
 # %% Check: Hertz, for the force that the finite elements carry
 P = result.force[1]

@@ -80,7 +80,7 @@ press = [{"x": {"die": depth * k / 4 * down}} for k in range(1, 5)]
 travel = np.linspace(0, distance, 81)[1:]
 drag = [{"x": {"die": depth * down + s * right}} for s in travel]
 results = list(solver.history(press + drag))
-print(results[-1])
+print(results[-1].report())
 sc.write_series(out / "ironing.pvd", results[:: len(results) // 16])
 
 # %% Forces over travel, away from the ends

@@ -30,6 +30,7 @@ from skfem_contact.answers.certificate import Certificate
 from skfem_contact.answers.error.sources import ErrorEstimate, ErrorSources
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.validity import ContactValidity, Validity
+from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System, stack
@@ -48,7 +49,7 @@ from skfem_contact.errors import (
     NoEquilibrium,
     NotConverged,
 )
-from skfem_contact.history.checkpoint import SavedState, save_state
+from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.solver import ContactSolver
 from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.direct import Direct
@@ -73,6 +74,7 @@ __all__ = [
     "ContactSolver",
     "ContactSurface",
     "ContactValidity",
+    "ContactValues",
     "ContactWarning",
     "Coulomb",
     "Direct",
@@ -99,7 +101,6 @@ __all__ = [
     "plot_contact",
     "plot_deformed",
     "plot_history",
-    "save_state",
     "stack",
     "von_mises",
     "write",

@@ -154,7 +154,7 @@ CALLS = {
     "with_friction contact": lambda v: SOLVER.with_friction(sc.Coulomb(0.1), v),
     "recover": lambda v: SOLVER.recover(v),
     "load_state": lambda v: SOLVER.load_state(v),
-    "save_state": lambda v: sc.save_state("never_written", v) if v not in SAVED else None,
+    "save_state": lambda v: SOLVER.save_state("never_written", v) if v not in SAVED else None,
     "contact_rows system": lambda v: sc.contact_rows(v, JOINT),
     "contact_rows contacts": lambda v: sc.contact_rows(SYSTEM, v),
     "contact_rows closed": lambda v: sc.contact_rows(SYSTEM, JOINT, v),

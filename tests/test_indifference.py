@@ -116,10 +116,10 @@ def test_a_place_goes_on_from_a_file(tmp_path, linear, sliding):
 
     solver, (push, back) = pushed()
     (there,), _ = quiet(lambda: list(solver.history([push])))
-    path = sc.save_state(tmp_path / "there", there)
+    path = solver.save_state(tmp_path / "there", there)
     (kept,), _ = quiet(lambda: list(solver.history([back], start=there)))
     again, _ = pushed()
-    state = again.load_state(sc.save_state(tmp_path / "again", again.load_state(path)))
+    state = again.load_state(again.save_state(tmp_path / "again", again.load_state(path)))
     (result,), words = quiet(lambda: list(again.history([back], start=state)))
     along = solver.system.bodies[0].basis.nodal_dofs[0]
     place = result.displacement("loose")[along].mean()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 import skfem as fem
@@ -9,6 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers.single import OfTheContact
 
 
 def block(name, y, **data):
@@ -121,6 +125,119 @@ def test_the_report_names_what_there_is(result):
         assert words in text
 
 
+def test_printing_costs_nothing_but_the_certificate():
+    """No estimate, validity, or search for other answers: the report has these, and it is said."""
+    result = stack().solve()
+    shown, text = repr(result), str(result)
+    assert len(shown.splitlines()) == 3
+    assert not {"validity", "uniqueness"} & set(vars(result))
+    assert not any("error_estimate" in vars(v) for v in result)
+    assert "estimated error   " not in text and "print(result.report()) adds" in text
+    report = result.report()
+    assert "estimated error" in report and "Validity of the model: holds" in report
+    for line in text.split("\n\n")[1].splitlines():  # what is printed is in the report
+        assert line in report
+    for name in ("base", "joint"):
+        part = str(result[name])
+        assert part in text and part.startswith(f"{name}: ") and len(repr(result[name])) < 100
+
+
+def test_a_short_repr_recovers_nothing():
+    """The displacements of the interior stay where they are until somebody asks."""
+    result = stack().solve()
+    repr(result)
+    assert "u" not in vars(answer_of(result))
+
+
+def test_notebooks_show_a_table(result):
+    """One row per contact, with its name, and well-formed."""
+    root = ElementTree.fromstring(f"<div>{result._repr_html_()}</div>")
+    rows = [[cell.text for cell in row] for row in root.find("table/tbody")]
+    assert [row[0] for row in rows] == [
+        "base: low/bottom on rigid plane",
+        "joint: up/bottom on low/top",
+    ]
+    assert "converged" in "".join(root.find("p").itertext())
+
+
+def test_several_contacts_are_not_joined(result):
+    """What belongs to a contact is an AttributeError that names the contacts, for hasattr as well."""
+    for name in vars(OfTheContact):
+        if isinstance(vars(OfTheContact)[name], property):
+            assert not hasattr(result, name)
+            with pytest.raises(AttributeError, match=rf"2 of them \(base, joint\).*\['base'\].{name}"):
+                getattr(result, name)
+    assert not hasattr(result, "state") and not hasattr(result, "presure")
+
+
+def test_one_contact_is_the_result_itself():
+    """Every property of the only contact is the result's: the same arrays, in dir and annotated."""
+    body = block("block", (0, 1), D="top", move=(0.0, -0.01))
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    result = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), floor)).solve()
+    (values,) = result
+    for name, own in vars(OfTheContact).items():
+        if isinstance(own, property):
+            assert name in dir(result) and own.__doc__ and own.fget.__annotations__["return"]
+            found, expected = getattr(result, name), getattr(values, name)
+            if isinstance(expected, np.ndarray):
+                assert_array_equal(found, expected)
+            else:
+                assert found == expected or found is expected
+
+
+def test_results_are_gone_through_by_contact(result):
+    """Iteration, number and membership: contacts, by name, object or values."""
+    assert [v.name for v in result] == ["base", "joint"] and len(result) == 2 and result
+    assert "joint" in result and result.contacts[0] in result and result["joint"] in result
+    assert "joints" not in result and 7 not in result
+    with pytest.raises(sc.InputError, match="did you mean 'joint'"):
+        result["joints"]
+
+
+def test_reactions_are_the_forces_of_the_supports():
+    """Against the balance of every body: loads, contacts and supports add up to nothing."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 6), np.linspace(0, 1, 4)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    form = linear_elasticity(*lame_parameters(1.0, 0.3))
+    pull = fem.LinearForm(lambda v, w: 0.01 * v[0] - 0.02 * v[1]).assemble(basis.boundary("left"))
+    low = sc.Body(basis, form, f=pull, D=["bottom", "right"], name="low")
+    up = block("up", (1, 2), D="top", move=(0.02, -0.02))
+    joint = sc.Contact(up.surface("bottom"), low.surface("top"), friction=sc.Coulomb(0.3), name="joint")
+    result = sc.ContactSolver([low, up], joint).solve()
+    held = result.reaction("low")
+    assert_allclose(held, result.force - [0.01, -0.02], rtol=0, atol=1e-14)
+    assert_allclose(result.reaction(up, "top"), -result.force, rtol=0, atol=1e-14)
+    # the node at the corner counts for both boundaries
+    corner = mesh.p[0] + (1 - mesh.p[1]) == 2
+    residual = low.K @ result.displacement("low") - pull
+    twice = residual[basis.nodal_dofs[:, corner].ravel()]
+    parts = result.reaction("low", "bottom") + result.reaction("low", "right")
+    assert_allclose(parts - held, twice, rtol=0, atol=1e-15)
+    with pytest.raises(sc.InputError, match=r"reaction of body 'low': .* did you mean 'bottom'"):
+        result.reaction("low", "botom")
+    with pytest.raises(sc.InputError, match="'up' has no prescribed DOFs on its boundary 'bottom'"):
+        result.reaction("up", "bottom")
+
+
+def test_reactions_leave_contact_forces_out():
+    """Where a node is prescribed and in contact, the support's part is what contact does not give."""
+    free = block("block", (0, 1))
+    guided = free.basis.get_dofs("bottom").nodal["u^1"]
+    top = free.basis.get_dofs("top").flatten()
+    body = block("block", (0, 1), D=np.concatenate([top, guided]), move=(0.1, -0.02))
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    contact = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3))
+    result = sc.ContactSolver(body, contact).solve()
+    # supports drag the bottom over the plane by as much as the top: nothing is sheared, and what
+    # the guide holds is the friction of all points
+    assert_allclose(result.force[0], -0.3 * result.force[1], rtol=1e-12)
+    total = result.reaction("block") + result.force
+    assert_allclose(total, 0.0, rtol=0, atol=1e-14)
+    below = result.reaction("block", "bottom")
+    assert_allclose(below, [-result.force[0] - result.reaction("block", "top")[0], 0.0], atol=1e-14)
+
+
 def test_records_are_lines_of_the_log(result):
     """Every iteration is a line: sets, changes, residual of the law."""
     assert len(result.trace) == result.iterations
@@ -140,11 +257,12 @@ def test_certificate_of_a_body_moved_as_a_whole():
     assert moved.certificate.worst < 1e-8
 
 
-def test_a_result_is_one_line_where_nobody_prints_it(result):
-    """In a notebook, and in the list of results that an exception carries: no pages of arrays."""
-    line = repr(result)
-    assert line.startswith("<ContactResult: converged in ") and "\n" not in line and len(line) < 200
+def test_a_result_is_a_few_lines_where_nobody_prints_it(result):
+    """In a console, and in the list of results that an exception carries: no pages of arrays."""
+    lines = repr(result).splitlines()
+    assert lines[0].startswith("<ContactResult: converged in ") and len(lines) == 3
     for values in result.values:
         counts = [int(np.sum(values.status == k)) for k in range(3)]
         words = f"<{values.name}: {counts[0]} open, {counts[1]} stick, {counts[2]} slip>"
-        assert repr(values) == words and words in line
+        assert repr(values) == words
+        assert any(f"{values.name}: Coulomb: {words[len(values.name) + 3 : -1]}" in s for s in lines)

@@ -1,7 +1,9 @@
 """What an answer is and what can be said of it.
 
-* `answer`, `result`, `values`, `fields`: the numbers, for all bodies and per contact;
+* `answer`: all numbers of a load step, for the modules of this library; `fields`, `values`, `split`:
+  those of each contact; `reaction`: forces of supports;
 * `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers;
 * `validity`: whether the model holds; `error`: how far the mesh may be off;
-* `report`: all of it printed.
+* `result`, `single`: all of it as users see it, and of the contact where there is one;
+* `contact_report`, `report`: all of it printed.
 """

@@ -1,8 +1,11 @@
-"""`Answer`: what one load step has come to, as certificate, validity and estimates see it."""
+"""`Answer`: what one load step has come to, as the modules of this library see it.
+
+Users have a `ContactResult`, which holds one and shows what is theirs; `answer_of` takes it out.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,19 +15,37 @@ from numpy.typing import NDArray
 from skfem_contact.answers.validity.watched import Watched
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import State
 from skfem_contact.loops.step import Record
-from skfem_contact.sealed import sealed
+from skfem_contact.sealed import seal, sealed
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The numbers of an answer, without what is said of them; `ContactResult` has its attributes."""
+    """The numbers of an answer, over the points of all contacts, one contact after the other.
+
+    Attributes
+    ----------
+    tangential_stiffness : ndarray, shape (m,)
+        Of sticking points, ``inf`` where they stick exactly [force/length].
+    factor : float or None
+        The number of the load step, where it was one.
+    plastic_slip : ndarray, shape (m, d-1)
+        What friction acts on: slip of this step, or of its last part where it was cut, less what a
+        finite tangential stiffness gives back; positive as the resisting force is [length].
+    settings : Settings
+        The loads in force, from which the next step of a history begins.
+    indifferent : tuple of str
+        A sentence per motion that nothing loads and nothing holds.
+    watched : Watched
+        What every step tells of the bounds of the model; `validity` has more.
+    """
 
     system: System
     contacts: tuple[Contact, ...]
@@ -52,6 +73,34 @@ class Answer:
     indifferent: tuple[str, ...] = ()
     watched: Watched = field(default_factory=Watched, repr=False)
 
+    def __post_init__(self) -> None:
+        # points without a multiplier of their own show the gap of the point that has it
+        object.__setattr__(self, "gap", self.gap[self.kin.heir])
+        self._seal()
+
+    def watch(self, watched: Watched) -> None:
+        """What was seen of the model's validity; set while the answer is made, which seals it once."""
+        object.__setattr__(self, "watched", watched)
+
+    def _seal(self) -> None:
+        for part in (self, self.state, self.case, self.settings):
+            seal(part)
+        if self.seen is not self.case:
+            seal(self.seen)
+        if "u" in vars(self):
+            sealed(self.u)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All that reports and pictures need, without the factors of the bodies and functions."""
+        self.u  # noqa: B018 (recovered before the factors stay behind)
+        given = tuple(self.case.interference[part] for part in self.slices())
+        return {**vars(self), "settings": replace(self.settings, interference=given)}
+
+    def __setstate__(self, known: dict[str, Any]) -> None:
+        vars(self).update(known)
+        self._seal()
+        seal(self.kin)  # a pairing that is solved on has been
+
     @cached_property
     def u(self) -> Array:
         """Displacements of all bodies, shape (n,) [length]; recovered when first asked for."""
@@ -64,3 +113,21 @@ class Answer:
     def slices(self) -> list[slice]:
         """The points of each contact in the joint numbering."""
         return list(point_slices(self.contacts))
+
+    @property
+    def identity(self) -> Identity:
+        """The bodies and contacts that this is a state of."""
+        known: Identity = self.recover.model.geometry.identity
+        return known
+
+    @property
+    def own_interference(self) -> tuple[bool, ...]:
+        """Of which contacts the interference in force is the contact's own, and not that of a step."""
+        pairs = zip(self.settings.interference, self.contacts, strict=True)
+        return tuple(given is contact.interference for given, contact in pairs)
+
+
+def answer_of(result: Any) -> Answer:
+    """The answer that a `ContactResult` holds; an answer is its own."""
+    found: Answer = result if isinstance(result, Answer) else result._answer
+    return found

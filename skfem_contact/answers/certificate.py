@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.reaction import contact_forces
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.friction import return_map
@@ -95,9 +96,7 @@ def certify(result: Answer) -> Certificate:
         abs(K) @ np.abs(u[system.slice(body)])
         for body, K in zip(system.bodies, result.stiffness, strict=True)
     ]
-    contact = kin.B_n.T @ state.normal_force
-    if state.tangential_force.any():
-        contact = contact - kin.B_t.T @ state.tangential_force.ravel()
+    contact = contact_forces(result)
     residual = internal - f - contact
     reactions = np.zeros(system.n)
     reactions[system.D] = residual[system.D]

@@ -1,44 +1,64 @@
-"""The printed report of a result."""
+"""What is printed of a result: a few lines, what costs nothing, or all of it; a table for notebooks."""
 
 from __future__ import annotations
 
 import textwrap
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skfem_contact.answers.error.sources import percent
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.contact_report import contact_lines, status_words, vector
 from skfem_contact.answers.uniqueness import MOST_ROWS
-from skfem_contact.conditions.state import STATUS
 
 if TYPE_CHECKING:
     from skfem_contact.answers.result import ContactResult
-    from skfem_contact.answers.values import ContactValues
 
-# Energy that the balance of a step misses, over the energy lost, from which on it is said: the loss of
-# the README's scene, pressed and released, is then wrong by a third of that.
-COARSE = 0.05
+#: What a printed result leaves to the report, and how to get it.
+MORE = (
+    "print(result.report()) adds the estimated error of the mesh, the validity of the model in\n"
+    "numbers, and whether there are other answers."
+)
+
+
+def short(result: ContactResult) -> str:
+    """A few lines at no cost: how it ended, and the force and status of every contact."""
+    lines = [f"<ContactResult: {_headline(result)}"]
+    for values in result:
+        lines.append(f"  {values.name}: {status_words(values)}; force {vector(values.force)}")
+    return "\n".join(lines) + ">"
+
+
+def summary(result: ContactResult) -> str:
+    """What costs nothing: the contacts, what every step has seen of the model, the certificate."""
+    lines = _first_lines(result, estimate=False)
+    lines += ["", _watched_line(result._answer), *_last_lines(result), "", MORE]
+    return "\n".join(lines)
 
 
 def report(result: ContactResult) -> str:
     """The report of a result: what touches, what slips, what force flows, and how well it is known."""
-    lines = [f"Contact result: {result.message}"]
-    if result.factor is not None:
-        lines[0] += f" (load factor {result.factor:g})"
-    for values in result.values:
-        lines += ["", *_contact_lines(result, values)]
-    if result.rotations:
-        turned = ", ".join(f"{name} {angle:.2g} rad" for name, angle in result.rotations.items())
-        lines += ["", f"rotation of the contact surfaces (linear bodies follow to 0.1): {turned}"]
-    lines += ["", *result.indifferent] if result.indifferent else []
-    lines += ["", *validity_lines(result)]
+    lines = [*_first_lines(result, estimate=True), "", *validity_lines(result)]
     lines += ["", *other_answers] if (other_answers := _uniqueness_lines(result)) else []
-    lines += ["", "Certificate (dimensionless; round-off where everything holds)"]
-    certificate = result.certificate
-    lines += str(certificate).splitlines()
-    seconds = ", ".join(f"{k} {v:.3g} s" for k, v in result.timings.items())
-    lines += ["", f"{result.iterations} iterations; {seconds}"]
-    return "\n".join(lines)
+    return "\n".join([*lines, *_last_lines(result)])
+
+
+def table(result: ContactResult) -> str:
+    """The headline, a row per contact and the certificate, in HTML for notebooks."""
+    heads = ("contact", "points", "force on the secondary", "largest pressure", "contact area")
+    rows = []
+    for values in result:
+        peak = np.max(values.pressure, initial=0.0)
+        words = (f"{values.name}: {values.contact.label}", status_words(values), vector(values.force))
+        rows.append([*words, f"{peak:.6g}", f"{values.contact_area:.6g}"])
+    cells = "".join("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in rows)
+    head = "".join(f"<th>{name}</th>" for name in heads)
+    return (
+        f"<p><b>Contact result:</b> {escape(_headline(result))}</p>"
+        f"<table><thead><tr>{head}</tr></thead><tbody>{cells}</tbody></table>"
+        f"<p>certificate: {result.certificate.worst:.1e} at worst</p>"
+    )
 
 
 def validity_lines(result: ContactResult) -> list[str]:
@@ -51,71 +71,43 @@ def validity_lines(result: ContactResult) -> list[str]:
     return lines
 
 
-def _contact_lines(result: ContactResult, values: ContactValues) -> list[str]:
-    contact = result.contacts[result.names.index(values.name)]
-    count = [int(np.sum(values.status == k)) for k in range(3)]
-    lines = [f"{values.name}: {contact.label}"]
-    if contact.tied:
-        lines.append(f"  {count[1]} points tied, {count[0]} without partner")
-    elif contact.friction is None:
-        lines.append(f"  frictionless: {count[1] + count[2]} points closed, {count[0]} open")
-    else:
-        lines.append(f"  {type(contact.friction).__name__}: " + _counts(count))
-    lines.append(f"  force on the secondary   {_vector(values.force)}")
-    lines.append(f"  contact area             {values.contact_area:.6g}")
-    if np.any(values.status != 0):
-        # glue pulls as well as it presses
-        size = np.linalg.norm(values.traction, axis=1) if contact.tied else values.pressure
-        what, peak = "traction" if contact.tied else "pressure", int(np.argmax(size))
-        where = _vector(values.points[peak])
-        lines.append(f"  {f'largest {what}':<24s} {size[peak]:.6g} at {where}")
-    if contact.friction is not None:
-        size = np.linalg.norm(values.tangential_force, axis=1)
-        lines.append(f"  largest slip             {np.max(np.abs(values.slip), initial=0.0):.6g}")
-        lines.append(f"  friction force / normal  {_share(size.sum(), values.normal_force.sum())}")
-        lines.append(
-            f"  energy lost by friction  {values.dissipation:.6g} in this step, "
-            f"{values.dissipation_total:.6g} in all"
-        )
-        if abs(values.energy_residual) > COARSE * values.dissipation:
-            lines.append(
-                f"  energy balance misses    {values.energy_residual:.3g} in this step: it is coarse, "
-                "smaller ones tell the loss better"
-            )
-    if values.points.shape[1] == 2 and np.any(values.status != 0):
-        lines += _error_lines(values)
-    open_gaps = values.gap[(values.status == 0) & np.isfinite(values.gap)]
-    if len(open_gaps):
-        lines.append(f"  smallest open gap        {open_gaps.min():.6g}")
-    return lines
+def _headline(result: ContactResult) -> str:
+    factor = "" if result.factor is None else f" (load factor {result.factor:g})"
+    return result.message + factor
 
 
-def _error_lines(values: ContactValues) -> list[str]:
-    error = values.error_estimate
-    found = f"pressure {percent(error.pressure.total)}"
-    if values.friction_stress.any():
-        found += f", with friction {percent(error.traction.total)}"
-    lines = [f"  estimated error          {found} in L2"]
-    return lines + [f"    {line}" for line in textwrap.wrap(error.advice, 92)]
+def _first_lines(result: ContactResult, estimate: bool) -> list[str]:
+    lines = [f"Contact result: {_headline(result)}"]
+    for values in result:
+        lines += ["", *contact_lines(values, estimate)]
+    if result.rotations:
+        turned = ", ".join(f"{name} {angle:.2g} rad" for name, angle in result.rotations.items())
+        lines += ["", f"rotation of the contact surfaces (linear bodies follow to 0.1): {turned}"]
+    return lines + (["", *result.indifferent] if result.indifferent else [])
 
 
-def _counts(count: list[int]) -> str:
-    return ", ".join(f"{n} {name}" for n, name in zip(count, STATUS, strict=True))
+def _last_lines(result: ContactResult) -> list[str]:
+    lines = ["", "Certificate (dimensionless; round-off where everything holds)"]
+    lines += str(result.certificate).splitlines()
+    seconds = ", ".join(f"{k} {v:.3g} s" for k, v in result.timings.items())
+    return [*lines, "", f"{result.iterations} iterations; {seconds}"]
 
 
-def _vector(v: np.ndarray) -> str:
-    return "(" + ", ".join(f"{x:.6g}" for x in v) + ")"
-
-
-def _share(part: float, whole: float) -> str:
-    return f"{part / whole:.4f}" if whole > 0 else "-"
+def _watched_line(answer: Answer) -> str:
+    """What the watch of every step has warned of, in this step or before."""
+    said = sorted(answer.watched.said)
+    if not said:
+        return "Validity of the model: nothing that a step looks at is beyond its bound"
+    listed = ", ".join(f"{kind} of {name!r}" for kind, name in said)
+    return f"Validity of the model: beyond its bounds in this history: {listed}"
 
 
 def _uniqueness_lines(result: ContactResult) -> list[str]:
     """What a report says of other answers: nothing where none are to be feared."""
-    if result.kin.tangents != 1 or not any(contact.friction for contact in result.contacts):
+    answer = result._answer
+    if answer.kin.tangents != 1 or not any(contact.friction for contact in result.contacts):
         return []
-    if not 0 < result.recover.unknowns <= MOST_ROWS:
+    if not 0 < answer.recover.unknowns <= MOST_ROWS:
         return []
     known = result.uniqueness
     if known is None:
@@ -127,7 +119,7 @@ def _uniqueness_lines(result: ContactResult) -> list[str]:
         return []
     over = np.where(known.may_be_several, known.friction / known.critical_friction, 0.0)
     i = int(np.argmax(over))
-    place = ", ".join(f"{x:.6g}" for x in result.kin.points[i])
+    place = ", ".join(f"{x:.6g}" for x in answer.kin.points[i])
     mu, critical = known.friction[i], known.critical_friction[i]
     return [
         f"with mu = {mu:.3g} above {critical:.2f} at ({place}) the load may have several answers;",

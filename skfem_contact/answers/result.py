@@ -1,9 +1,10 @@
-"""`ContactResult`: the answer of one load step, per contact and for all bodies, and its certificate."""
+"""`ContactResult`: the answer of one load step as users see it, per contact and for all bodies."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,91 +12,164 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.certificate import Certificate, certify
-from skfem_contact.answers.error.estimate import estimate
+from skfem_contact.answers.reaction import reaction
+from skfem_contact.answers.single import OfTheContact
+from skfem_contact.answers.split import values_of
 from skfem_contact.answers.uniqueness import Uniqueness, uniqueness
 from skfem_contact.answers.validity.rotation import rigid_rotations
 from skfem_contact.answers.validity.validity import Validity, assess
-from skfem_contact.answers.validity.watched import Watched
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import suggest
+from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.identity import Identity
-from skfem_contact.conditions.interface import can_carry
+from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
-from skfem_contact.sealed import seal, sealed
+from skfem_contact.loops.step import Record
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class ContactResult(Answer):
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactResult(OfTheContact):
     """The answer of one load step.
 
     What a contact knows (`ContactValues`: pressure, traction, slip, status, ...) is reached by
-    ``result[contact]`` or ``result["name"]``, and directly on the result when there is one contact.
+    ``result[contact]`` or ``result["name"]``, and directly on the result where there is one contact.
+    ``for values in result`` goes through the contacts, ``len(result)`` counts them.
 
-    Attributes
-    ----------
-    converged : bool
-    message : str
-    iterations : int
-    trace : tuple of Record
-    timings : dict
-        Seconds by stage.
-    tangential_stiffness : ndarray, shape (m,)
-        Of sticking points, ``inf`` where they stick exactly [force/length].
-    factor : float or None
-        The number of the load step, where it was one.
-    plastic_slip : ndarray, shape (m, d-1)
-        What friction acts on: slip of this step, or of its last part where it was cut, less what a
-        finite tangential stiffness gives back; positive as the resisting force is [length].
-    settings : Settings
-        The loads in force, from which the next step of a history begins.
-    indifferent : tuple of str
-        A sentence per motion that nothing loads and nothing holds: the forces are those of every
-        place along it, and the body stands where it has moved least since the last result.
-    watched : Watched
-        What every step tells of the bounds of the model; `validity` has more.
+    ``print(result)`` shows what costs nothing, ``print(result.report())`` also how far the mesh may be
+    off, whether the model holds, and whether there are other answers.
     """
 
-    def __post_init__(self) -> None:
-        # points without a multiplier of their own show the gap of the point that has it
-        object.__setattr__(self, "gap", self.gap[self.kin.heir])
-        self._seal()
+    _answer: Answer
 
-    def watch(self, watched: Watched) -> None:
-        """What was seen of the model's validity; set while the result is made, which seals it once."""
-        object.__setattr__(self, "watched", watched)
+    # -- how it ended -------------------------------------------------------------------------
 
-    def _seal(self) -> None:
-        for part in (self, self.state, self.case, self.settings):
-            seal(part)
-        if self.seen is not self.case:
-            seal(self.seen)
-        if "u" in vars(self):
-            sealed(self.u)
+    @property
+    def converged(self) -> bool:
+        """Whether this is an answer; see `message`."""
+        return self._answer.converged
 
-    def __getstate__(self) -> dict[str, Any]:
-        """All that reports and pictures need, without the factors of the bodies.
+    @property
+    def message(self) -> str:
+        """How the iterations ended."""
+        return self._answer.message
 
-        What the bodies' factors and functions are needed for is computed before they stay behind.
+    @property
+    def iterations(self) -> int:
+        """Iterations of the load step, with all its attempts and parts."""
+        return self._answer.iterations
+
+    @property
+    def trace(self) -> tuple[Record, ...]:
+        """A record per iteration."""
+        return self._answer.trace
+
+    @property
+    def timings(self) -> dict[str, float]:
+        """Seconds by stage."""
+        return dict(self._answer.timings)
+
+    @property
+    def factor(self) -> float | None:
+        """The number of the load step, where it was one."""
+        return self._answer.factor
+
+    @property
+    def indifferent(self) -> tuple[str, ...]:
+        """A sentence per motion that nothing loads and nothing holds.
+
+        The forces are those of every place along it, and the body stands where it has moved least
+        since the last result.
         """
-        self.u  # noqa: B018
-        for values in self.values:
-            values.contact_area  # noqa: B018
-            if values.points.shape[1] == 2 and np.any(values.status != 0):
-                values.error_estimate  # noqa: B018
-        parts = self.slices()
-        given = tuple(self.case.interference[part] for part in parts)
-        return {**vars(self), "settings": replace(self.settings, interference=given)}
+        return self._answer.indifferent
 
-    def __setstate__(self, known: dict[str, Any]) -> None:
-        vars(self).update(known)
-        self._seal()
-        seal(self.kin)  # a pairing that is solved on has been
+    # -- bodies -------------------------------------------------------------------------------
+
+    @property
+    def system(self) -> System:
+        """The bodies, and where the DOFs of each are in `u`."""
+        return self._answer.system
+
+    @property
+    def u(self) -> Array:
+        """Displacements of all bodies, shape (n,) [length]; recovered when first asked for."""
+        return self._answer.u
+
+    def displacement(self, body: Body | str) -> Array:
+        """Displacements of one body, by name or itself, in its basis' numbering, (n_body,) [length]."""
+        return self._answer.displacement(body)
+
+    def reaction(self, body: Body | str, boundary: str | None = None) -> Array:
+        """Force of the supports on a body, without contact forces, shape (d,) [force].
+
+        Parameters
+        ----------
+        body : Body or str
+        boundary : str, optional
+            Name of a boundary of its mesh: the supports of the prescribed DOFs on it; by default of
+            all. A node at the corner of two boundaries counts for both.
+
+        Returns
+        -------
+        ndarray, shape (d,)
+            Of a scalar field, shape (1,), the flow into the body.
+
+        Raises
+        ------
+        InputError
+            There is no such body or boundary, or nothing is prescribed there.
+
+        Examples
+        --------
+        A square of unit modulus, pressed onto a rigid plane by 1 % of its height:
+
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> from skfem.models.elasticity import linear_elasticity
+        >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+        >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+        >>> down = basis.project(lambda x: np.stack([0 * x[0], -0.01 + 0 * x[0]]))
+        >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=down, name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1))
+        >>> result = sc.ContactSolver(block, sc.Contact(block.surface("bottom"), floor)).solve()
+        >>> bool(np.allclose(result.reaction("block", "top"), [0.0, -0.01]))
+        True
+        """
+        return reaction(self._answer, body, boundary)
+
+    # -- contacts -----------------------------------------------------------------------------
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the contacts, in the order given to the solver."""
+        return self._answer.names
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The contacts themselves."""
+        return self._answer.contacts
+
+    @cached_property
+    def values(self) -> tuple[ContactValues, ...]:
+        """The answer of every contact, in the order given."""
+        return values_of(self._answer)
 
     def __getitem__(self, key: Contact | str | int) -> ContactValues:
         return self.values[self._position(key)]
+
+    def __iter__(self) -> Iterator[ContactValues]:
+        return iter(self.values)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __bool__(self) -> bool:
+        return True  # of a result with `if result:` nobody asks how many contacts it has
+
+    def __contains__(self, key: object) -> bool:
+        return key in self.names or any(key is own for own in (*self.contacts, *self.values))
 
     def _position(self, key: Contact | str | int) -> int:
         if isinstance(key, str):
@@ -111,79 +185,33 @@ class ContactResult(Answer):
                 return i
         raise InputError("this contact is not one of those of the solver: pass the same object")
 
-    @cached_property
-    def values(self) -> tuple[ContactValues, ...]:
-        """The answer of every contact, in the order given."""
-        return tuple(self._values(i, part) for i, part in enumerate(self.slices()))
+    def _only(self, name: str) -> ContactValues:
+        if len(self.names) != 1:
+            raise AttributeError(
+                f"'{name}' belongs to a contact and there are {len(self.names)} of them "
+                f"({', '.join(self.names)}): write result['{self.names[0]}'].{name}"
+            )
+        return self.values[0]
 
-    def _values(self, i: int, part: slice) -> ContactValues:
-        kin, state, contact = self.kin, self.state, self.contacts[i]
-        status = state.status[part]
-        status = np.where(self._smooth(i, part) & (status != 0), 2, status)
-        heir = kin.heir[part] - part.start
-        own = heir == np.arange(len(heir))
-        return ContactValues(
-            name=self.names[i],
-            points=contact.secondary.points,  # those of kin have moved, where contact slides far
-            normal=kin.normal[part],
-            tangent=kin.tangent[part],
-            gap=self.gap[part][heir],
-            status=status[heir],
-            normal_force=state.normal_force[part],
-            tangential_force=-state.tangential_force[part],
-            area=np.where(own, kin.area[part], 0.0),
-            surface=contact.secondary,
-            heir=heir,
-            action=kin.action[part],
-            dissipation=float(self.dissipation_by_contact[i]),
-            dissipation_total=float(self.dissipation_before[i] + self.dissipation_by_contact[i]),
-            energy_residual=float(self.residual_by_contact[i]),
-            assess=partial(estimate, self),
-            slips=partial(self._slip, i, part),
-        )
-
-    def _smooth(self, i: int, part: slice) -> NDArray[np.bool_]:
-        """Points without friction or glue: nothing tangential is solved for."""
-        contact = self.contacts[i]
-        carries = can_carry(contact.friction, part.stop - part.start)
-        return ~carries & (not contact.tied and self.kin.tangents > 0)
-
-    def _slip(self, i: int, part: slice) -> Array:
-        kin, state, t = self.kin, self.state, self.kin.tangents
-        slip, smooth = (state.slip - state.reference)[part], self._smooth(i, part)
-        if smooth.any():
-            rows = slice(part.start * t, part.stop * t)
-            moved = (kin.B_t[rows] @ self.u).reshape(-1, t) + self.seen.slip0[part]
-            moved = np.where((state.status[part] != 0)[:, None], moved, 0.0)
-            slip = np.where(smooth[:, None], moved, slip)
-        return slip[kin.heir[part] - part.start]
-
-    @property
-    def identity(self) -> Identity:
-        """The bodies and contacts that this is a state of."""
-        known: Identity = self.recover.model.geometry.identity
-        return known
-
-    @property
-    def own_interference(self) -> tuple[bool, ...]:
-        """Of which contacts the interference in force is the contact's own, and not that of a step."""
-        pairs = zip(self.settings.interference, self.contacts, strict=True)
-        return tuple(given is contact.interference for given, contact in pairs)
+    # -- energy -------------------------------------------------------------------------------
 
     @property
     def dissipation(self) -> float:
         """Energy lost by friction in this step, all contacts [energy]."""
-        return float(self.dissipation_by_contact.sum())
+        return float(self._answer.dissipation_by_contact.sum())
 
     @property
     def dissipation_total(self) -> float:
         """Energy lost by friction since the start of the history, all contacts [energy]."""
-        return float(self.dissipation_before.sum() + self.dissipation_by_contact.sum())
+        answer = self._answer
+        return float(answer.dissipation_before.sum() + answer.dissipation_by_contact.sum())
 
     @property
     def energy_residual(self) -> float:
         """What the energy balance of this step misses, all contacts [energy]; see `ContactValues`."""
-        return float(self.residual_by_contact.sum())
+        return float(self._answer.residual_by_contact.sum())
+
+    # -- what an answer is worth --------------------------------------------------------------
 
     @cached_property
     def rotations(self) -> dict[str, float]:
@@ -191,12 +219,13 @@ class ContactResult(Answer):
 
         Linear bodies are good for rotations well below 0.1 rad.
         """
-        return rigid_rotations(self.system, self.contacts, self.state.surface)
+        answer = self._answer
+        return rigid_rotations(answer.system, answer.contacts, answer.state.surface)
 
     @cached_property
     def certificate(self) -> Certificate:
         """Dimensionless numbers measured from the answer, for all degrees of freedom."""
-        return certify(self)
+        return certify(self._answer)
 
     @cached_property
     def validity(self) -> Validity:
@@ -207,7 +236,7 @@ class ContactResult(Answer):
         ContactWarning
             What is beyond its bound and has not been said in this history.
         """
-        return assess(self)
+        return assess(self._answer)
 
     @cached_property
     def uniqueness(self) -> Uniqueness | None:
@@ -216,52 +245,42 @@ class ContactResult(Answer):
         The critical friction of every point, and the index of this answer, see `Uniqueness`. None
         where it is not computed: on the sparse route, and where contact rows depend on each other.
         """
-        return uniqueness(self)
+        return uniqueness(self._answer)
 
-    def __getattr__(self, name: str) -> Any:
-        # only reached when the result itself has no such attribute
-        if name.startswith("_") or name not in FORWARDED:
-            raise AttributeError(f"ContactResult has no attribute {name!r}")
-        if len(self.names) != 1:
-            raise AttributeError(
-                f"'{name}' belongs to a contact and there are {len(self.names)} of them "
-                f"({', '.join(self.names)}): write result['{self.names[0]}'].{name}"
-            )
-        return getattr(self.values[0], name)
+    # -- printed ------------------------------------------------------------------------------
+    # reports are about results, and stand after them: hence the late imports
 
-    def __repr__(self) -> str:
-        contacts = "; ".join(map(repr, self.values))
-        return f"<ContactResult: {self.message}; {contacts}>"
+    def report(self) -> str:
+        """All that is printed, and what takes a moment: error estimates, validity, other answers.
 
-    def __str__(self) -> str:
-        from skfem_contact.answers.report import (
-            report,
-        )  # the report is about results, and stands after them
+        Warns
+        -----
+        ContactWarning
+            As `validity` does.
+        """
+        from skfem_contact.answers.report import report
 
         return report(self)
 
+    def __repr__(self) -> str:
+        from skfem_contact.answers.report import short
 
-FORWARDED = frozenset(
-    {
-        "area",
-        "contact_area",
-        "contact_edges",
-        "error_estimate",
-        "force",
-        "force_on_primary",
-        "forces",
-        "friction_stress",
-        "integrate",
-        "interpolate",
-        "moment",
-        "normal",
-        "normal_force",
-        "points",
-        "pressure",
-        "slip",
-        "status",
-        "tangent",
-        "tangential_force",
-        "traction",
-    }
-)
+        return short(self)
+
+    def __str__(self) -> str:
+        from skfem_contact.answers.report import summary
+
+        return summary(self)
+
+    def _repr_html_(self) -> str:
+        from skfem_contact.answers.report import table
+
+        return table(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All that reports and pictures need, computed before the functions stay behind."""
+        for values in self.values:
+            values.contact_area  # noqa: B018
+            if values.points.shape[1] == 2 and np.any(values.status != OPEN):
+                values.error_estimate  # noqa: B018
+        return dict(vars(self))

@@ -47,7 +47,7 @@ class Uniqueness:
     critical_friction : ndarray, shape (m,)
         Coefficient of friction from which on this point alone gives loads with several answers, the
         other points open or stuck as in this answer; ``inf`` if no coefficient does, NaN at points
-        without friction or partner. All contacts; ``result.slices()`` has the parts.
+        without friction or partner. Over all contacts: ``len(values.points)`` for each of the result.
     friction : ndarray, shape (m,)
         Coefficient of the friction law in this answer, ``dL / d lambda``; NaN at the same points.
     index : int

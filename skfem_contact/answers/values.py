@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,21 +12,27 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.answers.error.sources import ErrorEstimate
 from skfem_contact.answers.fields import closed_area, displaced, edge_positions, interpolate
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.conditions.contact import Contact
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import seal, sealed
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ContactValues:
     r"""The answer on the secondary surface of one contact, over all its m points.
 
     ``traction = pressure * normal + tangential_force * tangent / area`` acts on the secondary body,
     in global axes.
 
+    ``print(values)`` shows them in a few lines.
+
     Attributes
     ----------
+    name : str
+    contact : Contact
+        Whose values these are.
     points, normal : ndarray, shape (m, d)
         Position on the undeformed secondary surface; unit normal from primary to secondary.
     tangent : ndarray, shape (m, d-1, d)
@@ -59,6 +65,7 @@ class ContactValues:
     """
 
     name: str
+    contact: Contact
     points: Array
     normal: Array
     tangent: Array
@@ -73,8 +80,8 @@ class ContactValues:
     dissipation: float
     dissipation_total: float
     energy_residual: float
-    assess: Callable[[ContactValues], ErrorEstimate] = field(repr=False)
-    slips: Callable[[], Array] = field(repr=False)
+    assess: Callable[[ContactValues], ErrorEstimate]
+    slips: Callable[[], Array]
 
     def __post_init__(self) -> None:
         seal(self)
@@ -82,6 +89,12 @@ class ContactValues:
     def __repr__(self) -> str:
         open_, stick, slip = (int(np.sum(self.status == k)) for k in range(3))
         return f"<{self.name}: {open_} open, {stick} stick, {slip} slip>"
+
+    def __str__(self) -> str:
+        # what is printed of values stands after them
+        from skfem_contact.answers.contact_report import contact_lines
+
+        return "\n".join(contact_lines(self, estimate=False))
 
     @cached_property
     def slip(self) -> Array:

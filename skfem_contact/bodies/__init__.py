@@ -1,6 +1,7 @@
 """What the user gives: bodies with their stiffness and loads, and the surfaces that may touch.
 
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
+* `boundaries`: tractions and displacements by the names of boundaries;
 * `body`, `system`: one body, and several under one numbering;
 * `surface`, `facets`, `normals`, `projection`: a boundary, its facets, normals, closest points.
 """

@@ -6,21 +6,19 @@ import warnings
 import zlib
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import shown
 from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.state import State
 from skfem_contact.errors import ContactWarning, InputError
 from skfem_contact.history.read import Settings
-
-if TYPE_CHECKING:
-    from skfem_contact.answers.result import ContactResult
 
 Array = NDArray[np.float64]
 
@@ -66,37 +64,9 @@ class SavedState:
     u: Array
 
 
-def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
-    """Write the state of a result to an ``.npz`` file, for ``solver.load_state``.
-
-    Everything that the next step depends on is kept, to the last bit: friction, the surfaces where
-    contact slides far, loads, the energy lost so far, and all displacements: a body that nothing
-    holds stays where it was left.
-
-    Parameters
-    ----------
-    path : str or Path
-        ``.npz`` is added where it is missing.
-    result : ContactResult
-
-    Returns
-    -------
-    Path
-        Of the file written.
-
-    Raises
-    ------
-    InputError
-        If there is no such folder, or the file can not be written.
-
-    Warns
-    -----
-    ContactWarning
-        The result did not converge: no history can go on from it.
-    """
+def save_state(path: str | Path, result: Answer | SavedState) -> Path:
+    """Write a state to an ``.npz`` file; see `ContactSolver.save_state`."""
     path = _path(path)
-    if not hasattr(result, "state") or not hasattr(result, "settings"):
-        raise InputError(f"save_state: result is {shown(result)}, not what solve(...) returned")
     path = _with_suffix(path)
     case, settings = result.case, result.settings
     data: dict[str, Any] = {"format": FORMAT, "u": result.u}
@@ -118,7 +88,7 @@ def save_state(path: str | Path, result: ContactResult | SavedState) -> Path:
             f"the state in {str(path)!r} did not converge ({result.message}); it can be a guess, but "
             "no history can start from it",
             ContactWarning,
-            stacklevel=2,
+            stacklevel=3,
         )
     return path
 
@@ -181,7 +151,7 @@ def load_state(path: str | Path, identity: Identity, points: tuple[slice, ...]) 
     except DAMAGED as error:
         raise InputError(
             f"{str(path)!r} can not be read as a state ({error}): it was not written by "
-            "save_state(...), or it is damaged or cut off. Take the one saved before it."
+            "solver.save_state(...), or it is damaged or cut off. Take the one saved before it."
         ) from None
     if found:
         raise InputError(

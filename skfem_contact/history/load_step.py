@@ -7,9 +7,11 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.watch import Watch
 from skfem_contact.answers.validity.watched import Said
@@ -35,7 +37,7 @@ from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corners import Corners
 from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
 
-Known = ContactResult | SavedState | None
+Known = Answer | SavedState | None
 CAN_CARRY = "with the forces that contact can carry"
 
 
@@ -80,8 +82,8 @@ class LoadStep:
         guess: Known,
         callback: Callable[[Record], object] | None,
         throw: bool,
-    ) -> ContactResult:
-        """The result under these loads; see `ContactSolver.solve` for the other arguments."""
+    ) -> Answer:
+        """The answer under these loads; see `ContactSolver.solve` for the other arguments."""
         begin = time.perf_counter()
         geometry, interface = self.model.geometry, self.model.interface
         system, kin = geometry.system, geometry.kin
@@ -227,7 +229,7 @@ class LoadStep:
         held = self.model.with_springs(pins(self.model, loose))
         return replace(self.stepper, model=held)
 
-    def _warn(self, result: ContactResult) -> None:
+    def _warn(self, result: Answer) -> None:
         if result.indifferent and np.any(result.u):
             warnings.warn(
                 " ".join(result.indifferent)
@@ -242,12 +244,13 @@ class LoadStep:
         model = self.model
         return Watch(model.geometry, self.stepper.interface, model.diagonals, lambda: model.known)
 
-    def check_start(self, start: Known, what: str) -> None:
-        """Refuse a state of other bodies and contacts, or something else altogether."""
-        if start is None:
-            return
+    def known(self, given: Any, what: str) -> Known:
+        """The state of a result or a file; one of other bodies and contacts is refused."""
+        if given is None:
+            return None
         usage = "give what solve(...) returned, or load_state(...)"
-        check_kind(start, (ContactResult, SavedState), what, usage)
+        check_kind(given, (ContactResult, SavedState), what, usage)
+        start = given if isinstance(given, SavedState) else answer_of(given)
         if start.identity is not self.model.geometry.identity:
             self.model.geometry.identity.refuse(start.identity, what)
         if what == "start" and not start.converged:
@@ -261,6 +264,7 @@ class LoadStep:
             words = self.reader.other_interference(start.settings, start.own_interference)
             if words:
                 warnings.warn(words, ContactWarning, stacklevel=3)
+        return start
 
     def _result(
         self,
@@ -268,7 +272,7 @@ class LoadStep:
         start: Known,
         settings: Settings,
         seconds: float,
-    ) -> ContactResult:
+    ) -> Answer:
         interface, attempt, walk, rest = self.model.interface, found.attempt, found.walk, found.rest
         before = np.zeros(len(interface.contacts))
         if start is not None:
@@ -277,7 +281,7 @@ class LoadStep:
         if attempt.good:  # with all rounds, attempts and substeps that came before the last one
             message = converged_words(len(walk.trace)) + attempt.outcome.note
         case = attempt.case
-        return ContactResult(
+        return Answer(
             system=self.model.system,
             contacts=interface.contacts,
             names=interface.names,
@@ -304,8 +308,8 @@ class LoadStep:
             indifferent=self._places(found),
         )
 
-    def _failure(self, found: Found, result: ContactResult) -> NoEquilibrium | NotConverged:
-        attempt = found.attempt
+    def _failure(self, found: Found, answer: Answer) -> NoEquilibrium | NotConverged:
+        attempt, result = found.attempt, ContactResult(answer)
         motions, free = attempt.problem.motions, attempt.outcome.free
         if free is None and found.refuted is not None:
             motions, free = self.model.motions, found.refuted[:, None]
@@ -343,4 +347,4 @@ class LoadStep:
 
 def _said(start: Known) -> Said:
     """What has been warned of in the history so far; a file does not know."""
-    return start.watched.said if isinstance(start, ContactResult) else frozenset()
+    return start.watched.said if isinstance(start, Answer) else frozenset()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.answer import Answer
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.history.attempt import Attempt
 from skfem_contact.linalg.threads import single_threaded
@@ -107,16 +107,16 @@ class Recovery:
         return {**vars(self), "found": self.source, "components": None}
 
 
-def recover_all(results: Sequence[ContactResult]) -> None:
-    """Recover the displacements of many results, with one solve per model for all of them."""
-    waiting = [r for r in results if "u" not in r.__dict__]
-    groups: dict[tuple[int, bool], list[ContactResult]] = {}
-    for result in waiting:
-        key = id(result.recover.model), result.recover.source.forces
-        groups.setdefault(key, []).append(result)
+def recover_all(answers: Sequence[Answer]) -> None:
+    """Recover the displacements of many answers, with one solve per model for all of them."""
+    waiting = [r for r in answers if "u" not in r.__dict__]
+    groups: dict[tuple[int, bool], list[Answer]] = {}
+    for answer in waiting:
+        key = id(answer.recover.model), answer.recover.source.forces
+        groups.setdefault(key, []).append(answer)
     for group in groups.values():
-        for result, u in zip(group, _recovered([r.recover for r in group]), strict=True):
-            result.__dict__["u"] = sealed(u)
+        for answer, u in zip(group, _recovered([r.recover for r in group]), strict=True):
+            answer.__dict__["u"] = sealed(u)
 
 
 def _recovered(some: Sequence[Recovery]) -> list[Array]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_kind, members, shown
 from skfem_contact.bodies.body import Body
@@ -26,7 +27,7 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import contact_names, interface, point_slices
 from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.errors import InputError
-from skfem_contact.history.checkpoint import SavedState, load_state
+from skfem_contact.history.checkpoint import SavedState, load_state, save_state
 from skfem_contact.history.load_step import LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.recovery import recover_all
@@ -343,11 +344,11 @@ class ContactSolver:
         NotConverged, NoEquilibrium
             Carrying the last result.
         """
-        for what, given in (("start", start), ("guess", guess)):
-            self._load_step.check_start(given, what)
+        before = self._load_step.known(start, "start")
+        known = self._load_step.known(guess, "guess")
         own = self._reader.initial()
-        if start is not None:  # obstacles stay where the state before has them
-            kept = start.settings
+        if before is not None:  # obstacles stay where the state before has them
+            kept = before.settings
             own = replace(own, interference=kept.interference, motion=kept.motion)
         settings = replace(
             own,
@@ -355,7 +356,7 @@ class ContactSolver:
             x=self._reader.vector("x", x, own.x, self.system.x),
             factor=own.factor if f is None and x is None else None,
         )
-        return self._load_step.solve(settings, start, guess, callback, throw)
+        return ContactResult(self._load_step.solve(settings, before, known, callback, throw))
 
     def history(
         self,
@@ -392,9 +393,8 @@ class ContactSolver:
         ContactWarning
             A body has turned by more than linear elasticity follows.
         """
-        self._load_step.check_start(start, "start")
-        settings = self._reader.initial() if start is None else start.settings
-        before = start
+        before = self._load_step.known(start, "start")
+        settings = self._reader.initial() if before is None else before.settings
         single = isinstance(steps, str | bytes | Mapping) or getattr(steps, "shape", None) == ()
         if single or not isinstance(steps, Iterable):
             raise InputError(
@@ -406,11 +406,47 @@ class ContactSolver:
                 settings = self._reader.read(step, settings)
                 before = self._load_step.solve(settings, before, None, None, True)
                 logger.info("step %s: %s", step if np.ndim(step) == 0 else "", before.message)
-                yielded.add(before, self._reader)
-                yield before
+                result = ContactResult(before)
+                yielded.add(result, self._reader)
+                yield result
         except (Exception, KeyboardInterrupt) as error:
             error.results = yielded.all()  # type: ignore[union-attr]
             raise
+
+    def save_state(self, path: str | Path, result: ContactResult | SavedState) -> Path:
+        """Write the state of a result to an ``.npz`` file, for `load_state`.
+
+        Everything that the next step depends on is kept, to the last bit: friction, the surfaces
+        where contact slides far, loads, the energy lost so far, and all displacements: a body that
+        nothing holds stays where it was left.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``.npz`` is added where it is missing.
+        result : ContactResult
+            Of this solver, or of another one over the same bodies and contacts.
+
+        Returns
+        -------
+        Path
+            Of the file written.
+
+        Raises
+        ------
+        InputError
+            If the result is one of other bodies and contacts, there is no such folder, or the file
+            can not be written.
+
+        Warns
+        -----
+        ContactWarning
+            The result did not converge: no history can go on from it.
+        """
+        known = self._load_step.known(result, "result")
+        if known is None:
+            raise InputError("result is None; give what solve(...) returned")
+        return save_state(path, known)
 
     def load_state(self, path: str | Path) -> SavedState:
         """A state written by `save_state`, as the ``start`` of ``solve`` or ``history``.
@@ -429,7 +465,7 @@ class ContactSolver:
         A history writes a checkpoint per step, and another one goes on from it::
 
             for result in solver.history(steps):
-                sc.save_state("last.npz", result)
+                solver.save_state("last.npz", result)
 
             start = solver.load_state("last.npz")
             for result in solver.history(rest_of_the_steps, start=start):
@@ -477,7 +513,7 @@ class ContactSolver:
         list of ndarray, shape (n,)
         """
         results = members(results, ContactResult, "results", "give results of this solver")
-        recover_all(results)
+        recover_all([answer_of(r) for r in results])
         return [r.u for r in results]
 
 

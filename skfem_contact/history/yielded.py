@@ -15,24 +15,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.history.read import StepReader
 
 Array = NDArray[np.float64]
 NONE = np.zeros(0)
-FIELDS = tuple(field.name for field in fields(ContactResult))
+FIELDS = tuple(field.name for field in fields(Answer))
 
 
 @dataclass(eq=False)
 class Yielded:
     """Results of one history, in their order."""
 
-    _light: list[tuple[ContactResult, StepReader]] = field(default_factory=list)
+    _light: list[tuple[Answer, StepReader]] = field(default_factory=list)
     _alive: list[weakref.ref[ContactResult]] = field(default_factory=list)
 
     def add(self, result: ContactResult, reader: StepReader) -> None:
         """Keep a result; `reader` knows the loads that a number stands for."""
-        light = _copied(result) if result.factor is None else _with_loads(result, NONE, NONE)
+        answer = answer_of(result)
+        light = _copied(answer) if answer.factor is None else _with_loads(answer, NONE, NONE)
         self._light.append((light, reader))
         self._alive.append(weakref.ref(result))
 
@@ -42,29 +44,29 @@ class Yielded:
         for (light, reader), alive in zip(self._light, self._alive, strict=True):
             result = alive()
             if result is None:
-                result = light
                 if light.factor is not None:
                     loads = reader.read(light.factor, light.settings)
-                    result = _with_loads(light, loads.f, loads.x)
+                    light = _with_loads(light, loads.f, loads.x)
+                result = ContactResult(light)
             found.append(result)
         return tuple(found)
 
 
-def _with_loads(result: ContactResult, f: Array, x: Array) -> ContactResult:
-    """The same result with other vectors of loads, and without what it remembers."""
-    case = replace(result.case, f=f, x=x)
+def _with_loads(answer: Answer, f: Array, x: Array) -> Answer:
+    """The same answer with other vectors of loads, and without what it remembers."""
+    case = replace(answer.case, f=f, x=x)
     return _copied(
-        result,
+        answer,
         case=case,
-        seen=replace(result.seen, f=f, x=x),
-        settings=replace(result.settings, f=f, x=x),
-        recover=replace(result.recover, case=case),
+        seen=replace(answer.seen, f=f, x=x),
+        settings=replace(answer.settings, f=f, x=x),
+        recover=replace(answer.recover, case=case),
     )
 
 
-def _copied(result: ContactResult, **changed: Any) -> ContactResult:
-    """A result with its fields or others; what it remembers of earlier questions is left out."""
-    known = vars(result)
-    copy = object.__new__(ContactResult)
+def _copied(answer: Answer, **changed: Any) -> Answer:
+    """An answer with its fields or others; what it remembers of earlier questions is left out."""
+    known = vars(answer)
+    copy = object.__new__(Answer)
     vars(copy).update({name: known[name] for name in FIELDS} | changed)
     return copy

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.output.drawing import FRICTION, LINES, arc_length, new_axes, require_plane
 from skfem_contact.output.stress import field_name
@@ -99,11 +100,12 @@ def plot_deformed(
 
 def auto_scale(result: ContactResult) -> float:
     """A round factor: displacements up to 6 % of the extent, closed gaps overlapping by 1 %."""
-    extent, largest = result.system.extent, float(np.abs(result.u).max(initial=0.0))
+    answer = answer_of(result)
+    extent, largest = answer.system.extent, float(np.abs(result.u).max(initial=0.0))
     if largest == 0.0:
         return 1.0
-    closed = (result.state.status != 0) & result.kin.paired
-    gap = float(np.abs(result.case.gap0[closed]).max(initial=0.0))
+    closed = (answer.state.status != 0) & answer.kin.paired
+    gap = float(np.abs(answer.case.gap0[closed]).max(initial=0.0))
     factor = 0.06 * extent / largest
     if gap > 0.0:
         factor = min(factor, 1.0 + 0.01 * extent / gap)

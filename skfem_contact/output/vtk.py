@@ -205,8 +205,8 @@ def bodies_grid(result: ContactResult, stress: Stress | None = None) -> meshio.M
     import meshio  # takes as long to import as all else together, and only files need it
 
     points, cells, number, values, scalars = [], [], [], [], []
-    start = 0
-    for i, body in enumerate(result.system.bodies):
+    start, system = 0, result.system
+    for i, body in enumerate(system.bodies):
         nodes, (kind, table) = body_nodes(body), body_cells(body)
         u = result.displacement(body)
         points.append(three(body.dof_points[nodes[:, 0]]))
@@ -214,7 +214,7 @@ def bodies_grid(result: ContactResult, stress: Stress | None = None) -> meshio.M
         cells.append((kind, table + start))
         number.append(np.full(len(table), i + 1, dtype=np.int32))
         if stress is not None:
-            scalars.append(_nodal(stress(body, u), len(nodes), result.system.names[i]))
+            scalars.append(_nodal(stress(body, u), len(nodes), system.names[i]))
         start += len(nodes)
     field = np.concatenate(values)
     data = {"u": field[:, 0]} if field.shape[1] == 1 else {"displacement": three(field)}

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from sliding_scenes import dragged_block, elastic, rectangle
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
 
 
 def same(a, b, tolerance=1e-14):
@@ -61,9 +62,9 @@ def test_history_goes_on_from_a_result(k):
 def test_history_goes_on_from_a_file(tmp_path, k):
     """A new solver that reads the file of step k goes on as if nothing had happened."""
     whole = list(roller().history(STEPS))
-    path = sc.save_state(tmp_path / "state", whole[k - 1])
-    assert path.name == "state.npz"
     solver = roller()
+    path = solver.save_state(tmp_path / "state", whole[k - 1])
+    assert path.name == "state.npz"
     rest = list(solver.history(STEPS[k:], start=solver.load_state(path)))
     for a, b in zip(whole[k:], rest, strict=True):
         same(a, b)
@@ -74,12 +75,12 @@ def test_deformable_bodies_go_on_from_a_file(tmp_path):
     steps = [{"x": {"block": d}} for d in np.linspace(0, 0.6, 7)]
     whole = list(dragged_block(rigid=False).history(steps))
     solver = dragged_block(rigid=False)
-    start = solver.load_state(sc.save_state(tmp_path / "drag.npz", whole[3]))
+    start = solver.load_state(solver.save_state(tmp_path / "drag.npz", whole[3]))
     rest = list(solver.history(steps[4:], start=start))
     for a, b in zip(whole[4:], rest, strict=True):
         same(a, b, 1e-12)  # condensed loads are remembered in the order they came: round-off of K
     # a state that was loaded may be saved again
-    again = sc.save_state(tmp_path / "again.npz", start)
+    again = solver.save_state(tmp_path / "again.npz", start)
     assert_allclose(solver.load_state(again).state.slip, start.state.slip, rtol=0, atol=0)
 
 
@@ -92,7 +93,7 @@ def test_load_factor_and_own_loads_persist(tmp_path):
     contact = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3))
     solver = sc.ContactSolver([body], contact)
     half = next(solver.history([0.5]))
-    start = solver.load_state(sc.save_state(tmp_path / "half", half))
+    start = solver.load_state(solver.save_state(tmp_path / "half", half))
     for before in (half, start):
         lifted = next(solver.history([{"motion": {"floor": (0.0, 0.1)}}], start=before))
         # equilibrium: half the load, one unit wide
@@ -120,8 +121,11 @@ def test_nothing_is_lost_when_a_step_fails():
 
 def test_wrong_files_are_refused(tmp_path):
     """A file of other bodies, of another program, or none at all is refused in words."""
-    *_, last = roller().history(STEPS[:1])
-    path = sc.save_state(tmp_path / "state.npz", last)
+    solver = roller()
+    *_, last = solver.history(STEPS[:1])
+    path = solver.save_state(tmp_path / "state.npz", last)
+    with pytest.raises(sc.InputError, match="a state of 252 DOFs, 21 contact points"):
+        dragged_block(rigid=True).save_state(tmp_path / "none.npz", last)
     with pytest.raises(sc.InputError, match="a state of 252 DOFs, 21 contact points"):
         dragged_block(rigid=True).load_state(path)
     np.savez(tmp_path / "other.npz", a=1)
@@ -230,10 +234,11 @@ OTHERS = {
 def test_states_of_other_meshes_are_refused(tmp_path, other):
     """Equal numbers of DOFs, points and contacts do not make a state fit: in memory and in a file."""
     settings, words = OTHERS[other]
-    result = on_a_plane().solve()
-    path = sc.save_state(tmp_path / "state", result)
+    here = on_a_plane()
+    result = here.solve()
+    path = here.save_state(tmp_path / "state", result)
     solver = on_a_plane(**settings)
-    assert solver.system.n == result.system.n and solver.kin.m == result.kin.m
+    assert solver.system.n == result.system.n and solver.kin.m == answer_of(result).kin.m
     with pytest.raises(sc.InputError, match=words):
         solver.load_state(path)
     for what in ("start", "guess"):
@@ -245,8 +250,9 @@ def test_states_of_other_meshes_are_refused(tmp_path, other):
 
 def test_states_of_the_same_mesh_are_taken(tmp_path):
     """Other loads, stiffness, friction and obstacles, and the round-off of another machine."""
-    result = on_a_plane().solve()
-    path = sc.save_state(tmp_path / "state", result)
+    here = on_a_plane()
+    result = here.solve()
+    path = here.save_state(tmp_path / "state", result)
     for solver in (
         on_a_plane(f=np.ones(50)),
         on_a_plane(rounded),
@@ -268,7 +274,7 @@ def test_interference_of_another_solver_stays_and_is_told(tmp_path):
 
     here, there = fitted(1e-3), fitted(2e-3)
     result = here.solve()
-    saved = sc.save_state(tmp_path / "state", result)
+    saved = here.save_state(tmp_path / "state", result)
     words = r"'joint' has an interference of 0\.002 here and of 0\.001 in the state"
     for state in (result, there.load_state(saved)):
         with pytest.warns(sc.ContactWarning, match=words):
@@ -283,7 +289,7 @@ def test_interference_of_another_solver_stays_and_is_told(tmp_path):
         fitted(np.full(len(result.points), 1e-3)).solve(start=state)
     (stepped,) = here.history([{"interference": {"joint": 2e-3}}])
     for solver in (here, there):
-        state = solver.load_state(sc.save_state(tmp_path / "stepped", stepped))
+        state = solver.load_state(solver.save_state(tmp_path / "stepped", stepped))
         assert_allclose(solver.solve(start=state).force, changed.force, rtol=1e-9)
         solver.solve(start=stepped)
 
@@ -299,7 +305,7 @@ def test_states_that_did_not_converge_are_no_history(tmp_path):
     broken = solver.solve({"block 0": np.ones(50)}, callback=stop, throw=False)
     assert not broken.converged
     with pytest.warns(sc.ContactWarning, match=r"did not converge .* no history can start"):
-        path = sc.save_state(tmp_path / "broken", broken)
+        path = solver.save_state(tmp_path / "broken", broken)
     loaded = solver.load_state(path)
     assert not loaded.converged and loaded.message == broken.message
     for state in (broken, loaded):
@@ -314,7 +320,7 @@ def test_states_that_did_not_converge_are_no_history(tmp_path):
 def test_damaged_files_are_refused_in_words(tmp_path):
     """Garbage, a file cut off anywhere, another format, an earlier version: no error of NumPy's."""
     solver = on_a_plane()
-    path = sc.save_state(tmp_path / "state.npz", solver.solve())
+    path = solver.save_state(tmp_path / "state.npz", solver.solve())
     content = path.read_bytes()
     files = {
         "garbage": b"\x80\x04garbage" * 50,
@@ -347,10 +353,11 @@ def test_damaged_files_are_refused_in_words(tmp_path):
 
 def test_states_are_saved_whole_or_not_at_all(tmp_path, monkeypatch):
     """A missing folder is named; a disk that is full leaves the old file and nothing else."""
-    result = on_a_plane().solve()
+    solver = on_a_plane()
+    result = solver.solve()
     with pytest.raises(sc.InputError, match=r"there is no folder .*mkdir"):
-        sc.save_state(tmp_path / "none" / "state", result)
-    path = sc.save_state(tmp_path / "state", result)
+        solver.save_state(tmp_path / "none" / "state", result)
+    path = solver.save_state(tmp_path / "state", result)
     content = path.read_bytes()
 
     def full(file, **data):
@@ -359,7 +366,7 @@ def test_states_are_saved_whole_or_not_at_all(tmp_path, monkeypatch):
 
     monkeypatch.setattr(np, "savez", full)
     with pytest.raises(sc.InputError, match=r"could not be written .*No space left"):
-        sc.save_state(path, result)
+        solver.save_state(path, result)
     assert path.read_bytes() == content and list(tmp_path.iterdir()) == [path]
 
 
@@ -402,7 +409,7 @@ def test_any_end_of_a_history_keeps_its_results(wrong):
     results = failure.value.results
     assert [r.factor for r in results] == [0.5, 1.0]
     assert [str(r.certificate) for r in results] == kept
-    assert_allclose(results[0].case.f, 0.5 * results[1].case.f)
+    assert_allclose(answer_of(results[0]).case.f, 0.5 * answer_of(results[1]).case.f)
     assert_allclose(results[1].u, solver.solve().u, atol=1e-14)
 
 
@@ -418,4 +425,8 @@ def test_results_so_far_are_light():
     first = next(history)
     assert first.u.any()
     light, _ = history.gi_frame.f_locals["yielded"]._light[0]
-    assert "u" not in vars(light) and not len(light.case.f) and light.recover.case is light.case
+    assert (
+        "u" not in vars(light)
+        and not len(answer_of(light).case.f)
+        and answer_of(light).recover.case is answer_of(light).case
+    )

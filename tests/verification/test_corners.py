@@ -11,6 +11,7 @@ from corner_scenes import CORNER, FACET, HOME, overlap, path, placed, ring, scen
 from sliding_scenes import dragged_block, elastic, travel
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
 
 #: What chords of 0.1 explain on a radius of 0.5: they are 0.0025 off the arc, and twice that where
 #: the vertex of one stands between the ends of another.
@@ -103,7 +104,9 @@ def said_before(results, caught):
     assert len(said) <= 1  # once per history
     if not said:
         return len(results), ""
-    return next(k for k, r in enumerate(results) if ("overlap", "c") in r.watched.said), said[0]
+    return next(
+        k for k, r in enumerate(results) if ("overlap", "c") in answer_of(r).watched.said
+    ), said[0]
 
 
 @pytest.mark.parametrize(
@@ -123,7 +126,7 @@ def test_no_overlap_is_passed_over(way, turn):
         results = taken_over(*way, steps=6 if way == SIDE and not turn else 12, turn=turn)
     first, words = said_before(results, caught)
     # whole bodies only where something seems to overlap
-    assert not any("u" in vars(r) for r in results if not r.watched.intrusions)
+    assert not any("u" in vars(answer_of(r)) for r in results if not answer_of(r).watched.intrusions)
     assert max((overlap(r) for r in results[:first]), default=0) < EXPLAINED
     if way[4] == "both":  # which covers all that touches
         assert not words
@@ -140,11 +143,11 @@ def test_flat_tracks_and_rounded_tools_are_silent():
     for method, facets in itertools.product(("node", "mortar"), (81,)):
         solver = dragged_block(rigid=False, method=method, facets=np.linspace(-0.5, 5, facets))
         results = travel(solver, np.linspace(0, 0.5, 3))
-        assert not any(r.watched.intrusions for r in results)
+        assert not any(answer_of(r).watched.intrusions for r in results)
     solver, put = scene("disc", "mortar", other=FACET / 2)
     results = list(solver.history([put(*place) for place in path("straight", 2)[1:3]]))
     assert max(r.normal_force.max() for r in results) > 0
-    assert not any(r.watched.intrusions for r in results)
+    assert not any(answer_of(r).watched.intrusions for r in results)
 
 
 class Weakening(sc.FrictionLaw):

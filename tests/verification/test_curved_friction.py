@@ -19,6 +19,7 @@ from scenes import elastic
 from smooth_contacts import graded, opposite_shear
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
 from skfem_contact.conditions import geometry
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.pairing.node import gap_vectors
@@ -98,7 +99,7 @@ def test_the_tilt_of_the_interface():
     result = pushed(8.3, (1.0, 1.0), "arc")
     x = result.points[:, 0]
     near = np.abs(x) < 1.5 * A
-    kin = result.kin
+    kin = answer_of(result).kin
     assert_allclose(kin.tilt[near], np.arcsin(np.abs(x[near])), atol=1e-5 * A)
     turned = np.arctan2(kin.normal[:, 0], kin.normal[:, 1])
     assert_allclose(turned[near], -0.5 * np.arcsin(x[near]), atol=1e-5 * A)

@@ -13,6 +13,7 @@ from scipy.sparse import coo_matrix
 from sliding_scenes import rectangle
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
 
 # coefficient, stiffness of a spring, overlap, way
 MU, k, P, S = 0.3, 2.0, 0.02, 0.4
@@ -116,7 +117,10 @@ def energies(result, last, K):
     for r in (last, result):
         if r is None:
             continue
-        contact = r.kin.B_n.T @ r.state.normal_force - r.kin.B_t.T @ r.state.tangential_force.ravel()
+        contact = (
+            answer_of(r).kin.B_n.T @ answer_of(r).state.normal_force
+            - answer_of(r).kin.B_t.T @ answer_of(r).state.tangential_force.ravel()
+        )
         u.append(r.u)
         outside.append(K @ r.u - contact)
     work = 0.5 * (outside[-1] + outside[-2]) @ (u[-1] - u[-2])

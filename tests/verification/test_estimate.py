@@ -84,7 +84,7 @@ def test_exact_answers_have_no_error():
         # round-off of the solution, which is 1e-12 or so
         assert error.traction.total < 1e-9
         assert error.advice.startswith("nothing to improve")
-        assert "estimated error          pressure 0 %, with friction 0 % in L2" in str(result)
+        assert "estimated error          pressure 0 %, with friction 0 % in L2" in result.report()
 
 
 def test_nothing_touches():
@@ -93,7 +93,7 @@ def test_nothing_touches():
     result = case.solve(friction=None)
     assert not result.status.any()
     assert result.error_estimate.traction.total == 0
-    assert "estimated" not in str(result)
+    assert "estimated" not in result.report()
 
 
 def advice(result):

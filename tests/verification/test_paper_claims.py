@@ -18,6 +18,7 @@ from scenes import UPRIGHT, Pose, block_basis, elastic, field, stress_load, weig
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.friction import tangential_matrix
 from skfem_contact.conditions.kinematics import join, kinematics
@@ -288,12 +289,12 @@ def resultants(result):
     Measured from nodal forces: what acts on a body from outside is its load, the reaction of its
     prescribed DOFs, and the contact forces that the rows put on its nodes.
     """
-    system, kin, state = result.system, result.kin, result.state
+    system, kin, state = result.system, answer_of(result).kin, answer_of(result).state
     contact = kin.B_n.T @ state.normal_force - kin.B_t.T @ state.tangential_force.ravel()
     out = []
     for i, body in enumerate(system.bodies):
         span = slice(system.offsets[i], system.offsets[i + 1])
-        u, f, c = result.u[span], result.case.f[span], contact[span]
+        u, f, c = result.u[span], answer_of(result).case.f[span], contact[span]
         reaction = np.zeros(body.n)
         reaction[body.D] = (body.K @ u - f - c)[body.D]
         total, x, k = f + reaction + c, body.dof_points, body.dof_component
@@ -322,7 +323,7 @@ def test_no_penetration_and_balanced_forces(counts, angle, mu, method):
             for low, up, c in zip(bodies[:-1], bodies[1:], contacts, strict=True)
         ]
     result = sc.ContactSolver(bodies, contacts).solve()
-    kin, state = result.kin, result.state
+    kin, state = answer_of(result).kin, answer_of(result).state
     gap = kin.gap0 + kin.B_n @ result.u
     closed = state.status != 0
     assert closed.any()
@@ -361,7 +362,7 @@ def test_moments_balance_up_to_friction_across_the_gap(opening, angle):
         moment += np.sum(np.where(k == 1, x[:, 0], -x[:, 1]) * c)
     # friction on the secondary along the tangent, at the height gap0 along the normal above where
     # it acts on the primary; in the plane n x t = 1 for the tangent that is n turned by 90 degrees
-    stated = np.sum(result.kin.gap0 * result.tangential_force[:, 0])
+    stated = np.sum(answer_of(result).kin.gap0 * result.tangential_force[:, 0])
     scale = np.abs(result.normal_force).sum()
     assert abs(moment - stated) < 1e-10 * scale
     if opening:

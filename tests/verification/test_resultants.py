@@ -13,6 +13,7 @@ from scenes import UPRIGHT, Pose, block_basis, elastic, field, stress_load, weig
 from scipy.sparse import diags
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
 from skfem_contact.reference import corner_pressures, inclined_block, sliding_wedge_force
 
 EXACT = 1e-10  # round-off of a direct solution on a mesh of this size, with four digits to spare
@@ -439,7 +440,7 @@ def energies(results, solver, f_of):
 
 def loads_and_reactions(result):
     """What acts on the bodies from outside: K u less the contact forces, measured at the nodes."""
-    kin, state = result.kin, result.state
+    kin, state = answer_of(result).kin, answer_of(result).state
     contact = kin.B_n.T @ state.normal_force - kin.B_t.T @ state.tangential_force.ravel()
     return result.system.K @ result.u - contact
 

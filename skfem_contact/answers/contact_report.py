@@ -1,0 +1,85 @@
+"""What is printed of one contact: its part of the report of a result."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skfem_contact.answers.error.sources import percent
+from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
+
+if TYPE_CHECKING:
+    from skfem_contact.answers.values import ContactValues
+
+# Energy that the balance of a step misses, over the energy lost, from which on it is said: the loss of
+# the README's scene, pressed and released, is then wrong by a third of that.
+COARSE = 0.05
+
+
+def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
+    """The lines of one contact; `estimate`: also its estimated error, which takes a moment."""
+    contact = values.contact
+    lines = [f"{values.name}: {contact.label}", f"  {status_words(values)}"]
+    lines.append(f"  force on the secondary   {vector(values.force)}")
+    lines.append(f"  contact area             {values.contact_area:.6g}")
+    if np.any(values.status != OPEN):
+        # glue pulls as well as it presses
+        size = np.linalg.norm(values.traction, axis=1) if contact.tied else values.pressure
+        what, peak = "traction" if contact.tied else "pressure", int(np.argmax(size))
+        where = vector(values.points[peak])
+        lines.append(f"  {f'largest {what}':<24s} {size[peak]:.6g} at {where}")
+    if contact.friction is not None:
+        lines += _friction_lines(values)
+    if estimate and values.points.shape[1] == 2 and np.any(values.status != OPEN):
+        lines += _error_lines(values)
+    open_gaps = values.gap[(values.status == OPEN) & np.isfinite(values.gap)]
+    if len(open_gaps):
+        lines.append(f"  smallest open gap        {open_gaps.min():.6g}")
+    return lines
+
+
+def status_words(values: ContactValues) -> str:
+    """The law, and how many points are open, stick and slip."""
+    contact, count = values.contact, [int(np.sum(values.status == k)) for k in (OPEN, STICK, SLIP)]
+    if contact.tied:
+        return f"{count[STICK]} points tied, {count[OPEN]} without partner"
+    if contact.friction is None:
+        return f"frictionless: {count[STICK] + count[SLIP]} points closed, {count[OPEN]} open"
+    counts = ", ".join(f"{n} {name}" for n, name in zip(count, STATUS, strict=True))
+    return f"{type(contact.friction).__name__}: {counts}"
+
+
+def vector(v: np.ndarray) -> str:
+    """Numbers in parentheses."""
+    return "(" + ", ".join(f"{x:.6g}" for x in v) + ")"
+
+
+def _friction_lines(values: ContactValues) -> list[str]:
+    size = np.linalg.norm(values.tangential_force, axis=1)
+    lines = [
+        f"  largest slip             {np.max(np.abs(values.slip), initial=0.0):.6g}",
+        f"  friction force / normal  {_share(size.sum(), values.normal_force.sum())}",
+        f"  energy lost by friction  {values.dissipation:.6g} in this step, "
+        f"{values.dissipation_total:.6g} in all",
+    ]
+    if abs(values.energy_residual) > COARSE * values.dissipation:
+        lines.append(
+            f"  energy balance misses    {values.energy_residual:.3g} in this step: it is coarse, "
+            "smaller ones tell the loss better"
+        )
+    return lines
+
+
+def _error_lines(values: ContactValues) -> list[str]:
+    error = values.error_estimate
+    found = f"pressure {percent(error.pressure.total)}"
+    if values.friction_stress.any():
+        found += f", with friction {percent(error.traction.total)}"
+    lines = [f"  estimated error          {found} in L2"]
+    return lines + [f"    {line}" for line in textwrap.wrap(error.advice, 92)]
+
+
+def _share(part: float, whole: float) -> str:
+    return f"{part / whole:.4f}" if whole > 0 else "-"
