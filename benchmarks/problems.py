@@ -161,7 +161,7 @@ def raous(setting: Setting) -> Answer:
     f = pressure_load(basis, "right", RAOUS.lateral_pressure)
     f = f + pressure_load(basis, "top", RAOUS.top_pressure)
     D = basis.get_dofs("left").all("u^1")
-    body = sc.Body(basis, elastic(RAOUS.E, RAOUS.nu), f, D, name="block")
+    body = sc.Body(basis, elastic(RAOUS.E, RAOUS.nu), f, D=D, name="block")
     plane = sc.RigidPlane((0, 0), (0, 1), name="plane")
     contact = sc.Contact(
         body.surface("bottom"),

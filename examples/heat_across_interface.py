@@ -57,7 +57,7 @@ def solder(method):
 
 def temperature(method):
     rows = sc.contact_rows(system, solder(method))
-    return fem.solve(*sc.condense(system.K, system.f, rows, D=system.D, x=system.x))
+    return fem.solve(*sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
 
 
 T = temperature("mortar")

@@ -24,11 +24,15 @@ The packages stand in the order of the theory, and each imports only from those 
 All of them use `errors`, `arguments` (checks of what users pass), `sealed` (arrays that do not change)
 and `carried` (functions in files and processes). Closed forms to compare with are in `reference`, which
 needs none of these.
+
+Public are the names that ``dir(skfem_contact)`` shows, see docs/interface.md.
 """
 
 from skfem_contact.answers.certificate import Certificate
 from skfem_contact.answers.error.sources import ErrorEstimate, ErrorSources
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.uniqueness import Uniqueness
+from skfem_contact.answers.validity.drift import Drift
 from skfem_contact.answers.validity.validity import ContactValidity, Validity
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.body import Body
@@ -48,12 +52,14 @@ from skfem_contact.errors import (
     InputError,
     NoEquilibrium,
     NotConverged,
+    UnknownKeyword,
 )
 from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.solver import ContactSolver
 from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.loops.driver import Options
+from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.output.plot_bodies import plot_deformed
@@ -78,6 +84,7 @@ __all__ = [
     "ContactWarning",
     "Coulomb",
     "Direct",
+    "Drift",
     "ErrorEstimate",
     "ErrorSources",
     "FrictionLaw",
@@ -87,12 +94,15 @@ __all__ = [
     "NoEquilibrium",
     "NotConverged",
     "Options",
+    "Record",
     "RigidCylinder",
     "RigidPlane",
     "RigidSphere",
     "SavedState",
     "System",
     "Tresca",
+    "Uniqueness",
+    "UnknownKeyword",
     "Validity",
     "condense",
     "contact_rows",
@@ -108,3 +118,8 @@ __all__ = [
 ]
 
 __version__ = "0.1.0"
+
+
+def __dir__() -> list[str]:
+    """The public names; packages are found by their imports, and are not public."""
+    return [*__all__, "__all__", "__doc__", "__version__"]

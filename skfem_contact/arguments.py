@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+import dataclasses
+import difflib
+import functools
+import inspect
+from collections.abc import Callable, Iterable
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.errors import InputError
+from skfem_contact.errors import InputError, UnknownKeyword
 
 Array = NDArray[np.float64]
+P = ParamSpec("P")
+R = TypeVar("R")
+C = TypeVar("C", bound=type)
 WORDS = (bool, np.bool_, str, bytes)
 
 
@@ -23,6 +31,23 @@ def shown(value: Any) -> str:
     text = text if len(text) <= 60 else text[:57] + "..."
     plain = value is None or isinstance(value, str | int | float | complex)
     return text if plain else f"{text} ({type(value).__name__})"
+
+
+def suggest(name: str, known: Iterable[str], what: str) -> str:
+    """Tail of a message about an unknown name: close matches, then everything known.
+
+    Close are names that are spelt alike, and those that begin in the same way.
+
+    >>> suggest("botom", ["bottom", "top"], "boundaries")
+    "; did you mean 'bottom'? Known boundaries: 'bottom', 'top'"
+    """
+    known, name = sorted(known), str(name)
+    if not known:
+        return f"; there are no {what} with a name"
+    begun = [k for k in known if name and (k.startswith(name) or name.startswith(k))]
+    close = list(dict.fromkeys([*begun, *difflib.get_close_matches(name, known, n=3)]))[:3]
+    hint = f"; did you mean {' or '.join(map(repr, close))}?" if close else ";"
+    return f"{hint} Known {what}: {', '.join(map(repr, known))}"
 
 
 def numbers(value: Any, what: str, usage: str) -> Array:
@@ -91,3 +116,78 @@ def check_kind(value: Any, kind: Any, what: str, usage: str) -> None:
         kinds = kind if isinstance(kind, tuple) else (kind,)
         names = " or ".join(k.__name__ for k in kinds)
         raise InputError(f"{what} is {shown(value)}, not a {names}; {usage}")
+
+
+def known_keywords(name: str, elsewhere: dict[str, str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Of a function: answers unknown keywords by those it has, and `elsewhere` by what to write.
+
+    >>> known_keywords("tower", {})(lambda height: None)(heigth=3)
+    Traceback (most recent call last):
+        ...
+    skfem_contact.errors.UnknownKeyword: tower has no argument 'heigth'; did you mean 'height'? ...
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        takes = inspect.signature(function).parameters.values()
+        known = [p.name for p in takes if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+        known = [k for k in known if k != "self"]
+
+        @functools.wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            for key in kwargs:
+                if key not in known:
+                    there = elsewhere.get(key)
+                    hint = f": {there}" if there else suggest(key, known, "arguments")
+                    raise UnknownKeyword(f"{name} has no argument {key!r}{hint}")
+            return function(*args, **kwargs)
+
+        return checked
+
+    return decorate
+
+
+def with_known_keywords(**elsewhere: str) -> Callable[[C], C]:
+    """Of a class: its constructor answers unknown keywords, see `known_keywords`."""
+
+    def decorate(cls: C) -> C:
+        cls.__init__ = known_keywords(cls.__name__, elsewhere)(cls.__init__)  # type: ignore[misc]
+        return cls
+
+    return decorate
+
+
+class PrintedAsCall:
+    """Dataclasses that print as the call that makes them: in its order, without what is by default.
+
+    >>> @dataclasses.dataclass(frozen=True, eq=False)
+    ... class Law(PrintedAsCall):
+    ...     mu: float
+    ...     tau_max: float = np.inf
+    ...     stiffness: float | None = dataclasses.field(default=None, kw_only=True)
+    >>> Law(0.3, stiffness=2.0), Law(np.full(41, 0.3))
+    (Law(mu=0.3, stiffness=2.0), Law(mu=<41 numbers>))
+    """
+
+    def __init_subclass__(cls, **settings: Any) -> None:
+        super().__init_subclass__(**settings)
+        if "__repr__" not in vars(cls):  # what dataclass makes has the fields of the base first
+            cls.__repr__ = _as_call  # type: ignore[method-assign]
+
+
+def _as_call(thing: Any) -> str:
+    name = type(thing).__name__
+    if not dataclasses.is_dataclass(thing):
+        return object.__repr__(thing)
+    given = []
+    for f in sorted(dataclasses.fields(thing), key=lambda f: bool(f.kw_only)):
+        value = getattr(thing, f.name)
+        usual = value is f.default or (np.ndim(value) == 0 and value == f.default)
+        if f.init and not usual:
+            given.append(f"{f.name}={_brief(value)}")
+    return f"{name}({', '.join(given)})"
+
+
+def _brief(value: Any) -> str:
+    if not isinstance(value, np.ndarray):
+        return repr(value)
+    return repr(tuple(value.tolist())) if value.shape in ((2,), (3,)) else f"<{value.size} numbers>"

@@ -31,6 +31,10 @@ class InputError(ContactError, ValueError):
     """The problem as given can not be set up: shapes, NaN, surfaces, names, element types."""
 
 
+class UnknownKeyword(InputError, TypeError):
+    """An argument by a name that there is not; a TypeError as well, as everywhere in Python."""
+
+
 class ConstraintError(ContactError, ValueError):
     """Constraint rows contradict each other or the prescribed DOFs.
 

@@ -158,9 +158,9 @@ CALLS = {
     "contact_rows system": lambda v: sc.contact_rows(v, JOINT),
     "contact_rows contacts": lambda v: sc.contact_rows(SYSTEM, v),
     "contact_rows closed": lambda v: sc.contact_rows(SYSTEM, JOINT, v),
-    "condense K": lambda v: sc.condense(v, SYSTEM.f, ROWS),
-    "condense f": lambda v: sc.condense(SYSTEM.K, v, ROWS),
-    "condense rows": lambda v: sc.condense(SYSTEM.K, SYSTEM.f, v),
+    "condense K": lambda v: sc.condense(v, SYSTEM.f, rows=ROWS),
+    "condense f": lambda v: sc.condense(SYSTEM.K, v, rows=ROWS),
+    "condense rows": lambda v: sc.condense(SYSTEM.K, SYSTEM.f, rows=v),
     "displacement": lambda v: RESULT.displacement(v),
     "result of a contact": lambda v: RESULT[v],
     "Direct": lambda v: sc.Direct(v),
@@ -170,9 +170,9 @@ for _name in [*SETTINGS, "tied", "name"]:
     CALLS[f"Contact {_name}"] = lambda v, name=_name: touch(**{name: v})
 for _name in ["mu", "tau_max", "cohesion", "stiffness"]:
     CALLS[f"Coulomb {_name}"] = lambda v, name=_name: touch(friction=sc.Coulomb(**{"mu": 0.3, name: v}))
-for _name in ["limit", "stiffness"]:
+for _name in ["tau_max", "stiffness"]:
     CALLS[f"Tresca {_name}"] = lambda v, name=_name: touch(
-        friction=sc.Tresca(**{"limit": 1.0, name: v})
+        friction=sc.Tresca(**{"tau_max": 1.0, name: v})
     )
 for _name in vars(sc.Options()):
     CALLS[f"Options {_name}"] = lambda v, name=_name: sc.Options(**{name: v})

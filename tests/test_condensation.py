@@ -22,7 +22,7 @@ def block(name, x, y, n, *, kind="Q1", E=1.0, D=None, move=(0.0, 0.0), push=(0.0
     u[basis.nodal_dofs] = np.reshape(move, (2, 1))
     f[basis.nodal_dofs] = np.reshape(push, (2, 1)) / mesh.p.shape[1]
     K = linear_elasticity(*lame_parameters(E, 0.3))
-    return sc.Body(basis, K, f, D, None if D is None else u, name=name)
+    return sc.Body(basis, K, f, D=D, x=None if D is None else u, name=name)
 
 
 def scene(kind="Q1", floating=False, linear="auto", method="node", mu=0.3):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from types import SimpleNamespace
 
 import numpy as np
@@ -394,7 +395,7 @@ def test_skfem_solve(blocks, solver, tolerance):
     """skfem.solve(*condense(...)) solves the tied system, by direct and iterative solvers."""
     D = np.union1d(blocks.ground.flatten(), blocks.lid)
     f = 1e-3 * np.sin(np.arange(blocks.n))
-    system = condense(blocks.K, f, blocks.rows, D=D, x=blocks.x)
+    system = condense(blocks.K, f, rows=blocks.rows, D=D, x=blocks.x)
     assert isinstance(system[0], sp.csr_matrix)
     assert system[0].indices.dtype == system[0].indptr.dtype == np.int32
     u = fem.solve(*system, solver=solver)
@@ -407,11 +408,11 @@ def test_condense_takes_dofs_of_scikit_fem(blocks):
     views = {"ground": blocks.ground}
     mask = np.isin(np.arange(blocks.n), blocks.ground.flatten())
     rows = (blocks.rows.C, blocks.rows.b)
-    u = [fem.solve(*condense(blocks.K, np.ones(blocks.n), rows, D=D))
+    u = [fem.solve(*condense(blocks.K, np.ones(blocks.n), rows=rows, D=D))
          for D in (blocks.ground.flatten(), blocks.ground, views, mask)]  # fmt: skip
     for other in u[1:]:
         assert_allclose(other, u[0], rtol=0, atol=0)
-    assert not fem.solve(*condense(blocks.K, None, rows, D=views)).any()
+    assert not fem.solve(*condense(blocks.K, None, rows=rows, D=views)).any()
     plain = fem.solve(*fem.condense(blocks.K + blocks.M, np.ones(blocks.n), D=blocks.ground))
     ours = fem.solve(*condense(blocks.K + blocks.M, np.ones(blocks.n), D=blocks.ground))
     assert_allclose(ours, plain, rtol=1e-10)
@@ -425,7 +426,7 @@ def test_eigenmodes(blocks, solver):
     from scipy.linalg import eigh, null_space
 
     L, modes = fem.solve(
-        *condense(blocks.K, blocks.M, blocks.rows, D=blocks.ground, x=blocks.x), solver=solver
+        *condense(blocks.K, blocks.M, rows=blocks.rows, D=blocks.ground, x=blocks.x), solver=solver
     )
     E = np.eye(blocks.n)[blocks.ground.flatten()]
     Z = null_space(np.vstack([blocks.rows.C.toarray(), E]))
@@ -494,6 +495,31 @@ def test_wrong_input(change, message):
         eliminate(**given)
 
 
+def test_condense_is_that_of_scikit_fem(blocks):
+    """The same arguments in the same order: without rows the same solutions, with I as well as D."""
+    f, D = np.ones(blocks.n), blocks.ground.flatten()
+    I = np.setdiff1d(np.arange(blocks.n), D)
+    A = blocks.K + blocks.M
+    expected = fem.solve(*fem.condense(A, f, blocks.x, D=D))
+    for system in (
+        condense(A, f, blocks.x, None, D),
+        condense(A, f, blocks.x, I),
+        condense(A, f, x=blocks.x, I=I),
+    ):
+        assert_allclose(fem.solve(*system), expected, rtol=1e-12, atol=1e-14)
+    theirs = list(inspect.signature(fem.condense).parameters)
+    assert list(inspect.signature(condense).parameters)[: len(theirs)] == theirs
+    A_r, b_r = condense(A, f, D=D, expand=False)
+    assert A_r.shape == (len(I), len(I)) and b_r.shape == I.shape
+    with pytest.raises(InputError, match="I and D are both given"):
+        condense(A, f, I=I, D=D)
+    with pytest.raises(InputError, match="write rows="):
+        condense(A, f, blocks.rows)
+    for old in ("K", "f"):
+        with pytest.raises(TypeError, match=f"no argument '{old}': write {'A' if old == 'K' else 'b'}"):
+            condense(**{"A": A, old: A})
+
+
 def test_wrong_system():
     """K and f that do not fit the constraint, or are not finite, are named."""
     a = eliminate(np.eye(2, 4), [0, 0])
@@ -503,12 +529,12 @@ def test_wrong_system():
         a.reduce(np.eye(4), [0, 0, np.inf, 0])
     with pytest.raises(InputError, match="u_r has shape"):
         a.expand([1.0])
-    with pytest.raises(InputError, match="K has NaN"):
+    with pytest.raises(InputError, match="A has NaN"):
         condense(np.diag([1.0, np.nan]))
     with pytest.raises(InputError, match="mass matrix has NaN"):
         condense(np.eye(2), sp.csr_matrix(np.diag([1.0, np.nan])))
     with pytest.raises(InputError, match=r"K has shape \(3, 3\)"):
-        condense(np.eye(3), None, (np.eye(2, 4), [0, 0]))
+        condense(np.eye(3), None, rows=(np.eye(2, 4), [0, 0]))
     # values of x away from D are not read
     assert eliminate(np.eye(1, 3), [0], [2], [np.nan, np.nan, 1.0]).c.tolist() == [0, 0, 1]
 

@@ -27,7 +27,7 @@ def block(name, x=(0.0, 1.0), y=(0.0, 1.0), n=4, *, E=1.0, D=None, f=None, move=
     if move is not None:
         values = np.zeros(basis.N)
         values[basis.nodal_dofs] = np.reshape(move, (2, 1))
-    return sc.Body(basis, linear_elasticity(*lame_parameters(E, 0.3)), load, D, values, name=name)
+    return sc.Body(basis, linear_elasticity(*lame_parameters(E, 0.3)), load, D=D, x=values, name=name)
 
 
 def pair(**settings):
@@ -262,7 +262,7 @@ def test_bodies_of_wrong_data(change, message):
         data["K"] = good.K.copy()
         data["K"].data[3] = np.nan
     with pytest.raises(sc.InputError, match=message):
-        sc.Body(good.basis, data["K"], data["f"], data["D"], data["x"], name="b")
+        sc.Body(good.basis, data["K"], data["f"], D=data["D"], x=data["x"], name="b")
 
 
 def test_wrong_elements_and_meshes():

@@ -51,7 +51,7 @@ def test_parameters_that_are_no_bounds(value):
     for make, name in (
         (lambda: Coulomb(value), "Coulomb: mu"),
         (lambda: Coulomb(0.1, cohesion=value), "Coulomb: cohesion"),
-        (lambda: Tresca(value), "Tresca: limit"),
+        (lambda: Tresca(value), "Tresca: tau_max"),
     ):
         with pytest.raises(InputError, match=name):
             make()

@@ -26,7 +26,7 @@ def block(name, x=(0.0, 1.0), y=(0.0, 1.0), n=3, *, f=(0.0, 0.0), D=None):
     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
     load = np.zeros(basis.N)
     load[basis.nodal_dofs] = np.reshape(f, (2, 1)) / mesh.p.shape[1]
-    return sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), load, D, name=name)
+    return sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), load, D=D, name=name)
 
 
 def quiet(solve, *args, **settings):

@@ -444,7 +444,7 @@ def spoiled(result, name, shift):
     body = result.system.bodies[result.system.names.index(name)]
     part = u[result.system.slice(name)]
     part += np.asarray(shift)[body.dof_component]
-    return replace(result, recover=lambda: u)
+    return sc.ContactResult(replace(answer_of(result), recover=lambda: u))
 
 
 @pytest.fixture(scope="module")
@@ -476,7 +476,7 @@ def test_strained_and_turned_body(fine):
         added = body.basis.project(lambda x, H=gradient: np.einsum("ij,j...->i...", H, x))
         u = fine.u.copy()
         u[fine.system.slice("block")] += added
-        spoilt = replace(fine, recover=lambda u=u: u)
+        spoilt = sc.ContactResult(replace(answer_of(fine), recover=lambda u=u: u))
         with pytest.warns(sc.ContactWarning):
             validity = spoilt.validity
         assert_allclose(getattr(validity, kind)["block"], 0.2, rtol=0.05)  # its own strain is 5e-3

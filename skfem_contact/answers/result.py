@@ -19,8 +19,8 @@ from skfem_contact.answers.uniqueness import Uniqueness, uniqueness
 from skfem_contact.answers.validity.rotation import rigid_rotations
 from skfem_contact.answers.validity.validity import Validity, assess
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.arguments import suggest
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.inputs import suggest
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN

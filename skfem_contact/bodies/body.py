@@ -6,10 +6,11 @@ arrays and SciPy sparse matrices.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 import skfem
@@ -17,7 +18,8 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from skfem.assembly import BilinearForm, CellBasis
 
-from skfem_contact.arguments import check_name
+from skfem_contact.arguments import check_name, with_known_keywords
+from skfem_contact.bodies.boundaries import displacements, tractions
 from skfem_contact.bodies.inputs import (
     check_basis,
     load_of,
@@ -33,6 +35,33 @@ if TYPE_CHECKING:
     from skfem_contact.bodies.surface import ContactSurface
 
 
+@dataclass(frozen=True, eq=False)
+class _Stiffness:
+    """A checked stiffness and what it was assembled from; bodies made from each other share it."""
+
+    K: csr_matrix
+    basis: Any
+    form: BilinearForm | None
+
+    @classmethod
+    def of(cls, K: Any, basis: Any, whose: str) -> _Stiffness:
+        """That of the body whose `K` this is, as in dataclasses.replace, or a new one."""
+        known = _KNOWN.get(id(K))
+        if known is not None and known.K is K and known.basis is basis:
+            return known
+        form = K if isinstance(K, BilinearForm) else None
+        return cls(stiffness_of(K, basis, whose), basis, form).remembered()
+
+    def remembered(self) -> _Stiffness:
+        """Itself, from now on found by its matrix as long as a body has it."""
+        _KNOWN[id(self.K)] = self
+        return self
+
+
+_KNOWN: WeakValueDictionary[int, _Stiffness] = WeakValueDictionary()
+
+
+@with_known_keywords(stiffness="write K", load="write f")
 @dataclass(frozen=True, eq=False, init=False)
 class Body:
     """One body: a scikit-fem basis with the linear system assembled on it.
@@ -47,13 +76,16 @@ class Body:
     K : sparse matrix, shape (n, n), or BilinearForm
         Stiffness [force/length]. A form is assembled on `basis` here, once. Of a matrix whose last
         digits are not symmetric the symmetric part is kept.
-    f : ndarray, shape (n,), or LinearForm, optional
-        Load [force]; zero if not given. A form is integrated over the volume of `basis`; assemble
-        loads on a boundary with a `FacetBasis` and pass the vector.
+    f : ndarray, shape (n,), or LinearForm, or dict by boundary name, optional
+        Load [force]; zero if not given. A form is integrated over the volume of `basis`. A dict
+        gives uniform tractions on boundaries, ``{"top": (0.0, -5.0)}``, in global axes [stress];
+        assemble other loads on a boundary with a `FacetBasis` and pass the vector.
     D : ndarray, DofsView, dict of DofsView, or (list of) boundary names, optional
         Prescribed DOFs, as in `skfem.condense`. A boundary name stands for all components.
-    x : ndarray, shape (n,), optional
-        Prescribed values [length]; only the entries `D` are used. Zero if not given.
+    x : ndarray, shape (n,), or dict by boundary name, optional
+        Prescribed values [length]; only the entries `D` are used. Zero if not given. A dict gives
+        constant displacements of boundaries, ``{"top": (0.0, -0.01)}``, None for a component that
+        is free there; `D` has to have the others.
     measure : callable, optional
         Weight of the area where `K` carries one, a function of the component-first position:
         ``lambda x: 2 * np.pi * x[0]`` for axisymmetric bodies, a thickness for plane ones.
@@ -96,16 +128,16 @@ class Body:
     x: np.ndarray
     measure: Callable[[np.ndarray], np.ndarray] | None
     name: str | None
-    form: BilinearForm | None
+    form: BilinearForm | None = field(init=False)
 
     def __init__(
         self,
         basis: CellBasis,
         K: Any,
         f: Any = None,
+        *,
         D: Any = None,
         x: Any = None,
-        *,
         measure: Callable[[np.ndarray], np.ndarray] | None = None,
         name: str | None = None,
     ) -> None:
@@ -117,20 +149,37 @@ class Body:
                 f"measure of {whose} is a {type(measure).__name__}, not a function of position; "
                 f"for a constant thickness pass measure=lambda x: {measure!r} + 0 * x[0]"
             )
-        numbers = prescribed_dofs(D, basis, whose)
+        stiffness = _Stiffness.of(K, basis, whose)
         values = {
             "basis": basis,
-            "K": stiffness_of(K, basis, whose),
-            "f": load_of(f, basis, whose),
-            "D": numbers,
-            "x": prescribed_values(x, numbers, D is None, basis, whose),
+            "K": stiffness.K,
             "measure": measure,
             "name": name,
-            "form": K if isinstance(K, BilinearForm) else None,
+            "form": stiffness.form,
+            "_stiffness": stiffness,
+            "D": prescribed_dofs(D, basis, whose),
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)
+        object.__setattr__(self, "f", self.load(f, f"f of {whose}"))
+        object.__setattr__(self, "x", self.prescribed(x, D is None, whose))
         seal(self)
+
+    def load(self, f: Any, what: str) -> np.ndarray:
+        """The load (n,) that a user means: a vector, a form, or tractions by boundary name."""
+        if isinstance(f, Mapping):
+            return tractions(f, self.basis, self.measure, what)
+        return load_of(f, self.basis, what)
+
+    def prescribed(self, x: Any, no_D: bool, whose: str) -> np.ndarray:
+        """Values (n,) of the prescribed DOFs that a user means: a vector, or by boundary name."""
+        if isinstance(x, Mapping):
+            return self.displaced(x, np.zeros(self.n), f"x of {whose}")
+        return prescribed_values(x, self.D, no_D, self.basis, whose)
+
+    def displaced(self, x: Mapping[str, Any], before: np.ndarray, what: str) -> np.ndarray:
+        """Prescribed values (n,) with those on some boundaries replaced, see `displacements`."""
+        return displacements(x, before, self.basis, self.dof_component, self.D, what)
 
     def __getstate__(self) -> dict[str, Any]:
         known = dict(vars(self))
@@ -138,10 +187,13 @@ class Body:
             known["axisymmetric"] = self.axisymmetric  # what depends on it is told without it
         known["measure"] = carried(self.measure, f"measure of body {self.name or 'without name'!r}")
         known["form"] = self.form if can_be_carried(self.form) else None  # K is what it gave
+        del known["_stiffness"]
         return known
 
     def __setstate__(self, known: dict[str, Any]) -> None:
         vars(self).update(known)
+        shared = _Stiffness(self.K, self.basis, self.form).remembered()
+        object.__setattr__(self, "_stiffness", shared)
         seal(self)
 
     def __repr__(self) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,7 +9,7 @@ import skfem
 from scipy.sparse import csr_matrix, issparse
 from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 
-from skfem_contact.arguments import shown
+from skfem_contact.arguments import shown, suggest
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import sealed_matrix
 
@@ -31,20 +29,6 @@ SUPPORTED = (
 #: An entry of K - K' above this fraction of the largest entry of K is not round-off of assembly, which
 #: is 1e-7 in single precision; below the other one nothing that factorises K sees it.
 UNSYMMETRIC, SYMMETRIC = 1e-6, 1e-13
-
-
-def suggest(name: str, known: Iterable[str], what: str) -> str:
-    """Tail of a message about an unknown name: close matches, then everything known.
-
-    >>> suggest("botom", ["bottom", "top"], "boundaries")
-    "; did you mean 'bottom'? Known boundaries: 'bottom', 'top'"
-    """
-    known, name = sorted(known), str(name)
-    if not known:
-        return f"; there are no {what} with a name"
-    close = difflib.get_close_matches(name, known, n=3)
-    hint = f"; did you mean {' or '.join(map(repr, close))}?" if close else ";"
-    return f"{hint} Known {what}: {', '.join(map(repr, known))}"
 
 
 def unknown_boundary(name: str, mesh: Any) -> str:
@@ -127,12 +111,12 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> csr_matrix:
     return sealed_matrix(matrix)
 
 
-def load_of(f: Any, basis: Any, whose: str) -> np.ndarray:
+def load_of(f: Any, basis: Any, what: str) -> np.ndarray:
     if f is None:
         return np.zeros(basis.N)
     if isinstance(f, LinearForm):
         f = f.assemble(basis)
-    return _vector(f, basis, f"f of {whose}")
+    return _vector(f, basis, what)
 
 
 def _vector(values: Any, basis: Any, what: str, used: Any = True) -> np.ndarray:

@@ -10,8 +10,9 @@ import numpy as np
 from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact import arguments
+from skfem_contact.arguments import suggest
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.inputs import csr32, suggest
+from skfem_contact.bodies.inputs import csr32
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import sealed, sealed_matrix
 

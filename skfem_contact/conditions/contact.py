@@ -9,7 +9,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arguments import check_name, check_switch, number, numbers, shown
+from skfem_contact.arguments import (
+    PrintedAsCall,
+    check_name,
+    check_switch,
+    number,
+    numbers,
+    shown,
+    with_known_keywords,
+)
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
 from skfem_contact.conditions.friction import FrictionLaw
@@ -21,8 +29,19 @@ Array = NDArray[np.float64]
 Field = float | Array | Callable[[Array], Array]
 
 
+LAW = "it belongs to the law, friction=Coulomb(mu, ...)"
+
+
+@with_known_keywords(
+    mu=LAW,
+    tau_max=LAW,
+    cohesion=LAW,
+    stiffness=LAW,
+    slave="write secondary",
+    master="write primary",
+)
 @dataclass(frozen=True, eq=False)
-class Contact:
+class Contact(PrintedAsCall):
     """Contact between two surfaces, or between a surface and a rigid obstacle.
 
     Parameters

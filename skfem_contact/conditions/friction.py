@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import block_diag, csr_matrix, diags
 
-from skfem_contact.arguments import number, numbers
+from skfem_contact.arguments import PrintedAsCall, number, numbers, with_known_keywords
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import kept
 
@@ -26,7 +26,7 @@ STEP = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionLaw:
+class FrictionLaw(PrintedAsCall):
     r"""Base of all friction laws; a user's own law overrides :meth:`limit`.
 
     Parameters
@@ -111,11 +111,10 @@ class FrictionLaw:
         return (ahead - np.asarray(self.limit(normal_force, area, slip))) / step
 
 
-def _not_negative(name: str, value: ArrayLike, law: str) -> None:
-    usage = "give one number, or one per contact point"
-    array = numbers(value, f"{law}: {name}", usage)
-    if array.ndim > 1 or (array.ndim == 1 and (array.size == 0 or name == "tau_max")):
-        kind = "one number" if name == "tau_max" else "one number, or one per contact point"
+def _not_negative(name: str, value: ArrayLike, law: str, by_point: bool) -> None:
+    kind = "one number, or one per contact point" if by_point else "one number"
+    array = numbers(value, f"{law}: {name}", f"give {kind}")
+    if array.ndim > 1 or (array.ndim == 1 and (array.size == 0 or not by_point)):
         raise InputError(f"{law}: {name} has shape {array.shape}; it has to be {kind}.")
     if np.isnan(array).any() or (array < 0).any():
         raise InputError(
@@ -132,6 +131,7 @@ def _not_infinite(name: str, value: ArrayLike, law: str) -> None:
         )
 
 
+@with_known_keywords(f="the coefficient of friction is mu", coefficient="write mu")
 @dataclass(frozen=True, eq=False)
 class Coulomb(FrictionLaw):
     r"""Coulomb friction with adhesion and a shear cap: ``L = min(mu lambda + c A, tau_max A)``.
@@ -168,7 +168,7 @@ class Coulomb(FrictionLaw):
         super().__post_init__()
         for name in ("mu", "tau_max", "cohesion"):
             object.__setattr__(self, name, kept(getattr(self, name)))
-            _not_negative(name, getattr(self, name), "Coulomb")
+            _not_negative(name, getattr(self, name), "Coulomb", by_point=name != "tau_max")
         for name in ("mu", "cohesion"):
             _not_infinite(name, getattr(self, name), "Coulomb")
 
@@ -191,14 +191,15 @@ class Coulomb(FrictionLaw):
         return np.asarray(self.mu * normal_force + self.cohesion * area)
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@with_known_keywords(limit="write tau_max", k="write tau_max")
+@dataclass(frozen=True, eq=False)
 class Tresca(FrictionLaw):
-    """Tresca friction: a bound that does not depend on the pressure, ``L = k A``.
+    """Tresca friction: a bound that does not depend on the pressure, ``L = tau_max A``.
 
     Parameters
     ----------
-    limit : float or ndarray, shape (m,)
-        Bound k of the friction stress [stress].
+    tau_max : float or ndarray, shape (m,)
+        Bound of the friction stress, as the cap of `Coulomb` [stress].
 
     Examples
     --------
@@ -208,22 +209,20 @@ class Tresca(FrictionLaw):
     array([3., 6.])
     """
 
-    k: float | Array
+    tau_max: float | Array
 
-    def __init__(self, limit: float | Array, *, stiffness: float | None = None) -> None:
-        # written out: the argument is called like the method
-        object.__setattr__(self, "k", kept(limit))
-        object.__setattr__(self, "stiffness", stiffness)
-        self.__post_init__()
-        _not_negative("limit", limit, "Tresca")
-        _not_infinite("limit", limit, "Tresca")
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "tau_max", kept(self.tau_max))
+        _not_negative("tau_max", self.tau_max, "Tresca", by_point=True)
+        _not_infinite("tau_max", self.tau_max, "Tresca")
 
     @property
     def is_linear(self) -> bool:
         return True
 
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        return self.k * area
+        return self.tau_max * area
 
     def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
         return np.zeros_like(normal_force)

@@ -100,7 +100,7 @@ def _check_law(law: FrictionLaw, m: int, label: str) -> None:
     """Parameters given point by point have to be as many as there are points."""
     if not isinstance(law, Coulomb | Tresca):
         return  # what a user's own law keeps is its own affair
-    for name in ("mu", "cohesion", "k", "stiffness"):
+    for name in ("mu", "cohesion", "tau_max", "stiffness"):
         size = np.shape(getattr(law, name, 0.0))
         if size not in ((), (1,), (m,)):
             raise InputError(

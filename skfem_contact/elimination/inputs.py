@@ -75,19 +75,19 @@ def dof_mask(prefer: ArrayLike, n: int) -> NDArray[np.bool_]:
     return mask
 
 
-def dof_numbers(D: Any, n: int) -> IntArray:
-    """Sorted DOF numbers of what scikit-fem calls D: array, DofsView or dict of them."""
+def dof_numbers(D: Any, n: int, name: str = "D") -> IntArray:
+    """Sorted DOF numbers of what scikit-fem calls D (or I): array, DofsView or dict of them."""
     if D is None:
         return np.arange(0)
     dofs = np.arange(0)
     for part in D.values() if isinstance(D, dict) else (D,):
-        numbers = _array("D", part.flatten() if hasattr(part, "flatten") else part)
+        numbers = _array(name, part.flatten() if hasattr(part, "flatten") else part)
         if numbers.dtype == bool and numbers.shape == (n,):
             numbers = np.flatnonzero(numbers)
         if numbers.size and not np.issubdtype(numbers.dtype, np.integer):
-            raise InputError(f"D has to hold DOF numbers, but it has type {numbers.dtype}.")
+            raise InputError(f"{name} has to hold DOF numbers, but it has type {numbers.dtype}.")
         dofs = np.union1d(dofs, numbers.astype(dofs.dtype))
     if len(dofs) and (dofs[0] < 0 or dofs[-1] >= n):
         wrong = dofs[0] if dofs[0] < 0 else dofs[-1]
-        raise InputError(f"D names DOF {wrong}, but the DOFs are 0 to {n - 1}.")
+        raise InputError(f"{name} names DOF {wrong}, but the DOFs are 0 to {n - 1}.")
     return dofs

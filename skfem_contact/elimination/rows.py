@@ -58,7 +58,7 @@ def contact_rows(
     Returns
     -------
     ConstraintRows
-        For `condense`: ``skfem.solve(*condense(system.K, system.f, rows, D=system.D))``.
+        For `condense`: ``skfem.solve(*condense(system.K, system.f, rows=rows, D=system.D))``.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def contact_rows(
     >>> system = sc.stack([a, b])
     >>> tie = sc.Contact(b.surface("bottom"), a.surface("top"), tied=True)
     >>> rows = sc.contact_rows(system, tie)
-    >>> u = fem.solve(*sc.condense(system.K, system.f, rows, D=system.D, x=system.x))
+    >>> u = fem.solve(*sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
     >>> bool(abs(u[a.surface("top").dofs[:, 1]] - 0.05).max() < 1e-12)
     True
     """

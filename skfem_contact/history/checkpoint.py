@@ -22,7 +22,7 @@ from skfem_contact.history.read import Settings
 
 Array = NDArray[np.float64]
 
-FORMAT = 3  # of the file; a file of another one is refused
+FORMAT = 4  # of the file; a file of another one is refused
 # What reading a file may raise that is damaged, or that is none of ours.
 DAMAGED = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error)
 
@@ -78,6 +78,7 @@ def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     data["settings_moved"] = [motion is not None for motion in settings.motion]
     data["settings_own"] = result.own_interference
     data["settings_factor"] = np.nan if settings.factor is None else settings.factor
+    data["settings_scale"] = [np.nan if scale is None else scale for scale in settings.scale]
     data["dissipation_before"] = result.dissipation_before
     data["dissipation_by_contact"] = result.dissipation_by_contact
     data |= {f"identity_{name}": value for name, value in result.identity.as_arrays().items()}
@@ -189,6 +190,7 @@ def _state(
     names = ("f", "x", "gap0", "slip0", "interference")
     case = LoadCase(**{name: data[f"case_{name}"] for name in names}, motion=motion)
     factor = float(data["settings_factor"])
+    scales = [None if np.isnan(scale) else float(scale) for scale in data["settings_scale"]]
     moved = zip(motion, data["settings_moved"], strict=True)
     settings = Settings(
         data["settings_f"],
@@ -196,6 +198,7 @@ def _state(
         tuple(case.interference[part] for part in points),
         tuple(m.as_argument() if there else None for m, there in moved),
         None if np.isnan(factor) else factor,
+        (scales[0], scales[1]),
     )
     lost = data["dissipation_before"], data["dissipation_by_contact"]
     converged, message = bool(data["converged"]), str(data["message"])

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 
 if TYPE_CHECKING:
@@ -73,18 +71,8 @@ def _model_words(contact: Contact) -> str:
     method = "node by node" if contact.rigid else contact.method
     law = "frictionless: nothing tangential is modelled"
     if contact.friction is not None:
-        law = f"friction {_law_words(contact.friction)}"
+        law = f"friction {contact.friction!r}"
     return f"method {method}; {law}"
-
-
-def _law_words(law: FrictionLaw) -> str:
-    """A law with the parameters that are not its defaults."""
-    given = []
-    for f in fields(law):
-        value = getattr(law, f.name)
-        if value is not f.default and not (np.ndim(value) == 0 and value == f.default):
-            given.append(f"{f.name}={value!r}" if np.ndim(value) == 0 else f"{f.name} by point")
-    return f"{type(law).__name__}({', '.join(given)})"
 
 
 def _gap_words(solver: ContactSolver, part: slice) -> list[str]:

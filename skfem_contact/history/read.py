@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arguments import number, numbers, shown
+from skfem_contact.arguments import number, numbers, shown, suggest
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.inputs import suggest
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.interface import point_slices
@@ -26,13 +25,17 @@ KEYS = ("f", "x", "interference", "motion")
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """The loads in force: what a step does not name stays as the step before left it."""
+    """The loads in force: what a step does not name stays as the step before left it.
+
+    `scale`: of which multiple of the bodies' own f and x these are, None where they were named.
+    """
 
     f: Array
     x: Array
     interference: tuple[Any, ...]
     motion: tuple[Any, ...]
     factor: float | None = None
+    scale: tuple[float | None, float | None] = (None, None)
 
 
 class StepReader:
@@ -59,7 +62,7 @@ class StepReader:
         """The bodies' own loads and the contacts' own interference."""
         count = len(self.contacts)
         interference = tuple(c.interference for c in self.contacts)
-        return Settings(self.own_f, self.system.x, interference, (None,) * count, 1.0)
+        return Settings(self.own_f, self.system.x, interference, (None,) * count, 1.0, (1.0, 1.0))
 
     def other_interference(self, start: Settings, own: Sequence[bool]) -> str:
         """In words which contact's own interference a state from another solver leaves without effect.
@@ -84,6 +87,18 @@ class StepReader:
                     )
         return ""
 
+    def resumed(self, start: Settings) -> Settings:
+        """The settings of a state to go on from: a multiple of own loads is one of those here.
+
+        Bodies may have other loads and supports of their own in the solver that goes on.
+        """
+        f, x = start.scale
+        return replace(
+            start,
+            f=start.f if f is None else f * self.own_f,
+            x=start.x if x is None else x * self.system.x,
+        )
+
     def unloaded(self) -> LoadCase:
         """No load, no prescribed displacement, no interference: where a history begins."""
         n, count = self.system.n, len(self.contacts)
@@ -99,11 +114,13 @@ class StepReader:
                     f"a load step names {sorted(map(str, unknown))}; it may name {list(KEYS)}, each "
                     "a dict by body, contact or obstacle name."
                 )
+            f, x = step.get("f"), step.get("x")
             return Settings(
-                self.vector("f", step.get("f"), before.f, self.own_f),
-                self.vector("x", step.get("x"), before.x, self.system.x),
+                self.vector("f", f, before.f, self.own_f),
+                self.vector("x", x, before.x, self.system.x),
                 self._interference(step.get("interference"), before.interference),
                 self._motion(step.get("motion"), before.motion),
+                scale=(before.scale[0] if f is None else None, before.scale[1] if x is None else None),
             )
         try:
             factor = number(step, "a load step", "")
@@ -126,6 +143,7 @@ class StepReader:
             before.interference,
             before.motion,
             factor,
+            (factor, factor),
         )
 
     def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:
@@ -141,10 +159,17 @@ class StepReader:
             return whole
         out = np.array(before)
         for name, value in given.items():
-            part = self.system.slice(name)
-            given_part = _checked(value, None, f"{what} of body {name!r}")
+            part, body = self.system.slice(name), self.system.bodies[self.system.index(name)]
+            label = f"{what} of body {name!r}"
+            if isinstance(value, Mapping):
+                by_name = (
+                    body.load(value, label) if what == "f" else body.displaced(value, out[part], label)
+                )
+                out[part] = by_name
+                continue
+            given_part = _checked(value, None, label)
             if what == "x":
-                _needs_places(self.system.bodies[self.system.index(name)], name)
+                _needs_places(body, name)
             if given_part.ndim == 0:  # a number is a factor on the body's own
                 if given_part != 0 and not own[part].any():
                     raise InputError(
@@ -155,7 +180,7 @@ class StepReader:
                 out[part] = given_part * own[part]
             else:
                 size = part.stop - part.start
-                out[part] = _checked(given_part, size, f"{what} of body {name!r}")
+                out[part] = _checked(given_part, size, label)
         return out
 
     def _interference(self, given: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arguments import check_kind, members, shown
+from skfem_contact.arguments import check_kind, known_keywords, members, shown, with_known_keywords
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.inputs import load_of, stiffness_of
+from skfem_contact.bodies.inputs import stiffness_of
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import stack
 from skfem_contact.carried import carried
@@ -29,7 +29,7 @@ from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.errors import InputError
 from skfem_contact.history.checkpoint import SavedState, load_state, save_state
 from skfem_contact.history.load_step import LoadStep
-from skfem_contact.history.read import StepReader
+from skfem_contact.history.read import Settings, StepReader
 from skfem_contact.history.recovery import recover_all
 from skfem_contact.history.stepping import LOOPS, Stepper
 from skfem_contact.history.yielded import Yielded
@@ -46,6 +46,19 @@ Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
 
 
+IN_OPTIONS = {
+    name: f"it belongs to options=Options({name}=...)" for name in (f.name for f in fields(Options))
+}
+IN_STEPS = dict.fromkeys(("f", "x", "start", "guess", "callback"), "it belongs to solver.solve(...)")
+
+
+@with_known_keywords(
+    tol="it belongs to options=Options(tolerance=...)",
+    mu="it belongs to Contact(..., friction=Coulomb(mu))",
+    friction="it belongs to Contact(..., friction=Coulomb(mu))",
+    **IN_OPTIONS,
+    **IN_STEPS,
+)
 class ContactSolver:
     """Contact and friction between linear elastic bodies, reusable over many loads.
 
@@ -232,8 +245,8 @@ class ContactSolver:
         Parameters
         ----------
         body : Body or str
-        f : ndarray (n_body,) or LinearForm
-            The body's own load, of which numeric load steps are multiples [force].
+        f : ndarray (n_body,), LinearForm, or tractions by boundary name
+            The body's own load, see `Body`, of which numeric load steps are multiples [force].
 
         Raises
         ------
@@ -243,7 +256,7 @@ class ContactSolver:
         i = self.system.index(body)
         own, name = self.system.bodies[i], self.system.names[i]
         own_f = np.array(self._own_f)
-        own_f[self.system.slice(own)] = load_of(f, own.basis, f"body {name!r}")
+        own_f[self.system.slice(own)] = own.load(f, f"f of body {name!r}")
         twin = self._copied()
         twin._own_f = sealed(own_f)
         twin._reader = twin._new_reader()
@@ -328,10 +341,13 @@ class ContactSolver:
         Parameters
         ----------
         f, x : dict by body name, or ndarray (n,), optional
-            Load [force] and prescribed displacements [length]; by default the bodies' own.
+            Load [force] and prescribed displacements [length], as in the steps of `history`; what is
+            not named is the bodies' own, or with `start` what it is in that state.
         start : ContactResult, optional
-            The state to continue from, or one from `load_state`; friction remembers it, obstacles
-            and interferences stay. It may come from another solver over the same bodies and contacts.
+            The state to continue from, or one from `load_state`: friction remembers it, and what is
+            not named stays as it is there; loads that are a multiple of the bodies' own, that multiple
+            of what they are in this solver. It may come from another one over the same meshes and
+            contacts.
         guess : ContactResult, optional
             Starting values only.
         callback : callable, optional
@@ -346,18 +362,13 @@ class ContactSolver:
         """
         before = self._load_step.known(start, "start")
         known = self._load_step.known(guess, "guess")
-        own = self._reader.initial()
-        if before is not None:  # obstacles stay where the state before has them
-            kept = before.settings
-            own = replace(own, interference=kept.interference, motion=kept.motion)
-        settings = replace(
-            own,
-            f=self._reader.vector("f", f, own.f, self._own_f),
-            x=self._reader.vector("x", x, own.x, self.system.x),
-            factor=own.factor if f is None and x is None else None,
-        )
+        settings = self._begin(before)
+        named = {what: given for what, given in (("f", f), ("x", x)) if given is not None}
+        if named:
+            settings = self._reader.read(named, settings)
         return ContactResult(self._load_step.solve(settings, before, known, callback, throw))
 
+    @known_keywords("history", {})
     def history(
         self,
         steps: Iterable[Any],
@@ -371,12 +382,12 @@ class ContactSolver:
         ----------
         steps : iterable
             A number is the factor on all bodies' own f and x. A dict replaces just what it names:
-            ``f`` and ``x`` (dict by body name; an array, or a number as a factor on the body's
-            own), ``interference`` (by contact name), ``motion`` (by obstacle name: total translation
-            (d,), or (translation, angle, centre)). What a step does not name stays as it was.
+            ``f`` and ``x`` (dict by body name; an array, a number as a factor on the body's own, or
+            a dict by boundary name, see below), ``interference`` (by contact name), ``motion`` (by
+            obstacle name: total translation (d,), or (translation, angle, centre)). What a step does
+            not name stays as it was.
         start : ContactResult, optional
-            The state to continue from, or one from `load_state`; what the steps do not name stays
-            as it is there.
+            The state to continue from, or one from `load_state`, as in `solve`.
         progress : bool
             Show a progress bar; needs tqdm (the extra ``progress``).
 
@@ -392,9 +403,17 @@ class ContactSolver:
         -----
         ContactWarning
             A body has turned by more than linear elasticity follows.
+
+        Notes
+        -----
+        By boundary name, ``{"f": {"punch": {"top": (0.0, -5.0)}}}`` is a uniform traction [stress],
+        what ``LinearForm(lambda v, w: -5.0 * v[1])`` is there, and all of the load of the body:
+        other boundaries of the body carry none. ``{"x": {"punch": {"top": (0.0, -0.01)}}}`` is a
+        constant displacement [length] of prescribed DOFs; those of other boundaries stay as they
+        were. None stands for a component that is free there.
         """
         before = self._load_step.known(start, "start")
-        settings = self._reader.initial() if before is None else before.settings
+        settings = self._begin(before)
         single = isinstance(steps, str | bytes | Mapping) or getattr(steps, "shape", None) == ()
         if single or not isinstance(steps, Iterable):
             raise InputError(
@@ -447,6 +466,9 @@ class ContactSolver:
         if known is None:
             raise InputError("result is None; give what solve(...) returned")
         return save_state(path, known)
+
+    def _begin(self, start: Answer | SavedState | None) -> Settings:
+        return self._reader.initial() if start is None else self._reader.resumed(start.settings)
 
     def load_state(self, path: str | Path) -> SavedState:
         """A state written by `save_state`, as the ``start`` of ``solve`` or ``history``.

@@ -9,9 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import gmres
 
+from skfem_contact.arguments import with_known_keywords
 from skfem_contact.linalg.backend import Backend, Factorisation, LinearSolveError, by_column
 
 
+@with_known_keywords(tolerance="write tol")
 @dataclass(frozen=True)
 class AMG(Backend):
     """Conjugate gradients, preconditioned by smoothed aggregation with rigid motions.

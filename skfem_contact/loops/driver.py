@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skfem_contact.arguments import number
+from skfem_contact.arguments import number, with_known_keywords
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.singular import SingularMatrix
@@ -19,6 +19,7 @@ logger = logging.getLogger("skfem_contact")
 UNHELD = "no equilibrium: nothing holds a rigid motion"
 
 
+@with_known_keywords()
 @dataclass(frozen=True)
 class Options:
     """Settings of the nonlinear loop and of load stepping; the defaults need no tuning.

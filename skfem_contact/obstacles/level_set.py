@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.arguments import check_name, numbers
+from skfem_contact.arguments import check_name, numbers, with_known_keywords
 from skfem_contact.bodies.selection import place
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
@@ -24,6 +24,7 @@ STEP = (1e-5, 1e-4)
 OFF = 1e-3
 
 
+@with_known_keywords()
 @dataclass(frozen=True, eq=False)
 class LevelSet(Obstacle):
     """A rigid obstacle given by a function that is negative inside and positive outside.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, identity
 
-from skfem_contact.arguments import check_kind, check_name, number, numbers
+from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, number, numbers
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
@@ -16,7 +16,7 @@ from skfem_contact.pairing.node import Pairing
 from skfem_contact.sealed import sealed
 
 
-class Obstacle(ABC):
+class Obstacle(PrintedAsCall, ABC):
     """What all rigid obstacles can do; subclasses give the signed distance.
 
     The normal of an obstacle points out of it, to the side on which the body is.

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.arguments import check_switch, number
+from skfem_contact.arguments import check_switch, number, with_known_keywords
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import (
@@ -20,6 +20,7 @@ from skfem_contact.obstacles.obstacle import (
 from skfem_contact.pairing.closest import FACING
 
 
+@with_known_keywords()
 @dataclass(frozen=True, eq=False)
 class RigidPlane(Obstacle):
     """A rigid half-space.
@@ -65,6 +66,7 @@ class RigidPlane(Obstacle):
         return gap, np.tile(self.normal, (len(gap), 1)), np.ones(len(gap), dtype=bool)
 
 
+@with_known_keywords()
 @dataclass(frozen=True, eq=False)
 class RigidCylinder(Obstacle):
     """A rigid cylinder, in 2-D a disc; hollow: a round hole with the body in it.
@@ -118,6 +120,7 @@ class RigidCylinder(Obstacle):
         return _round(arm, self.radius, self.hollow, surface)
 
 
+@with_known_keywords()
 @dataclass(frozen=True, eq=False)
 class RigidSphere(Obstacle):
     """A rigid sphere, in 2-D a disc; hollow: a round cavity with the body in it.

@@ -45,8 +45,8 @@ class Stack:
                 self.bases[i],
                 elastic(self.moduli[i], 0.3),
                 self.loads[i],
-                self.supports[i],
-                self.x[i],
+                D=self.supports[i],
+                x=self.x[i],
                 name=f"block {i}",
             )
             for i in (bodies or range(len(self.bases)))

@@ -98,8 +98,9 @@ def test_load_factor_and_own_loads_persist(tmp_path):
         lifted = next(solver.history([{"motion": {"floor": (0.0, 0.1)}}], start=before))
         # equilibrium: half the load, one unit wide
         assert_allclose(lifted.force, [0.0, 0.5], rtol=0, atol=1e-12)
-        # and solve() without f is the body's own load, on the floor where it is
-        full = solver.solve(start=lifted)
+        # in solve() as well, and all of the body's own load where that is named
+        assert_allclose(solver.solve(start=lifted).force, [0.0, 0.5], rtol=0, atol=1e-12)
+        full = solver.solve(f={"block": 1.0}, start=lifted)
         assert_allclose(full.force, [0.0, 1.0], rtol=0, atol=1e-12)
         assert_allclose(np.mean(full.u[1::2]), 0.1, rtol=0, atol=1e-3)
 
@@ -343,7 +344,7 @@ def test_damaged_files_are_refused_in_words(tmp_path):
     with np.load(path) as file:
         data = dict(file)
     np.savez(tmp_path / "old.npz", **{**data, "format": 2})
-    with pytest.raises(sc.InputError, match="has format 2, this version reads 3"):
+    with pytest.raises(sc.InputError, match="has format 2, this version reads 4"):
         solver.load_state(tmp_path / "old.npz")
     del data["state_slip"]
     np.savez(tmp_path / "part.npz", **data)

@@ -395,7 +395,7 @@ def test_far_from_the_origin(distance, method):
         mesh = replace(mesh, doflocs=mesh.p + distance * np.array([[1.0], [0.3]]))
         basis = fem.Basis(mesh, body.basis.elem, intorder=2)
         E = {"low": 1.0, "up": 0.7}[body.name]
-        bodies.append(sc.Body(basis, elastic(E, 0.0), body.f, body.D, body.x, name=body.name))
+        bodies.append(sc.Body(basis, elastic(E, 0.0), body.f, D=body.D, x=body.x, name=body.name))
     contact = case.contact(bodies, method=method)
     case.check(sc.ContactSolver(bodies, [contact]).solve(), max(EXACT, 4e-15 * distance))
 

@@ -30,7 +30,7 @@ def block_on_floor(D="top", x=None, f=None, *, n=4, E=1.0, nu=0.3, floor=FLOOR, 
     basis = block_basis(even(n), even(n))
     u = None if x is None else field(basis, lambda at: np.broadcast_arrays(*x, at[0])[:2])
     load = None if f is None else stress_load(basis, "top", [[0.0, f[0]], [f[0], f[1]]])
-    body = sc.Body(basis, elastic(E, nu), load, D, u, name="block")
+    body = sc.Body(basis, elastic(E, nu), load, D=D, x=u, name="block")
     linear = settings.pop("linear", "auto")
     contact = sc.Contact(body.surface("bottom"), floor, name="joint", **settings)
     return sc.ContactSolver(body, contact, linear=linear)
@@ -270,7 +270,7 @@ def test_X10_meshes_of_very_different_size(n, method):
         top = bodies[1]
         load = stress_load(top.basis, "top", [[0.0, 0.0], [0.0, -0.01]])
         side = top.basis.get_dofs("top").all("u^1")
-        free = sc.Body(top.basis, elastic(1.0, 0.0), load, side, name="top")
+        free = sc.Body(top.basis, elastic(1.0, 0.0), load, D=side, name="top")
         contact = sc.Contact(free.surface("bottom"), bodies[0].surface("top"), method=method)
         loaded = sc.ContactSolver([bodies[0], free], [contact]).solve()
         assert_allclose(loaded.force, [0.0, 0.01], rtol=0, atol=EXACT * 0.01)
@@ -700,7 +700,7 @@ def test_X24_not_a_number_anywhere(where, bad, refused):
         "step interference": {"interference": {"joint": bad}},
     }.get(where, 1.0)
     with refused(sc.InputError, match=r"NaN|nan|inf"):
-        body = sc.Body(basis, data["K"], data["f"], "top", data["x"], name="block")
+        body = sc.Body(basis, data["K"], data["f"], D="top", x=data["x"], name="block")
         contact = sc.Contact(body.surface("bottom"), FLOOR, name="joint", **settings)
         list(sc.ContactSolver(body, contact).history([step]))
 
@@ -717,8 +717,8 @@ def test_X24_not_a_number_anywhere(where, bad, refused):
         ("cohesion", lambda: sc.Coulomb(0.1, cohesion=np.inf)),
         ("stiffness", lambda: sc.Coulomb(0.1, stiffness=0.0)),
         ("stiffness", lambda: sc.Coulomb(0.1, stiffness=np.nan)),
-        ("limit", lambda: sc.Tresca(-1.0)),
-        ("limit", lambda: sc.Tresca(np.inf)),
+        ("tau_max", lambda: sc.Tresca(-1.0)),
+        ("tau_max", lambda: sc.Tresca(np.inf)),
         ("point", lambda: sc.RigidPlane((0, np.nan), (0, 1))),
         ("normal", lambda: sc.RigidPlane((0, 0), (0, 0))),
         ("radius", lambda: sc.RigidCylinder((0, 0), -1.0)),
@@ -925,7 +925,7 @@ def test_X31_types_of_arrays(kind):
         given = [change(f), change(x), change(gap), change(mu, False), change(D.astype(float))]
         given[4] = given[4].astype(np.int32 if kind == "float32" else np.int64)
         before = [a.copy() for a in (*given, A.data, A.indices)]
-        body = sc.Body(basis, A, given[0], given[4], given[1])
+        body = sc.Body(basis, A, given[0], D=given[4], x=given[1])
         contact = sc.Contact(body.surface("bottom"), FLOOR, gap=given[2], friction=sc.Coulomb(given[3]))
         result = sc.ContactSolver(body, contact).solve(given[0])
         for a, b in zip((*given, A.data, A.indices), before, strict=True):

@@ -59,7 +59,7 @@ def body(view, mesh, E, name, held, move=(0.0, 0.0), force=(0.0, 0.0)):
     f[dofs[:, middle]] = (
         view.length * view.stress * (view.matrix @ np.reshape(force, (2, 1))) / middle.sum()
     )
-    made = sc.Body(basis, elastic(view.stress * E, 0.3), f, dofs[:, on].ravel(), x, name=name)
+    made = sc.Body(basis, elastic(view.stress * E, 0.3), f, D=dofs[:, on].ravel(), x=x, name=name)
     return made, where
 
 

@@ -161,7 +161,7 @@ def test_H2_VM63(shape):
     area = fem.LinearForm(lambda v, w: per_turn(w.x) * v[1]).assemble(basis.boundary("bottom"))
     K = 1000.0 * axisymmetric(0.3).assemble(basis)
     axis = basis.get_dofs("left").all("u^1")
-    body = sc.Body(basis, K, area * F / area.sum(), axis, measure=per_turn, name="block")
+    body = sc.Body(basis, K, area * F / area.sum(), D=axis, measure=per_turn, name="block")
     ball = {
         "sphere": sc.RigidSphere((0, 8.0), 8.0),
         "paraboloid": sc.LevelSet(lambda x: x[0] ** 2 / 16 - x[1]),

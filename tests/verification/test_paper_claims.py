@@ -38,7 +38,7 @@ def stack_of(counts, *, kind="Q1", pose=UPRIGHT, friction=None, method="node", w
         f = stress_load(basis, "top", np.diag([0.0, -1e-3]), pose) if last else None
         f = f if not last else f + weight_load(basis, pose.turn((2e-4, -5e-4)))
         D = "bottom" if i == 0 else None
-        bodies.append(sc.Body(basis, elastic(1.0 / (1 + i), 0.3), f, D, name=f"block {i}"))
+        bodies.append(sc.Body(basis, elastic(1.0 / (1 + i), 0.3), f, D=D, name=f"block {i}"))
     contacts = [
         sc.Contact(
             upper.surface("bottom"),
@@ -82,7 +82,7 @@ def test_K_r_is_symmetric_and_m_equations_shorter(counts, angle, kind, method):
     bodies, contacts = stack_of(counts, kind=kind, pose=Pose(angle), method=method)
     system = sc.stack(bodies)
     rows = sc.contact_rows(system, contacts)
-    K_r, *_ = sc.condense(system.K, system.f, rows, D=system.D, x=system.x)
+    K_r, *_ = sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x)
     m = sum(len(c.secondary.points) for c in contacts)
     assert K_r.shape[0] == system.n - len(system.D) - m
     largest = np.abs(K_r.data).max()
@@ -140,7 +140,7 @@ def reduced_and_merged(n, kind):
     contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"), method="node")
     system = sc.stack(bodies)
     rows = sc.contact_rows(system, contact)
-    K_r, *_ = sc.condense(system.K, system.f, rows, D=system.D, x=system.x)
+    K_r, *_ = sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x)
     k = max(n)  # as fine as the finer
     merged = block_basis(even(k, 0.0, 4.0), even(2 * k, 0.0, 2.0), kind=kind)
     whole = sc.Body(merged, elastic(1.0, 0.3), D=["bottom", "top"])
@@ -252,7 +252,7 @@ def test_T_against_multipliers_on_three_stacked_bodies(counts, angle, kind, meth
     # glued at one joint, sliding at the other, which a prescribed top keeps from moving away
     top = bodies[-1]
     x = field(top.basis, lambda x: np.array([1e-3 + 0 * x[0], -2e-3 - 1e-3 * x[0]]), pose)
-    bodies[-1] = sc.Body(top.basis, top.K, top.f, "top", x, name=top.name)
+    bodies[-1] = sc.Body(top.basis, top.K, top.f, D="top", x=x, name=top.name)
     contacts[-1] = sc.Contact(
         bodies[-1].surface("bottom"), bodies[-2].surface("top"), method=method, tied=True
     )
@@ -317,7 +317,7 @@ def test_no_penetration_and_balanced_forces(counts, angle, mu, method):
         for i in range(1, len(bodies)):
             b = bodies[i]
             D, x = b.basis.get_dofs("left"), field(b.basis, lambda x: np.array([0.0, -5e-3]), pose)
-            bodies[i] = sc.Body(b.basis, b.K, b.f, D, x, name=b.name)
+            bodies[i] = sc.Body(b.basis, b.K, b.f, D=D, x=x, name=b.name)
         contacts = [
             sc.Contact(up.surface("bottom"), low.surface("top"), method=method, name=c.name)
             for low, up, c in zip(bodies[:-1], bodies[1:], contacts, strict=True)

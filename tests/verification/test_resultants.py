@@ -134,7 +134,7 @@ def wedge(mu, *, uphill=True, n=((12, 3), (9, 3)), G=4.0, method="node"):
     f = stress_load(top, "top", np.diag([0.0, -G / 4.0]))
     bodies = [
         sc.Body(low, elastic(E, 0.0), D="bottom", name="low"),
-        sc.Body(top, elastic(E, 0.0), f, pushed, field(top, lambda x: [push, 0.0]), name="wedge"),
+        sc.Body(top, elastic(E, 0.0), f, D=pushed, x=field(top, lambda x: [push, 0.0]), name="wedge"),
     ]
     friction = sc.Coulomb(mu) if mu else None
     contact = sc.Contact(

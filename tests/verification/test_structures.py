@@ -240,7 +240,7 @@ def raous(n: int = 32, factor: float = 1.0, steps: int = 1) -> tuple:
         + pressure_load(basis, "top", RAOUS.top_pressure)
     )
     D = basis.get_dofs("left").all("u^1")
-    body = sc.Body(basis, elastic(RAOUS.E, RAOUS.nu), f, D, name="block")
+    body = sc.Body(basis, elastic(RAOUS.E, RAOUS.nu), f, D=D, name="block")
     plane = sc.RigidPlane((0, 0), (0, 1), name="plane")
     contact = sc.Contact(body.surface("bottom"), plane, friction=sc.Coulomb(RAOUS.mu))
     solver = sc.ContactSolver(body, contact)

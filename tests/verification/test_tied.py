@@ -124,7 +124,7 @@ def condensed(bodies, tie):
     """One linear solve, without a contact solver."""
     system = sc.stack(bodies)
     rows = sc.contact_rows(system, tie)
-    return fem.solve(*sc.condense(system.K, system.f, rows, D=system.D, x=system.x))
+    return fem.solve(*sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
 
 
 @lru_cache

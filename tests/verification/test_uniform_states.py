@@ -123,7 +123,7 @@ def inclined_blocks(sigma, n, kind, method, mu, angle=30.0, pose=UPRIGHT, E=1.0,
         # one end moves as the exact solution: no reaction but the stress itself
         D = basis.get_dofs(end) if name == "low" or mu is None else None
         x = field(basis, lambda x: compliance @ x, pose) if D is not None else None
-        bodies.append(sc.Body(basis, elastic(E, nu), f, D, x, name=name))
+        bodies.append(sc.Body(basis, elastic(E, nu), f, D=D, x=x, name=name))
     contact = sc.Contact(
         bodies[1].surface("bottom"),
         bodies[0].surface("top"),
@@ -208,7 +208,7 @@ def test_P1_axisymmetric_numbers_of_MOOSE(n, method, kind, mu):
             sleeve,
             axisymmetric_form(E, nu),
             f,
-            sleeve.get_dofs("bottom").all("u^2"),
+            D=sleeve.get_dofs("bottom").all("u^2"),
             measure=ring,
             name="sleeve",
         ),
@@ -249,7 +249,7 @@ def loaded_blocks(n, kind, nu, p, method="node"):
     still = top.get_dofs("left").all("u^1")[:1]
     bodies = [
         sc.Body(low, elastic(1.0, nu), D="bottom", x=field(low, exact), name="low"),
-        sc.Body(top, elastic(1.0, nu), f, still, field(top, exact), name="top"),
+        sc.Body(top, elastic(1.0, nu), f, D=still, x=field(top, exact), name="top"),
     ]
     contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"), method=method)
     return sc.ContactSolver(bodies, [contact]), contact, exact
