@@ -360,7 +360,7 @@ ROWS = (
         f"{STEPS} steps",
         "one solve",
         history,
-        ("history/solver:history", "history/read:read"),
+        ("history/solver:history",),
     ),
     Row(
         "interior DOFs",
