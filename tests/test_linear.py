@@ -197,6 +197,17 @@ def test_amg_does_not_fail_silently():
     assert_array_equal(factor.solve(np.zeros(len(points))), 0.0)
 
 
+def test_amg_does_not_solve_what_is_not_definite():
+    """A matrix with a negative eigenvalue has an answer, but not as the stiffness of a body."""
+    K, points = body(cells=20)
+    one = np.zeros(len(points))
+    one[len(one) // 2] = 1.0
+    negative = sp.csr_matrix(K - sp.diags(3.0 * K.diagonal() * one))
+    with pytest.raises(LinearSolveError, match=r"the residual is") as info:
+        AMG(max_iterations=2000).factorize(negative, modes=modes_of(points)).solve(one)
+    assert 1 <= info.value.iterations < 2000  # given up at the direction, not after all iterations
+
+
 def test_amg_solves_unsymmetric():
     """Slipping points make the matrix unsymmetric: GMRES then reaches the same tolerance."""
     K, points = body()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import gmres
+from scipy.sparse.linalg import LinearOperator, cg, gmres
 
 from skfem_contact.arguments import with_known_keywords
 from skfem_contact.linalg.backend import Backend, Factorisation, LinearSolveError, by_column
@@ -63,30 +63,51 @@ class AMG(Backend):
         return Factorisation("AMG + CG" if spd else "AMG + GMRES", memory, by_column(solve))
 
 
+class _NoEnergy(Exception):
+    """A direction of conjugate gradients has no stiffness, or is not a number."""
+
+
 def _pcg(A: Any, b: np.ndarray, preconditioner: Any, tol: float, most: int) -> np.ndarray:
-    """Preconditioned conjugate gradients; the residual is measured, not only updated."""
+    """Preconditioned conjugate gradients of SciPy; residual and energy are measured.
+
+    SciPy's own residual is updated and drifts away from the truth; and SciPy goes on where a direction
+    has no stiffness, divides by zero or finds an answer of a matrix that is not positive definite.
+    """
     x, norm = np.zeros_like(b), float(np.linalg.norm(b))
     if norm == 0.0:
         return x
-    r = b.copy()
-    p = z = preconditioner @ r
-    rz, iterations = r @ z, 0
-    while iterations < most:
+    change, iterations = x, 0
+
+    def product(p: np.ndarray) -> np.ndarray:  # SciPy asks for it once in each iteration
+        nonlocal iterations
         iterations += 1
         Ap = A @ p
-        curvature = p @ Ap
-        if not curvature > 0.0:
-            break  # not positive definite, or NaN
-        step = rz / curvature
-        x += step * p
-        r -= step * Ap
-        if np.linalg.norm(r) <= tol * norm:
-            r = b - A @ x  # updates drift away from the truth: check, and go on from there
-            if np.linalg.norm(r) <= tol * norm:
-                return x
-        z = preconditioner @ r
-        rz, previous = r @ z, rz
-        p = z + (rz / previous) * p
+        if not p @ Ap > 0.0:  # or NaN
+            raise _NoEnergy
+        return np.asarray(Ap)
+
+    def follow(found: np.ndarray) -> None:
+        nonlocal change
+        change = found
+
+    operator = LinearOperator(A.shape, matvec=product, dtype=A.dtype)
+    while iterations < most:
+        left, change = most - iterations, np.zeros_like(b)
+        try:
+            cg(
+                operator,
+                b - A @ x,
+                M=preconditioner,
+                rtol=0,
+                atol=tol * norm,
+                maxiter=left,
+                callback=follow,
+            )
+        except _NoEnergy:
+            most = iterations
+        x = x + change
+        if np.linalg.norm(b - A @ x) <= tol * norm:
+            return x
     raise _too_many(A, b, x, tol, iterations)
 
 
