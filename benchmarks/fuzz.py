@@ -329,7 +329,7 @@ def _judge(drawn: Drawn, show: bool) -> list[tuple[str, str]]:
         out.append((kind, words))
         if known is not None and not cut and foretold_wrongly(result, known):
             out.append(("wrong", f"{words}, {result.uniqueness}"))
-        state = answer_of(result).state
+        state = answer_of(result).local
         p = replace(
             p,
             slip_before=state.slip[points, 0],

@@ -229,7 +229,7 @@ def test_moments_of_gaps_and_of_normals():
         ]
     )
     contact = answer_of(apart).kin.B_n.T @ answer_of(apart).state.normal_force
-    contact -= answer_of(apart).kin.B_t.T @ answer_of(apart).state.tangential_force.ravel()
+    contact -= answer_of(apart).kin.B_t.T @ answer_of(apart).local.tangential_force.ravel()
     reactions = (K_u - f - contact)[apart.system.D]
     total = max(np.abs(reactions).sum(), np.abs(contact).sum())
     expected = abs(0.2 * joint.force[0]) / (total * apart.system.extent)

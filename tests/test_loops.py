@@ -40,8 +40,9 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
     )
     load = Load(np.r_[-normal, tangential], np.full(m, gap), np.zeros((m, 1)), np.zeros(0))
     own = np.full(m, -1)  # no point carries the row of a vertex
-    kin = SimpleNamespace(m=m, tangents=1, gap0=np.zeros(m), area=np.ones(m), vertex=own)
-    still = natural_state(kin, 0)
+    frame = {"normal": np.tile([0.0, 1.0], (m, 1)), "tangent": np.tile([[[-1.0, 0.0]]], (m, 1, 1))}
+    kin = SimpleNamespace(m=m, tangents=1, gap0=np.zeros(m), area=np.ones(m), vertex=own, **frame)
+    still = natural_state(kin, 0).along(kin)
     return Step(
         problem=SimpleNamespace(points=space, solve=space.solve),
         load=load,
@@ -255,3 +256,14 @@ def test_blocks_that_touch_slide_without_force(loop, method, pressed):
     # round-off of K times the displacement, 2e5 * 2e-3
     assert np.abs(results[-1].forces).max() < 1e-10
     assert np.abs(results[-1].displacement("block")).max() < 1e-12
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_the_answer_solves_its_last_conditions(loop):
+    """The conditions that an iterate keeps are those of its answer: solved again, it comes out."""
+    one = step([-1.0, 2.0, 2.0, 2.0], [0.5, 0.5, 3.0, -3.0])
+    it = run(loop, one).iterate
+    again = one.problem.solve(it.conditions, one.load)
+    for name in ("gap", "slip", "normal_force", "tangential_force"):
+        assert_allclose(getattr(again, name), getattr(it.response, name), rtol=0, atol=1e-14)
+    assert_array_equal(it.conditions.closed, it.status != OPEN)

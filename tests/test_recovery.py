@@ -100,7 +100,7 @@ def test_displacements_from_the_contact_forces(held, sliding):
         contact = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3), sliding=sliding)
         solver = sc.ContactSolver(body, contact)
         result = solver.solve({"block": load})
-    kin, state, K = answer_of(result).kin, answer_of(result).state, solver.system.K
+    kin, state, K = answer_of(result).kin, answer_of(result).local, solver.system.K
     residual = K @ result.u - answer_of(result).case.f
     residual -= kin.B_n.T @ state.normal_force - kin.B_t.T @ state.tangential_force.ravel()
     residual[solver.system.D] = 0.0

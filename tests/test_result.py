@@ -266,3 +266,15 @@ def test_a_result_is_a_few_lines_where_nobody_prints_it(result):
         words = f"<{values.name}: {counts[0]} open, {counts[1]} stick, {counts[2]} slip>"
         assert repr(values) == words
         assert any(f"{values.name}: Coulomb: {words[len(values.name) + 3 : -1]}" in s for s in lines)
+
+
+def test_an_answer_knows_what_its_last_solve_held(result):
+    """Closed points have no gap, sticking ones are where they were, slipping ones follow their law."""
+    held, local = answer_of(result).conditions, answer_of(result).local
+    slips, sticks = local.status == 2, held.stick
+    assert slips.any() and sticks.any()
+    assert_array_equal(held.closed, local.status != 0)
+    assert_allclose(local.slip[sticks], held.anchor[sticks], rtol=0, atol=1e-15)
+    lawful = held.offset + held.coupling * local.normal_force[:, None]
+    assert not held.spring.any()  # exact sticking, and a bound that does not grow with slip
+    assert_allclose(local.tangential_force[slips], lawful[slips], rtol=0, atol=1e-12)

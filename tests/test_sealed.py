@@ -140,6 +140,7 @@ def test_what_is_returned_can_not_be_written_to():
         "gap": result.gap,
         "normal_force": result.normal_force,
         "state": answer_of(result).state.tangential_force,
+        "conditions": answer_of(result).conditions.offset,
         "case": answer_of(result).case.f,
         "K": body.K.data,
         "f": body.f,

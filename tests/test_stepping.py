@@ -185,7 +185,7 @@ def test_loads_may_come_in_every_form():
 def test_starting_values_from_a_state():
     """Slipping points without friction force start as sticking: they have no direction."""
     solver, _ = scene()
-    state = answer_of(solver.solve()).state
+    state = answer_of(solver.solve()).local
     bare = replace(state, tangential_force=np.zeros_like(state.tangential_force))
     assert SLIP in state.status
     guess = as_guess(bare)

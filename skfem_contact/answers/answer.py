@@ -19,8 +19,9 @@ from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import State
+from skfem_contact.conditions.state import LocalState, State
 from skfem_contact.loops.step import Record
+from skfem_contact.problem.response import Conditions
 from skfem_contact.sealed import seal, sealed
 
 Array = NDArray[np.float64]
@@ -41,6 +42,8 @@ class Answer:
         finite tangential stiffness gives back; positive as the resisting force is [length].
     settings : Settings
         The loads in force, from which the next step of a history begins.
+    conditions : Conditions
+        What the last linear solve held every point to: with it the answer can be differentiated.
     indifferent : tuple of str
         A sentence per motion that nothing loads and nothing holds.
     watched : Watched
@@ -69,6 +72,7 @@ class Answer:
     residual_by_contact: Array
     recover: Any = field(repr=False)
     settings: Any = field(repr=False)
+    conditions: Conditions = field(repr=False)
     factor: float | None = None
     indifferent: tuple[str, ...] = ()
     watched: Watched = field(default_factory=Watched, repr=False)
@@ -83,7 +87,7 @@ class Answer:
         object.__setattr__(self, "watched", watched)
 
     def _seal(self) -> None:
-        for part in (self, self.state, self.case, self.settings):
+        for part in (self, self.state, self.case, self.settings, self.conditions):
             seal(part)
         if self.seen is not self.case:
             seal(self.seen)
@@ -100,6 +104,11 @@ class Answer:
         vars(self).update(known)
         self._seal()
         seal(self.kin)  # a pairing that is solved on has been
+
+    @cached_property
+    def local(self) -> LocalState:
+        """The state along the tangents of the pairing that the answer was found on."""
+        return self.state.along(self.kin)
 
     @cached_property
     def u(self) -> Array:

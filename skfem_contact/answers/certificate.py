@@ -87,7 +87,7 @@ class Certificate:
 
 def certify(result: Answer) -> Certificate:
     """Measure the certificate of a result; needs the displacements of all bodies."""
-    kin, state, system = result.kin, result.state, result.system
+    kin, state, system = result.kin, result.local, result.system
     u, f = result.u, result.case.f
     internal = np.concatenate(
         [K @ u[system.slice(body)] for body, K in zip(system.bodies, result.stiffness, strict=True)]
@@ -137,7 +137,7 @@ def _friction_violation(result: Answer, floor: float) -> float:
     for any r > 0: within the bound, at the bound where it slips, and along the slip. The r that makes
     the largest slip the largest force gives both the same say.
     """
-    state, worst = result.state, 0.0
+    state, worst = result.local, 0.0
     # slips below this part of the displacements they are differences of have no digits
     still = FLOOR * _largest(result.u)
     for contact, part, name in zip(result.contacts, result.slices(), result.names, strict=True):
@@ -186,7 +186,7 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     M -= _ground(result, turn)
     offset, rigid_points = _offsets(result)
     M += np.sum(_cross(rigid_points - centre, on_obstacles))
-    along = np.einsum("ik,ikd->id", -result.state.tangential_force, kin.tangent)
+    along = np.einsum("ik,ikd->id", -result.local.tangential_force, kin.tangent)
     across = np.sum(_cross(offset, along))
     normal = np.sum(_cross(offset, result.state.normal_force[:, None] * kin.normal))
     return (
@@ -210,7 +210,7 @@ def _ground(result: Answer, mode: Array) -> float:
 
 def _obstacle_forces(result: Answer) -> Array:
     """Force on the secondary at the points of rigid obstacles: external to the bodies."""
-    kin, state = result.kin, result.state
+    kin, state = result.kin, result.local
     along = np.einsum("ik,ikd->id", -state.tangential_force, kin.tangent)
     F = state.normal_force[:, None] * kin.normal + along
     for contact, part in zip(result.contacts, result.slices(), strict=True):

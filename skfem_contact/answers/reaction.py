@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 def contact_forces(answer: Answer) -> Array:
     """Forces of all contacts on the DOFs, ``B_n' lambda - B_t' tau``, shape (n,) [force]."""
-    kin, state = answer.kin, answer.state
+    kin, state = answer.kin, answer.local
     contact: Array = kin.B_n.T @ state.normal_force
     if state.tangential_force.any():
         contact = contact - kin.B_t.T @ state.tangential_force.ravel()

@@ -56,6 +56,11 @@ class OfTheContact(ABC):
         return self._only("slip").slip
 
     @property
+    def slip_vector(self) -> Array:
+        """The slip in global axes, shape (m, d) [length]; see `ContactValues.slip_vector`."""
+        return self._only("slip_vector").slip_vector
+
+    @property
     def status(self) -> NDArray[np.intp]:
         """0 open, 1 stick, 2 slip, shape (m,)."""
         return self._only("status").status
@@ -84,6 +89,11 @@ class OfTheContact(ABC):
     def tangential_force(self) -> Array:
         """Friction on the secondary along the tangents, shape (m, d-1) [force]."""
         return self._only("tangential_force").tangential_force
+
+    @property
+    def tangential_force_vector(self) -> Array:
+        """Friction on the secondary in global axes, shape (m, d) [force]."""
+        return self._only("tangential_force_vector").tangential_force_vector
 
     @property
     def forces(self) -> Array:

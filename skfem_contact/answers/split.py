@@ -22,7 +22,7 @@ def values_of(answer: Answer) -> tuple[ContactValues, ...]:
 
 
 def _values(answer: Answer, i: int, part: slice) -> ContactValues:
-    kin, state, contact = answer.kin, answer.state, answer.contacts[i]
+    kin, state, contact = answer.kin, answer.local, answer.contacts[i]
     status = state.status[part]
     status = np.where(_smooth(answer, i, part) & (status != OPEN), SLIP, status)
     heir = kin.heir[part] - part.start
@@ -58,7 +58,7 @@ def _smooth(answer: Answer, i: int, part: slice) -> NDArray[np.bool_]:
 
 
 def _slip(answer: Answer, i: int, part: slice) -> Array:
-    kin, state, t = answer.kin, answer.state, answer.kin.tangents
+    kin, state, t = answer.kin, answer.local, answer.kin.tangents
     slip, smooth = (state.slip - state.reference)[part], _smooth(answer, i, part)
     if smooth.any():
         rows = slice(part.start * t, part.stop * t)

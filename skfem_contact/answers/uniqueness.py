@@ -27,7 +27,7 @@ from scipy.linalg import LinAlgError
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.conditions.checked_law import CheckedLaw
-from skfem_contact.conditions.state import OPEN, SLIP, State
+from skfem_contact.conditions.state import OPEN, SLIP, LocalState
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky
 from skfem_contact.problem.points import LOOSE, PointSpace
 
@@ -96,7 +96,7 @@ def uniqueness(result: Answer) -> Uniqueness | None:
     friction = np.where(_able(space, friction), friction, np.nan)
     try:
         critical = critical_friction(space, result.state.status, friction, G)
-        index = orientation(space, result.state, friction, G)
+        index = orientation(space, result.local, friction, G)
     except LinAlgError:
         return None
     return Uniqueness(critical, friction, index, held)
@@ -104,7 +104,7 @@ def uniqueness(result: Answer) -> Uniqueness | None:
 
 def coefficients(result: Answer) -> Array:
     """Slope of the friction law at every point in this answer; NaN without law or partner, (m,)."""
-    state, kin = result.state, result.kin
+    state, kin = result.local, result.kin
     out = np.full(kin.m, np.nan)
     slip = state.slip - state.reference
     for contact, part, name in zip(result.contacts, result.slices(), result.names, strict=True):
@@ -166,13 +166,13 @@ def critical_friction(space: PointSpace, status: NDArray[np.intp], friction: Arr
     return out
 
 
-def orientation(space: PointSpace, state: State, friction: Array, G: Array) -> int:
+def orientation(space: PointSpace, state: LocalState, friction: Array, G: Array) -> int:
     """Sign of the determinant of the linear problem that an answer solves: 1, -1, or 0.
 
     Parameters
     ----------
     space : PointSpace
-    state : State
+    state : LocalState
     friction : ndarray, shape (m,)
     G : ndarray, shape (m,)
     """

@@ -36,6 +36,8 @@ class ContactValues:
     points, normal : ndarray, shape (m, d)
         Position on the undeformed secondary surface; unit normal from primary to secondary.
     tangent : ndarray, shape (m, d-1, d)
+        Unit tangents, a matter of choice in 3-D: `slip_vector` and `tangential_force_vector` do not
+        depend on it. In 2-D the normal turned by +90 degrees.
     gap : ndarray, shape (m,)
         Positive where open; ``inf`` where a point has no partner [length].
     status : ndarray of int, shape (m,)
@@ -106,6 +108,25 @@ class ContactValues:
         return sealed(self.slips())
 
     @property
+    def slip_vector(self) -> Array:
+        """The `slip` in global axes, shape (m, d) [length].
+
+        Where the contact slides far it has turned with the normal of the point: what it was at the
+        start of a step is brought into the tangent plane of the next pairing with its length.
+        """
+        return np.einsum("ik,ikd->id", self.slip, self._along)
+
+    @property
+    def tangential_force_vector(self) -> Array:
+        """Friction on the secondary in global axes, shape (m, d) [force]."""
+        return np.einsum("ik,ikd->id", self.tangential_force, self._along)
+
+    @property
+    def _along(self) -> Array:
+        """The tangents that there are components along: none of a field with one component."""
+        return self.tangent[:, : self.tangential_force.shape[1]]
+
+    @property
     def pressure(self) -> Array:
         """Normal force over tributary area, not negative in compression, shape (m,) [stress].
 
@@ -130,8 +151,7 @@ class ContactValues:
     @property
     def forces(self) -> Array:
         """Force on the secondary at each point, in global axes, shape (m, d) [force]."""
-        along = np.einsum("ik,ikd->id", self.tangential_force, self.tangent)
-        return self.normal_force[:, None] * self.normal + along
+        return self.normal_force[:, None] * self.normal + self.tangential_force_vector
 
     @property
     def traction(self) -> Array:

@@ -6,9 +6,10 @@ is solved again until the two agree; the bodies themselves are not touched. At a
 
     gap   g = g(u_k) + B_n (u - u_k),        slip  s = s_n + B_t (u - u_n),
 
-with ``u_n, s_n`` the end of the last load step. The slip is measured in the local frame, so that the
-friction history turns with the point; and since the normals of a surface are interpolated along it,
-a node passes from one facet to the next without a jump of its frame.
+with ``u_n, s_n`` the end of the last load step. What friction remembers, ``s_n`` and ``tau_n``, are
+vectors that are brought into the tangent plane of the new pairing with their length
+(`state.transport`), so that the history turns with the point; and since the normals of a surface are
+interpolated along it, a node passes from one facet to the next without a jump of its frame.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.kinematics import Kinematics, initial_gap, join, kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.prescribed import prescribed_rows
-from skfem_contact.conditions.state import State
+from skfem_contact.conditions.state import LocalState
 from skfem_contact.pairing.node import Pairing
 
 Array = NDArray[np.float64]
@@ -122,7 +123,7 @@ class Geometry:
         return np.where(both, given - np.where(both, first.gap, 0.0), 0.0)
 
     def case(
-        self, kin: Kinematics, u: Array | None, case: LoadCase, last: State, before: LoadCase
+        self, kin: Kinematics, u: Array | None, case: LoadCase, last: LocalState, before: LoadCase
     ) -> LoadCase:
         """Initial gaps and slips of a load case, seen from the pairing at displacements u."""
         if u is None or not self.follows:
@@ -155,7 +156,7 @@ class Geometry:
         return u
 
     def mismatch(
-        self, old: Kinematics, new: Kinematics, state: State, barred: Mask | None = None
+        self, old: Kinematics, new: Kinematics, state: LocalState, barred: Mask | None = None
     ) -> float:
         """How far the contact conditions on a pairing are from those at its own answer.
 
@@ -182,7 +183,7 @@ class Geometry:
         moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
         return float(np.maximum(np.max(gap, initial=0.0) / self.system.extent, moved))
 
-    def least_settled(self, old: Kinematics, new: Kinematics, state: State) -> int:
+    def least_settled(self, old: Kinematics, new: Kinematics, state: LocalState) -> int:
         """The point that makes most of the `mismatch`: by its gap, or by where its force goes."""
         closed = state.status != 0
         wrong = np.where(closed, np.abs(new.gap0), np.maximum(-new.gap0, 0.0)) / self.system.extent

@@ -1,41 +1,69 @@
-"""`State`: what friction remembers from one load step to the next, and the status of contact points."""
+"""`State`: what friction remembers from one load step to the next, and the status of contact points.
+
+Slips and friction forces are remembered as vectors in global axes, because a frame is a matter of the
+pairing: its tangents are another choice wherever the pairing is renewed. The loops work with components
+along the tangents of one pairing, `LocalState`; `State.along` and `LocalState.in_space` lead from the
+one to the other.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from skfem_contact.conditions.kinematics import Kinematics
 
 Array = NDArray[np.float64]
 
 OPEN, STICK, SLIP = 0, 1, 2
 STATUS = ("open", "stick", "slip")
 
+# Normals whose scalar product is closer than this to -1 are opposite but for round-off.
+OPPOSITE = 1e-12
+
+
+def transport(vectors: Array, old: Array, new: Array) -> Array:
+    r"""Tangential vectors turned by the smallest rotation that takes the old normals to the new ones.
+
+    ``v - (n + n') (n' . v) / (1 + n . n')`` for ``v`` across ``n``: it is across ``n'`` and as long as
+    `v`. In the plane it is the only rotation there is, so that components along tangents stay what
+    they are. Where normals are opposite many rotations are equally small: vectors are turned round,
+    which in the plane is the rotation again.
+
+    Parameters
+    ----------
+    vectors, old, new : ndarray, shape (m, d)
+        Vectors across the unit normals `old`.
+
+    Returns
+    -------
+    ndarray, shape (m, d)
+        Vectors across the unit normals `new`.
+
+    Examples
+    --------
+    A slope of 3 to 4 that has come to lie flat:
+
+    >>> transport(np.array([[4.0, 3.0]]), np.array([[-0.6, 0.8]]), np.array([[0.0, 1.0]]))
+    array([[5., 0.]])
+    """
+    cosine = np.einsum("id,id->i", old, new)
+    across = np.einsum("id,id->i", vectors, new)
+    opposite = cosine <= OPPOSITE - 1.0
+    share = across / np.where(opposite, 1.0, 1.0 + cosine)
+    turned = vectors - share[:, None] * (old + new)
+    return np.where(opposite[:, None], -vectors, turned)
+
 
 @dataclass(frozen=True, eq=False)
-class State:
-    """What friction remembers of the last load step; the path dependence lives here.
-
-    Attributes
-    ----------
-    status : ndarray of int, shape (m,)
-    slip : ndarray, shape (m, d-1)
-        Relative tangential displacement since the undeformed state [length].
-    tangential_force : ndarray, shape (m, d-1)
-        Force that resists the slip; zero at open points [force].
-    normal_force : ndarray, shape (m,)
-    reference : ndarray, shape (m, d-1)
-        Slip at which the point closed [length].
-    gap, area : ndarray, shape (m,)
-        Gap; tributary area, which follows the pairing [length], [area].
-    surface, trend : ndarray
-        Displacements of the surfaces that slide far, and their change in the last load step: where
-        the pairing of the next one begins. Empty for small sliding [length].
-    vertex : ndarray of int, shape (m,)
-        The vertex of the primary whose row a point carries, or -1, see `Kinematics.vertex`.
-    """
+class _History:
+    """What `State` and `LocalState` share; the arrays of friction are vectors in one, (m, d), and
+    components in the other, (m, d-1)."""
 
     status: NDArray[np.intp]
     slip: Array
@@ -47,6 +75,65 @@ class State:
     surface: Array
     trend: Array
     vertex: NDArray[np.intp]
+
+    def _shared(self, slip: Array, tangential_force: Array, reference: Array) -> dict[str, Any]:
+        """The fields of a history with other arrays of friction."""
+        known = {field.name: getattr(self, field.name) for field in fields(_History)}
+        return {**known, "slip": slip, "tangential_force": tangential_force, "reference": reference}
+
+
+@dataclass(frozen=True, eq=False)
+class LocalState(_History):
+    """A state along the tangents of one pairing: the history of a load step, and its answer.
+
+    The attributes are those of `State`, with components of shape (m, d-1) for ``slip``,
+    ``tangential_force`` and ``reference``.
+    """
+
+    def in_space(self, kin: Kinematics) -> State:
+        """What is remembered of it; `kin` is the pairing that it belongs to."""
+        along = kin.tangent[:, : kin.tangents]
+        arrays = self.slip, self.tangential_force, self.reference
+        vectors = (np.einsum("ik,ikd->id", components, along) for components in arrays)
+        return State(**self._shared(*vectors), normal=kin.normal)
+
+
+@dataclass(frozen=True, eq=False)
+class State(_History):
+    """What friction remembers of the last load step; the path dependence lives here.
+
+    Attributes
+    ----------
+    status : ndarray of int, shape (m,)
+    slip : ndarray, shape (m, d)
+        Relative tangential displacement since the undeformed state, in global axes [length].
+    tangential_force : ndarray, shape (m, d)
+        Force that resists the slip, in global axes; zero at open points [force].
+    normal_force : ndarray, shape (m,)
+    reference : ndarray, shape (m, d)
+        Slip at which the point closed, in global axes [length].
+    gap, area : ndarray, shape (m,)
+        Gap; tributary area, which follows the pairing [length], [area].
+    surface, trend : ndarray
+        Displacements of the surfaces that slide far, and their change in the last load step: where
+        the pairing of the next one begins. Empty for small sliding [length].
+    vertex : ndarray of int, shape (m,)
+        The vertex of the primary whose row a point carries, or -1, see `Kinematics.vertex`.
+    normal : ndarray, shape (m, d)
+        Unit normals that the vectors are across.
+    """
+
+    normal: Array
+
+    def along(self, kin: Kinematics) -> LocalState:
+        """Components along the tangents of a pairing, after `transport` to its normals."""
+        same = self.normal is kin.normal or np.array_equal(self.normal, kin.normal)
+        along = kin.tangent[:, : kin.tangents]
+        components = []
+        for vectors in (self.slip, self.tangential_force, self.reference):
+            here = vectors if same else transport(vectors, self.normal, kin.normal)
+            components.append(np.einsum("id,ikd->ik", here, along))
+        return LocalState(**self._shared(*components))
 
     def handed_on(self, vertex: NDArray[np.intp], parts: Sequence[slice]) -> State:
         """The state with the history of every vertex at the point that carries its row now.
@@ -74,5 +161,6 @@ class State:
             source[part.start + after] = part.start + before
             left = np.setdiff1d(before, after)
             source[part.start + left] = part.start + np.setdiff1d(after, before)
-        names = ("status", "slip", "tangential_force", "normal_force", "reference", "gap", "area")
+        known = ("surface", "trend", "vertex")
+        names = [field.name for field in fields(self) if field.name not in known]
         return replace(self, **{name: getattr(self, name)[source] for name in names}, vertex=vertex)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.loops.driver import Outcome
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.model import LinearModel
@@ -21,7 +22,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """One attempt at a load: how the loop ended, from which state, and on which pairing."""
+    """One attempt at a load: how the loop ended, from which state, and on which pairing.
+
+    `start` and `local` are the states before and after it, both along the tangents of its pairing.
+    """
 
     outcome: Outcome
     model: LinearModel
@@ -29,12 +33,17 @@ class Attempt:
     load: Load
     case: LoadCase
     seen: LoadCase
-    start: State
-    state: State
+    start: LocalState
+    local: LocalState
     mismatch: float = 0.0
     failure: str = ""
     travel: float = 0.0  # of the point that slid furthest, over what is allowed
     culprit: int = -1  # the point whose partner or way made the attempt fail
+
+    @cached_property
+    def state(self) -> State:
+        """What is remembered of it."""
+        return self.local.in_space(self.problem.kin)
 
     @property
     def good(self) -> bool:
@@ -86,7 +95,7 @@ class Walk:
         return f", step cut {self.cuts} times, substep {self.substeps}"
 
 
-def friction_energy(interface: Interface, last: State, new: State) -> Energy:
+def friction_energy(interface: Interface, last: LocalState, new: LocalState) -> Energy:
     r"""Energy that friction takes between two states, and what the energy balance misses.
 
     On its plastic slip ``s_p`` a point loses the mean of its friction bounds at both ends,
@@ -120,14 +129,14 @@ def friction_energy(interface: Interface, last: State, new: State) -> Energy:
     )
 
 
-def plastic_slip(interface: Interface, last: State, new: State) -> Array:
+def plastic_slip(interface: Interface, last: LocalState, new: LocalState) -> Array:
     """Slip between two states that a finite tangential stiffness does not give back, (m, d-1)."""
     G = interface.stiffness[:, None]
     elastic = np.where(np.isfinite(G), (new.tangential_force - last.tangential_force) / G, 0.0)
     return np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
 
 
-def friction_bound(interface: Interface, state: State) -> Array:
+def friction_bound(interface: Interface, state: LocalState) -> Array:
     """Bound of the friction force in a state by the present laws; zero at open points, (m,)."""
     bound = np.zeros(len(state.status))
     for part, law in interface.laws:

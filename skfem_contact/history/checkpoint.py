@@ -22,7 +22,7 @@ from skfem_contact.history.read import Settings
 
 Array = NDArray[np.float64]
 
-FORMAT = 4  # of the file; a file of another one is refused
+FORMAT = 5  # of the file; a file of another one is refused
 # What reading a file may raise that is damaged, or that is none of ours.
 DAMAGED = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error)
 

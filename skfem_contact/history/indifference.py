@@ -29,7 +29,7 @@ from scipy.linalg import qr
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import BARELY, HELD, RigidMotions, null_space
-from skfem_contact.conditions.state import OPEN, STICK, State
+from skfem_contact.conditions.state import OPEN, STICK, LocalState, State
 from skfem_contact.conditions.statics import BALANCED, drives
 from skfem_contact.history.attempt import Attempt, Walk, friction_bound
 from skfem_contact.history.recovery import Recovery
@@ -97,7 +97,7 @@ class Grip:
     ----------
     motions : RigidMotions
         Those that supports leave free, as the pairing of the answer sees them.
-    state : State
+    state : LocalState
     carrying : ndarray of bool, shape (m,)
         Points with more than round-off of a force, glued ones too.
     stick : ndarray of bool, shape (m,)
@@ -109,7 +109,7 @@ class Grip:
     """
 
     motions: RigidMotions
-    state: State
+    state: LocalState
     carrying: Mask
     stick: Mask
     largest: float
@@ -118,7 +118,7 @@ class Grip:
     @classmethod
     def of(cls, model: LinearModel, attempt: Attempt, interface: Interface) -> Grip:
         """That of an attempt."""
-        motions, state = attempt.problem.motions, attempt.state
+        motions, state = attempt.problem.motions, attempt.local
         largest = float(np.max(np.abs(state.normal_force), initial=0.0))
         floor = max(NOTHING * largest, ROUND_OFF * force_terms(model, attempt.case))
         carrying = (state.status != OPEN) & (state.normal_force > floor)
@@ -234,7 +234,7 @@ class Indifference:
             u = recover()
             left = Q @ (Q.T @ (u_last - u))
             reaction = np.max(np.abs(springs * (centre - u))[held])
-            largest = np.max(np.abs(attempt.state.normal_force), initial=0.0)
+            largest = np.max(np.abs(attempt.local.normal_force), initial=0.0)
             if reaction > max(TURNED * largest, floor):  # no strain's doing
                 return None
             if np.max(np.abs(left)) <= ARRIVED * np.max(np.abs(u)):
@@ -263,7 +263,7 @@ class Indifference:
             if not attempt.good:
                 return None
             recover = Recovery.of(attempt)
-            u, gap = recover(), attempt.state.gap
+            u, gap = recover(), attempt.local.gap
             seen = np.isfinite(gap)
             normal = self.model.motions.seen_by(attempt.problem.kin).normal[seen]
             A = np.linalg.solve(R.T, (normal @ free).T).T
@@ -382,24 +382,24 @@ def place(
     u = Recovery.of(attempt)()
     # motions of unit size in the mean square: the distance is that of their coefficients
     Q, R = np.linalg.qr(motions.modes @ free)
-    open_ = barred & np.isfinite(attempt.state.gap)
+    open_ = barred & np.isfinite(attempt.local.gap)
     A = np.linalg.solve(R.T, (motions.normal[open_] @ free).T).T
     wanted = Q.T @ (u_last - u)
-    y = nearest(A, -attempt.state.gap[open_], wanted)
+    y = nearest(A, -attempt.local.gap[open_], wanted)
     if y is None:
         return None
-    gap = attempt.state.gap.copy()
+    gap = attempt.local.gap.copy()
     gap[open_] += A @ y
     if np.min(gap[open_], initial=0.0) < -TOUCH * max(motions.system.extent, np.max(np.abs(u_last))):
         return None
-    state, shift = attempt.state, Q @ y
-    slip = state.slip
+    local, shift = attempt.local, Q @ y
+    slip = local.slip
     if slip.size and motions.kin.tangents:
         moved = (motions.kin.B_t @ shift).reshape(slip.shape)
         slip = np.where(barred[:, None], slip + moved, slip)
-    reference = np.where(barred[:, None], slip, state.reference)
-    state = replace(state, slip=slip, reference=reference, gap=gap)
-    return Rest(replace(attempt, state=state), walk, free, Recovery.of(attempt, shift))
+    reference = np.where(barred[:, None], slip, local.reference)
+    local = replace(local, slip=slip, reference=reference, gap=gap)
+    return Rest(replace(attempt, local=local), walk, free, Recovery.of(attempt, shift))
 
 
 def nearest(A: Array, b: Array, wanted: Array) -> Array | None:

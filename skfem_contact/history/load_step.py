@@ -290,8 +290,8 @@ class LoadStep:
             case=case,
             seen=attempt.seen,
             state=attempt.state,
-            gap=attempt.state.gap,
-            plastic_slip=plastic_slip(interface, attempt.start, attempt.state),
+            gap=attempt.local.gap,
+            plastic_slip=plastic_slip(interface, attempt.start, attempt.local),
             mismatch=attempt.mismatch,
             converged=attempt.good,
             message=message + walk.words,
@@ -304,6 +304,7 @@ class LoadStep:
             dissipation_before=before,
             recover=Recovery.of(attempt) if rest is None else rest.recover,
             settings=settings,
+            conditions=attempt.outcome.iterate.conditions,
             factor=settings.factor,
             indifferent=self._places(found),
         )

@@ -22,7 +22,7 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.attempt import Attempt, Walk, friction_energy, nothing
 from skfem_contact.linalg.singular import SingularMatrix
@@ -136,7 +136,7 @@ class Stepper:
                     return attempt, walk
             if attempt.good:
                 if self.interface.laws:
-                    energy = friction_energy(self.interface, attempt.start, attempt.state)
+                    energy = friction_energy(self.interface, attempt.start, attempt.local)
                     walk.energy = walk.energy + energy
                 walk.state, walk.case, done = attempt.state, here, aim
                 if done >= 1.0:
@@ -202,26 +202,26 @@ class Stepper:
             attempt = self._travelled(attempt, 1.0 if number else FAR)
             if attempt.failure:
                 return attempt
-            there = attempt.state.surface
+            there = attempt.local.surface
             plain = number < PLAIN
             at = there if plain else secant.next(at, there)
             u = geometry.spread(at)
             next_kin = without_points(geometry.at(u, case, problem.kin), lost)
             if number >= EDGE:
                 lost = lost | (problem.kin.paired & ~next_kin.paired)
-            mismatch = geometry.mismatch(problem.kin, next_kin, attempt.state, self.barred)
+            mismatch = geometry.mismatch(problem.kin, next_kin, attempt.local, self.barred)
             if mismatch <= options.placement_tolerance:
                 # so far only the next pairing is alike: what counts is that of the answer itself
                 own = next_kin
                 if not plain:
                     own = geometry.at(geometry.spread(there), case, next_kin)
                     own = without_points(own, lost)
-                    mismatch = geometry.mismatch(problem.kin, own, attempt.state, self.barred)
+                    mismatch = geometry.mismatch(problem.kin, own, attempt.local, self.barred)
                 if mismatch <= options.placement_tolerance:
                     return self._settled(attempt, own, mismatch)
             start, known = "warm", attempt.state
             problem = self.model.place(next_kin, u)
-        point = geometry.least_settled(problem.kin, next_kin, attempt.state)
+        point = geometry.least_settled(problem.kin, next_kin, attempt.local)
         words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e}): "
         words += self.interface.point_words(point, next_kin.points[point])
         words += " meets another partner in every round"
@@ -229,16 +229,16 @@ class Stepper:
 
     def _settled(self, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
         """The attempt whose pairing is that of its own answer, with the gaps of that."""
-        state = attempt.state
-        gap = np.where(self.geometry.finite & (state.status == OPEN), own.gap0, state.gap)
-        attempt = replace(attempt, mismatch=mismatch, state=replace(state, gap=gap))
+        local = attempt.local
+        gap = np.where(self.geometry.finite & (local.status == OPEN), own.gap0, local.gap)
+        attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap))
         return self._travelled(attempt, 1.0)
 
     def _travelled(self, attempt: Attempt, limit: float) -> Attempt:
         """Measure how far points slid, over what is allowed; refuse what is beyond a limit."""
-        last = attempt.start
-        closed = (attempt.state.status != OPEN) & (last.status != OPEN) & self.geometry.finite
-        slid = np.linalg.norm(attempt.state.slip - last.slip, axis=1)
+        last, new = attempt.start, attempt.local
+        closed = (new.status != OPEN) & (last.status != OPEN) & self.geometry.finite
+        slid = np.linalg.norm(new.slip - last.slip, axis=1)
         travel, culprit = 0.0, -1
         for contact, part in zip(self.interface.contacts, self.interface.parts, strict=True):
             way = np.where(closed[part], slid[part], 0.0)
@@ -262,8 +262,10 @@ class Stepper:
     ) -> Attempt:
         interface, options, kin = self.interface, self.options, problem.kin
         # a vertex brings its history along to the point that carries its row now
-        last = walk.state.handed_on(kin.vertex, interface.parts)
-        known = known.handed_on(kin.vertex, interface.parts)
+        last = walk.state.handed_on(kin.vertex, interface.parts).along(kin)
+        begin = last
+        if known is not walk.state:
+            begin = known.handed_on(kin.vertex, interface.parts).along(kin)
         with single_threaded():
             seen = self.geometry.case(problem.kin, problem.u, case, last, walk.case)
             load = problem.load(seen)
@@ -288,7 +290,7 @@ class Stepper:
             dense = step
             if start == "pivoting" and (points := self.model.on_points(problem)) is not problem:
                 dense = replace(step, problem=points, load=points.load(seen))
-            guess, spent = starting_values(start, known, step, kin, options.tolerance, self.loop, dense)
+            guess, spent = starting_values(start, begin, step, kin, options.tolerance, self.loop, dense)
             guess = admissible(guess, step)
             limit = options.max_iterations or ITERATIONS[self.loop]
             run = LOOPS[self.loop]
@@ -302,9 +304,9 @@ class Stepper:
                 outcome = replace(outcome, free=spent.free)  # its limits do not lag
             note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
             outcome = replace(outcome, trace=trace, note=note)
-            state = self._state(step, outcome, walk.share, problem, load, case, seen)
-        failure = "" if balanced(problem.motions, case.f, state, step.noise) else RAN_AWAY
-        return Attempt(outcome, self.model, problem, load, case, seen, last, state, failure=failure)
+            local = self._state(step, outcome, walk.share, problem, load, case, seen)
+        failure = "" if balanced(problem.motions, case.f, local, step.noise) else RAN_AWAY
+        return Attempt(outcome, self.model, problem, load, case, seen, last, local, failure=failure)
 
     def _force_terms(self, case: LoadCase) -> float:
         """Largest load, or what moves of D make of the softest body's stiffness [force]."""
@@ -321,7 +323,7 @@ class Stepper:
         load: Any,
         case: LoadCase,
         seen: LoadCase,
-    ) -> State:
+    ) -> LocalState:
         it, last = outcome.iterate, step.last
         response = it.response
         status, friction = it.status, response.tangential_force
@@ -335,7 +337,7 @@ class Stepper:
             source = problem.source(load, response)
             surface = problem.surface(source, case)[dofs]
             slip = self.geometry.slip(problem.kin, seen, surface, slip, self.interface.slipping)
-        return State(
+        return LocalState(
             status,
             slip,
             np.where(opened, 0.0, friction),
@@ -349,7 +351,7 @@ class Stepper:
         )
 
 
-def balanced(motions: RigidMotions, f: Array, state: State, noise: float) -> bool:
+def balanced(motions: RigidMotions, f: Array, state: LocalState, noise: float) -> bool:
     """Whether loads and contact forces balance along the motions that supports leave free.
 
     A body that is hardly held may move by 1e10 of its size: then the round-off of its ``K u`` carries

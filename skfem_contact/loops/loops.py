@@ -61,7 +61,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
     while True:
         status, held = hold(step, current)
         current = replace(current, status=status)
-        response = _solve(step, current, coupled)
+        response, conditions = _solve(step, current, coupled)
         proposal = propose(step, current, response)
         wrong = disagreement(current, proposal)
         residual = law_residual(step, status, current.direction, response)
@@ -71,6 +71,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             status,
             current.direction,
             response,
+            conditions,
             int(wrong.sum()),
             residual,
             converged=done and not kept.any(),
@@ -119,15 +120,16 @@ class Pace:
         )
 
 
-def _solve(step: Step, current: Guess, coupled: bool) -> Response:
+def _solve(step: Step, current: Guess, coupled: bool) -> tuple[Response, Conditions]:
     """Solve for a set; where the law's tangent has no unique answer, with limits that lag."""
     conditions = _conditions(step, current, coupled)
     try:
-        return step.problem.solve(conditions, step.load)
+        return step.problem.solve(conditions, step.load), conditions
     except SingularMatrix:
         if not conditions.coupling.any():
             raise
-    return step.problem.solve(_conditions(step, current, coupled=False), step.load)
+    conditions = _conditions(step, current, coupled=False)
+    return step.problem.solve(conditions, step.load), conditions
 
 
 def _conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
@@ -202,6 +204,7 @@ def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
             shown,
             np.where((shown == SLIP)[:, None], unit, 0.0),
             response,
+            conditions,
             int(wrong.sum()),
             residual,
             converged=not wrong.any() and residual <= tolerance,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.state import OPEN, SLIP, STICK, State
+from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.loops import loops
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.lemke import MOST_POINTS, lemke_guess
@@ -34,14 +34,14 @@ def possible_starts(points: int, loop: str) -> list[str]:
 
 
 def starting_values(
-    start: str, known: State, step: Step, kin: Kinematics, tolerance: float, loop: str, dense: Step
+    start: str, known: LocalState, step: Step, kin: Kinematics, tolerance: float, loop: str, dense: Step
 ) -> tuple[Guess, Outcome | None]:
     """Starting values, and how another loop came to them.
 
     Parameters
     ----------
     start : {"warm", "cold", "newton", "pivoting", "apart"}
-    known : State
+    known : LocalState
         The last known state, which a warm start repeats.
     step : Step
     kin : Kinematics
@@ -98,10 +98,12 @@ def natural_state(kin: Kinematics, surface: int) -> State:
     """Before any load: nothing is known to touch, no slip, no friction."""
     zero = np.zeros((kin.m, kin.tangents))
     none, status = np.zeros(surface), np.zeros(kin.m, dtype=int)
-    return State(status, zero, zero, np.zeros(kin.m), zero, kin.gap0, kin.area, none, none, kin.vertex)
+    force = np.zeros(kin.m)
+    local = LocalState(status, zero, zero, force, zero, kin.gap0, kin.area, none, none, kin.vertex)
+    return local.in_space(kin)
 
 
-def as_guess(state: State) -> Guess:
+def as_guess(state: LocalState) -> Guess:
     """Starting values from a state."""
     size = np.linalg.norm(state.tangential_force, axis=1)
     slips = (state.status == SLIP) & (size > 0)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.state import State
-from skfem_contact.problem.response import Load, Response
+from skfem_contact.conditions.state import LocalState
+from skfem_contact.problem.response import Conditions, Load, Response
 from skfem_contact.problem.seam import ContactProblem
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Step:
     laws: tuple[tuple[slice, CheckedLaw], ...]
     frictional: Mask
     stiffness: Array
-    last: State
+    last: LocalState
     rank: NDArray[np.intp]
     noise: float = 0.0
 
@@ -77,6 +77,8 @@ class Iterate:
     direction : ndarray, shape (m, d-1)
         Unit friction direction of slipping points.
     response : Response
+    conditions : Conditions
+        What the linear solve held every point to: at the answer its derivative is that of this solve.
     changes : int
         Points whose status or slip direction the iterate itself contradicts.
     residual : float
@@ -91,6 +93,7 @@ class Iterate:
     status: NDArray[np.intp]
     direction: Array
     response: Response
+    conditions: Conditions
     changes: int
     residual: float
     converged: bool

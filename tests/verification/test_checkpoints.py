@@ -343,8 +343,8 @@ def test_damaged_files_are_refused_in_words(tmp_path):
         solver.load_state(tmp_path / "array.npy")
     with np.load(path) as file:
         data = dict(file)
-    np.savez(tmp_path / "old.npz", **{**data, "format": 2})
-    with pytest.raises(sc.InputError, match="has format 2, this version reads 4"):
+    np.savez(tmp_path / "old.npz", **{**data, "format": 4})
+    with pytest.raises(sc.InputError, match="has format 4, this version reads 5"):
         solver.load_state(tmp_path / "old.npz")
     del data["state_slip"]
     np.savez(tmp_path / "part.npz", **data)

@@ -118,8 +118,8 @@ def energies(result, last, K):
         if r is None:
             continue
         contact = (
-            answer_of(r).kin.B_n.T @ answer_of(r).state.normal_force
-            - answer_of(r).kin.B_t.T @ answer_of(r).state.tangential_force.ravel()
+            answer_of(r).kin.B_n.T @ answer_of(r).local.normal_force
+            - answer_of(r).kin.B_t.T @ answer_of(r).local.tangential_force.ravel()
         )
         u.append(r.u)
         outside.append(K @ r.u - contact)

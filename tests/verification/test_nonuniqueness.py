@@ -298,7 +298,8 @@ def test_n1_index_of_each_of_three_answers() -> None:
     for known in one_node_equilibria(K, THREE, 2.0):
         status, tau = answer_of(result).state.status.copy(), np.zeros_like(answer_of(result).state.slip)
         status[node] = 0 if known.u[1] > 1e-9 else 2 if abs(known.u[0]) > 1e-9 else 1
-        tau[node] = -known.reaction @ result.tangent[node].T
+        along = result.tangent[node, 0]
+        tau[node] = -(known.reaction @ along) * along
         force = np.zeros(len(status))
         force[node] = known.reaction[1]
         state = replace(

@@ -289,7 +289,7 @@ def resultants(result):
     Measured from nodal forces: what acts on a body from outside is its load, the reaction of its
     prescribed DOFs, and the contact forces that the rows put on its nodes.
     """
-    system, kin, state = result.system, answer_of(result).kin, answer_of(result).state
+    system, kin, state = result.system, answer_of(result).kin, answer_of(result).local
     contact = kin.B_n.T @ state.normal_force - kin.B_t.T @ state.tangential_force.ravel()
     out = []
     for i, body in enumerate(system.bodies):

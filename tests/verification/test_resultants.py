@@ -440,7 +440,7 @@ def energies(results, solver, f_of):
 
 def loads_and_reactions(result):
     """What acts on the bodies from outside: K u less the contact forces, measured at the nodes."""
-    kin, state = answer_of(result).kin, answer_of(result).state
+    kin, state = answer_of(result).kin, answer_of(result).local
     contact = kin.B_n.T @ state.normal_force - kin.B_t.T @ state.tangential_force.ravel()
     return result.system.K @ result.u - contact
 

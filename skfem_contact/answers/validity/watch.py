@@ -162,7 +162,8 @@ class Watch:
             elastic = float(np.max(np.abs(lifted)))
             approach, strain = max(approach, elastic), max(strain, elastic / self.extent[i])
         if contact.friction is not None or contact.tied:
-            slip = state.slip[part][:, 0] - case.slip0[part][:, 0]
+            along = self.geometry.kin.tangent[part, 0]
+            slip = np.einsum("id,id->i", state.slip[part], along) - case.slip0[part][:, 0]
             # a belt is pressed in by its stretch along the drum
             stretch = (slip - relative(self.tangential_rows[i], moved))[closed]
             approach = max(approach, float(stretch.max() - stretch.min()) if len(stretch) else 0.0)
