@@ -109,6 +109,7 @@ def read(s: Scene, result: Any, uniqueness: bool, caught: list[Any]) -> Answer:
             np.array(v.gap),
             np.array(v.force),
             float(v.dissipation),
+            np.array(v.action),
         )
     several = False
     if uniqueness:

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 from judge_geometry import CORNER, PIECES, Line, angle, inside, line, nearest
-from judge_near import Foot, Near, grouped, spread_of, summed
+from judge_near import AWAY, Foot, Near, grouped, spread_of, summed
 from judge_scenes import ContactSpec, Made, Scene, place, turn
 
 EPS = np.finfo(float).eps
@@ -64,6 +64,7 @@ class Told:
     gap: np.ndarray
     force: np.ndarray
     dissipation: float
+    action: np.ndarray | None = None  # where the forces act
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,7 +267,7 @@ class Court:
             if second is not None and first is not None:
                 out += self._moment(k, spec, answer, (second, first), allowed)
             if second is not None and (spec.method == "node" or spec.primary is None):
-                out += self._points(k, spec, told, second, allowed)
+                out += self._points(k, spec, answer, second, allowed)
         return out
 
     def _moment(
@@ -304,11 +305,19 @@ class Court:
         return 1e-4 if self.scene.placement is None else self.scene.placement
 
     def _points(
-        self, k: int, spec: ContactSpec, told: Told, second: np.ndarray, allowed: float
+        self, k: int, spec: ContactSpec, answer: Answer, second: np.ndarray, allowed: float
     ) -> list[Finding]:
-        surface = self.lines[spec.secondary]
+        surface, told = self.lines[spec.secondary], answer.contacts[spec.name]
         which = np.linalg.norm(surface.X[:, None] - told.points[None], axis=2).argmin(axis=0)
-        off = float(np.abs(second[which] - told.forces).max())
+        forces = np.zeros_like(second)
+        np.add.at(forces, which, told.forces)
+        near = self._near(spec, answer, deformed=spec.sliding == "finite")
+        if spec.sliding == "finite" and told.action is not None:
+            beside = np.linalg.norm(told.action - near.nodes[which], axis=1) / near.h[which]
+            sizes = np.linalg.norm(told.forces, axis=1)
+            acts = (sizes > 0) & (beside <= AWAY)
+            allowed += float(3 * sizes[acts] @ beside[acts])
+        off = float(np.abs(summed(near, second) - summed(near, forces))[which].max())
         if off <= allowed:
             return []
         words = f"{spec.name}: force of a point differs from what its node feels by {off:.3g}"

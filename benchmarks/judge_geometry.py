@@ -80,6 +80,8 @@ class Line:
         p = self.pieces(u).reshape(len(self.facets), -1, 2, 2)
         d = p[:, :, 1] - p[:, :, 0]
         inner = np.abs(angle(d[:, :-1], d[:, 1:])).sum(axis=1)
+        if d.shape[1] > 1:  # the curve also turns by half a piece at either end
+            inner *= d.shape[1] / (d.shape[1] - 1)
         after = np.zeros(len(joint))
         has = self.before >= 0
         after[self.before[has]] = joint[has]

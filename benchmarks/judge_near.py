@@ -9,6 +9,10 @@ import numpy as np
 from judge_geometry import Line, angle, nearest
 from judge_scenes import ContactSpec, place, turn
 
+#: Nearer to a node than this part of a facet a force is that of the node, but for what shape functions
+#: of slope up to 3 hand on (Court._points).
+AWAY = 0.02
+
 
 class Foot:
     """Nearest points of an undeformed line, and values there."""
@@ -32,7 +36,7 @@ class Near:
     """What the nodes of a secondary surface have before them: normals, distances, turns."""
 
     def __init__(self, court: Any, spec: ContactSpec, answer: Any, deformed: bool) -> None:
-        self.court, self.spec = court, spec
+        self.court, self.spec, self.answer = court, spec, answer
         surface = court.lines[spec.secondary]
         u = answer.u[spec.secondary[0]]
         u = u if deformed else np.zeros_like(u)
@@ -83,20 +87,34 @@ class Near:
 
     @cached_property
     def groups(self) -> list[np.ndarray]:
-        """Nodes of facets that the other side covers in part, joined where facets share nodes."""
-        if self.spec.primary is None or self.spec.method == "node":
+        """Nodes whose forces are judged by their sum: of facets that the other side covers in part, and
+        of those between whose nodes a force acts."""
+        if self.spec.primary is None:
             return []
+        if self.spec.method == "node":
+            return self._between()
         surface, line2 = self.surface, self.court.lines[self.spec.primary]
         xi = np.linspace(0.0, 1.0, 9)
         samples = surface.at(self.nodes, xi).reshape(-1, 2)
         past = _past(samples, line2.pieces(self.u2))
         part = past.reshape(len(surface.facets), -1).any(axis=1)
-        groups: list[np.ndarray] = []
-        for facet in surface.facets[part]:
-            mine = [g for g in groups if np.isin(g, facet).any()]
-            rest = [g for g in groups if not np.isin(g, facet).any()]
-            groups = [*rest, np.unique(np.concatenate([facet, *mine]))]
-        return groups
+        return _joined(list(surface.facets[part]))
+
+    def _between(self) -> list[np.ndarray]:
+        """Where contact slides far a vertex of the primary may press in the place of a node.
+
+        Its force acts on the nodes of a facet by their shape functions: a part at an end may pull.
+        """
+        told = self.answer.contacts.get(self.spec.name)
+        if self.spec.sliding != "finite" or told is None or told.action is None:
+            return []
+        node = np.linalg.norm(self.surface.X[:, None] - told.points[None], axis=2).argmin(axis=0)
+        far = np.linalg.norm(told.action - self.nodes[node], axis=1) > AWAY * self.h[node]
+        far &= np.linalg.norm(told.forces, axis=1) > 0
+        if not far.any():
+            return []
+        foot = Foot(self.surface, told.action[far], self.answer.u[self.spec.secondary[0]])
+        return _joined([np.append(f, i) for f, i in zip(foot.nodes, node[far], strict=True)])
 
     def beyond(self, answer: Any) -> np.ndarray:
         """Nodes that the motion brought to or past the end of the other line."""
@@ -165,6 +183,16 @@ def _at_end(points: np.ndarray, line2: Line, pieces: np.ndarray) -> np.ndarray:
     first, last = (degree[line2.facets[which // per, c]] == 1 for c in (0, 1))
     at_start = first & (which % per == 0) & (share <= 0.0)
     return at_start | last & (which % per == per - 1) & (share >= 1.0)
+
+
+def _joined(sets: list[np.ndarray]) -> list[np.ndarray]:
+    """Sets of nodes, those that share nodes as one."""
+    groups: list[np.ndarray] = []
+    for nodes in sets:
+        mine = [g for g in groups if np.isin(g, nodes).any()]
+        rest = [g for g in groups if not np.isin(g, nodes).any()]
+        groups = [*rest, np.unique(np.concatenate([nodes, *mine]))]
+    return groups
 
 
 def _past(points: np.ndarray, pieces: np.ndarray) -> np.ndarray:
