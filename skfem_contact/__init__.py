@@ -57,7 +57,9 @@ from skfem_contact.errors import (
 from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.solver import ContactSolver
 from skfem_contact.linalg.amg import AMG
+from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.direct import Direct
+from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.level_set import LevelSet
@@ -91,6 +93,7 @@ __all__ = [
     "InputError",
     "Kinematics",
     "LevelSet",
+    "LinearSolveError",
     "NoEquilibrium",
     "NotConverged",
     "Options",
@@ -99,6 +102,7 @@ __all__ = [
     "RigidPlane",
     "RigidSphere",
     "SavedState",
+    "SingularMatrix",
     "System",
     "Tresca",
     "Uniqueness",

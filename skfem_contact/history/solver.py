@@ -508,8 +508,8 @@ class ContactSolver:
         body : Body or str
         K : sparse matrix (n_body, n_body) or BilinearForm, optional
             [force/length]
-        f : ndarray (n_body,) or LinearForm, optional
-            The body's own load from now on [force].
+        f : ndarray (n_body,), LinearForm, or tractions by boundary name, optional
+            The body's own load from now on, see `Body` [force].
 
         Raises
         ------
