@@ -25,8 +25,8 @@ from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import carriers
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.node import Pairing, gap_vectors
-from skfem_contact.pairing.strips import turned
 from skfem_contact.pairing.supports import held_rows
+from skfem_contact.pairing.vectors import turned
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -1,6 +1,6 @@
 """What meets what: the points of one surface on the facets of another.
 
-* `search`, `strips`: which facets can meet a point, or along its normal;
+* `search`, `vectors`: which facets can meet a point, or along its normal; vectors in the plane;
 * `closest`, `node`, `corners`: node-to-segment contact, convex corners included;
 * `segmentation`, `dual`, `mortar`, `supports`, `smooth`, `kinks`: dual mortar contact;
 * `facing`, `frames`: normals of both sides, and the frames of small sliding;

@@ -9,7 +9,7 @@ from skfem_contact.bodies.normals import CORNER, tangents
 from skfem_contact.bodies.projection import interpolated_normals, project
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.search import FacetTree
+from skfem_contact.pairing.search import FacetTree, closest_candidates
 
 #: A facet is a candidate if its normal n_p and that of the node, n_s, have n_s . n_p < -FACING:
 #: they may be up to 84 degrees off the exactly opposite direction.
@@ -60,7 +60,8 @@ def closest_facets(
     point, facet, _, distance = guessed
     np.minimum.at(bound, point, distance + 2 * TIE * primary.lengths[facet])
 
-    blocks = FacetTree.build(primary).candidates(
+    blocks = closest_candidates(
+        FacetTree.build(primary),
         secondary.points,
         secondary.normals,
         facing=float(np.arccos(FACING)),

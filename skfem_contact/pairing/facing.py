@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.normals import CORNER, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.segmentation import Quadrature
-from skfem_contact.pairing.strips import dot, facet_normal_field, turned
+from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -28,7 +28,7 @@ from skfem_contact.bodies.normals import GAUSS, normals_at, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.node import Pairing, gap_vectors
-from skfem_contact.pairing.strips import dot
+from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.segmentation import Quadrature, points_per_segment
-from skfem_contact.pairing.strips import dot, facet_normal_field
+from skfem_contact.pairing.vectors import dot, facet_normal_field
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

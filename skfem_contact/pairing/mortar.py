@@ -42,8 +42,8 @@ from skfem_contact.pairing.kinks import least_gaps
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.segmentation import Quadrature, facet_areas, interface_quadrature
 from skfem_contact.pairing.smooth import common_heights
-from skfem_contact.pairing.strips import facet_normal_field
 from skfem_contact.pairing.supports import FREE, MET, Supports, find_supports, without_multiplier
+from skfem_contact.pairing.vectors import facet_normal_field
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -14,7 +14,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.closest import closest_facets, overhang, search_range
 from skfem_contact.pairing.facing import angle_between, node_normals
-from skfem_contact.pairing.strips import turned
+from skfem_contact.pairing.vectors import turned
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,26 +1,35 @@
-"""Which facets can hold the closest point to a given point? A hierarchy of boxes and normal cones.
+"""Which facets can hold a partner? One tree over the facets of a surface, and two questions to it.
 
 Facets are listed along their surface, so pairs, fours, eights, ... of consecutive facets are
 compact and make a binary tree without any sorting. Each node of the tree knows a ball around its
-facets and the range of directions in which their closest points can be seen from. A point is at a
-stationary distance from a facet only if the line of sight lies in that range, so nearly all of the
-surface is discarded at once, near and far, and the search is exact: nothing is discarded that
-could be a partner.
+facets and the range of directions in which their closest points can be seen from.
+
+`closest_candidates` asks for the facets that can hold the closest point to a given one. A point is at
+a stationary distance from a facet only if the line of sight lies in the range of directions, so nearly
+all of the surface is discarded at once, near and far. `normal_candidates` asks for the facets that
+normal lines of another surface can meet: those whose ball reaches into the strip of normals of a facet.
+Both are exact: nothing is discarded that could be a partner.
 
 D. Johnson, E. Cohen: Spatialized normal cone hierarchies. Proc. I3D (2001) 129-134.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import CORNER
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
 
-#: Pairs (point, node of the tree) worked on at once; bounds the memory at some 100 bytes for each.
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+#: Pairs (item, node of the tree) worked on at once; bounds the memory at some 100 bytes for each.
 BLOCK = 1 << 18
 
 #: Balls are larger by this fraction of their radius, for round-off and for tolerances at the ends.
@@ -28,93 +37,154 @@ MARGIN = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class FacetTree:
-    """Balls and normal cones of 1, 2, 4, ... consecutive facets; ``levels[0]`` are the facets.
+class Nodes:
+    """Nodes of the tree: balls around their facets, and cones of directions.
 
-    Each level is ``(centre (k, 2), radius (k,), angle (k,), spread (k,))``: the closest points of
-    the facets look along directions within `spread` of `angle` [rad], or exactly opposite.
+    The closest points of the facets look along directions within `spread` of `angle` [rad], or
+    exactly opposite. ``centre`` is (k, 2), the others are (k,).
     """
 
-    levels: tuple[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], ...]
+    centre: Array
+    radius: Array
+    angle: Array
+    spread: Array
+
+    def at(self, node: Index) -> Nodes:
+        """These nodes, in this order."""
+        return Nodes(self.centre[node], self.radius[node], self.angle[node], self.spread[node])
+
+
+@dataclass(frozen=True, eq=False)
+class FacetTree:
+    """Nodes of 1, 2, 4, ... consecutive facets; ``levels[0]`` are the facets."""
+
+    levels: tuple[Nodes, ...]
 
     @classmethod
     def build(cls, surface: ContactSurface) -> FacetTree:
         """Build the hierarchy over the facets of a surface."""
         lower, upper = _boxes(surface)
         angle, spread = _cones(surface)
-        levels = [(*_ball(lower, upper), angle, spread)]
+        levels = [Nodes(*_ball(lower, upper), angle, spread)]
         while len(lower) > 1:
             left, right = _children(len(lower))
             lower = np.minimum(lower[left], lower[right])
             upper = np.maximum(upper[left], upper[right])
             angle, spread = _merge(angle[left], spread[left], angle[right], spread[right])
-            levels.append((*_ball(lower, upper), angle, spread))
+            levels.append(Nodes(*_ball(lower, upper), angle, spread))
         return cls(tuple(levels))
 
-    def candidates(
-        self,
-        points: np.ndarray,
-        looks: np.ndarray,
-        *,
-        facing: float,
-        bound: np.ndarray,
-        outside: float,
-        inside: float,
-    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield pairs (point, facet) among which all stationary closest points are.
+    def descend(
+        self, count: int, meets: Callable[[Index, Nodes], Mask]
+    ) -> Iterator[tuple[Index, Index]]:
+        """Yield pairs (item, facet) whose nodes are all met, from the root down.
 
         Parameters
         ----------
-        points, looks : ndarray, shape (m, 2)
-            Points, and the unit directions they look along.
-        facing : float
-            Largest angle [rad] between the line of sight and the opposite of a facet's normal.
-        bound : ndarray, shape (m,)
-            Facets farther away than this need not be found [length].
-        outside, inside : float
-            Largest distance on the side of the normal, and on the side of the body [length].
+        count : int
+            Items 0, 1, ... descend together.
+        meets : callable
+            ``meets(item, nodes)``: whether items may have to do with the facets below nodes, k of each.
 
         Yields
         ------
-        point, facet : ndarray of int
+        item, facet : ndarray of int
         """
-        opposite = np.arctan2(-looks[:, 1], -looks[:, 0])
         top = len(self.levels) - 1
-        everyone = np.arange(len(points))
+        everyone = np.arange(count)
         stack = [
-            (top, everyone[i : i + BLOCK], np.zeros(len(everyone[i : i + BLOCK]), dtype=np.int64))
-            for i in range(0, len(points), BLOCK)
+            (top, everyone[i : i + BLOCK], np.zeros(len(everyone[i : i + BLOCK]), dtype=np.intp))
+            for i in range(0, count, BLOCK)
         ]
         while stack:
-            level, point, node = stack.pop()
-            centre, radius, angle, spread = (array[node] for array in self.levels[level])
-            sight = points[point] - centre
-            distance = np.hypot(sight[:, 0], sight[:, 1])
-            near = distance - radius
-            direction = np.arctan2(sight[:, 1], sight[:, 0])
-            # the directions in which the ball is seen; everywhere from within
-            parallax = np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0))
-            within = near <= 0
-            turn = np.abs(_wrap(direction - angle))
-            limit = spread + parallax + MARGIN
-            in_front = (turn <= limit) & (near <= outside)
-            behind = (np.pi - turn <= limit) & (near <= inside)
-            faces = np.abs(_wrap(opposite[point] - angle)) <= spread + facing
-            keep = faces & (near <= bound[point]) & (within | in_front | behind)
-            point, node = point[keep], node[keep]
+            level, item, node = stack.pop()
+            keep = meets(item, self.levels[level].at(node))
+            item, node = item[keep], node[keep]
             if level == 0:
-                yield point, node
+                yield item, node
                 continue
-            point, node = np.repeat(point, 2), (2 * node[:, None] + [0, 1]).ravel()
-            there = node < len(self.levels[level - 1][1])
-            point, node = point[there], node[there]
-            pieces = max(1, -(-len(point) // BLOCK))
+            item, node = np.repeat(item, 2), np.stack([2 * node, 2 * node + 1], axis=1).ravel()
+            there = node < len(self.levels[level - 1].radius)
+            item, node = item[there], node[there]
+            pieces = max(1, -(-len(item) // BLOCK))
             stack.extend(
-                (level - 1, p, q)
-                for p, q in zip(
-                    np.array_split(point, pieces), np.array_split(node, pieces), strict=True
-                )
+                (level - 1, i, n)
+                for i, n in zip(np.array_split(item, pieces), np.array_split(node, pieces), strict=True)
             )
+
+
+def closest_candidates(
+    tree: FacetTree,
+    points: Array,
+    looks: Array,
+    *,
+    facing: float,
+    bound: Array,
+    outside: float,
+    inside: float,
+) -> Iterator[tuple[Index, Index]]:
+    """Yield pairs (point, facet) among which all stationary closest points are.
+
+    Parameters
+    ----------
+    tree : FacetTree
+    points, looks : ndarray, shape (m, 2)
+        Points, and the unit directions they look along.
+    facing : float
+        Largest angle [rad] between the line of sight and the opposite of a facet's normal.
+    bound : ndarray, shape (m,)
+        Facets farther away than this need not be found [length].
+    outside, inside : float
+        Largest distance on the side of the normal, and on the side of the body [length].
+    """
+    opposite = np.arctan2(-looks[:, 1], -looks[:, 0])
+
+    def in_sight(point: Index, nodes: Nodes) -> Mask:
+        sight = points[point] - nodes.centre
+        distance = np.hypot(sight[:, 0], sight[:, 1])
+        near = distance - nodes.radius
+        direction = np.arctan2(sight[:, 1], sight[:, 0])
+        # the directions in which the ball is seen; everywhere from within
+        parallax = np.arcsin(np.minimum(nodes.radius / np.maximum(distance, nodes.radius), 1.0))
+        within = near <= 0
+        turn = np.abs(_wrap(direction - nodes.angle))
+        limit = nodes.spread + parallax + MARGIN
+        in_front = (turn <= limit) & (near <= outside)
+        behind = (np.pi - turn <= limit) & (near <= inside)
+        faces = np.abs(_wrap(opposite[point] - nodes.angle)) <= nodes.spread + facing
+        return faces & (near <= bound[point]) & (within | in_front | behind)
+
+    return tree.descend(len(points), in_sight)
+
+
+def normal_candidates(
+    secondary: ContactSurface, primary: ContactSurface, reach: float
+) -> tuple[Index, Index]:
+    """Pairs of facets that may meet along the normals of the secondary.
+
+    The work is proportional to the facets and the pairs found, whatever the distance between the
+    surfaces (a search by radius would need `reach`).
+
+    Returns
+    -------
+    e, f : ndarray of int
+        Secondary and primary facets, ordered by both.
+    """
+    centre, radius = _ball(*_boxes(secondary))
+    ends = secondary.points[secondary.facets[:, :2]]
+    along = turned(facet_normal_field(secondary)[:, :2])
+    along = along / np.linalg.norm(along, axis=2, keepdims=True)
+
+    def in_strip(e: Index, nodes: Nodes) -> Mask:
+        past_start = dot(nodes.centre - ends[e, 0], along[e, 0]) >= -nodes.radius
+        before_end = dot(nodes.centre - ends[e, 1], along[e, 1]) <= nodes.radius
+        distance = np.linalg.norm(nodes.centre - centre[e], axis=1)
+        return past_start & before_end & (distance <= reach + radius[e] + nodes.radius)
+
+    found = FacetTree.build(primary).descend(len(secondary.facets), in_strip)
+    e, f = (np.concatenate(column) for column in zip(*found, strict=True))
+    order = np.lexsort((f, e))
+    return e[order], f[order]
 
 
 def _children(count: int) -> tuple[np.ndarray, np.ndarray]:

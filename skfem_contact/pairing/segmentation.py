@@ -13,9 +13,9 @@ surfaces the two are the same. At a corner sharper than 45 degrees each facet ke
 Between the projections of the ends of the primary facets all integrands are smooth (on straight
 facets of flat surfaces polynomials), and Gauss quadrature on each such segment is exact for them.
 
-Only this module and `strips` know that surfaces are curves. A third dimension replaces the strips,
-the intervals and the quadrature of segments by prisms, clipped polygons and their triangles; what
-leaves the module (`Quadrature`) stays the same.
+Only this module and `search` know that surfaces are curves. A third dimension replaces the strips of
+normals, the intervals and the quadrature of segments by prisms, clipped polygons and their triangles;
+what leaves the module (`Quadrature`) stays the same.
 
 References
 ----------
@@ -34,7 +34,8 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.closest import FACING
-from skfem_contact.pairing.strips import candidate_pairs, dot, facet_normal_field, ragged, turned
+from skfem_contact.pairing.search import normal_candidates
+from skfem_contact.pairing.vectors import dot, facet_normal_field, ragged, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -79,7 +80,7 @@ def interface_quadrature(
         up to half the diagonal of the box around the smaller surface, as in `node_to_segment`.
     """
     limits = (np.inf, _half(secondary, primary)) if reach is None else (float(reach),) * 2
-    e, f = candidate_pairs(secondary, primary, max(limits))
+    e, f = normal_candidates(secondary, primary, max(limits))
     e, f, start, stop = _segments(secondary, primary, e, f, limits)
     at, w = _segment_rule(secondary, primary)
     length = stop - start

@@ -37,7 +37,7 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.segmentation import Quadrature
-from skfem_contact.pairing.strips import dot, facet_normal_field, turned
+from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -1,0 +1,39 @@
+"""Vectors in the plane, normal fields and ragged ranges, as all pairings use them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.surface import ContactSurface
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+def facet_normal_field(surface: ContactSurface) -> Array:
+    """Normals at the nodes of each facet, shape (nf, k, d), to be interpolated over it."""
+    normals = surface.facet_node_normals
+    if surface.facets.shape[1] == 2:
+        return normals
+    return np.concatenate([normals, surface.facet_normals[:, None]], axis=1)
+
+
+def dot(v: Array, w: Array) -> Array:
+    """Scalar products along the last axis."""
+    return np.einsum("...d,...d->...", v, w)
+
+
+def turned(v: Array) -> Array:
+    """Vectors turned by +90 degrees: outward normals become the direction of travel."""
+    return np.stack([-v[..., 1], v[..., 0]], axis=-1)
+
+
+def ragged(start: Index, count: Index) -> Index:
+    """``start[0], start[0] + 1, ...`` (count[0] of them), ``start[1], ...``.
+
+    >>> ragged(np.array([5, 0]), np.array([2, 3]))
+    array([5, 6, 0, 1, 2])
+    """
+    before = np.cumsum(count) - count
+    return np.arange(count.sum()) + np.repeat(start - before, count)
