@@ -178,7 +178,7 @@ def test_increments_do_not_touch_the_interior(mu: Any, sliding: str, monkeypatch
 def test_increments_compute_nothing_that_only_questions_need(blocks: Any, monkeypatch: Any) -> None:
     """Forces that displacements follow from, singular values and ends of surfaces: where asked for."""
     from skfem_contact.answers.validity.drift import Track
-    from skfem_contact.problem.condensed import PointRows
+    from skfem_contact.problem.condensed import PointProblem
 
     upper = blocks.floating  # contact alone holds it sideways
     pair = blocks.contact(upper, friction=sc.Coulomb(0.3))
@@ -196,7 +196,7 @@ def test_increments_compute_nothing_that_only_questions_need(blocks: Any, monkey
 
         monkeypatch.setattr(owner, name, counted)
 
-    count(PointRows, "source")
+    count(PointProblem, "source")
     count(Track, "_past_ends")
     count(np.linalg, "svd")
     results = list(history)

@@ -5,7 +5,7 @@ Users have a `ContactResult`, which holds one and shows what is theirs; `answer_
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -40,8 +40,6 @@ class Answer:
     plastic_slip : ndarray, shape (m, d-1)
         What friction acts on: slip of this step, or of its last part where it was cut, less what a
         finite tangential stiffness gives back; positive as the resisting force is [length].
-    settings : Settings
-        The loads in force, from which the next step of a history begins.
     conditions : Conditions
         What the last linear solve held every point to: with it the answer can be differentiated.
     indifferent : tuple of str
@@ -71,7 +69,6 @@ class Answer:
     dissipation_before: Array
     residual_by_contact: Array
     recover: Any = field(repr=False)
-    settings: Any = field(repr=False)
     conditions: Conditions = field(repr=False)
     factor: float | None = None
     indifferent: tuple[str, ...] = ()
@@ -87,7 +84,7 @@ class Answer:
         object.__setattr__(self, "watched", watched)
 
     def _seal(self) -> None:
-        for part in (self, self.state, self.case, self.settings, self.conditions):
+        for part in (self, self.state, self.case, self.conditions):
             seal(part)
         if self.seen is not self.case:
             seal(self.seen)
@@ -97,8 +94,7 @@ class Answer:
     def __getstate__(self) -> dict[str, Any]:
         """All that reports and pictures need, without the factors of the bodies and functions."""
         self.u  # noqa: B018 (recovered before the factors stay behind)
-        given = tuple(self.case.interference[part] for part in self.slices())
-        return {**vars(self), "settings": replace(self.settings, interference=given)}
+        return dict(vars(self))
 
     def __setstate__(self, known: dict[str, Any]) -> None:
         vars(self).update(known)
@@ -128,12 +124,6 @@ class Answer:
         """The bodies and contacts that this is a state of."""
         known: Identity = self.recover.model.geometry.identity
         return known
-
-    @property
-    def own_interference(self) -> tuple[bool, ...]:
-        """Of which contacts the interference in force is the contact's own, and not that of a step."""
-        pairs = zip(self.settings.interference, self.contacts, strict=True)
-        return tuple(given is contact.interference for given, contact in pairs)
 
 
 def answer_of(result: Any) -> Answer:

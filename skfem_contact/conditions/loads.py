@@ -61,7 +61,9 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class LoadCase:
-    """Loads of one step over all bodies and contact points.
+    """The loads in force over all bodies and contact points.
+
+    What a step does not name stays as the step before left it, so that each follows from the last.
 
     Attributes
     ----------
@@ -75,6 +77,12 @@ class LoadCase:
         Already part of `gap0` [length].
     motion : tuple of Motion
         Of the primary side of every contact; zero for deformable bodies.
+    own : tuple of bool
+        Of which contacts the interference is the contact's own, and not that of a step.
+    scale : tuple of (float or None)
+        Of which multiple of the bodies' own f and x these are; None where they were named.
+    factor : float or None
+        The number of the load step, where it was one.
     """
 
     f: Array
@@ -83,6 +91,9 @@ class LoadCase:
     slip0: Array
     interference: Array
     motion: tuple[Motion, ...]
+    own: tuple[bool, ...] = ()
+    scale: tuple[float | None, float | None] = (None, None)
+    factor: float | None = None
 
     @cached_property
     def largest_force(self) -> float:
@@ -102,4 +113,5 @@ class LoadCase:
             self.slip0 + share * (other.slip0 - self.slip0),
             self.interference + share * (other.interference - self.interference),
             tuple(a.towards(b, share) for a, b in zip(self.motion, other.motion, strict=True)),
+            other.own,
         )

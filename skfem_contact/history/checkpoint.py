@@ -18,11 +18,10 @@ from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.state import State
 from skfem_contact.errors import ContactWarning, InputError
-from skfem_contact.history.read import Settings
 
 Array = NDArray[np.float64]
 
-FORMAT = 5  # of the file; a file of another one is refused
+FORMAT = 6  # of the file; a file of another one is refused
 # What reading a file may raise that is damaged, or that is none of ours.
 DAMAGED = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error)
 
@@ -36,8 +35,6 @@ class SavedState:
     state : State
         What friction remembers.
     case : LoadCase
-        The loads under which this is the state.
-    settings : Settings
         The loads in force, which stay as they are where the next step does not name them.
     dissipation_before, dissipation_by_contact : ndarray
         Energy lost before and in the last step, per contact [energy].
@@ -46,21 +43,17 @@ class SavedState:
     converged : bool
         A state that is not can be a `guess`, but no `start`.
     message : str
-    own_interference : tuple of bool
-        Of which contacts the interference is the contact's own, and not that of a step.
     u : ndarray, shape (n,)
         Displacements of all bodies, from which movement counts where a place is indifferent [length].
     """
 
     state: State
     case: LoadCase
-    settings: Settings
     dissipation_before: Array
     dissipation_by_contact: Array
     identity: Identity
     converged: bool
     message: str
-    own_interference: tuple[bool, ...]
     u: Array
 
 
@@ -68,17 +61,14 @@ def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     """Write a state to an ``.npz`` file; see `ContactSolver.save_state`."""
     path = _path(path)
     path = _with_suffix(path)
-    case, settings = result.case, result.settings
+    case = result.case
     data: dict[str, Any] = {"format": FORMAT, "u": result.u}
     data |= {f"state_{name}": value for name, value in vars(result.state).items()}
     for name in ("f", "x", "gap0", "slip0", "interference"):
         data[f"case_{name}"] = getattr(case, name)
     data |= _motions(case.motion)
-    data |= {"settings_f": settings.f, "settings_x": settings.x}
-    data["settings_moved"] = [motion is not None for motion in settings.motion]
-    data["settings_own"] = result.own_interference
-    data["settings_factor"] = np.nan if settings.factor is None else settings.factor
-    data["settings_scale"] = [np.nan if scale is None else scale for scale in settings.scale]
+    data["case_own"] = case.own
+    data["case_scale"] = [np.nan if scale is None else scale for scale in (*case.scale, case.factor)]
     data["dissipation_before"] = result.dissipation_before
     data["dissipation_by_contact"] = result.dissipation_by_contact
     data |= {f"identity_{name}": value for name, value in result.identity.as_arrays().items()}
@@ -121,7 +111,7 @@ def _with_suffix(path: Path) -> Path:
     return path if path.suffix == ".npz" or not path.name else path.with_name(path.name + ".npz")
 
 
-def load_state(path: str | Path, identity: Identity, points: tuple[slice, ...]) -> SavedState:
+def load_state(path: str | Path, identity: Identity) -> SavedState:
     """Read a state back; see `ContactSolver.load_state`.
 
     Parameters
@@ -129,8 +119,6 @@ def load_state(path: str | Path, identity: Identity, points: tuple[slice, ...]) 
     path : str or Path
     identity : Identity
         The bodies and contacts that it has to be a state of.
-    points : tuple of slice
-        The points of each contact.
 
     Raises
     ------
@@ -146,7 +134,7 @@ def load_state(path: str | Path, identity: Identity, points: tuple[slice, ...]) 
         data = _read(path)
         found = int(data.get("format", 0))
         if found == FORMAT:
-            return _state(path, data, identity, points)
+            return _state(path, data, identity)
     except InputError:
         raise
     except DAMAGED as error:
@@ -175,9 +163,7 @@ def _read(path: Path) -> dict[str, Any]:
             return dict(file)
 
 
-def _state(
-    path: Path, data: dict[str, Any], identity: Identity, points: tuple[slice, ...]
-) -> SavedState:
+def _state(path: Path, data: dict[str, Any], identity: Identity) -> SavedState:
     state = State(**{f.name: data[f"state_{f.name}"] for f in fields(State)})
     own = Identity(**{f.name: data[f"identity_{f.name}"] for f in fields(Identity)})
     identity.refuse(own, repr(str(path)))
@@ -188,22 +174,17 @@ def _state(
         )
     )
     names = ("f", "x", "gap0", "slip0", "interference")
-    case = LoadCase(**{name: data[f"case_{name}"] for name in names}, motion=motion)
-    factor = float(data["settings_factor"])
-    scales = [None if np.isnan(scale) else float(scale) for scale in data["settings_scale"]]
-    moved = zip(motion, data["settings_moved"], strict=True)
-    settings = Settings(
-        data["settings_f"],
-        data["settings_x"],
-        tuple(case.interference[part] for part in points),
-        tuple(m.as_argument() if there else None for m, there in moved),
-        None if np.isnan(factor) else factor,
-        (scales[0], scales[1]),
+    scale = [None if np.isnan(value) else float(value) for value in data["case_scale"]]
+    case = LoadCase(
+        **{name: data[f"case_{name}"] for name in names},
+        motion=motion,
+        own=tuple(map(bool, data["case_own"])),
+        scale=(scale[0], scale[1]),
+        factor=scale[2],
     )
     lost = data["dissipation_before"], data["dissipation_by_contact"]
     converged, message = bool(data["converged"]), str(data["message"])
-    ours = tuple(map(bool, data["settings_own"]))
-    return SavedState(state, case, settings, *lost, own, converged, message, ours, data["u"])
+    return SavedState(state, case, *lost, own, converged, message, data["u"])
 
 
 def _motions(motions: tuple[Motion, ...]) -> dict[str, Any]:

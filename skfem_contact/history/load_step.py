@@ -26,7 +26,7 @@ from skfem_contact.errors import ContactWarning, InputError, NoEquilibrium, NotC
 from skfem_contact.history.attempt import Attempt, Walk, nothing, plastic_slip
 from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.indifference import Grip, Indifference, Rest, pins
-from skfem_contact.history.read import Settings, StepReader
+from skfem_contact.history.read import StepReader
 from skfem_contact.history.recovery import Recovery
 from skfem_contact.history.stepping import Stepper
 from skfem_contact.linalg.singular import SingularMatrix
@@ -77,7 +77,7 @@ class LoadStep:
 
     def solve(
         self,
-        settings: Settings,
+        target: LoadCase,
         start: Known,
         guess: Known,
         callback: Callable[[Record], object] | None,
@@ -87,7 +87,6 @@ class LoadStep:
         begin = time.perf_counter()
         geometry, interface = self.model.geometry, self.model.interface
         system, kin = geometry.system, geometry.kin
-        target = self.reader.case(settings)
         fixed = geometry.prescribed
         check_loads(system, interface.contacts, interface.names, interface.parts, kin, fixed, target)
         if start is None:
@@ -99,7 +98,7 @@ class LoadStep:
         warm = guess or start
         way = Way(state, case, target, None if warm is None else warm.state, callback)
         found = self._find(way, start)
-        result = self._result(found, start, settings, time.perf_counter() - begin)
+        result = self._result(found, start, target, time.perf_counter() - begin)
         if result.converged:
             watched = self.watch.look(
                 result.state,
@@ -261,7 +260,7 @@ class LoadStep:
                 "be the `guess` of solve(...)."
             )
         if what == "start":
-            words = self.reader.other_interference(start.settings, start.own_interference)
+            words = self.reader.other_interference(start.case)
             if words:
                 warnings.warn(words, ContactWarning, stacklevel=3)
         return start
@@ -270,7 +269,7 @@ class LoadStep:
         self,
         found: Found,
         start: Known,
-        settings: Settings,
+        target: LoadCase,
         seconds: float,
     ) -> Answer:
         interface, attempt, walk, rest = self.model.interface, found.attempt, found.walk, found.rest
@@ -303,9 +302,8 @@ class LoadStep:
             residual_by_contact=walk.energy.residual,
             dissipation_before=before,
             recover=Recovery.of(attempt) if rest is None else rest.recover,
-            settings=settings,
             conditions=attempt.outcome.iterate.conditions,
-            factor=settings.factor,
+            factor=target.factor,
             indifferent=self._places(found),
         )
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,25 +17,9 @@ from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.errors import InputError
-from skfem_contact.sealed import kept
 
 Array = NDArray[np.float64]
 KEYS = ("f", "x", "interference", "motion")
-
-
-@dataclass(frozen=True, eq=False)
-class Settings:
-    """The loads in force: what a step does not name stays as the step before left it.
-
-    `scale`: of which multiple of the bodies' own f and x these are, None where they were named.
-    """
-
-    f: Array
-    x: Array
-    interference: tuple[Any, ...]
-    motion: tuple[Any, ...]
-    factor: float | None = None
-    scale: tuple[float | None, float | None] = (None, None)
 
 
 class StepReader:
@@ -56,57 +40,67 @@ class StepReader:
             field_values(contact.interference, kin.points[part], f"interference of contact '{name}'")
             for contact, part, name in zip(contacts, self.parts, names, strict=True)
         ]
-        self._still = read_motion(None, kin.points.shape[1], "")
+        self._still = (read_motion(None, kin.points.shape[1], ""),) * len(contacts)
 
-    def initial(self) -> Settings:
+    def initial(self) -> LoadCase:
         """The bodies' own loads and the contacts' own interference."""
-        count = len(self.contacts)
-        interference = tuple(c.interference for c in self.contacts)
-        return Settings(self.own_f, self.system.x, interference, (None,) * count, 1.0, (1.0, 1.0))
+        own = self._placed(np.concatenate(self._own), self._still)
+        ours = (True,) * len(self.contacts)
+        return replace(own, f=self.own_f, x=self.system.x, own=ours, scale=(1.0, 1.0), factor=1.0)
 
-    def other_interference(self, start: Settings, own: Sequence[bool]) -> str:
-        """In words which contact's own interference a state from another solver leaves without effect.
+    def unloaded(self) -> LoadCase:
+        """No load, no prescribed displacement, no interference: where a history begins."""
+        return self._placed(np.zeros(self.kin.m), self._still)
 
-        Parameters
-        ----------
-        start : Settings
-            In force at the state.
-        own : sequence of bool
-            Of which contacts that is the contact's own there, and not that of a step.
-        """
-        for i, given in enumerate(start.interference):
-            if own[i] and given is not self.contacts[i].interference:
-                there = field_values(given, self.kin.points[self.parts[i]], "interference")
-                if not np.array_equal(there, self._own[i]):
-                    worst, name = int(np.argmax(np.abs(there - self._own[i]))), self.names[i]
-                    return (
-                        f"contact {name!r} has an interference of {self._own[i][worst]:.6g} here and "
-                        f"of {there[worst]:.6g} in the state to go on from, which stays: what no step "
-                        "names is as it was. If it is to change, name it in a step of history(...): "
-                        f"{{'interference': {{{name!r}: ...}}}}."
-                    )
-        return ""
-
-    def resumed(self, start: Settings) -> Settings:
-        """The settings of a state to go on from: a multiple of own loads is one of those here.
+    def resumed(self, start: LoadCase) -> LoadCase:
+        """The loads of a state to go on from: a multiple of own loads is one of those here.
 
         Bodies may have other loads and supports of their own in the solver that goes on.
         """
         f, x = start.scale
+        given = [start.interference[part] for part in self.parts]
+        own = [
+            was and np.array_equal(there, here)
+            for was, there, here in zip(start.own, given, self._own, strict=True)
+        ]
         return replace(
-            start,
+            self._placed(start.interference, start.motion),
             f=start.f if f is None else f * self.own_f,
             x=start.x if x is None else x * self.system.x,
+            own=tuple(own),
+            scale=start.scale,
+            factor=start.factor,
         )
 
-    def unloaded(self) -> LoadCase:
-        """No load, no prescribed displacement, no interference: where a history begins."""
-        n, count = self.system.n, len(self.contacts)
-        nothing = Settings(np.zeros(n), np.zeros(n), (0.0,) * count, (None,) * count)
-        return self.case(nothing)
+    def other_interference(self, start: LoadCase) -> str:
+        """In words which contact's own interference a state of another solver leaves without effect."""
+        for name, part, own, here in zip(self.names, self.parts, start.own, self._own, strict=True):
+            there = start.interference[part]
+            if own and not np.array_equal(there, here):
+                worst = int(np.argmax(np.abs(there - here)))
+                return (
+                    f"contact {name!r} has an interference of {here[worst]:.6g} here and "
+                    f"of {there[worst]:.6g} in the state to go on from, which stays: what no step "
+                    "names is as it was. If it is to change, name it in a step of history(...): "
+                    f"{{'interference': {{{name!r}: ...}}}}."
+                )
+        return ""
 
-    def read(self, step: Any, before: Settings) -> Settings:
-        """The settings after a step."""
+    def _placed(self, interference: Array, motion: tuple[Motion, ...]) -> LoadCase:
+        """Gaps and slips with interferences (m,) and obstacles that have moved; no loads."""
+        kin = self.kin
+        gap0, slip0 = np.array(kin.gap0), np.zeros((kin.m, kin.tangents))
+        for part, own, moved in zip(self.parts, self._own, motion, strict=True):
+            gap0[part] += own - interference[part]
+            if moved is not self._still[0]:
+                shift = moved.shift(kin.points[part])
+                gap0[part] -= np.einsum("id,id->i", kin.normal[part], shift)
+                slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], shift)
+        nothing = np.zeros(self.system.n)
+        return LoadCase(nothing, nothing, gap0, slip0, interference, motion)
+
+    def read(self, step: Any, before: LoadCase) -> LoadCase:
+        """The loads in force after a step."""
         if isinstance(step, Mapping):
             unknown = set(step) - set(KEYS)
             if unknown:
@@ -115,12 +109,12 @@ class StepReader:
                     "a dict by body, contact or obstacle name."
                 )
             f, x = step.get("f"), step.get("x")
-            return Settings(
-                self.vector("f", f, before.f, self.own_f),
-                self.vector("x", x, before.x, self.system.x),
-                self._interference(step.get("interference"), before.interference),
-                self._motion(step.get("motion"), before.motion),
+            return replace(
+                self._moved(step.get("interference"), step.get("motion"), before),
+                f=self.vector("f", f, before.f, self.own_f),
+                x=self.vector("x", x, before.x, self.system.x),
                 scale=(before.scale[0] if f is None else None, before.scale[1] if x is None else None),
+                factor=None,
             )
         try:
             factor = number(step, "a load step", "")
@@ -137,14 +131,8 @@ class StepReader:
                 "zero: nothing would change. Give f or x to a Body, or the loads of the step by name; "
                 "an interference is not scaled by a number, write {'interference': {...}}."
             )
-        return Settings(
-            factor * self.own_f,
-            factor * self.system.x,
-            before.interference,
-            before.motion,
-            factor,
-            (factor, factor),
-        )
+        f, x = factor * self.own_f, factor * self.system.x
+        return replace(before, f=f, x=x, scale=(factor, factor), factor=factor)
 
     def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:
         """A stacked vector from a dict by body name, a stacked vector, or None."""
@@ -183,63 +171,45 @@ class StepReader:
                 out[part] = _checked(given_part, size, label)
         return out
 
-    def _interference(self, given: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:
-        if given is None:
+    def _moved(self, interference: Any, motion: Any, before: LoadCase) -> LoadCase:
+        """The loads before, with the interferences and places of obstacles that a step names."""
+        if interference is None and motion is None:
             return before
-        out = list(before)
-        for name, value in self._named(given, "interference").items():
+        values, own = np.array(before.interference), list(before.own)
+        for name, value in self._named(interference, "interference").items():
             if name not in self.names:
                 raise InputError(
                     f"interference: there is no contact {name!r}{suggest(name, self.names, 'contacts')}"
                 )
-            out[self.names.index(name)] = kept(value)
-        return tuple(out)
+            i = self.names.index(name)
+            part, what = self.parts[i], f"interference of contact '{name}'"
+            values[part], own[i] = field_values(value, self.kin.points[part], what), False
+        moved = list(before.motion)
+        for name, value in self._named(motion, "motion").items():
+            for i in self._obstacles(name):
+                moved[i] = read_motion(value, self.kin.points.shape[1], self.names[i])
+        placed = self._placed(values, tuple(moved))
+        return replace(placed, f=before.f, x=before.x, own=tuple(own), scale=before.scale)
 
-    def _motion(self, given: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:
-        if given is None:
-            return before
-        obstacles = [c.primary.name if c.rigid else None for c in self.contacts]
-        out = list(before)
-        for name, value in self._named(given, "motion").items():
-            meant = [
-                i
-                for i, contact in enumerate(self.contacts)
-                if contact.rigid and name in (obstacles[i], self.names[i])
-            ]
-            if not meant:
-                known = [o or self.names[i] for i, o in enumerate(obstacles) if self.contacts[i].rigid]
-                raise InputError(
-                    f"motion: there is no obstacle {name!r}{suggest(name, known, 'obstacles')}"
-                )
-            for i in meant:
-                out[i] = kept(value)
-        return tuple(out)
+    def _obstacles(self, name: Any) -> list[int]:
+        """The contacts with an obstacle of this name."""
+        known = [contact.primary.name if contact.rigid else None for contact in self.contacts]
+        rigid = [i for i, contact in enumerate(self.contacts) if contact.rigid]
+        meant = [i for i in rigid if name in (known[i], self.names[i])]
+        if not meant:
+            listed = [known[i] or self.names[i] for i in rigid]
+            raise InputError(
+                f"motion: there is no obstacle {name!r}{suggest(name, listed, 'obstacles')}"
+            )
+        return meant
 
     @staticmethod
     def _named(given: Any, what: str) -> Mapping[str, Any]:
+        if given is None:
+            return {}
         if not isinstance(given, Mapping):
             raise InputError(f"{what} in a load step has to be a dict by name, not {given!r}.")
         return given
-
-    def case(self, settings: Settings) -> LoadCase:
-        """Loads, prescribed values, initial gaps and slips of these settings."""
-        kin = self.kin
-        gap0, slip0 = np.array(kin.gap0), np.zeros((kin.m, kin.tangents))
-        interference, motions = np.zeros(kin.m), []
-        for i, (contact, part) in enumerate(zip(self.contacts, self.parts, strict=True)):
-            points, name = kin.points[part], self.names[i]
-            interference[part] = self._own[i]
-            if settings.interference[i] is not contact.interference:
-                what = f"interference of contact '{name}'"
-                interference[part] = field_values(settings.interference[i], points, what)
-                gap0[part] += self._own[i] - interference[part]
-            motions.append(self._still)
-            if settings.motion[i] is not None:
-                motions[-1] = read_motion(settings.motion[i], points.shape[1], name)
-                shift = motions[-1].shift(points)
-                gap0[part] -= np.einsum("id,id->i", kin.normal[part], shift)
-                slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], shift)
-        return LoadCase(settings.f, settings.x, gap0, slip0, interference, tuple(motions))
 
 
 def read_motion(motion: Any, d: int, name: str) -> Motion:

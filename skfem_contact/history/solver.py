@@ -25,11 +25,12 @@ from skfem_contact.conditions.diagnosis import check_passes
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import contact_names, interface, point_slices
+from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.errors import InputError
 from skfem_contact.history.checkpoint import SavedState, load_state, save_state
 from skfem_contact.history.load_step import LoadStep
-from skfem_contact.history.read import Settings, StepReader
+from skfem_contact.history.read import StepReader
 from skfem_contact.history.recovery import recover_all
 from skfem_contact.history.stepping import LOOPS, Stepper
 from skfem_contact.history.yielded import Yielded
@@ -362,11 +363,11 @@ class ContactSolver:
         """
         before = self._load_step.known(start, "start")
         known = self._load_step.known(guess, "guess")
-        settings = self._begin(before)
+        target = self._begin(before)
         named = {what: given for what, given in (("f", f), ("x", x)) if given is not None}
         if named:
-            settings = self._reader.read(named, settings)
-        return ContactResult(self._load_step.solve(settings, before, known, callback, throw))
+            target = self._reader.read(named, target)
+        return ContactResult(self._load_step.solve(target, before, known, callback, throw))
 
     @known_keywords("history", {})
     def history(
@@ -413,7 +414,7 @@ class ContactSolver:
         were. None stands for a component that is free there.
         """
         before = self._load_step.known(start, "start")
-        settings = self._begin(before)
+        target = self._begin(before)
         single = isinstance(steps, str | bytes | Mapping) or getattr(steps, "shape", None) == ()
         if single or not isinstance(steps, Iterable):
             raise InputError(
@@ -422,8 +423,8 @@ class ContactSolver:
         yielded = Yielded()
         try:
             for step in _with_progress(steps, progress):
-                settings = self._reader.read(step, settings)
-                before = self._load_step.solve(settings, before, None, None, True)
+                target = self._reader.read(step, target)
+                before = self._load_step.solve(target, before, None, None, True)
                 logger.info("step %s: %s", step if np.ndim(step) == 0 else "", before.message)
                 result = ContactResult(before)
                 yielded.add(result, self._reader)
@@ -467,8 +468,8 @@ class ContactSolver:
             raise InputError("result is None; give what solve(...) returned")
         return save_state(path, known)
 
-    def _begin(self, start: Answer | SavedState | None) -> Settings:
-        return self._reader.initial() if start is None else self._reader.resumed(start.settings)
+    def _begin(self, start: Answer | SavedState | None) -> LoadCase:
+        return self._reader.initial() if start is None else self._reader.resumed(start.case)
 
     def load_state(self, path: str | Path) -> SavedState:
         """A state written by `save_state`, as the ``start`` of ``solve`` or ``history``.
@@ -493,7 +494,7 @@ class ContactSolver:
             for result in solver.history(rest_of_the_steps, start=start):
                 ...
         """
-        return load_state(path, self.geometry.identity, self.interface.parts)
+        return load_state(path, self.geometry.identity)
 
     def update(self, body: Body | str, *, K: Any = None, f: Any = None) -> None:
         """Replace the stiffness or the load of one body in this solver itself.

@@ -45,7 +45,7 @@ class Yielded:
             result = alive()
             if result is None:
                 if light.factor is not None:
-                    loads = reader.read(light.factor, light.settings)
+                    loads = reader.read(light.factor, light.case)
                     light = _with_loads(light, loads.f, loads.x)
                 result = ContactResult(light)
             found.append(result)
@@ -59,7 +59,6 @@ def _with_loads(answer: Answer, f: Array, x: Array) -> Answer:
         answer,
         case=case,
         seen=replace(answer.seen, f=f, x=x),
-        settings=replace(answer.settings, f=f, x=x),
         recover=replace(answer.recover, case=case),
     )
 
