@@ -9,6 +9,9 @@ from scipy.optimize import linprog
 
 #: Friction is taken this much smaller: loads on the very edge may be refused.
 SHARE = 0.98
+#: Where contact slides far, normals turn with the strains: a share of the largest load, along any
+#: motion.
+PUSH = 1e-3
 
 
 def feasible(
@@ -17,11 +20,13 @@ def feasible(
     lines: dict[tuple[str, str], Line],
     step: tuple[float, float],
     obstacles: dict[str, np.ndarray],
+    pushed: bool = False,
 ) -> bool | None:
     """Whether forces exist that hold all bodies in a load step, and not just on the edge.
 
     A body rests if its load, the reactions of its supports and the contact forces, compressive and
     within the bounds of friction, balance in force and moment. None if it could not be decided.
+    `pushed`: also with a small load more along each motion of each body, either way.
     """
     names = list(made)
     columns: list[np.ndarray] = []
@@ -80,8 +85,9 @@ def feasible(
         return None
     A = np.array(columns).T
     scale = float(np.abs(rhs).max())
-    if scale == 0.0:
+    if scale == 0.0 and not pushed:
         return True  # nothing has to be held
+    scale = scale or 1.0
     if upper:
         B = np.zeros((len(upper), A.shape[1]))
         for row, (entries, _) in enumerate(upper):
@@ -90,8 +96,12 @@ def feasible(
         b = np.array([v for _, v in upper]) / scale
     else:
         B = b = None
-    found = linprog(np.zeros(A.shape[1]), B, b, A, rhs / scale, bounds=signs, method="highs")
-    return {0: True, 2: False}.get(found.status)
+    answers = []
+    for push in np.vstack([np.eye(len(rhs)), -np.eye(len(rhs))]) * PUSH if pushed else [0.0]:
+        load = rhs / scale + push
+        found = linprog(np.zeros(A.shape[1]), B, b, A, load, bounds=signs, method="highs")
+        answers.append({0: True, 2: False}.get(found.status))
+    return False if False in answers else (None if None in answers else True)
 
 
 def _components(m: Made) -> np.ndarray:

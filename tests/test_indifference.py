@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 
 import numpy as np
@@ -248,6 +249,30 @@ def test_a_smooth_pad_that_slides_far(linear):
     pushed = np.where(pad.dof_component == 0, 1e-6, -1e-3) / pad.n * 2
     with pytest.raises((sc.NoEquilibrium, sc.NotConverged)):
         quiet(solver.solve, f={"pad": pushed})
+
+
+@pytest.mark.parametrize("off", [0.05, 0.3])
+def test_what_strains_drive_is_said(off):
+    """Beside the middle of its base, which dishes under it, a smooth pad slides: no load works along
+    that motion. The refusal says what it takes to hold it, and that is what a support takes."""
+    base = block("base", (-1.0, 2.0), (-1.0, 0.0), 6, D="bottom")
+    pad = block("pad", (off, 1 + off), f=(0.0, -1e-3), n=4)
+    held = block("pad", (off, 1 + off), f=(0.0, -1e-3), n=4, D=pad.basis.nodal_dofs[0, :1])
+    solvers = [
+        sc.ContactSolver(
+            [base, body],
+            sc.Contact(body.surface("bottom"), base.surface("top"), sliding="finite", name="joint"),
+        )
+        for body in (pad, held)
+    ]
+    with pytest.raises(
+        sc.NoEquilibrium, match=r"'pad' is free to move: translation along x.*strains"
+    ) as e:
+        quiet(solvers[0].solve)
+    joint = solvers[1].solve()["joint"]
+    takes = abs(joint.force[0]) / joint.normal_force.max()
+    said = float(re.search("takes ([0-9.e-]+) of the largest force", str(e.value)).group(1))
+    assert said == pytest.approx(takes, rel=0.05)  # two digits, and the place of another node
 
 
 @pytest.mark.parametrize("linear", LINEAR)

@@ -33,6 +33,12 @@ NOT_SHOWN = (
     "load, but no way to them was found. "
 )
 
+DRIVEN = (
+    "Only strains drive it: no load works along this motion, but the surfaces that carry the load turn "
+    "with the strains, and to hold the bodies where they move least takes {:.1e} of the largest force "
+    "at a contact point (of second order). If that is too little to matter, hold the motion by a DOF. "
+)
+
 # A row that holds a mode of unit size resists it by a number of order one; one that does not, by
 # round-off. Everything below this counts as free: the matrix would lose more digits than it has.
 HELD = 1e-9
@@ -41,6 +47,10 @@ DIGITS = 1e-12
 
 #: Why a body may stand elsewhere.
 NOWHERE = "nothing loads it and nothing holds it there; it stands where it has moved least"
+NEAR = (
+    "nothing loads it and nothing holds it there; it stands near where it has moved least, just where "
+    "points change their partners"
+)
 BARELY = (
     "nothing holds it there but friction that is at its bound, or forces that are round-off; it stands "
     "where the iterations left it"
@@ -172,6 +182,7 @@ def no_equilibrium(
     f: Array | None = None,
     result: Any = None,
     shown: bool = False,
+    pull: float = 0.0,
 ) -> NoEquilibrium:
     """The error for bodies that contact does not hold.
 
@@ -188,6 +199,8 @@ def no_equilibrium(
         The last state reached, which the error carries.
     shown : bool
         Whether statics alone shows that there is none.
+    pull : float
+        What it takes to hold the bodies where they move least, over the largest point force, if known.
     """
     moves = free[:, 0]
     if f is not None:
@@ -198,6 +211,8 @@ def no_equilibrium(
     verb = "is" if len(bodies) == 1 else "are together"
     known = "" if f is None else NOT_SHOWN
     known = SHOWN if shown else known
+    if pull > 0.0:
+        known = DRIVEN.format(pull)
     return NoEquilibrium(
         f"Body {names} {verb} free to move: {motion}, {when}. {known}Usually a support is missing, "
         "the load pulls the bodies apart, or friction is too weak for the load. Prescribe a "

@@ -28,7 +28,7 @@ from scipy.linalg import qr
 
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.motions import BARELY, HELD, RigidMotions, null_space
+from skfem_contact.conditions.motions import BARELY, HELD, NEAR, NOWHERE, RigidMotions, null_space
 from skfem_contact.conditions.state import OPEN, STICK, LocalState, State
 from skfem_contact.conditions.statics import BALANCED, drives
 from skfem_contact.history.attempt import Attempt, Walk, friction_bound
@@ -42,6 +42,8 @@ Mask = NDArray[np.bool_]
 # Weak springs, over the largest stiffness of a body: forces are found to six digits, and a factor of
 # ten between the two is far from one.
 WEAK = (1e-6, 1e-7)
+# Where contact slides far and strains drive a body, to second order, weaker ones let it run off.
+FIRM = (1e-3, 1e-4)
 # Share of a point's force that is left with the weaker springs: 0.1 of what they make, 1 of the rest.
 FALLS = 0.5
 # A point force below this part of the largest is round-off and holds nothing.
@@ -81,12 +83,18 @@ class Rest:
         Combinations of the model's free motions that are indifferent.
     recover : Recovery
         Of its displacements.
+    pull : float
+        What it takes to hold the bodies there, over the largest point force: no answer if there is any.
+    why : str
+        Why a body stands where it stands.
     """
 
     attempt: Attempt
     walk: Walk
     free: Array
     recover: Recovery
+    pull: float = 0.0
+    why: str = NOWHERE
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +202,15 @@ class Indifference:
         u_last : ndarray, shape (n,)
             Displacements of the last result [length].
         """
-        soft = self._soft(walk, target, u_last)
+        rest = self._settle(WEAK, walk, target, u_last)
+        if rest is None and self.stepper.geometry.follows:
+            rest = self._settle(FIRM, walk, target, u_last)
+        return rest
+
+    def _settle(
+        self, weak: tuple[float, float], walk: Walk, target: LoadCase, u_last: Array
+    ) -> Rest | None:
+        soft = self._soft(weak, walk, target, u_last)
         if soft is None:
             return None
         carrying, known, motions = soft
@@ -218,14 +234,18 @@ class Indifference:
     def _lead(
         self, walk: Walk, target: LoadCase, u_last: Array, known: State, free: Array
     ) -> Rest | None:
-        """Hold single DOFs and lead them to where the nodes move least; None if that takes a force.
+        """Hold single DOFs and lead them to where the nodes move least; None if none is found.
 
         Where contact slides far a motion takes the points elsewhere, and every place is solved for.
+        Just where points change their partners no place may be that of its own answer: then the nearest
+        of those that were solved for, and that takes no force, will do.
         """
         springs = pins(self.model, free)
         twin, held = self.model.with_springs(springs), springs > 0
         Q = np.linalg.qr(self.model.motions.modes @ free)[0]
         centre, floor = u_last, ROUND_OFF * force_terms(self.model, target)
+        best: Rest | None = None
+        nearest_left = np.inf
         for _ in range(ROUNDS):
             attempt, way = self._pulled(twin, springs * centre, walk, target, known)
             if not attempt.good:
@@ -237,15 +257,15 @@ class Indifference:
             largest = np.max(np.abs(attempt.local.normal_force), initial=0.0)
             if reaction > max(TURNED * largest, floor):  # no strain's doing
                 return None
-            if np.max(np.abs(left)) <= ARRIVED * np.max(np.abs(u)):
-                break
+            pull = float(reaction / largest) if reaction > max(NO_REACTION * largest, floor) else 0.0
+            there = replace(attempt, case=target, seen=replace(attempt.seen, f=target.f))
+            rest, away = Rest(there, way, free, recover, pull), float(np.max(np.abs(left)))
+            if away <= ARRIVED * np.max(np.abs(u)):
+                return best if pull and best else rest
+            if pull == 0.0 and away < nearest_left:
+                best, nearest_left = replace(rest, why=NEAR), away
             centre, known = centre + left, attempt.state
-        else:
-            return None
-        if reaction > max(NO_REACTION * largest, floor):
-            return None
-        attempt = replace(attempt, case=target, seen=replace(attempt.seen, f=target.f))
-        return Rest(attempt, way, free, recover)
+        return best
 
     def _park(self, walk: Walk, target: LoadCase, u_last: Array, free: Array) -> Rest | None:
         """The place where no bodies overlap and no force acts that is nearest; None if none is found.
@@ -289,12 +309,12 @@ class Indifference:
         return np.asarray(moved)
 
     def _soft(
-        self, walk: Walk, target: LoadCase, u_last: Array
+        self, pair: tuple[float, float], walk: Walk, target: LoadCase, u_last: Array
     ) -> tuple[Mask, State, RigidMotions] | None:
         """Points that carry forces, the state on weak springs that found them, the motions there."""
         forces: list[Array] = []
         known: State | None = None
-        for weak in WEAK:
+        for weak in pair:
             springs = weak_springs(self.model, weak)
             twin = self.model.with_springs(springs)
             attempt, _ = self._pulled(twin, springs * u_last, walk, target, known)

@@ -57,7 +57,8 @@ class Found:
     """What came out: the last attempt and the way to it; `rest` where it leaves motions free.
 
     `refuted`: a motion (k,) by which statics alone shows that there is no equilibrium. `grip`: what
-    holds the bodies of an attempt that was good, where supports do not.
+    holds the bodies of an attempt that was good, where supports do not. `driven`: where strains alone
+    drive a motion, what it takes to hold it.
     """
 
     attempt: Attempt
@@ -65,6 +66,7 @@ class Found:
     rest: Rest | None = None
     refuted: np.ndarray | None = None
     grip: Grip | None = None
+    driven: Rest | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +134,7 @@ class LoadStep:
                 refuted.extend([] if c is None else [c])
             if not refuted:
                 settled.append(self._try_settle(way, start))
-            return bool(refuted) or settled[-1] is not None
+            return bool(refuted) or (settled[-1] is not None and not settled[-1].pull)
 
         may_float = bool(model.motions.k)
         try:
@@ -151,11 +153,11 @@ class LoadStep:
                 walk = replace(other[1], trace=walk.trace + other[1].trace)
         if grip is not None and (model.loose.shape[1] or grip.idles):
             settled.append(self._try_settle(way, start))
-        if settled and settled[-1] is not None:
-            rest = settled[-1]
+        rest = settled[-1] if settled else None
+        if rest is not None and not rest.pull:
             rest.walk.trace[:0] = walk.trace
             return Found(rest.attempt, rest.walk, rest)
-        return Found(attempt, walk, None, refuted[0] if refuted else None, grip)
+        return Found(attempt, walk, None, refuted[0] if refuted else None, grip, rest)
 
     def _pressed(self, way: Way) -> tuple[Attempt, Walk, Grip] | None:
         """An answer that holds all bodies where they were pressed before; None if there is none.
@@ -186,9 +188,11 @@ class LoadStep:
             rest = self._settle(way, start)
         except SingularMatrix:
             raise error from None
+        motions, kin = self.model.motions, self.model.kin
+        if rest is not None and rest.pull:
+            raise no_equilibrium(motions, rest.free, CAN_CARRY, pull=rest.pull) from error
         if rest is not None:
             return Found(rest.attempt, rest.walk, rest)
-        motions, kin = self.model.motions, self.model.kin
         free = motions.free(kin.paired, kin.paired & self.interface.slipping)
         free = free if free.shape[1] else np.eye(motions.k)
         raise no_equilibrium(motions, free, CAN_CARRY, way.target.f) from error
@@ -196,7 +200,7 @@ class LoadStep:
     def _places(self, found: Found) -> tuple[str, ...]:
         """What is to be said of bodies that may stand elsewhere."""
         if found.rest is not None:
-            return self.model.motions.indifferent(found.rest.free)
+            return self.model.motions.indifferent(found.rest.free, found.rest.why)
         return () if found.grip is None else found.grip.adrift(self.interface)
 
     def _settle(self, way: Way, start: Known) -> Rest | None:
@@ -310,6 +314,9 @@ class LoadStep:
     def _failure(self, found: Found, answer: Answer) -> NoEquilibrium | NotConverged:
         attempt, result = found.attempt, ContactResult(answer)
         motions, free = attempt.problem.motions, attempt.outcome.free
+        if found.driven is not None:
+            motions, driven = self.model.motions, found.driven
+            return no_equilibrium(motions, driven.free, CAN_CARRY, None, result, pull=driven.pull)
         if free is None and found.refuted is not None:
             motions, free = self.model.motions, found.refuted[:, None]
         if free is not None:

@@ -59,6 +59,9 @@ NOISE = 10 * float(np.finfo(float).eps)
 BALANCE = 1e-4
 # And of forces across a motion, where moduli are 1e6 apart: their round-off along it.
 ACROSS = 1e-10
+# Where supports move, stiff bodies move with them, and the round-off of their forces may be more: it is
+# excused up to this share of the forces across a motion.
+CARRIED = 1e-7
 RAN_AWAY = (
     "loads and contact forces do not balance along a motion that supports leave free: it is hardly "
     "held, and ran away until round-off carried the load"
@@ -102,8 +105,9 @@ class Stepper:
     ) -> tuple[Attempt, Walk]:
         """Go from a state under `case` to `target`; the last attempt says whether it arrived.
 
-        `doubt` is asked once, where the whole step has failed, whether to leave it at that. `begin` are
-        the starts of the first attempt, by default all that there are.
+        `doubt` is asked once, where the whole step has failed, whether to leave it at that; where it
+        was cut at once, as points slid too far, in the end. `begin` are the starts of the first attempt,
+        by default all that there are.
         """
         walk = Walk(state, case, nothing(self.interface))
         known = warm
@@ -152,6 +156,8 @@ class Stepper:
             elif len(starts) > 1 and not attempt.failure and not attempt.stopped:
                 starts.pop(0)  # before cutting: begin elsewhere
             elif share <= smallest or fails >= self.options.max_cuts or attempt.stopped:
+                if doubt is not None and not attempt.stopped:
+                    doubt()
                 return attempt, walk
             else:
                 shorter = 0.5
@@ -305,14 +311,19 @@ class Stepper:
             note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
             outcome = replace(outcome, trace=trace, note=note)
             local = self._state(step, outcome, walk.share, problem, load, case, seen)
-        failure = "" if balanced(problem.motions, case.f, local, step.noise) else RAN_AWAY
+        carried = NOISE * max(self.model.stiffest) * self._moved(case)
+        fine = balanced(problem.motions, case.f, local, step.noise, carried)
+        failure = "" if fine else RAN_AWAY
         return Attempt(outcome, self.model, problem, load, case, seen, last, local, failure=failure)
 
     def _force_terms(self, case: LoadCase) -> float:
         """Largest load, or what moves of D make of the softest body's stiffness [force]."""
-        moved = np.max(np.abs(case.x[self.geometry.system.D]), initial=0.0)
         softest = min(self.model.stiffest)  # the bodies' own K may have been replaced
-        return float(max(case.largest_force, softest * moved))
+        return max(case.largest_force, softest * self._moved(case))
+
+    def _moved(self, case: LoadCase) -> float:
+        """How far supports are moved [length]."""
+        return float(np.max(np.abs(case.x[self.geometry.system.D]), initial=0.0))
 
     def _state(
         self,
@@ -351,11 +362,15 @@ class Stepper:
         )
 
 
-def balanced(motions: RigidMotions, f: Array, state: LocalState, noise: float) -> bool:
+def balanced(
+    motions: RigidMotions, f: Array, state: LocalState, noise: float, carried: float = 0.0
+) -> bool:
     """Whether loads and contact forces balance along the motions that supports leave free.
 
     A body that is hardly held may move by 1e10 of its size: then the round-off of its ``K u`` carries
-    any load, equilibrium is met to all digits of that, and nothing balances the load.
+    any load, equilibrium is met to all digits of that, and nothing balances the load. `noise` and
+    `carried` are round-off of the forces in the softest and in the stiffest body that moves no further
+    than supports do [force].
     """
     if motions.k == 0:
         return True
@@ -372,6 +387,7 @@ def balanced(motions: RigidMotions, f: Array, state: LocalState, noise: float) -
     across = sum(float(np.abs(values).sum()) for _, values in parts)
     size = sum(np.abs(rows).T @ np.abs(values) for rows, values in parts)
     least = np.maximum(BALANCE * size, max(ACROSS * across, noise * len(f)))
+    least = np.maximum(least, min(carried, CARRIED * across))
     return bool(np.all(left <= least))
 
 

@@ -16,6 +16,7 @@ import judge as bench
 from judge_checks import Court, Finding
 from judge_scenes import BodySpec, ContactSpec, Drive, Scene, make
 from judge_shapes import Block, Edge
+from judge_statics import feasible
 
 import skfem_contact as sc
 
@@ -327,6 +328,29 @@ def test_refusals_are_alike_whatever_they_are_called(monkeypatch):
         second = bench.Run(answers[:2], error)
         monkeypatch.setattr(bench, "run", lambda *_, second=second, **__: second)
         assert bench.compare_orders(court, bench.Run(answers[:2], none)).startswith(words)
+
+
+@pytest.mark.parametrize("seed", [65, 206, 374, 548])
+def test_answers_that_were_refused(seed):
+    """A disc loose between plates (65); a pad and a stack that smooth joints let go, in a step whose
+    first attempt slides off (206, 548); a roller 1e4 times stiffer than its track, whose round-off was
+    taken for a load that nothing carries (374)."""
+    verdict = bench.judge(seed)
+    assert verdict.kind in ("right", "warned"), "\n".join(verdict.words)
+
+
+def test_a_refusal_on_the_edge():
+    """A smooth block rests as long as nothing at all pushes it sideways, a rough one anyhow."""
+    truth = blocks("mortar")
+    court = Court(truth, make(truth))
+    rough = truth.contacts[0]
+    for friction, rests in ((rough.friction, True), (None, False)):
+        s = replace(truth, contacts=(replace(rough, friction=friction, tied=False),))
+        press = Drive("f", "upper", "top", (0.0, -STRAIN), (0.0, 0.0))
+        s = replace(s, drives=(press,), steps=((1.0, 0.0),))
+        made = make(s)
+        assert feasible(s, made, court.lines, (1.0, 0.0), {})
+        assert feasible(s, made, court.lines, (1.0, 0.0), {}, pushed=True) is rests
 
 
 # What is wrong and known.
