@@ -303,3 +303,24 @@ def test_a_round_pad_on_a_smooth_base(linear, swap):
     assert_allclose(u[0], -u[0][mirror], atol=1e-9 * np.abs(u).max())
     assert_allclose(u[1], u[1][mirror], atol=1e-9 * np.abs(u).max())
     assert result.certificate.worst < 1e-8
+
+
+def test_a_place_is_said_to_be_indifferent_once_in_a_history():
+    """Three steps of one history: one warning; another history: another one."""
+    punch = block("punch", f=(0.0, -1e-3))
+    solver = sc.ContactSolver(punch, sc.Contact(punch.surface("bottom"), FLOOR))
+    for _ in range(2):
+        results, words = quiet(lambda: list(solver.history([0.5, 1.0, 0.7])))
+        assert words.count("is indifferent") == 1
+        assert all(len(r.indifferent) == 1 for r in results)
+
+
+def test_an_overlap_of_prescribed_points_is_said_once_in_a_history():
+    """And again where it has doubled."""
+    punch = block("punch", D="bottom")
+    solver = sc.ContactSolver(punch, sc.Contact(punch.surface("bottom"), FLOOR))
+    down = np.where(punch.dof_component == 1, -1.0, 0.0)
+    depths = [0.01, 0.01, 0.005, 0.011, 0.045, 0.045]
+    results, words = quiet(lambda: list(solver.history([{"x": {"punch": d * down}} for d in depths])))
+    assert len(results) == len(depths)
+    assert words.count("push 4 of 4 points") == 2

@@ -132,10 +132,12 @@ def check_loads(
     kin: Kinematics,
     fixed: Mask,
     case: LoadCase,
-) -> None:
+    said: frozenset[tuple[str, str]] = frozenset(),
+) -> frozenset[tuple[str, str]]:
     """Say where prescribed displacements or an interference leave contact no right answer.
 
-    `fixed` are the points of `kin` whose gap is prescribed.
+    `fixed` are the points of `kin` whose gap is prescribed. An overlap is said once in a history, and
+    again where it has doubled: `said` is what has been, and returned with what is said here.
 
     Warns
     -----
@@ -157,8 +159,13 @@ def check_loads(
         if contact.tied:
             _check_tied(system, contact, name, part, kin, case, x, small)
         elif prescribed and np.min(gap[part], initial=np.inf) < -small:
-            _warn_penetration(contact, name, gap[part], small)
+            doubled = int(np.floor(np.log2(-np.min(gap[part]) / small)))
+            keys = {("prescribed", f"{name} {k}") for k in range(doubled + 1)}
+            if not keys <= said:
+                _warn_penetration(contact, name, gap[part], small)
+            said = said | keys
         _warn_overlap(contact, name, kin.gap0[part], case.interference[part])
+    return said
 
 
 def _check_tied(

@@ -146,6 +146,15 @@ def friction_bound(interface: Interface, state: LocalState) -> Array:
     return np.where(state.status != OPEN, bound, 0.0)
 
 
+def rough_at_rest(interface: Interface, state: State) -> bool:
+    """Whether some friction bound is not zero where nothing presses: it jumps where a point opens."""
+    for part, law in interface.laws:
+        slip = np.zeros_like(state.slip[part])
+        if np.any(law.limit(np.zeros(len(slip)), state.area[part], slip) > 0):
+            return True
+    return False
+
+
 def nothing(interface: Interface) -> Energy:
     """No energy lost."""
     zero = np.zeros(len(interface.parts))

@@ -23,7 +23,7 @@ from skfem_contact.conditions.motions import no_equilibrium
 from skfem_contact.conditions.state import State
 from skfem_contact.conditions.statics import drives, escape
 from skfem_contact.errors import ContactWarning, InputError, NoEquilibrium, NotConverged
-from skfem_contact.history.attempt import Attempt, Walk, nothing, plastic_slip
+from skfem_contact.history.attempt import Attempt, Walk, nothing, plastic_slip, rough_at_rest
 from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.indifference import Grip, Indifference, Rest, pins
 from skfem_contact.history.read import StepReader
@@ -38,6 +38,11 @@ from skfem_contact.pairing.corners import Corners
 from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
 
 Known = Answer | SavedState | None
+JUMPS = (
+    "Friction that is not zero without pressure (Tresca, cohesion) is lost all at once where a point "
+    "opens, and such a point may have no state at all: closed it is pulled, open it overlaps. A bound "
+    "that begins at zero, Coulomb(mu, tau_max=...) with a large mu, is free of that. "
+)
 CAN_CARRY = "with the forces that contact can carry"
 
 
@@ -90,7 +95,8 @@ class LoadStep:
         geometry, interface = self.model.geometry, self.model.interface
         system, kin = geometry.system, geometry.kin
         fixed = geometry.prescribed
-        check_loads(system, interface.contacts, interface.names, interface.parts, kin, fixed, target)
+        names, parts, said = interface.names, interface.parts, _said(start)
+        said = check_loads(system, interface.contacts, names, parts, kin, fixed, target, said)
         if start is None:
             case = self.reader.unloaded()
             state = natural_state(kin, len(geometry.surface_dofs))
@@ -106,7 +112,7 @@ class LoadStep:
                 result.state,
                 result.gap,
                 result.case,
-                _said(start),
+                said,
                 result.recover.at_contact,
                 result.mismatch,
             )
@@ -233,13 +239,19 @@ class LoadStep:
         return replace(self.stepper, model=held)
 
     def _warn(self, result: Answer) -> None:
-        if result.indifferent and np.any(result.u):
-            warnings.warn(
-                " ".join(result.indifferent)
-                + " Prescribe a DOF (D=...) if the place matters, or the load should hold it.",
-                ContactWarning,
-                stacklevel=4,
-            )
+        """Warn of places that are indifferent and have not been said to be so in this history."""
+        watched = result.watched
+        new = [words for words in result.indifferent if ("place", words) not in watched.said]
+        if not new or not np.any(result.u):
+            return
+        warnings.warn(
+            " ".join(new)
+            + " Prescribe a DOF (D=...) if the place matters, or the load should hold it. "
+            "(Said once in a history; result.indifferent has it in every step.)",
+            ContactWarning,
+            stacklevel=4,
+        )
+        result.watch(replace(watched, said=watched.said | {("place", words) for words in new}))
 
     @cached_property
     def watch(self) -> Watch:
@@ -334,6 +346,8 @@ class LoadStep:
                 "however small the step. Round the corners by an arc of a few facets, push "
                 "less deep, or lead the bodies apart and together again behind the corner; "
             )
+        elif attempt.outcome.iterate.changes and rough_at_rest(self.interface, attempt.state):
+            usually = JUMPS + usually
         return NotConverged(
             f"The loop '{self.stepper.loop}' did not converge: {result.message}. {usually}"
             "the last state is in `.result` of this exception, the steps before it in `.results`.",

@@ -339,6 +339,20 @@ def test_answers_that_were_refused(seed):
     assert verdict.kind in ("right", "warned"), "\n".join(verdict.words)
 
 
+@pytest.mark.parametrize("seed", [36, 208])
+def test_friction_that_jumps_where_a_point_opens(seed):
+    """Tresca's friction is lost all at once where a point opens: the refusal says so, and its advice, a
+    law that begins at zero pressure, has all the answers."""
+    jumps = bench.scene(seed)
+    found = bench.run(jumps, make(jumps))
+    assert "is lost all at once where a point opens" in str(found.error)
+    spec = jumps.contacts[0]
+    law = ("coulomb", 1.0, spec.friction[1], 0.0)
+    grows = replace(jumps, contacts=(replace(spec, friction=law),))
+    found = bench.run(grows, make(grows))
+    assert found.error is None and len(found.answers) == len(jumps.steps)
+
+
 def test_a_refusal_on_the_edge():
     """A smooth block rests as long as nothing at all pushes it sideways, a rough one anyhow."""
     truth = blocks("mortar")
