@@ -79,11 +79,13 @@ def test_a_block_in_a_gap_stays_where_it_is(n, linear, friction, sliding):
     solver = sc.ContactSolver([loose, punch], contacts, linear=LINEAR[linear])
     down = np.isin(np.arange(punch.n), punch.basis.nodal_dofs[1]).astype(float)
     levels = [-0.015, -0.025, -0.04, 0.0]
+    if sliding == "finite" and friction is not None and friction.mu:
+        levels = levels[:3]  # friction may hold what was squeezed: the step that lets go is refused
     results, words = quiet(
         lambda: list(solver.history([{"x": {"punch": level * down}} for level in levels]))
     )
     places = [r.displacement("loose")[loose.basis.nodal_dofs] for r in results]
-    for result, y in zip(results, [0.0, -0.005, None, -0.01], strict=True):
+    for result, y in zip(results, [0.0, -0.005, None, -0.01][: len(levels)], strict=True):
         u = places.pop(0)
         assert result.certificate.worst < 1e-9
         if y is None:

@@ -191,7 +191,7 @@ class Indifference:
     model: LinearModel
     stepper: Stepper
 
-    def settle(self, walk: Walk, target: LoadCase, u_last: Array) -> Rest | None:
+    def settle(self, walk: Walk, target: LoadCase, u_last: Array, last: bool) -> Rest | None:
         """The answer to a load of which nothing else came; None where there is none to be found.
 
         Parameters
@@ -201,9 +201,12 @@ class Indifference:
         target : LoadCase
         u_last : ndarray, shape (n,)
             Displacements of the last result [length].
+        last : bool
+            Whether smaller steps have failed as well: only then, where contact slides far, firmer
+            springs are asked, which may find another answer than the way of small steps leads to.
         """
         rest = self._settle(WEAK, walk, target, u_last)
-        if rest is None and self.stepper.geometry.follows:
+        if rest is None and last and self.stepper.geometry.follows:
             rest = self._settle(FIRM, walk, target, u_last)
         return rest
 
@@ -223,7 +226,9 @@ class Indifference:
         if drives(motions, target.f, free, near[1]):
             return None
         if follows and not carrying.any():
-            return self._park(walk, target, u_last, free)
+            # what friction may hold on its way is not let go elsewhere
+            held = self.stepper.interface.frictional.any() and walk.state.normal_force.any()
+            return None if held else self._park(walk, target, u_last, free)
         if follows:
             return self._lead(walk, target, u_last, known, free)
         barred = motions.kin.paired & ~carrying & self._moved(motions, free)

@@ -132,14 +132,14 @@ class LoadStep:
         settled: list[Rest | None] = []
         refuted: list[np.ndarray] = []
 
-        def doubt() -> bool:
-            """After the first failure: is there no equilibrium, or one that leaves a motion free?"""
+        def doubt(last: bool) -> bool:
+            """After a failure: is there no equilibrium, or one that leaves a motion free?"""
             kin = model.kin
             if not model.geometry.follows:  # other points may meet
                 c = escape(model.motions, self.interface, kin.paired, f)
                 refuted.extend([] if c is None else [c])
             if not refuted:
-                settled.append(self._try_settle(way, start))
+                settled.append(self._try_settle(way, start, last))
             return bool(refuted) or (settled[-1] is not None and not settled[-1].pull)
 
         may_float = bool(model.motions.k)
@@ -191,7 +191,7 @@ class LoadStep:
         Where DOFs that hold the motion do not help, the matrix is singular of itself: `error`.
         """
         try:
-            rest = self._settle(way, start)
+            rest = self._settle(way, start, True)
         except SingularMatrix:
             raise error from None
         motions, kin = self.model.motions, self.model.kin
@@ -209,14 +209,14 @@ class LoadStep:
             return self.model.motions.indifferent(found.rest.free, found.rest.why)
         return () if found.grip is None else found.grip.adrift(self.interface)
 
-    def _settle(self, way: Way, start: Known) -> Rest | None:
+    def _settle(self, way: Way, start: Known, last: bool) -> Rest | None:
         u_last = np.zeros(self.model.system.n) if start is None else start.u
         walk = Walk(way.state, way.case, nothing(self.interface))
-        return self._indifference.settle(walk, way.target, u_last)
+        return self._indifference.settle(walk, way.target, u_last, last)
 
-    def _try_settle(self, way: Way, start: Known) -> Rest | None:
+    def _try_settle(self, way: Way, start: Known, last: bool = False) -> Rest | None:
         try:
-            return self._settle(way, start)
+            return self._settle(way, start, last)
         except SingularMatrix:  # springs as weak as these do not hold a body everywhere
             return None
 

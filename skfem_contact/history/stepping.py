@@ -100,14 +100,14 @@ class Stepper:
         target: LoadCase,
         warm: State | None,
         callback: Callable[[Record], object] | None,
-        doubt: Callable[[], bool] | None = None,
+        doubt: Callable[[bool], bool] | None = None,
         begin: list[str] | None = None,
     ) -> tuple[Attempt, Walk]:
         """Go from a state under `case` to `target`; the last attempt says whether it arrived.
 
-        `doubt` is asked once, where the whole step has failed, whether to leave it at that; where it
-        was cut at once, as points slid too far, in the end. `begin` are the starts of the first attempt,
-        by default all that there are.
+        `doubt(False)` is asked where the whole step has failed, whether to leave it at that, and
+        `doubt(True)` where smaller steps have failed as well. `begin` are the starts of the first
+        attempt, by default all that there are.
         """
         walk = Walk(state, case, nothing(self.interface))
         known = warm
@@ -134,10 +134,8 @@ class Stepper:
             walk.trace.extend(attempt.outcome.trace)
             last = len(starts) == 1 or attempt.failure == RAN_AWAY  # wherever it begins
             lost = not attempt.good and not attempt.stopped and last
-            if lost and doubt is not None and share == 1.0:
-                ask, doubt = doubt, None
-                if ask():
-                    return attempt, walk
+            if lost and doubt is not None and share == 1.0 and doubt(False):
+                return attempt, walk
             if attempt.good:
                 if self.interface.laws:
                     energy = friction_energy(self.interface, attempt.start, attempt.local)
@@ -157,7 +155,7 @@ class Stepper:
                 starts.pop(0)  # before cutting: begin elsewhere
             elif share <= smallest or fails >= self.options.max_cuts or attempt.stopped:
                 if doubt is not None and not attempt.stopped:
-                    doubt()
+                    doubt(True)
                 return attempt, walk
             else:
                 shorter = 0.5
