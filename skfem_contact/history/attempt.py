@@ -146,7 +146,7 @@ def friction_bound(interface: Interface, state: LocalState) -> Array:
     return np.where(state.status != OPEN, bound, 0.0)
 
 
-def rough_at_rest(interface: Interface, state: State) -> bool:
+def rough_at_rest(interface: Interface, state: LocalState) -> bool:
     """Whether some friction bound is not zero where nothing presses: it jumps where a point opens."""
     for part, law in interface.laws:
         slip = np.zeros_like(state.slip[part])

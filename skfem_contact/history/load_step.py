@@ -346,7 +346,7 @@ class LoadStep:
                 "however small the step. Round the corners by an arc of a few facets, push "
                 "less deep, or lead the bodies apart and together again behind the corner; "
             )
-        elif attempt.outcome.iterate.changes and rough_at_rest(self.interface, attempt.state):
+        elif attempt.outcome.iterate.changes and rough_at_rest(self.interface, attempt.local):
             usually = JUMPS + usually
         return NotConverged(
             f"The loop '{self.stepper.loop}' did not converge: {result.message}. {usually}"
