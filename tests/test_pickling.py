@@ -131,9 +131,11 @@ def test_bodies_travel_without_their_factors():
     result = solver.solve()
     factors = sum(size.memory for size in solver.sizes().values())
     assert factors > 100_000
-    # names and numbers of points; and for a result its vectors, and the fields of its estimate
-    assert len(pickle.dumps(solver)) < before + 0.1 * factors
-    assert len(pickle.dumps(result)) < before + 0.5 * factors
+    assert len(pickle.dumps(solver)) < before + 0.1 * factors  # names and numbers of points
+    # a result adds its vectors; what its estimate has found of surfaces and bodies, these keep
+    travels = len(pickle.dumps(result))
+    assert travels < len(pickle.dumps(solver)) + 0.1 * factors
+    assert travels < before + factors
     assert solver.linear_model._bodies is not None  # the one at home keeps them
 
 
