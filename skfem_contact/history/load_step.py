@@ -205,9 +205,12 @@ class LoadStep:
 
     def _places(self, found: Found) -> tuple[str, ...]:
         """What is to be said of bodies that may stand elsewhere."""
-        if found.rest is not None:
-            return self.model.motions.indifferent(found.rest.free, found.rest.why)
-        return () if found.grip is None else found.grip.adrift(self.interface)
+        rest, grip = found.rest, found.grip
+        if rest is not None and rest.free.shape[1]:
+            return self.model.motions.indifferent(rest.free, rest.why)
+        if rest is not None:  # found on weak springs, and held by what carries
+            grip = Grip.of(self.model, rest.attempt, self.interface)
+        return () if grip is None else grip.adrift(self.interface)
 
     def _settle(self, way: Way, start: Known, last: bool) -> Rest | None:
         u_last = np.zeros(self.model.system.n) if start is None else start.u

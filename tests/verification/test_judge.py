@@ -273,9 +273,12 @@ def test_places_that_nothing_holds(seed):
     assert verdict.kind != "WRONG", "\n".join(verdict.words)
 
 
-@pytest.mark.parametrize("seed", [21, 300])
+@pytest.mark.parametrize("seed", [21, 300, 1285])
 def test_places_that_are_indifferent_are_said(seed):
-    """Held by friction at its bound alone, or by round-off, a body stands where the loop left it."""
+    """Held by friction at its bound alone, or by round-off, a body stands where the loop left it.
+
+    Also where the answer was found on weak springs that it did not need (1285).
+    """
     verdict = bench.judge(seed)
     assert verdict.kind == "warned", "\n".join(verdict.words)
     assert any("The place of body" in w for w in verdict.words)
