@@ -20,6 +20,7 @@ def surface(mesh, where=None, name="disc"):
 
 
 DISC = surface(fem.MeshTri.init_circle(4))
+PLANE = RigidPlane((0, 0), (0, 1))
 
 
 FLOOR = surface(
@@ -167,10 +168,15 @@ def test_moving_the_obstacle_is_moving_the_body_back(obstacle):
         (lambda: LevelSet(lambda x: np.nan * x[0]).pair(DISC), "64 NaN"),
         (lambda: LevelSet(lambda x: x[0], lambda x: x[0]).pair(DISC), "gradient of"),
         (lambda: RigidPlane((0, 0, 0), (0, 0, 1)).pair(DISC), "'disc/surface' is 2-D, .* is 3-D"),
-        (lambda: RigidPlane((0, 0), (0, 1)).moved((1.0,)), "a motion is a translation"),
-        (lambda: RigidPlane((0, 0), (0, 1)).moved(((1, 0), 0.1)), "motion of 2 parts in 2-D"),
-        (lambda: RigidPlane((0, 0), (0, 1)).moved(((1, 0), 0.1, (0,))), "centre of the motion"),
-        (lambda: RigidPlane((0, 0), (0, 1)).moved((np.inf, 0)), "a motion is a translation"),
+        (lambda: PLANE.moved((1.0,)), r"motion is \(1.0,\) .* translation of 2 numbers"),
+        (lambda: PLANE.moved(((1, 0), 0.1)), r"motion is .*, or \(translation, angle, centre\)"),
+        (lambda: PLANE.moved(((1, 0), 0.1, (0,))), "motion is .* angle in radians"),
+        (lambda: PLANE.moved([(1, 0), 0.1, (0, 0), 0]), "motion is"),
+        (lambda: PLANE.moved((np.inf, 0)), "translation of 2 numbers.*: finite"),
+        (
+            lambda: RigidPlane((0, 0, 0), (0, 0, 1)).moved(((1, 0, 0), 0.1, (0, 0, 0))),
+            "give a translation of 3 numbers: finite",
+        ),
     ],
 )
 def test_what_is_no_obstacle_is_refused(make, message):

@@ -13,6 +13,7 @@ from skfem_contact.answers.error.sources import ErrorEstimate
 from skfem_contact.answers.fields import closed_area, displaced, edge_positions, interpolate
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import seal, sealed
 
@@ -183,14 +184,14 @@ class ContactValues:
         There ``gap**(2/3)``, extrapolated from the open side, vanishes; see `fields`. In the order
         of the points; ends of the surface that are closed are no edges.
         """
-        return sealed(edge_positions(self._placed, self.status != 0, self.gap))
+        return sealed(edge_positions(self._placed, self.status != OPEN, self.gap))
 
     @cached_property
     def contact_area(self) -> float:
         """Area in contact, in 2-D up to `contact_edges`; else that of the closed points [area]."""
         if self.points.shape[1] != 2:
-            return float(self.area[self.status != 0].sum())
-        return closed_area(self._placed, self.status != 0, self.gap)
+            return float(self.area[self.status != OPEN].sum())
+        return closed_area(self._placed, self.status != OPEN, self.gap)
 
     @cached_property
     def error_estimate(self) -> ErrorEstimate:

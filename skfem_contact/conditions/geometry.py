@@ -31,7 +31,7 @@ from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.kinematics import Kinematics, initial_gap, join, kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.prescribed import prescribed_rows
-from skfem_contact.conditions.state import LocalState
+from skfem_contact.conditions.state import OPEN, LocalState
 from skfem_contact.pairing.node import Pairing
 
 Array = NDArray[np.float64]
@@ -164,7 +164,7 @@ class Geometry:
         the bodies, and the change of the contact forces' distribution over the largest of them.
         Points that are left out may overlap.
         """
-        closed = (state.status != 0) & self.finite
+        closed = (state.status != OPEN) & self.finite
         if not (closed | self.finite & new.paired).any():
             return 0.0
         # an open point may lie in the other body: on the pairing that was solved it was elsewhere
@@ -185,7 +185,7 @@ class Geometry:
 
     def least_settled(self, old: Kinematics, new: Kinematics, state: LocalState) -> int:
         """The point that makes most of the `mismatch`: by its gap, or by where its force goes."""
-        closed = state.status != 0
+        closed = state.status != OPEN
         wrong = np.where(closed, np.abs(new.gap0), np.maximum(-new.gap0, 0.0)) / self.system.extent
         wrong = np.where(self.finite & new.paired & old.paired, wrong, 0.0)
         forces = np.column_stack([state.normal_force, state.tangential_force])

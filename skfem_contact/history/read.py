@@ -17,6 +17,7 @@ from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.errors import InputError
+from skfem_contact.obstacles.motion import read_motion
 
 Array = NDArray[np.float64]
 KEYS = ("f", "x", "interference", "motion")
@@ -40,7 +41,8 @@ class StepReader:
             field_values(contact.interference, kin.points[part], f"interference of contact '{name}'")
             for contact, part, name in zip(contacts, self.parts, names, strict=True)
         ]
-        self._still = (read_motion(None, kin.points.shape[1], ""),) * len(contacts)
+        d = kin.points.shape[1]
+        self._still = (Motion(np.zeros(d), 0.0, np.zeros(d)),) * len(contacts)
 
     def initial(self) -> LoadCase:
         """The bodies' own loads and the contacts' own interference."""
@@ -187,7 +189,8 @@ class StepReader:
         moved = list(before.motion)
         for name, value in self._named(motion, "motion").items():
             for i in self._obstacles(name):
-                moved[i] = read_motion(value, self.kin.points.shape[1], self.names[i])
+                whose = f"motion of {self.names[i]!r}"
+                moved[i] = Motion(*read_motion(value, self.kin.points.shape[1], whose))
         placed = self._placed(values, tuple(moved))
         return replace(placed, f=before.f, x=before.x, own=tuple(own), scale=before.scale)
 
@@ -210,25 +213,6 @@ class StepReader:
         if not isinstance(given, Mapping):
             raise InputError(f"{what} in a load step has to be a dict by name, not {given!r}.")
         return given
-
-
-def read_motion(motion: Any, d: int, name: str) -> Motion:
-    """A translation (d,), or (translation, angle, centre)."""
-    angle, centre = 0.0, np.zeros(d)
-    usage = f"give a translation of {d} numbers, or (translation, angle, centre)."
-    translation = np.zeros(d) if motion is None else motion
-    parts = isinstance(motion, tuple | list) and len(motion) == 3
-    if parts and (isinstance(motion[0], tuple | list) or np.ndim(motion[0]) == 1):
-        translation, angle, centre = motion
-    try:
-        out = Motion(numbers(translation, "", ""), number(angle, "", ""), numbers(centre, "", ""))
-    except InputError:
-        raise InputError(f"motion of {name!r} is {shown(motion)}; {usage}") from None
-    if not out.translation.shape == out.centre.shape == (d,):
-        raise InputError(f"motion of {name!r} is {shown(motion)}; {usage}")
-    if not np.isfinite([*out.translation, out.angle, *out.centre]).all():
-        raise InputError(f"motion of {name!r} is not finite: {shown(motion)}.")
-    return out
 
 
 def _needs_places(body: Body, name: Any) -> None:

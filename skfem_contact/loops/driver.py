@@ -70,12 +70,10 @@ class Options:
     def fast(cls) -> Options:
         """For finite sliding in a hurry: pairings are iterated to 1e-3 of the largest force.
 
-        On the sliding history of docs/trade.md, whose mesh is wrong by 1.8 %, 0.63 of the time of
-        `balanced` and 1.001 of its error, a nodal force off by 4e-4 of the largest at most; other
-        scenes save less (docs/sliding.md: nothing node by node, 0.35 with mortar). The pairing of
-        small sliding is given, and `newton` ends with round-off: on Hertz, Cattaneo-Mindlin and
-        Raous' block nothing changes, neither error nor, beyond the noise, time. ``tolerance=1e-4`` is
-        for the loops `direct` and `fictitious`. Measured by ``python benchmarks/trade.py``.
+        It saves time where ``sliding="finite"`` pairs anew, above all with mortar; docs/trade.md and
+        docs/sliding.md have the times and errors. The pairing of small sliding is given, and
+        `newton` ends with round-off: nothing changes there. ``tolerance=1e-4`` is for the loops
+        `direct` and `fictitious`.
         """
         return cls(tolerance=1e-4, placement_tolerance=1e-3)
 
@@ -83,9 +81,7 @@ class Options:
     def balanced(cls) -> Options:
         """The defaults: ``Options.balanced() == Options()``.
 
-        Errors on the base meshes of docs/trade.md, which are those of the meshes: Hertz 0.71 %,
-        Cattaneo-Mindlin 3.3 %, Raous' block 0.051 %, a sliding history 1.8 %. Measured by
-        ``python benchmarks/trade.py``.
+        With them the errors are those of the meshes; docs/trade.md shows it.
         """
         return cls()
 
@@ -93,10 +89,8 @@ class Options:
     def accurate(cls) -> Options:
         """For comparisons of answers with each other: pairings are iterated to 1e-8.
 
-        On the sliding history of docs/trade.md 1.36 of the time of `balanced` and 1.000 of its
-        error, which is the mesh's: a nodal force moves by 2e-6 of the largest. Twice the time in the
-        scene of docs/sliding.md. Nothing changes with small sliding, see `fast`. Measured by
-        ``python benchmarks/trade.py``.
+        Errors stay those of the mesh, forces move in the sixth digit, at up to twice the time
+        (docs/trade.md, docs/sliding.md). Nothing changes with small sliding, see `fast`.
         """
         return cls(placement_tolerance=1e-8)
 

@@ -1,5 +1,5 @@
 """Rigid obstacles: they have no DOFs, they are paired and they move.
 
-* `obstacle`: what every obstacle does;
+* `obstacle`, `motion`: what every obstacle does, and how its motions are written;
 * `shapes`, `level_set`: planes, cylinders, spheres, and a function of position.
 """

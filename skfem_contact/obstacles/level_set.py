@@ -13,7 +13,8 @@ from skfem_contact.bodies.selection import place
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.obstacle import Obstacle, rigid_motion
+from skfem_contact.obstacles.motion import rigid_motion
+from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import FACING
 
 #: Steps of central differences, as fractions of the size of the surface: for gradients (the cube

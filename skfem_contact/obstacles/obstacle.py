@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, identity
 
-from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, number, numbers
+from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, numbers
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
@@ -97,39 +97,6 @@ class Obstacle(PrintedAsCall, ABC):
         paired : ndarray of bool, shape (m,)
             Which nodes have a partner.
         """
-
-
-def rigid_motion(motion: Any, dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation matrix and shift of a motion: ``x -> turn @ x + shift``."""
-    usage = (
-        "a motion is a translation of shape (d,), or in 2-D (translation, angle, centre), total, "
-        "with the angle in radians"
-    )
-    if not isinstance(motion, tuple | list) or not motion or _flat(motion[0]):
-        shift = numbers(motion, "motion", usage)
-        turn = np.eye(dim)
-    else:
-        if len(motion) != 3 or dim != 2:
-            raise InputError(f"motion of {len(motion)} parts in {dim}-D; {usage}")
-        angle = number(motion[1], "angle of the motion", usage)
-        centre = numbers(motion[2], "centre of the motion", usage)
-        first = numbers(motion[0], "translation of the motion", usage)
-        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        if centre.shape != (dim,):
-            raise InputError(f"centre of the motion has shape {centre.shape}, not ({dim},); {usage}")
-        if first.shape != (dim,):
-            raise InputError(
-                f"translation of the motion has shape {first.shape}, not ({dim},); {usage}"
-            )
-        shift = first + centre - turn @ centre
-    if shift.shape != (dim,) or not (np.isfinite(shift).all() and np.isfinite(turn).all()):
-        raise InputError(f"motion={motion!r} in {dim}-D; {usage}")
-    return turn, shift
-
-
-def _flat(part: Any) -> bool:
-    """Whether a part of a motion is a number, so that the whole is a translation."""
-    return not isinstance(part, tuple | list) and np.ndim(part) == 0
 
 
 def location(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:

@@ -10,12 +10,12 @@ import numpy as np
 from skfem_contact.arguments import check_switch, number, with_known_keywords
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
+from skfem_contact.obstacles.motion import rigid_motion
 from skfem_contact.obstacles.obstacle import (
     Obstacle,
     check_dimension,
     direction,
     location,
-    rigid_motion,
 )
 from skfem_contact.pairing.closest import FACING
 

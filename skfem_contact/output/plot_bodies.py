@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.conditions.state import OPEN
 from skfem_contact.output.drawing import FRICTION, LINES, arc_length, new_axes, require_plane
 from skfem_contact.output.stress import field_name
 from skfem_contact.output.vtk import Stress, body_cells, body_nodes
@@ -104,7 +105,7 @@ def auto_scale(result: ContactResult) -> float:
     extent, largest = answer.system.extent, float(np.abs(result.u).max(initial=0.0))
     if largest == 0.0:
         return 1.0
-    closed = (answer.state.status != 0) & answer.kin.paired
+    closed = (answer.state.status != OPEN) & answer.kin.paired
     gap = float(np.abs(answer.case.gap0[closed]).max(initial=0.0))
     factor = 0.06 * extent / largest
     if gap > 0.0:
@@ -145,7 +146,7 @@ def _arrows(ax: Any, result: ContactResult, factor: float) -> None:
     for contact, values, size in zip(result.contacts, result.values, sizes, strict=True):
         surface = contact.secondary
         u = result.displacement(surface.body)[surface.dofs]
-        order = np.argsort(arc_length(surface, values.status != 0))
+        order = np.argsort(arc_length(surface, values.status != OPEN))
         head = (values.points + factor * u)[order]
         tail = head - length * values.traction[order]
         ax.plot(*_only(tail, size[order] > 0).T, color=FRICTION, lw=0.8, zorder=3)

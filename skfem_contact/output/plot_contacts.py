@@ -12,7 +12,7 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.state import STATUS
+from skfem_contact.conditions.state import OPEN, STATUS
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import FRICTION, LINES, PRESSURE, arc_length, new_axes, require_plane
 
@@ -55,7 +55,7 @@ def plot_contact(
     values, settings = result.values[i], result.contacts[i]
     surface = settings.secondary
     ax = new_axes(ax, (7.0, 4.0))
-    arc = arc_length(surface, values.status != 0)
+    arc = arc_length(surface, values.status != OPEN)
     order = np.argsort(arc)
     s, closed = arc[order], values.status[order] != 0
     _shade(ax, s, values.status[order])

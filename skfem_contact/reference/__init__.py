@@ -35,7 +35,6 @@ from skfem_contact.reference.hertz import (
     effective_modulus,
     hertz_line,
     hertz_point,
-    hertz_point_from_approach,
     quartic_line,
 )
 from skfem_contact.reference.manufactured import ManufacturedSlip
@@ -127,7 +126,6 @@ __all__ = [
     "friction_cone_turn",
     "hertz_line",
     "hertz_point",
-    "hertz_point_from_approach",
     "inclined_block",
     "lame_rings",
     "layered_cantilever",

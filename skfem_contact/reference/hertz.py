@@ -227,22 +227,6 @@ def hertz_point(P: float, R: float, E_star: float) -> HertzPoint:
     return HertzPoint(P, R, E_star, (3 * P * R / (4 * E_star)) ** (1 / 3))
 
 
-def hertz_point_from_approach(approach: float, R: float, E_star: float) -> HertzPoint:
-    """Hertz point contact of a given approach: ``P = 4/3 E* sqrt(R) approach^1.5``.
-
-    Examples
-    --------
-    Two spheres of radius 50, E = 2e4, nu = 0.3, approaching by 4:
-
-    >>> h = hertz_point_from_approach(4.0, 25.0, effective_modulus(2e4, 0.3, 2e4, 0.3))
-    >>> print(f"{h.a:.3f} {h.p0:.1f} {h.P:.1f}")
-    10.000 2798.3 586080.6
-    """
-    not_negative(approach=approach)
-    positive(R=R)
-    return hertz_point(4 / 3 * E_star * math.sqrt(R) * approach**1.5, R, E_star)
-
-
 @dataclass(frozen=True, eq=False)
 class QuarticLine:
     """Line contact of the profile ``C x⁴``: two maxima of pressure, at ``x = ±a/sqrt(2)``.

@@ -24,6 +24,7 @@ from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.kinematics import compliance_scale
+from skfem_contact.conditions.state import OPEN, STICK
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -35,7 +36,7 @@ FARTHEST = 10.0
 def bodies_error(result: Answer, values: ContactValues) -> tuple[float, dict[str, Elements]]:
     """Relative energy error of the bodies, as far as the traction feels it."""
     part = result.slices()[result.names.index(values.name)]
-    touching = np.unique(result.kin.B_n[part][values.status != 0].indices)
+    touching = np.unique(result.kin.B_n[part][values.status != OPEN].indices)
     found: dict[str, Elements] = {}
     error = total = 0.0
     for i, (body, name) in enumerate(zip(result.system.bodies, result.system.names, strict=True)):
@@ -75,7 +76,7 @@ def stiffness_error(result: Answer, contact: Contact, values: ContactValues, tra
     A body of stiffness k in series with G bears ``k / (k + G)`` less. The bodies' stiffness at a node
     belongs to motions of one node; all sticking points together are softer by their number.
     """
-    stick = values.status == 1
+    stick = values.status == STICK
     if contact.friction is None or not stick.any() or not traction.any():
         return 0.0
     part = result.slices()[result.names.index(values.name)]

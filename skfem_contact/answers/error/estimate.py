@@ -38,6 +38,7 @@ from skfem_contact.answers.error.sources import ROUND_OFF, Elements, ErrorEstima
 from skfem_contact.answers.error.surface import points_across, surface_error
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.state import OPEN
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -46,7 +47,7 @@ Index = NDArray[np.intp]
 def estimate(result: Answer, values: ContactValues) -> ErrorEstimate:
     """Estimate the error of one contact; needs the displacements of its bodies."""
     contact = result.contacts[result.names.index(values.name)]
-    surface, closed = values.surface, values.status != 0
+    surface, closed = values.surface, values.status != OPEN
     if not closed.any():
         none = ErrorSources()
         return ErrorEstimate(none, none, np.zeros(len(closed)), {}, 0, "nothing touches")

@@ -16,6 +16,7 @@ from skfem_contact.answers.error.misfit import Line, edge_misfit, misfit
 from skfem_contact.answers.error.sources import ROUND_OFF
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.conditions.state import OPEN, STICK
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -36,7 +37,7 @@ def surface_error(values: ContactValues, line: Line, traction: Array) -> tuple[T
     order = np.where(sharp, 1.0, 1 / 7 if quadratic else 1 / 3)[:, None]
     # a hat function has a third of the square of its height, over its area
     squares = area / 3.0 * (order * first) ** 2
-    edges = line.edges(values.status != 0, values.gap)
+    edges = line.edges(values.status != OPEN, values.gap)
     squares[edges.inside] = squares[edges.outside] = 0.0
     squares[edges.inside] += edge_misfit(line, edges, traction)
     sharp[edges.inside] = True
@@ -90,7 +91,7 @@ def _scatter(line: Line, first: Array, sharp: NDArray[np.bool_], quadratic: bool
 def points_across(line: Line, status: Index) -> int:
     """Points of the shortest run of contact, or of sticking, that touches an edge."""
     fewest = 0
-    for zone in (status != 0, status == 1):
+    for zone in (status != OPEN, status == STICK):
         start = zone & ((line.before < 0) | ~zone[line.before])
         for first in np.flatnonzero(start):
             run = [first]
