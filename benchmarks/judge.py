@@ -170,6 +170,9 @@ def _judge(s: Scene) -> tuple[str, list[str], str, int]:
         permuted = off
         if off.startswith("differ"):
             wrong = True
+        elif off.startswith("refused") and first.error is None:
+            kind = "refused though feasible"
+        if off.startswith(("differ", "refused")):
             words.append(f"order: {off}")
         for why in compare_routes(court, first):
             wrong = True
@@ -305,8 +308,13 @@ def compare_orders(court: Court, first: Run) -> str:
     same = type(first.error) is type(second.error)
     same |= isinstance(first.error, REFUSALS) and isinstance(second.error, REFUSALS)
     if not same or len(first.answers) != len(second.answers):
+        # an answer that only the one order finds is no other answer: the other one is a refusal
+        error = second.error if second.error is not None else first.error
+        alone = first_off is None and None in (first.error, second.error)
+        open_ = isinstance(error, sc.NotConverged) or "is not shown" in str(error)
+        kind = "refused in one of them" if alone and open_ else "differ"
         return (
-            f"differ: {len(first.answers)} steps, {type(first.error).__name__} against "
+            f"{kind}: {len(first.answers)} steps, {type(first.error).__name__} against "
             f"{len(second.answers)} steps, {type(second.error).__name__} "
             f"({str(second.error or first.error)[:200]})"
         )
@@ -415,7 +423,13 @@ def write_page() -> None:
     PAGE.write_text(f"{before}{BEGIN}\n{table(stored)}\n{END}{after}", encoding="utf-8")
 
 
-ORDERS = ("agree", "several answers are reported", "differ", "no step to compare")
+ORDERS = (
+    "agree",
+    "several answers are reported",
+    "refused in one of them",
+    "differ",
+    "no step to compare",
+)
 
 
 def summary(options: Any, verdicts: list[Verdict]) -> dict[str, Any]:

@@ -322,7 +322,10 @@ def test_a_block_that_friction_squeezes_does_not_drop_out():
 
 
 def test_refusals_are_alike_whatever_they_are_called(monkeypatch):
-    """No equilibrium in one order and none found in the other is no difference; an answer is one."""
+    """No equilibrium in one order and none found in the other is no difference; an answer is one.
+
+    Where the other order only says that it found none, that is a refusal of what can be answered.
+    """
     truth = blocks("mortar")
     court = Court(truth, make(truth))
     answers = bench.run(truth, court.made).answers
@@ -331,6 +334,9 @@ def test_refusals_are_alike_whatever_they_are_called(monkeypatch):
         second = bench.Run(answers[:2], error)
         monkeypatch.setattr(bench, "run", lambda *_, second=second, **__: second)
         assert bench.compare_orders(court, bench.Run(answers[:2], none)).startswith(words)
+    found = bench.Run(answers[:2], None)
+    monkeypatch.setattr(bench, "run", lambda *_, **__: bench.Run(answers[:1], stuck))
+    assert bench.compare_orders(court, found).startswith("refused in one of them")
 
 
 @pytest.mark.parametrize("seed", [65, 206, 374, 548])
