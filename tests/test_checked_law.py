@@ -207,3 +207,68 @@ def test_hardening_laws(name, loop):
     free = np.setdiff1d(np.arange(body.n), body.D)
     assert_allclose((body.K @ result.u)[free], f[free], atol=1e-10 * N.max())
     assert loop != "newton" or result.iterations <= 25
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped(sc.FrictionLaw):
+    """A bound that grows with slip, with a return map in closed form, spoiled by `change`."""
+
+    change: Callable[..., Any] | None = field(default=None, kw_only=True)
+
+    def limit(self, normal_force, area, slip):
+        return 0.2 * normal_force * (1 + 5 * size(slip))
+
+    def return_map(self, trial, normal_force, area, slip):
+        most, wanted = self.limit(normal_force, area, slip), size(trial)
+        slips = wanted > most
+        way = trial / np.where(slips, wanted, 1.0)[:, None]
+        force = np.where(slips[:, None], most[:, None] * way, trial)
+        turn = np.eye(trial.shape[1]) - way[:, :, None] * way[:, None, :]
+        by_trial = (most / np.where(slips, wanted, 1.0))[:, None, None] * turn
+        by_normal = (0.2 * (1 + 5 * size(slip)))[:, None] * way
+        slid = slip / np.where(size(slip) > 0, size(slip), 1.0)[:, None]
+        by_slip = normal_force[:, None, None] * way[:, :, None] * slid[:, None, :]
+        found = force, slips, (by_trial, by_normal, by_slip)
+        return found if self.change is None else self.change(*found)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_a_return_map_of_ones_own_is_that_of_its_limit(loop):
+    """Closed derivatives change neither the answer nor, much, the way to it; all loops ask for them."""
+    asked, partly = [], {"move": (0.008, -0.02), "crown": 0.02}
+
+    def seen(*found):
+        asked.append(loop)
+        return found
+
+    mine = pushed(Mapped(change=seen), loop, **partly).solve()
+    other = pushed(own(lambda N, A, s: 0.2 * N * (1 + 5 * size(s))), loop, **partly).solve()
+    assert asked and {1, 2} <= set(mine.status)
+    assert_allclose(mine.forces, other.forces, rtol=0, atol=1e-8 * np.abs(other.forces).max())
+    assert abs(mine.iterations - other.iterations) <= 1
+    assert mine.certificate.friction < 1e-9
+
+
+NO_MAP = {
+    "two things": (lambda f, s, by: (f, s), r"\(force, slips, \(by_trial"),
+    "two derivatives": (lambda f, s, by: (f, s, by[:2]), r"\(force, slips, \(by_trial"),
+    "numbers": (lambda f, s, by: (f[:, 0], s, by), r"force of what .* has shape \(13,\) .*\(13, 1\)"),
+    "one slope": (lambda f, s, by: (f, s, (by[0], 0.2, by[2])), r"by_normal_force of what .*\(13, 1\)"),
+    "slips as numbers": (lambda f, s, by: (f, 1.0 * s, by), "True or False for each point"),
+    "NaN": (lambda f, s, by: (np.nan * f, s, by), r"returned the force \(nan"),
+    "NaN as slope": (lambda f, s, by: (f, s, (by[0], np.nan * by[1], by[2])), "all numbers finite"),
+    "more than its limit": (lambda f, s, by: (1.01 * f, s, by), "own limit"),
+    "less than its limit": (lambda f, s, by: (np.where(s[:, None], 0.99 * f, f), s, by), "own limit"),
+    "nothing slips": (lambda f, s, by: (f, s & False, by), "sticking, at point"),
+    "everything slips": (lambda f, s, by: (f, s | True, by), "slipping, at point"),
+}
+
+
+@pytest.mark.parametrize("what", NO_MAP)
+def test_return_maps_that_are_none_are_named(what):
+    """Contact, law, point and numbers are said, or what it has to return."""
+    change, words = NO_MAP[what]
+    with pytest.raises(sc.InputError, match=r"contact 'joint': Mapped\.return_map") as caught:
+        pushed(Mapped(change=change)).solve()
+    with pytest.raises(sc.InputError, match=words):
+        raise caught.value

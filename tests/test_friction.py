@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,7 +12,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse import csr_matrix
 
 from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
-from skfem_contact.conditions.friction import return_map, tangential_matrix
+from skfem_contact.conditions.friction import tangential_matrix
+from skfem_contact.conditions.return_map import BEYOND, return_map
 
 size = st.floats(0.0, 1e3)
 
@@ -86,3 +89,64 @@ def test_tangential_matrix_is_the_energy_of_its_springs(t):
     s = (B_t @ u).reshape(3, t)
     energy = np.einsum("ik,ikl,il->", s, spring, s)
     assert_allclose(u @ tangential_matrix(csr_matrix(B_t), spring) @ u, energy, rtol=1e-12)
+
+
+@dataclass(frozen=True, eq=False)
+class Worn(FrictionLaw):
+    """A bound that grows with the pressure and with the size of the slip, and less along one axis."""
+
+    def limit(self, normal_force, area, slip):
+        grown = 1.0 + 0.2 * np.sqrt(0.1 + np.sum(slip**2, axis=1)) + 0.05 * slip[:, 0]
+        return 0.4 * normal_force**0.9 * grown + 0.1 * area
+
+
+@pytest.mark.parametrize("t", [1, 2])
+@pytest.mark.parametrize("law", [Coulomb(0.3, tau_max=2.0, cohesion=0.1), Tresca(1.0), Worn()])
+def test_derivatives_of_the_return_map(law, t):
+    """By central differences of the forces: of trial force, normal force and slip, each by itself."""
+    rng = np.random.default_rng(t)
+    m, h = 40, 1e-5
+    trial, slip = rng.standard_normal((2, m, t))
+    force, area = rng.uniform(0.5, 5.0, m), rng.uniform(0.5, 1.5, m)
+    found, slips, by = law.return_map(trial, force, area, slip)
+    assert 5 < slips.sum() < 35
+    far = np.abs(np.linalg.norm(trial, axis=1) - law.limit(force, area, slip)) > 1e-3  # of the corner
+    far &= np.abs(0.3 * force + 0.1 * area - 2.0 * area) > 1e-3  # and of the cap's
+
+    def change(*where):
+        a, b, c = where
+        ends = [law.return_map(trial + s * a, force + s * b, area, slip + s * c)[0] for s in (1, -1)]
+        return (ends[0] - ends[1])[far] / (2 * h)
+
+    for k in range(t):
+        axis = h * np.eye(t)[k]
+        assert_allclose(by.trial[far, :, k], change(axis, 0.0, 0.0), rtol=0, atol=1e-8)
+        # quotients of the law have seven digits
+        assert_allclose(by.slip[far, :, k], change(0.0, 0.0, axis), rtol=0, atol=1e-6)
+    assert_allclose(by.normal_force[far], change(0.0, h, 0.0), rtol=0, atol=1e-6)
+    assert_allclose(found, return_map(trial, law.limit(force, area, slip))[0], rtol=1e-15)
+
+
+def test_where_slip_begins_the_bound_grows_ahead():
+    """At no slip a bound of its size has a kink: the derivative is that along the friction."""
+
+    @dataclass(frozen=True, eq=False)
+    class Hardening(FrictionLaw):
+        def limit(self, normal_force, area, slip):
+            return 0.1 * normal_force + 2.0 * np.linalg.norm(slip, axis=1)
+
+    one = np.ones(2)
+    slip = np.array([[0.0, 0.0], [0.3, 0.4]])  # the second point has slipped; it gives the step
+    by = Hardening().return_map(np.array([[-6.0, 8.0], [6.0, 8.0]]), one, one, slip)[2]
+    direction = np.array([[-0.6, 0.8], [0.6, 0.8]])
+    expected = 2.0 * direction[:, :, None] * direction[:, None, :]
+    assert_allclose(by.slip, expected, rtol=0, atol=1e-6)
+
+
+def test_a_trial_force_beyond_any_bound_gives_the_bound():
+    """Where a point slips in a known direction, the force is the bound to the last digit."""
+    limit = np.array([0.0, 1e-30, 0.3, 7.0, 1e30])
+    for way in (1.0, -1.0):
+        force, slips = return_map(np.full((5, 1), way * BEYOND), limit)
+        assert_array_equal(force[:, 0], way * limit)
+        assert slips.all()

@@ -20,12 +20,13 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.anderson import Anderson
 from skfem_contact.loops.driver import drive
+from skfem_contact.loops.guided import guided_friction
 from skfem_contact.loops.loops import Pace, direct, fictitious, newton
 from skfem_contact.loops.rules import disagreement, hold, propose
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load
+from skfem_contact.problem.response import Conditions, Load, Response
 
 LOOPS = {"newton": newton, "direct": direct, "fictitious": fictitious}
 K_N, K_T, MU = 4.0, 3.0, 0.5
@@ -267,3 +268,46 @@ def test_the_answer_solves_its_last_conditions(loop):
     for name in ("gap", "slip", "normal_force", "tangential_force"):
         assert_allclose(getattr(again, name), getattr(it.response, name), rtol=0, atol=1e-14)
     assert_array_equal(it.conditions.closed, it.status != OPEN)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+@pytest.mark.parametrize("angle", [0.0, 0.4, 2.0])
+def test_two_tangents_are_one_where_all_acts_along_a_line(loop, angle):
+    """The points of the first test, pushed along a line across two tangents: the same along it."""
+    line = np.array([np.cos(angle), np.sin(angle)])
+    flat = step([-1.0, 2.0, 2.0, 2.0], [0.5, 0.5, 3.0, -3.0])
+    m, zero = 4, np.zeros((4, 2))
+    rows = m + np.arange(2 * m).reshape(m, 2)
+    space = PointSpace(np.diag(np.r_[np.full(m, K_N), np.full(2 * m, K_T)]), np.arange(m), rows)
+    push = np.outer(flat.load.force[m:], line)
+    last = replace(flat.last, slip=zero, tangential_force=zero, reference=zero)
+    one = replace(
+        flat,
+        problem=SimpleNamespace(points=space, solve=space.solve),
+        load=Load(np.r_[flat.load.force[:m], push.ravel()], np.zeros(m), zero, np.zeros(0)),
+        motions=RigidMotions(np.zeros((3 * m, 0)), None, None),
+        last=last,
+    )
+    if loop == "fictitious":
+        one, flat = (replace(s, stiffness=np.full(m, 10 * K_T)) for s in (one, flat))
+    tangents = Guess(np.full(m, OPEN), zero, np.zeros(m), zero, zero)
+    found = drive(LOOPS[loop], one, tangents, Options().tolerance, 400)
+    known = drive(LOOPS[loop], flat, cold(flat), Options().tolerance, 400)
+    assert found.converged and len(found.trace) == len(known.trace)
+    assert_array_equal(found.iterate.status, known.iterate.status)
+    for name in ("slip", "tangential_force"):
+        along = getattr(known.iterate.response, name) * line
+        assert_allclose(getattr(found.iterate.response, name), along, rtol=0, atol=1e-9)
+    assert_allclose(found.iterate.response.normal_force, [0, 2, 2, 2], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("before", [0.5, 4.0, 10.0])
+def test_friction_where_supports_prescribe_the_slip_resists_it(before):
+    """Pressed less and moved back: the bound against the slip, however large the last friction was."""
+    one = step([2.0], [0.0])
+    last = replace(one.last, slip=np.array([[0.3]]), tangential_force=np.array([[before]]))
+    back = Response(np.zeros(1), np.array([[0.1]]), np.array([2.0]), np.zeros((1, 1)), np.zeros(0))
+    closed = np.array([STICK])
+    status, force = guided_friction(replace(one, last=last), np.array([True]), closed, back)
+    assert_array_equal(status, [SLIP])
+    assert_allclose(force, [[-2.0 * MU]], rtol=1e-15)

@@ -16,7 +16,6 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.reaction import contact_forces
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.checked_law import CheckedLaw
-from skfem_contact.conditions.friction import return_map
 from skfem_contact.conditions.state import OPEN
 
 Array = NDArray[np.float64]
@@ -147,14 +146,13 @@ def _friction_violation(result: Answer, floor: float) -> float:
         law = CheckedLaw(contact.friction, name, contact.secondary.points)
         counted, area = (state.slip - state.reference)[part], result.kin.area[part]
         closed = state.status[part] != OPEN
-        limit = np.where(closed, law.limit(compressive, area, counted), 0.0)
         force = state.tangential_force[part]
         plastic = np.where(closed[:, None], result.plastic_slip[part], 0.0)
         scale = max(_largest(state.normal_force[part], force), floor)
         furthest = max(_largest(plastic), still)
         r = scale / furthest if furthest > 0 else 0.0
-        lawful, _ = return_map(force + r * plastic, limit)
-        away = np.linalg.norm(force - lawful, axis=1)
+        lawful, _ = law.force(force + r * plastic, compressive, area, counted)
+        away = np.linalg.norm(force - np.where(closed[:, None], lawful, 0.0), axis=1)
         # np.maximum keeps NaN, which Python's max drops
         worst = np.maximum(worst, _ratio(np.max(away, initial=0.0), scale))
     return float(worst)

@@ -1,6 +1,6 @@
 """The contact conditions: gaps and slips as rows, friction laws, loads, and what they hold.
 
-* `friction`, `checked_law`: laws, and the check of every value that they return;
+* `friction`, `return_map`, `checked_law`: laws, forces by them, the check of every value they return;
 * `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, its rows, and where
   they are when contact slides far;
 * `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers;

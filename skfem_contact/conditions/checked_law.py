@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 
 from skfem_contact.arguments import numbers
 from skfem_contact.bodies.selection import place
-from skfem_contact.conditions.friction import STEP, Coulomb, FrictionLaw, Tresca
+from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
+from skfem_contact.conditions.return_map import (
+    STEP,
+    Derivatives,
+    Mapped,
+    map_by_bound,
+    mapped_arrays,
+    return_map,
+    unlawful,
+)
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
@@ -103,25 +112,69 @@ class CheckedLaw:
             self._refuse("slope", known & ~good, slopes, normal_force, slip)
         return slopes
 
-    def hardening(self, normal_force: Array, area: Array, slip: Array, direction: Array) -> Array:
-        """By how much the bound grows with a slip along `direction`, (m,); zero where it falls.
+    def force(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> tuple[Array, Mask]:
+        """Friction forces (m, d-1) by the return map, and which points slip (m,)."""
+        if self._by_bound:
+            return return_map(trial, self.limit(normal_force, area, slip))
+        return self._own_map(trial, normal_force, area, slip)[:2]
 
-        A difference quotient. Where bounds fall with the slip the loops let them lag: their
-        derivative would take stiffness away from the bodies.
+    def return_map(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> Mapped:
+        """Forces, which points slip, and derivatives; see `FrictionLaw.return_map`.
+
+        Raises
+        ------
+        InputError
+            A law with a map of its own returned something else than finite numbers of these shapes,
+            or forces of another size than its own bound.
         """
-        if self._plain:
-            return np.zeros_like(normal_force)
-        step = STEP * float(np.max(np.abs(slip), initial=0.0))
-        if step == 0.0:
-            return np.zeros_like(normal_force)
-        ahead = self.limit(normal_force, area, slip + step * direction)
-        return np.maximum((ahead - self.limit(normal_force, area, slip)) / step, 0.0)
+        if self._by_bound:
+            return map_by_bound(self, trial, normal_force, area, slip, hardens=not self._plain)
+        return self._own_map(trial, normal_force, area, slip)
+
+    @property
+    def _by_bound(self) -> bool:
+        """Whether the law is given by its bound, and has no return map of its own."""
+        return type(self.law).return_map is FrictionLaw.return_map
+
+    def _own_map(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> Mapped:
+        """What a return map of the law's own gives, checked against its bound."""
+        idle = self._idle(area)
+        asked = trial.copy(), normal_force.copy(), np.where(idle, 1.0, area), slip.copy()
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            found = self.law.return_map(*asked)
+        force, slips, derivatives = mapped_arrays(found, self._name("return_map"), trial)
+        force = np.where(idle[:, None], 0.0, force)
+        slips = np.where(idle, trial.any(axis=1), slips)
+        # a sticking force is the trial force, which needs no formula; a point without area has none
+        stuck = np.eye(trial.shape[1]) * ~slips[:, None, None]
+        own = slips & ~idle
+        by = Derivatives(
+            np.where(own[:, None, None], derivatives.trial, stuck),
+            np.where(own[:, None], derivatives.normal_force, 0.0),
+            np.where(own[:, None, None], derivatives.slip, 0.0),
+        )
+        known = (
+            np.isfinite(normal_force) & np.isfinite(slip).all(axis=1) & np.isfinite(trial).all(axis=1)
+        )
+        limit = self.limit(normal_force, area, slip)
+        wrong = known & unlawful(trial, limit, force, slips, by)
+        if wrong.any():
+            i = int(np.argmax(wrong))
+            raise InputError(
+                f"{self._name('return_map')} returned the force {place(force[i])}, "
+                f"{'slipping' if slips[i] else 'sticking'}, at point {i} at {place(self.points[i])}, "
+                f"for the trial force {place(trial[i])} and its own limit {limit[i]:.6g}; derivatives "
+                f"by it {by.trial[i].tolist()}. It must be the trial force itself where "
+                "that is within the limit, and else a force as large as the limit; and all numbers "
+                "finite. A limit that depends on the direction is not possible."
+            )
+        return force, slips, by
 
     def _ask(
         self, method: Callable[..., Any], what: str, normal_force: Array, area: Array, slip: Array
     ) -> tuple[Array, Mask]:
         """What the law returns, and for which points it was asked with numbers to be answered."""
-        idle = area <= NO_AREA * np.max(area, initial=0.0)
+        idle = self._idle(area)
         # the law's own copies, as it may work in place; divisions by zero are found by their result
         asked = normal_force.copy(), np.where(idle, 1.0, area), slip.copy()
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -138,6 +191,10 @@ class CheckedLaw:
             )
         known = np.isfinite(normal_force) & np.isfinite(slip).all(axis=1) & ~idle
         return np.where(idle, 0.0, values), known
+
+    def _idle(self, area: Array) -> Mask:
+        """Points without area, which carry nothing."""
+        return np.asarray(area <= NO_AREA * np.max(area, initial=0.0))
 
     def _name(self, method: str) -> str:
         return f"contact '{self.contact}': {type(self.law).__name__}.{method}"

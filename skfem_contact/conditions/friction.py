@@ -1,4 +1,4 @@
-r"""Friction laws: limit, derivative, return map, tangential element; pure functions of arrays.
+r"""Friction laws: limit, derivatives, return map, tangential element; pure functions of arrays.
 
 A law bounds the friction force of a point, ``|tau| <= L(lambda)``; the point sticks below the
 bound and slips on it. Internally ``tau`` is the force that resists a positive slip, so that the
@@ -15,14 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import block_diag, csr_matrix, diags
 
 from skfem_contact.arguments import PrintedAsCall, number, numbers, with_known_keywords
+from skfem_contact.conditions.return_map import STEP, Mapped, map_by_bound
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import kept
 
 Array = NDArray[np.float64]
-
-# Step of difference quotients, as a share of the largest argument: the root of round-off and a digit
-# more, as a law may have several length scales. Quotients only speed up the loops.
-STEP = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +37,8 @@ class FrictionLaw(PrintedAsCall):
     -----
     :meth:`slope` is the derivative of the limit with respect to the normal force. It speeds up the
     loop ``newton`` and does not change the answer; the base class takes a difference quotient.
-    That with respect to the slip is always a difference quotient.
+    That with respect to the slip is always a difference quotient, unless a law has its own
+    :meth:`return_map`, which gives the friction forces themselves and all their derivatives.
 
     What a law returns is checked: a bound that is NaN, infinite or negative, at any point, is an
     `InputError`. A law is asked with a normal force of zero, too.
@@ -109,6 +107,47 @@ class FrictionLaw(PrintedAsCall):
         step = STEP * scale
         ahead = np.asarray(self.limit(normal_force + step, area, slip.copy()))
         return (ahead - np.asarray(self.limit(normal_force, area, slip))) / step
+
+    def return_map(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> Mapped:
+        r"""What friction makes of a trial force: itself within the bound, else a force on it.
+
+        Made of `limit`, `slope` and difference quotients. A law may give it itself, for derivatives in
+        closed form; the size of its forces is still what `limit` says, where they slip.
+
+        Parameters
+        ----------
+        trial : ndarray, shape (m, d-1)
+            The force that would resist if nothing slipped [force].
+        normal_force, area : ndarray, shape (m,)
+        slip : ndarray, shape (m, d-1)
+            As for `limit`.
+
+        Returns
+        -------
+        force : ndarray, shape (m, d-1)
+            `trial` where it sticks; of the size of the bound where it slips [force].
+        slips : ndarray of bool, shape (m,)
+        derivatives : tuple of ndarray
+            Of the force by the trial force, shape (m, d-1, d-1), by the normal force, (m, d-1), and
+            by the slip, (m, d-1, d-1).
+
+        Examples
+        --------
+        Two tangents: the force turns with the trial force, and grows with the normal force:
+
+        >>> import numpy as np
+        >>> import skfem_contact as sc
+        >>> one = np.ones(1)
+        >>> force, slips, by = sc.Coulomb(0.5).return_map(
+        ...     np.array([[3.0, 4.0]]), 2 * one, one, np.zeros((1, 2))
+        ... )
+        >>> force, slips, by.normal_force
+        (array([[0.6, 0.8]]), array([ True]), array([[0.3, 0.4]]))
+        >>> by.trial[0].round(12)
+        array([[ 0.128, -0.096],
+               [-0.096,  0.072]])
+        """
+        return map_by_bound(self, trial, normal_force, area, slip)
 
 
 def _not_negative(name: str, value: ArrayLike, law: str, by_point: bool) -> None:
@@ -226,35 +265,6 @@ class Tresca(FrictionLaw):
 
     def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
         return np.zeros_like(normal_force)
-
-
-def return_map(trial: Array, limit: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Bring a trial friction force back onto the friction cone ([M] eq. (11)).
-
-    Parameters
-    ----------
-    trial : ndarray, shape (m, d-1)
-        Elastic predictor ``tau_n + G (s - s_n)`` [force].
-    limit : ndarray, shape (m,)
-        Friction bound [force].
-
-    Returns
-    -------
-    tangential : ndarray, shape (m, d-1)
-        `trial` where it is admissible, else its projection onto the circle of radius `limit`.
-    slips : ndarray of bool, shape (m,)
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> return_map(np.array([[3.0, 4.0], [0.3, 0.4]]), np.array([1.0, 1.0]))
-    (array([[0.6, 0.8],
-           [0.3, 0.4]]), array([ True, False]))
-    """
-    size = np.linalg.norm(trial, axis=1)
-    slips = size > limit
-    factor = np.where(slips, limit / np.where(slips, size, 1.0), 1.0)
-    return trial * factor[:, None], slips
 
 
 def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:

@@ -37,13 +37,14 @@ def transport(vectors: Array, old: Array, new: Array) -> Array:
 
     Parameters
     ----------
-    vectors, old, new : ndarray, shape (m, d)
-        Vectors across the unit normals `old`.
+    vectors : ndarray, shape (..., m, d)
+        Across the unit normals `old`.
+    old, new : ndarray, shape (m, d)
 
     Returns
     -------
-    ndarray, shape (m, d)
-        Vectors across the unit normals `new`.
+    ndarray, shape (..., m, d)
+        Across the unit normals `new`.
 
     Examples
     --------
@@ -53,10 +54,10 @@ def transport(vectors: Array, old: Array, new: Array) -> Array:
     array([[5., 0.]])
     """
     cosine = np.einsum("id,id->i", old, new)
-    across = np.einsum("id,id->i", vectors, new)
+    across = np.einsum("...id,id->...i", vectors, new)
     opposite = cosine <= OPPOSITE - 1.0
     share = across / np.where(opposite, 1.0, 1.0 + cosine)
-    turned = vectors - share[:, None] * (old + new)
+    turned = vectors - share[..., None] * (old + new)
     return np.where(opposite[:, None], -vectors, turned)
 
 
@@ -76,10 +77,19 @@ class _History:
     trend: Array
     vertex: NDArray[np.intp]
 
-    def _shared(self, slip: Array, tangential_force: Array, reference: Array) -> dict[str, Any]:
+    @property
+    def _friction(self) -> Array:
+        """Slip, friction and reference, one after the other, (3, m, ...)."""
+        return np.array((self.slip, self.tangential_force, self.reference))
+
+    def _with(self, friction: Array) -> dict[str, Any]:
         """The fields of a history with other arrays of friction."""
-        known = {field.name: getattr(self, field.name) for field in fields(_History)}
-        return {**known, "slip": slip, "tangential_force": tangential_force, "reference": reference}
+        slip, force, reference = friction
+        other = {"slip": slip, "tangential_force": force, "reference": reference}
+        return {name: vars(self)[name] for name in NAMES} | other
+
+
+NAMES = tuple(field.name for field in fields(_History))
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +102,11 @@ class LocalState(_History):
 
     def in_space(self, kin: Kinematics) -> State:
         """What is remembered of it; `kin` is the pairing that it belongs to."""
-        along = kin.tangent[:, : kin.tangents]
-        arrays = self.slip, self.tangential_force, self.reference
-        vectors = (np.einsum("ik,ikd->id", components, along) for components in arrays)
-        return State(**self._shared(*vectors), normal=kin.normal)
+        components = self._friction
+        vectors = np.zeros((*components.shape[:2], kin.normal.shape[1]))
+        for k in range(kin.tangents):  # in every step: sums over so few are dear to einsum
+            vectors += components[:, :, k, None] * kin.tangent[:, k]
+        return State(**self._with(vectors), normal=kin.normal)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,13 +138,14 @@ class State(_History):
 
     def along(self, kin: Kinematics) -> LocalState:
         """Components along the tangents of a pairing, after `transport` to its normals."""
-        same = self.normal is kin.normal or np.array_equal(self.normal, kin.normal)
-        along = kin.tangent[:, : kin.tangents]
-        components = []
-        for vectors in (self.slip, self.tangential_force, self.reference):
-            here = vectors if same else transport(vectors, self.normal, kin.normal)
-            components.append(np.einsum("id,ikd->ik", here, along))
-        return LocalState(**self._shared(*components))
+        vectors = self._friction
+        if self.normal is not kin.normal and not np.array_equal(self.normal, kin.normal):
+            vectors = transport(vectors, self.normal, kin.normal)
+        components = np.zeros((*vectors.shape[:2], kin.tangents))
+        for k in range(kin.tangents):
+            for j in range(vectors.shape[2]):
+                components[:, :, k] += vectors[:, :, j] * kin.tangent[:, k, j]
+        return LocalState(**self._with(components))
 
     def handed_on(self, vertex: NDArray[np.intp], parts: Sequence[slice]) -> State:
         """The state with the history of every vertex at the point that carries its row now.

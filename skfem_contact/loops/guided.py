@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.friction import return_map
+from skfem_contact.conditions.return_map import BEYOND
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops.step import Step
 
@@ -36,16 +36,15 @@ def guided_friction(
     at = guided & (status != OPEN)
     if not at.any():
         return status, response.tangential_force
-    limit = step.limit(response.normal_force, response.slip)
     moved = response.slip - step.last.slip
     size = np.linalg.norm(moved, axis=1)
     length = np.linalg.norm(response.slip, axis=1) + np.linalg.norm(step.last.slip, axis=1)
     moves = size > ROUND_OFF * length
     along = moved / np.where(moves, size, 1.0)[:, None]
-    # exact sticking gives way to any slip: a trial force beyond any bound
-    exact = step.last.tangential_force + np.where(moves, 4.0 * limit, 0.0)[:, None] * along
+    # exact sticking gives way to any slip
+    exact = np.where(moves[:, None], BEYOND * along, step.last.tangential_force)
     trial = np.where(np.isinf(step.stiffness)[:, None], exact, step.trial(response.slip))
-    force, slips = return_map(trial, limit)
+    force, slips = step.force(trial, response.normal_force, response.slip)
     slips |= moves & np.isinf(step.stiffness)
     return (
         np.where(at, np.where(slips, SLIP, STICK), status),

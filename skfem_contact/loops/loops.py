@@ -24,7 +24,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.friction import return_map
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.anderson import Anderson
@@ -137,21 +136,22 @@ def _conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
     slips = (current.status == SLIP) & step.frictional
     exact = np.isinf(step.stiffness)
     stick = (current.status == STICK) & (exact & step.frictional | step.tied)
-    limit = step.limit(current.normal_force, current.slip)
-    t = current.direction.shape[1]
-    coupling, spring = np.zeros_like(current.direction), np.zeros((len(closed), t, t))
-    if coupled and slips.any():
-        slope = step.slope(current.normal_force, current.slip)
-        coupling[slips] = (slope[:, None] * current.direction)[slips]
-        growth = np.where(
-            slips, step.hardening(current.normal_force, current.slip, current.direction), 0
-        )
-        limit = limit - slope * np.maximum(current.normal_force, 0.0)
-        if growth.any():
-            along = current.direction
-            spring += growth[:, None, None] * along[:, :, None] * along[:, None, :]
-            limit = limit - growth * np.sum(current.slip * along, axis=1)
-    offset = np.where(slips[:, None], limit[:, None] * current.direction, 0.0)
+    offset, coupling = np.zeros_like(current.direction), np.zeros_like(current.direction)
+    t = offset.shape[1]
+    spring = np.zeros((len(closed), t, t))
+    if slips.any():
+        along, asked = current.direction, (current.normal_force, current.slip)
+        if coupled:
+            force, by = step.derivatives(along, *asked)
+            # a bound that falls with the slip lags: it would take stiffness away from the bodies
+            grows = slips & (np.einsum("ikk->i", by.slip) > 0)
+            coupling[slips], spring[grows] = by.normal_force[slips], by.slip[grows]
+            force -= coupling * np.maximum(current.normal_force, 0.0)[:, None]
+            if grows.any():
+                force -= np.einsum("ikl,il->ik", spring, current.slip)
+        else:
+            force = step.sliding(along, *asked)
+        offset[slips] = force[slips]
     elastic = (current.status == STICK) & step.frictional & ~exact
     offset[elastic] = step.trial(np.zeros_like(offset))[elastic]
     spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
@@ -186,8 +186,7 @@ def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
         )
         response = step.problem.solve(conditions, step.load)
         trial = step.trial(response.slip)
-        limit = step.limit(response.normal_force, response.slip)
-        mapped, slips = return_map(trial, limit)
+        mapped, slips = step.force(trial, response.normal_force, response.slip)
         error = np.where(elastic[:, None], mapped - response.tangential_force, 0.0)
         scale = max(
             np.max(np.abs(response.normal_force), initial=0.0),
@@ -197,7 +196,8 @@ def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
 
         proposal = propose(step, replace(current, status=status), response)
         wrong = (proposal.status == OPEN) != (status == OPEN)
-        unit = mapped / np.where(limit > 0, limit, 1.0)[:, None]
+        size = np.linalg.norm(mapped, axis=1)
+        unit = mapped / np.where(size > 0, size, 1.0)[:, None]
         shown = np.where(elastic & slips & (response.normal_force > 0), SLIP, status)
         kept = held is not None and bool((wrong & held.points).any())
         yield Iterate(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.problem.response import Response
@@ -55,11 +56,11 @@ def _slip_rule(
     closes: Mask,
 ) -> tuple[Mask, Array]:
     """Which points slip that are closed or just close, and in which direction friction then acts."""
-    limit = step.limit(response.normal_force, response.slip)
     exact = np.isinf(step.stiffness)
     trial = np.where(exact[:, None], response.tangential_force, step.trial(response.slip))
-    size = np.linalg.norm(trial, axis=1)
-    beyond = size > limit + max(ROUND_OFF * force_scale, step.noise)
+    size = lengths(trial)
+    lawful, _ = step.force(trial, response.normal_force, response.slip)
+    beyond = lengths(trial - lawful) > max(ROUND_OFF * force_scale, step.noise)
     was_slip = current.status == SLIP
     # an exactly sticking point has no trial force while it slips: it goes on slipping as long as
     # the slip of this step follows the friction
@@ -80,23 +81,26 @@ def _slip_rule(
     slips |= smooth
     keep = exact & was_slip
     direction = np.where(keep[:, None], current.direction, unit)
-    # a point that closes slips if it moves sideways by more than it sinks in allows: the trial
-    # force r (s - s_n) against the limit under the trial pressure -r g (Alart and Curnier, 1991),
-    # with an r that makes the largest slip the largest force. If it stuck, it could be in tension,
-    # open, and close again without end
-    r = force_scale / slip_scale if slip_scale > 0 else 0.0
-    distance = np.linalg.norm(step_slip, axis=1)
-    pressed = step.limit(-r * np.where(closes, response.gap, 0.0), response.slip)
-    sideways = closes & step.frictional & ((r * distance > pressed) | smooth)
-    along = step_slip / np.where(distance > 0, distance, 1.0)[:, None]
-    slips = np.where(current.status == OPEN, sideways, slips)
-    direction = np.where(sideways[:, None], along, direction)
+    slips &= current.status != OPEN
+    if closes.any():
+        # a point that closes slips if it moves sideways by more than it sinks in allows: the trial
+        # force r (s - s_n) against the limit under the trial pressure -r g (Alart and Curnier, 1991),
+        # with an r that makes the largest slip the largest force. If it stuck, it could be in
+        # tension, open, and close again without end
+        r = force_scale / slip_scale if slip_scale > 0 else 0.0
+        pressing = -r * np.where(closes, response.gap, 0.0)
+        _, gives = step.force(r * step_slip, pressing, response.slip)
+        sideways = closes & step.frictional & (gives | smooth)
+        distance = lengths(step_slip)
+        along = step_slip / np.where(distance > 0, distance, 1.0)[:, None]
+        slips |= sideways
+        direction = np.where(sideways[:, None], along, direction)
     return slips, np.where(slips[:, None], direction, 0.0)
 
 
 def disagreement(current: Guess, proposal: Guess) -> Mask:
     """Points whose status or slip direction changes."""
-    turned = np.sum(np.abs(current.direction - proposal.direction), axis=1) > 1.0
+    turned = lengths(current.direction - proposal.direction) > 1.0
     return (current.status != proposal.status) | (turned & (proposal.status == SLIP))
 
 
@@ -108,9 +112,11 @@ def law_residual(step: Step, status: NDArray[np.intp], direction: Array, respons
     scale = max(scale, np.max(np.abs(response.tangential_force), initial=0.0))
     if scale <= step.noise:
         return 0.0
-    limit = step.limit(response.normal_force, response.slip)
     slips = (status == SLIP) & (response.normal_force >= 0)
-    error = np.abs(response.tangential_force - limit[:, None] * direction)
+    if not slips.any():
+        return 0.0
+    lawful = step.sliding(direction, response.normal_force, response.slip)
+    error = lengths(response.tangential_force - lawful)
     return float(np.max(error[slips], initial=0.0) / scale)
 
 
@@ -140,7 +146,7 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
     status, first = status.copy(), free
     points = np.zeros(len(status), dtype=bool)
     limit = step.limit(current.normal_force, current.slip)
-    excess = np.linalg.norm(current.tangential_force, axis=1) - limit
+    excess = lengths(current.tangential_force) - limit
     slipping, opened = _by(excess, status == SLIP, step), _by(step.load.gap0, status == OPEN, step)
     order = np.concatenate([slipping, opened])
     for i in order:

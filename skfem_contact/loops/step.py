@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.motions import RigidMotions
+from skfem_contact.conditions.return_map import BEYOND, Derivatives
 from skfem_contact.conditions.state import LocalState
 from skfem_contact.problem.response import Conditions, Load, Response
 from skfem_contact.problem.seam import ContactProblem
@@ -48,17 +50,52 @@ class Step:
         """Derivative of the bound by the normal force."""
         return self._ask("slope", normal_force, slip)
 
-    def hardening(self, normal_force: Array, slip: Array, direction: Array) -> Array:
-        """By how much the bound grows with a slip along `direction` [force/length]."""
-        return self._ask("hardening", normal_force, slip, direction)
+    def force(self, trial: Array, normal_force: Array, slip: Array) -> tuple[Array, Mask]:
+        """Friction forces (m, d-1) that trial forces come back to, and which points slip, (m,).
 
-    def _ask(self, method: str, normal_force: Array, slip: Array, *more: Array) -> Array:
+        Zero where there is no law.
+        """
+        force, slips = np.zeros_like(trial), np.zeros(len(trial), dtype=bool)
+        for part, law, asked in self._asked(normal_force, slip):
+            found = law.force(trial[part], *asked)
+            if len(found[0]) == len(trial):  # of the only contact
+                return found
+            force[part], slips[part] = found
+        return force, slips
+
+    def sliding(self, direction: Array, normal_force: Array, slip: Array) -> Array:
+        """Friction forces (m, d-1) of points that slip along `direction`."""
+        return self.force(BEYOND * direction, normal_force, slip)[0]
+
+    def derivatives(
+        self, direction: Array, normal_force: Array, slip: Array
+    ) -> tuple[Array, Derivatives]:
+        """Friction forces of points that slip along `direction`, and how they change."""
+        m, t = direction.shape
+        force = np.zeros((m, t))
+        by = Derivatives(np.zeros((m, t, t)), np.zeros((m, t)), np.zeros((m, t, t)))
+        for part, law, asked in self._asked(normal_force, slip):
+            own, _, own_by = law.return_map(BEYOND * direction[part], *asked)
+            if len(own) == m:  # of the only contact
+                return own, own_by
+            force[part] = own
+            for whole, values in zip(by, own_by, strict=True):
+                whole[part] = values
+        return force, by
+
+    def _ask(self, method: str, normal_force: Array, slip: Array) -> Array:
         out = np.zeros_like(normal_force)
+        for part, law, asked in self._asked(normal_force, slip):
+            out[part] = getattr(law, method)(*asked)
+        return out
+
+    def _asked(
+        self, normal_force: Array, slip: Array
+    ) -> Iterator[tuple[slice, CheckedLaw, tuple[Array, Array, Array]]]:
+        """The points of each law, and what its bound depends on: normal force, area, slip."""
         force, counted = np.maximum(normal_force, 0.0), slip - self.last.reference
         for part, law in self.laws:
-            rest = (array[part] for array in (self.area, counted, *more))
-            out[part] = getattr(law, method)(force[part], *rest)
-        return out
+            yield part, law, (force[part], self.area[part], counted[part])
 
     def trial(self, slip: Array) -> Array:
         """Elastic predictor ``tau_n + G (s - s_n)`` of points with a finite stiffness."""
