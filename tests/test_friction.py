@@ -13,7 +13,8 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
 from skfem_contact.conditions.friction import tangential_matrix
-from skfem_contact.conditions.return_map import BEYOND, return_map
+from skfem_contact.conditions.return_map import return_map
+from skfem_contact.conditions.thresholds import BEYOND
 
 size = st.floats(0.0, 1e3)
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from skfem_contact.conditions.motions import HELD, _holds_all, null_space
+from skfem_contact.conditions.motions import _holds_all, null_space
+from skfem_contact.conditions.thresholds import RESISTS
 
 
-@pytest.mark.parametrize("least", [HELD, 1e-7, 1e-2])
+@pytest.mark.parametrize("least", [RESISTS, 1e-7, 1e-2])
 @pytest.mark.parametrize("k", [1, 2, 3, 6])
 def test_quick_answer_is_that_of_the_singular_values(k: int, least: float) -> None:
     """Whatever the smallest singular value is, held motions are found to be so, and no others."""
@@ -39,7 +40,7 @@ def test_quick_answer_is_given_where_contact_holds() -> None:
     turn = normals[:, 1] * points[:, 0] - normals[:, 0] * points[:, 1]
     rows = np.column_stack([normals, turn])
     assert _holds_all(rows, 1e-2)
-    assert not _holds_all(rows[:2], HELD)  # nothing holds it sideways
+    assert not _holds_all(rows[:2], RESISTS)  # nothing holds it sideways
 
 
 def test_no_rows_and_no_motions() -> None:

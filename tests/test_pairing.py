@@ -17,10 +17,10 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.projection import project
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.closest import END, FACING
 from skfem_contact.pairing.diagnosis import diagnose
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import node_to_segment
+from skfem_contact.pairing.thresholds import COINCIDENT, FACING
 
 
 def body(mesh, element=None, name=None):
@@ -190,7 +190,7 @@ def test_a_corner_above_a_corner_is_paired(scale, angle):
         pairing = node_to_segment(turned(upper, angle, shift)[0], turned(lower, angle, 0)[0])
         assert pairing.paired.all()
         assert np.abs(pairing.gap).max() <= 1e-11 * scale
-    outside = 10 * END * 0.25 * scale
+    outside = 10 * COINCIDENT * 0.25 * scale
     upper = block(1, -outside, scale, scale, 2 * scale).surface("bottom")
     assert node_to_segment(upper, lower).paired.tolist() == [False, True]
 

@@ -5,5 +5,6 @@
 * `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers;
 * `validity`: whether the model holds; `error`: how far the mesh may be off;
 * `result`, `single`: all of it as users see it, and of the contact where there is one;
-* `contact_report`, `report`: all of it printed.
+* `contact_report`, `report`: all of it printed;
+* `thresholds`: numbers, and where they come from.
 """

@@ -2,7 +2,7 @@ r"""The certificate: how well an answer satisfies the equations, measured from t
 
 All numbers are dimensionless. Forces are divided by the largest force in the problem (load, contact
 or reaction), lengths by the extent of the bodies. Where unloaded bodies move rigidly, all forces are
-round-off and nothing to divide by: the scale is then `FLOOR` of the terms that cancel in ``K u``.
+round-off and nothing to divide by: the scale is then `SCALE_FLOOR` of the terms that cancel in ``K u``.
 """
 
 from __future__ import annotations
@@ -14,17 +14,12 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.reaction import contact_forces
+from skfem_contact.answers.thresholds import NO_LOAD, SCALE_FLOOR
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.state import OPEN
 
 Array = NDArray[np.float64]
-
-#: Forces below this part of the terms of ``K u`` are no scale: their own round-off is 1e-10 of it.
-FLOOR = 1e-6
-
-#: Without a load, forces below this part of the terms of ``K u`` are what cancelling them leaves.
-ROUND_OFF = 1e-10
 
 
 @dataclass(frozen=True)
@@ -103,7 +98,7 @@ def certify(result: Answer) -> Certificate:
     force = _largest(f, contact, reactions, state.normal_force, state.tangential_force)
     # a load is a scale however small: a body that ran away with it has not carried it
     noise = _largest(*terms)
-    floor = FLOOR * noise if not f.any() and force < ROUND_OFF * noise else 0.0
+    floor = SCALE_FLOOR * noise if not f.any() and force < NO_LOAD * noise else 0.0
     force = max(force, floor)
     length = system.extent
     gap = result.kin.B_n @ u + result.seen.gap0
@@ -114,7 +109,7 @@ def certify(result: Answer) -> Certificate:
     total = max(total, floor)
     balance, moment, across, normal = _balance(result, f + reactions, total * length)
     # a contact that carries round-off of the others has no digits of its own
-    violation = _friction_violation(result, max(floor, ROUND_OFF * force))
+    violation = _friction_violation(result, max(floor, NO_LOAD * force))
     return Certificate(
         equilibrium=_ratio(np.max(np.abs(residual), initial=0.0), force),
         penetration=_ratio(np.max(overlap, initial=0.0), length),
@@ -138,7 +133,7 @@ def _friction_violation(result: Answer, floor: float) -> float:
     """
     state, worst = result.local, 0.0
     # slips below this part of the displacements they are differences of have no digits
-    still = FLOOR * _largest(result.u)
+    still = SCALE_FLOOR * _largest(result.u)
     for contact, part, name in zip(result.contacts, result.slices(), result.names, strict=True):
         if contact.friction is None:
             continue

@@ -8,14 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skfem_contact.answers.error.sources import percent
+from skfem_contact.answers.thresholds import COARSE
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 
 if TYPE_CHECKING:
     from skfem_contact.answers.values import ContactValues
-
-# Energy that the balance of a step misses, over the energy lost, from which on it is said: the loss of
-# the README's scene, pressed and released, is then wrong by a third of that.
-COARSE = 0.05
 
 
 def contact_lines(values: ContactValues, estimate: bool) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.contact_report import contact_lines, status_words, vector
-from skfem_contact.answers.uniqueness import MOST_ROWS
+from skfem_contact.answers.thresholds import MOST_ROWS
 
 if TYPE_CHECKING:
     from skfem_contact.answers.result import ContactResult

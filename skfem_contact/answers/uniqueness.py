@@ -29,13 +29,11 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.state import OPEN, SLIP, LocalState
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky
-from skfem_contact.problem.points import LOOSE, PointSpace
+from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.thresholds import LOOSE
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# Printed reports look for other answers up to so many gaps and slips: a second at most.
-MOST_ROWS = 2000
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from scipy.sparse import csr_matrix, issparse
 from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 
 from skfem_contact.arguments import shown, suggest
+from skfem_contact.bodies.thresholds import SYMMETRIC, UNSYMMETRIC
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import sealed_matrix
 
@@ -25,10 +26,6 @@ SUPPORTED = (
     skfem.ElementHex1,
     skfem.ElementHex2,
 )
-
-#: An entry of K - K' above this fraction of the largest entry of K is not round-off of assembly, which
-#: is 1e-7 in single precision; below the other one nothing that factorises K sees it.
-UNSYMMETRIC, SYMMETRIC = 1e-6, 1e-13
 
 
 def unknown_boundary(name: str, mesh: Any) -> str:

@@ -8,23 +8,8 @@ import numpy as np
 
 from skfem_contact.arguments import numbers
 from skfem_contact.bodies.facets import facet_shapes
+from skfem_contact.bodies.thresholds import ALIKE, CORNER, STEEPEST, STRAIGHT
 from skfem_contact.errors import InputError
-
-#: Two facets that meet at a larger angle than 45 degrees form a corner: no normal is averaged over
-#: it.
-CORNER = np.cos(np.pi / 4)
-
-
-#: A facet stands for a piece of a curve if the smooth boundary leaves it by no more than 11.25 degrees:
-#: 16 facets to the circle. With fewer the polygon is meant, as it is of a chamfer of 30 degrees.
-STEEPEST = np.tan(np.pi / 16)
-
-#: ... and by about as much at both ends: where a straight side passes into an arc, one end turns by
-#: half of the other, and beside a kink in a straight side one end does not turn at all.
-ALIKE = 2 / 3
-
-#: A facet is straight beside a kink if the surface turns at its other end by less than this part.
-STRAIGHT = 1 / 4
 
 #: Gauss points per facet for the areas: exact up to order 9, so also for a curved quadratic facet
 #: (whose length element is no polynomial) far below the error of its geometry.

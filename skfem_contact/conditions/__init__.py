@@ -5,5 +5,6 @@
   they are when contact slides far;
 * `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers;
 * `prescribed`, `motions`, `statics`: what supports prescribe, leave free, and whether contact holds it;
-* `diagnosis`, `identity`: what can be said before solving; what a stored state belongs to.
+* `diagnosis`, `identity`: what can be said before solving; what a stored state belongs to;
+* `thresholds`: numbers, and where they come from.
 """

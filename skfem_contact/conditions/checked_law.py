@@ -18,7 +18,6 @@ from skfem_contact.arguments import numbers
 from skfem_contact.bodies.selection import place
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.conditions.return_map import (
-    STEP,
     Derivatives,
     Mapped,
     map_by_bound,
@@ -26,16 +25,11 @@ from skfem_contact.conditions.return_map import (
     return_map,
     unlawful,
 )
+from skfem_contact.conditions.thresholds import DIFFERENCE, NO_AREA, NO_BOUND
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# Negative bounds this small against the largest force are differences of equal numbers, which is zero.
-ROUND_OFF = 1e-12
-# Points with less than this share of the largest area have none: they carry nothing, and a law of the
-# pressure has no value there. (A quadratic facet on the axis of symmetry has such an end.)
-NO_AREA = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +81,7 @@ class CheckedLaw:
         bounds, known = self._ask(self.law.limit, "limit", normal_force, area, slip)
         good = known & np.isfinite(bounds)
         largest = max(np.max(part[good], initial=0.0) for part in (normal_force, bounds))
-        good &= bounds >= -ROUND_OFF * largest
+        good &= bounds >= -NO_BOUND * largest
         if not good[known].all():
             self._refuse("limit", known & ~good, bounds, normal_force, slip)
         return np.maximum(bounds, 0.0)
@@ -102,7 +96,7 @@ class CheckedLaw:
             return self.law.slope(normal_force, area, slip)
         slopes, known = self._ask(self.law.slope, "slope", normal_force, area, slip)
         largest = float(np.max(normal_force[known], initial=0.0))
-        bare = known & (normal_force <= STEP * largest)
+        bare = known & (normal_force <= DIFFERENCE * largest)
         if largest > 0 and bare.any():
             rise = self.limit(np.where(bare, largest, normal_force), area, slip)
             rise -= self.limit(normal_force, area, slip)

@@ -19,17 +19,13 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.prescribed import prescribed_rows
+from skfem_contact.conditions.thresholds import HUGE, NO_OVERLAP
 from skfem_contact.errors import ConstraintError, ContactWarning, InputError
 from skfem_contact.pairing.diagnosis import diagnose, say_wrong_side
 from skfem_contact.pairing.node import Pairing
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# Overlaps below this fraction of the bodies' extent are round-off of coordinates and values.
-ROUND_OFF = 1e-10
-# An overlap of this share of a body is no interference fit: small strains end long before.
-HUGE = 0.1
 
 
 def check_passes(contacts: Sequence[Contact], names: Sequence[str]) -> None:
@@ -154,7 +150,7 @@ def check_loads(
         x = np.zeros(system.n)
         x[system.D] = case.x[system.D]
         gap = np.where(fixed, np.where(fixed, case.gap0, 0.0) + kin.B_n @ x, np.inf)
-        small = ROUND_OFF * max(system.extent, float(np.max(np.abs(x), initial=0.0)))
+        small = NO_OVERLAP * max(system.extent, float(np.max(np.abs(x), initial=0.0)))
     for contact, name, part in zip(contacts, names, parts, strict=True):
         if contact.tied:
             _check_tied(system, contact, name, part, kin, case, x, small)

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import block_diag, csr_matrix, diags
 
 from skfem_contact.arguments import PrintedAsCall, number, numbers, with_known_keywords
-from skfem_contact.conditions.return_map import STEP, Mapped, map_by_bound
+from skfem_contact.conditions.return_map import Mapped, map_by_bound
+from skfem_contact.conditions.thresholds import DIFFERENCE
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import kept
 
@@ -104,7 +105,7 @@ class FrictionLaw(PrintedAsCall):
         scale = float(np.max(normal_force, initial=0.0))
         if scale == 0.0:
             return np.zeros_like(normal_force)
-        step = STEP * scale
+        step = DIFFERENCE * scale
         ahead = np.asarray(self.limit(normal_force + step, area, slip.copy()))
         return (ahead - np.asarray(self.limit(normal_force, area, slip))) / step
 

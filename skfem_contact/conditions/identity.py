@@ -14,13 +14,10 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.interface import contact_names
+from skfem_contact.conditions.thresholds import SAME_PLACE
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
-
-# Distance over the largest coordinate by which a node may be elsewhere: the same script on another
-# machine differs by the round-off of its sines.
-SAME_PLACE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,14 +15,11 @@ from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.conditions.kinematics import Kinematics, compliance_scale
+from skfem_contact.conditions.thresholds import STIFFNESS
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# The tangential stiffness that a loop takes where the law gives none, over K's diagonal at the
-# point: exact sticking; an error of 1e-3 in the slip of sticking points; one that still converges.
-STIFFNESS = {"newton": np.inf, "direct": 1e3, "fictitious": 1.0}
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,10 +33,6 @@ Mask = NDArray[np.bool_]
 #: Weights, surface and sign of one side of a contact.
 Side = tuple[csr_matrix, ContactSurface, float]
 
-# A row (of unit vectors and weights) whose free coefficients are below this is prescribed: nearly
-# matching mortar meshes leave some 1e-8 on a line of symmetry, and 1/1e-8 squared in the stiffness.
-FIXED = 1e-6
-
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:

@@ -19,6 +19,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.thresholds import DIGITS, RESISTS
 from skfem_contact.errors import NoEquilibrium
 
 Array = NDArray[np.float64]
@@ -38,12 +39,6 @@ DRIVEN = (
     "with the strains, and to hold the bodies where they move least takes {:.1e} of the largest force "
     "at a contact point (of second order). If that is too little to matter, hold the motion by a DOF. "
 )
-
-# A row that holds a mode of unit size resists it by a number of order one; one that does not, by
-# round-off. Everything below this counts as free: the matrix would lose more digits than it has.
-HELD = 1e-9
-# Round-off of squares of singular values, over the largest of them.
-DIGITS = 1e-12
 
 #: Why a body may stand elsewhere.
 NOWHERE = "nothing loads it and nothing holds it there; it stands where it has moved least"
@@ -94,7 +89,9 @@ class RigidMotions:
         """The same motions seen from another pairing."""
         return replace(self, kin=kin)
 
-    def free(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_], firmly: float = HELD) -> Array:
+    def free(
+        self, closed: NDArray[np.bool_], stick: NDArray[np.bool_], firmly: float = RESISTS
+    ) -> Array:
         """Combinations of modes that closed and sticking points do not hold, shape (k, j).
 
         `firmly`: how far a point has to move at least where a mode of unit size is held.
@@ -224,7 +221,7 @@ def no_equilibrium(
     )
 
 
-def null_space(rows: Array, least: float = HELD) -> Array:
+def null_space(rows: Array, least: float = RESISTS) -> Array:
     """Directions that all rows leave at zero, shape (k, j), orthonormal."""
     k = rows.shape[1]
     if rows.size == 0:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.kinematics import FIXED, Kinematics
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.thresholds import FIXED
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -19,20 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import numbers, shown
+from skfem_contact.conditions.thresholds import AGREE, DIFFERENCE
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# Step of difference quotients, as a share of the largest argument: the root of round-off and a digit
-# more, as a law may have several length scales. Quotients only speed up the loops.
-STEP = 1e-7
-# A trial force beyond any bound, for points that slip in a known direction. A power of two, so that the
-# force on the bound has no round-off; and its fourth power is still a number.
-BEYOND = 2.0**250
-# A law's own return map and its limit agree to this part of the largest limit: a digit more than loops
-# converge to.
-AGREE = 1e-11
 
 
 class Derivatives(NamedTuple):
@@ -141,7 +132,7 @@ def slip_gradient(limit: Callable[[Array], Array], here: Array, slip: Array, dir
     direction : ndarray, shape (m, d-1)
         Unit directions of friction; zero where nothing slips.
     """
-    step = STEP * float(np.max(np.abs(slip), initial=0.0))
+    step = DIFFERENCE * float(np.max(np.abs(slip), initial=0.0))
     if step == 0.0:
         return np.zeros_like(direction)
     ahead = np.asarray((limit(slip + step * direction) - here) / step)

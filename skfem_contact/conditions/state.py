@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.conditions.thresholds import OPPOSITE
+
 if TYPE_CHECKING:
     from skfem_contact.conditions.kinematics import Kinematics
 
@@ -22,9 +24,6 @@ Array = NDArray[np.float64]
 
 OPEN, STICK, SLIP = 0, 1, 2
 STATUS = ("open", "stick", "slip")
-
-# Normals whose scalar product is closer than this to -1 are opposite but for round-off.
-OPPOSITE = 1e-12
 
 
 def transport(vectors: Array, old: Array, new: Array) -> Array:

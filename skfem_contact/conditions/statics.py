@@ -19,15 +19,10 @@ from numpy.typing import NDArray
 from skfem_contact.conditions.friction import Coulomb
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import RigidMotions
+from skfem_contact.conditions.thresholds import BALANCED, DIRECTIONS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# What may be left of a load, over the sum of its parts, and count as balanced: the linear program
-# itself ends at 1e-10.
-BALANCED = 1e-9
-# Directions of friction in 3-D; the polygon lies around the circle of Coulomb's law.
-DIRECTIONS = 8
 
 
 def load_on(motions: RigidMotions, f: Array) -> tuple[Array, float]:

@@ -10,8 +10,9 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import known_keywords, shown
-from skfem_contact.elimination.eliminate import AGREEMENT, eliminate
+from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.elimination.inputs import dof_numbers, sparse_matrix
+from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import InputError
 
 # Attributes of rows that `condense` passes to `eliminate`.

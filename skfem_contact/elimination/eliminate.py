@@ -27,16 +27,8 @@ from skfem_contact.elimination.inputs import (
     finite_vector,
 )
 from skfem_contact.elimination.pivoting import FloatArray, IntArray, find_pivots, row_maximum
+from skfem_contact.elimination.thresholds import AGREEMENT, SHOWN
 from skfem_contact.errors import ConstraintError, InputError
-
-# Rows agree if they do so to this part of the largest of |b| + |C||x| (rows scaled to a largest
-# coefficient of one): that is how exactly redundant rows are known to be redundant.
-AGREEMENT = 1e-10
-
-
-# How many rows, and of each how many that it contradicts, a message names.
-SHOWN = 4
-
 
 Labels = Sequence[str] | Callable[[int], str] | None
 

@@ -25,23 +25,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from skfem_contact.elimination.thresholds import RANK_TOLERANCE, WELL_CONDITIONED, WORTH_PIVOTING
+
 IntArray = NDArray[np.integer[Any]]
 FloatArray = NDArray[np.float64]
-
-# An entry counts as a pivot if it is at least this part of the largest one: the coefficients of T
-# are quotients by the pivot, so that a looser rule would cost more than one digit and spoil the
-# condition of T'KT; a stricter one would leave the secondary side already at a normal 80 degrees
-# off the only free direction, and couple rows for no gain.
-WORTH_PIVOTING = 0.1
-
-# Rows are scaled to a largest coefficient of one. What is left of a row after elimination counts
-# as nothing below this: round-off of coordinates (1e-16) and of normals computed from small
-# facets (1e-16 * size / facet) is far below, angles between surfaces that mean anything above.
-RANK_TOLERANCE = 1e-10
-
-# Proposed pivots of a block are taken as they are if its smallest singular value exceeds this
-# (three digits lost at most); otherwise the block chooses again.
-WELL_CONDITIONED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,9 +28,10 @@ from scipy.linalg import qr
 
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.motions import BARELY, HELD, NEAR, NOWHERE, RigidMotions, null_space
+from skfem_contact.conditions.motions import BARELY, NEAR, NOWHERE, RigidMotions, null_space
 from skfem_contact.conditions.state import OPEN, STICK, LocalState, State
-from skfem_contact.conditions.statics import BALANCED, drives
+from skfem_contact.conditions.statics import drives
+from skfem_contact.conditions.thresholds import BALANCED, RESISTS
 from skfem_contact.history.attempt import Attempt, Walk, friction_bound
 from skfem_contact.history.recovery import Recovery
 from skfem_contact.history.stepping import Stepper
@@ -132,7 +133,7 @@ class Grip:
         carrying = (state.status != OPEN) & (state.normal_force > floor)
         carrying |= motions.kin.tied & motions.kin.paired
         stick = carrying & interface.slipping & (state.status == STICK)
-        firmly = TURNED if model.geometry.follows else HELD
+        firmly = TURNED if model.geometry.follows else RESISTS
         return cls(motions, state, carrying, stick, max(largest, floor, TINY), firmly)
 
     @cached_property
@@ -218,7 +219,7 @@ class Indifference:
             return None
         carrying, known, motions = soft
         slipping, follows = self.stepper.interface.slipping, self.stepper.geometry.follows
-        near = (TURNED, TURNED) if follows else (HELD, BALANCED)
+        near = (TURNED, TURNED) if follows else (RESISTS, BALANCED)
         free = motions.free(carrying, carrying & slipping, near[0])
         if free.shape[1] == 0:  # what the springs found is held by what carries: no more is needed
             attempt, way = self._advance(self.model, None, walk, target, known)

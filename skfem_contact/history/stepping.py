@@ -31,8 +31,9 @@ from skfem_contact.loops import loops
 from skfem_contact.loops.anderson import Anderson
 from skfem_contact.loops.driver import Options, Outcome, drive
 from skfem_contact.loops.guided import guided_friction
-from skfem_contact.loops.starts import NEWTON_ITERATIONS, admissible, possible_starts, starting_values
+from skfem_contact.loops.starts import admissible, possible_starts, starting_values
 from skfem_contact.loops.step import Record, Step
+from skfem_contact.loops.thresholds import NEWTON_ITERATIONS
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.seam import ContactProblem
 

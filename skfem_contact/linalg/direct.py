@@ -34,10 +34,7 @@ from skfem_contact.linalg.singular import (
     check_pivots,
     singular,
 )
-
-# Residual over load up to which a solver of the user's own is trusted: conjugate gradients of
-# skfem.utils leave some 1e-6 at their default tolerance.
-ACCEPTED = 1e-4
+from skfem_contact.linalg.thresholds import ACCEPTED
 
 
 @dataclass(frozen=True)

@@ -12,18 +12,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.return_map import BEYOND
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.loops.step import Step
+from skfem_contact.loops.thresholds import SAME_SLIP
 
 if TYPE_CHECKING:
     from skfem_contact.problem.response import Response
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# A change of the slip below this part of it is the round-off of prescribed displacements.
-ROUND_OFF = 1e-12
 
 
 def guided_friction(
@@ -39,7 +37,7 @@ def guided_friction(
     moved = response.slip - step.last.slip
     size = np.linalg.norm(moved, axis=1)
     length = np.linalg.norm(response.slip, axis=1) + np.linalg.norm(step.last.slip, axis=1)
-    moves = size > ROUND_OFF * length
+    moves = size > SAME_SLIP * length
     along = moved / np.where(moves, size, 1.0)[:, None]
     # exact sticking gives way to any slip
     exact = np.where(moves[:, None], BEYOND * along, step.last.tangential_force)

@@ -22,18 +22,11 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops.step import Guess, Step
+from skfem_contact.loops.thresholds import MOST_POINTS, SWEEPS, WEAK_SPRINGS
 from skfem_contact.problem.points import PointSpace
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-# More points than this are left to step cutting: the tableau has 4 m rows and 8 m columns.
-MOST_POINTS = 250
-# Springs that hold a free rigid motion, over the largest stiffness: weak enough to disturb nothing, or,
-# where pivots drown in the round-off of that, less weak. The loop takes them away again.
-WEAK = (1e-9, 1e-6)
-# Relinearisations of a law that is not linear in the normal force (a cap, a user's own).
-SWEEPS = 5
 
 
 def lemke(M: Array, q: Array) -> Array | None:
@@ -131,7 +124,7 @@ def lemke_guess(step: Step, current: Guess) -> Guess | None:
         return None
     if not (step.paired & ~step.tied).any():  # contact has gone elsewhere: nothing is to be decided
         return None
-    for weak in WEAK if step.motions.k else WEAK[:1]:
+    for weak in WEAK_SPRINGS if step.motions.k else WEAK_SPRINGS[:1]:
         guess = _sweeps(step, _problem(step, space, weak), current)
         if guess is not None:
             return guess

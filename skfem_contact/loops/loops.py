@@ -29,15 +29,11 @@ from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.anderson import Anderson
 from skfem_contact.loops.rules import disagreement, hold, law_residual, propose
 from skfem_contact.loops.step import Guess, Iterate, Step
+from skfem_contact.loops.thresholds import FREE_CHANGES, SETTLED
 from skfem_contact.problem.response import Conditions, Response
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# In the loop `fictitious` points open and close freely so often; after that only once the friction of
-# the present set has settled to this share of the largest force, or a point could open and close
-# for ever because of friction forces that lag behind.
-FREE_CHANGES, SETTLED = 12, 1e-6
 
 Loop = Callable[[Step, Guess, float], Iterator[Iterate]]
 

@@ -10,20 +10,12 @@ from numpy.typing import NDArray
 from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops.step import Guess, Step
+from skfem_contact.loops.thresholds import DIGITS_ALIKE, FIRMLY, ROUND_OFF
 from skfem_contact.problem.response import Response
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
-# Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
-ROUND_OFF = 1e-11
-# Digits to which two points are told apart: fewer than round-off leaves of any number, so that points
-# which symmetry makes alike are so in whatever order they are numbered.
-ALIKE = 9
-# A set of points that holds a body by less than this is none that can be solved for: stiffnesses are
-# squares of it, and those have sixteen digits.
-FIRMLY = 1e-7
 # That of a single number.
 EPS = float(np.finfo(float).eps)
 
@@ -165,5 +157,5 @@ def _by(value: Array, mask: Mask, step: Step) -> NDArray[np.intp]:
     """Points from the smallest value to the largest; those alike up to round-off by their rank."""
     chosen = np.flatnonzero(mask & step.paired)
     largest = np.max(np.abs(value[chosen]), initial=0.0)
-    alike = np.round(value[chosen] / largest if largest > 0 else value[chosen], ALIKE)
+    alike = np.round(value[chosen] / largest if largest > 0 else value[chosen], DIGITS_ALIKE)
     return chosen[np.lexsort((step.rank[chosen], alike))]

@@ -11,15 +11,14 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.loops import loops
 from skfem_contact.loops.driver import Outcome, drive
-from skfem_contact.loops.lemke import MOST_POINTS, lemke_guess
+from skfem_contact.loops.lemke import lemke_guess
 from skfem_contact.loops.step import Guess, Step
+from skfem_contact.loops.thresholds import MOST_POINTS, NEWTON_ITERATIONS
 
 Array = NDArray[np.float64]
 
 # Where an attempt at a load step begins, in this order; "apart" only where contacts exclude each other.
 STARTS = ("warm", "cold", "newton", "pivoting")
-# Iterations that Newton may take where another loop begins from its answer.
-NEWTON_ITERATIONS = 80
 
 
 def possible_starts(points: int, loop: str) -> list[str]:

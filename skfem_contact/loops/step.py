@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.return_map import BEYOND, Derivatives
+from skfem_contact.conditions.return_map import Derivatives
 from skfem_contact.conditions.state import LocalState
+from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.problem.response import Conditions, Load, Response
 from skfem_contact.problem.seam import ContactProblem
 

@@ -15,7 +15,7 @@ from skfem_contact.carried import carried
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import rigid_motion
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.closest import FACING
+from skfem_contact.pairing.thresholds import FACING
 
 #: Steps of central differences, as fractions of the size of the surface: for gradients (the cube
 #: root of round-off) and for second derivatives, which only steer the Newton steps.

@@ -17,7 +17,7 @@ from skfem_contact.obstacles.obstacle import (
     direction,
     location,
 )
-from skfem_contact.pairing.closest import FACING
+from skfem_contact.pairing.thresholds import FACING
 
 
 @with_known_keywords()

@@ -4,5 +4,6 @@
 * `closest`, `node`, `corners`: node-to-segment contact, convex corners included;
 * `segmentation`, `dual`, `mortar`, `supports`, `smooth`, `kinks`: dual mortar contact;
 * `facing`, `frames`: normals of both sides, and the frames of small sliding;
-* `diagnosis`: what looks wrong with a pairing, in sentences.
+* `diagnosis`: what looks wrong with a pairing, in sentences;
+* `thresholds`: numbers, and where they come from.
 """

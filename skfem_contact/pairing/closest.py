@@ -5,29 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from skfem_contact.bodies.normals import CORNER, tangents
+from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.projection import interpolated_normals, project
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.search import FacetTree, closest_candidates
-
-#: A facet is a candidate if its normal n_p and that of the node, n_s, have n_s . n_p < -FACING:
-#: they may be up to 84 degrees off the exactly opposite direction.
-FACING = 0.1
-
-
-#: A point beyond the end of a surface by this fraction of a facet length still counts as above its
-#: end.
-END = 1e-6
-
-
-#: Up to this part of a facet the sloping side of a body at the end of a surface decides what is above
-#: the end; what lies farther beyond it is another part of the boundary.
-ASIDE = 0.1
-
-
-#: Facets whose distances differ by less than this fraction of a facet length are equally near.
-TIE = 1e-9
+from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, FACING, TIE
 
 
 def search_range(
@@ -103,15 +87,15 @@ def _judge(
     other = primary.neighbours[facet, side]
     slope = np.where(other < 0, _slopes(primary.end_turns[facet, side]), 0.0)
     aside = np.clip(height * slope, 0.0, ASIDE * primary.lengths[facet])
-    above_facet = over <= aside + END * primary.lengths[facet]
+    above_facet = over <= aside + COINCIDENT * primary.lengths[facet]
 
     # beyond an end: the vertex is the closest point only if it is that of the next facet, too
     own_normal = primary.end_normals[facet, side]
     next_normal = primary.end_normals[other, 1 - side]
     into_next = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(next_normal)[:, 0]
-    beyond_next = np.einsum("pd,pd->p", apart, into_next) > END * primary.lengths[other]
+    beyond_next = np.einsum("pd,pd->p", apart, into_next) > COINCIDENT * primary.lengths[other]
     smooth = np.einsum("pd,pd->p", own_normal, next_normal) >= CORNER
-    in_cone = over <= np.abs(np.einsum("pd,pd->p", apart, own_normal)) * (1 + END)
+    in_cone = over <= np.abs(np.einsum("pd,pd->p", apart, own_normal)) * (1 + COINCIDENT)
     at_vertex = (other >= 0) & ~beyond_next & (smooth | in_cone)
 
     within = np.where(height >= 0, distance <= outside, distance <= inside)
@@ -130,7 +114,7 @@ def _slopes(turn: np.ndarray) -> np.ndarray:
     blocks of equal width overlaps the upper one's end, but is not opposite to its last facet. Where
     the boundary turns by less than 45 degrees or more than 135 it goes on, or back, as a surface.
     """
-    steep = np.abs(turn - 0.5 * np.pi) <= 0.25 * np.pi + END
+    steep = np.abs(turn - 0.5 * np.pi) <= 0.25 * np.pi + COINCIDENT
     return np.where(steep, -1.0 / np.tan(np.where(steep, turn, 0.5 * np.pi)), 0.0)
 
 

@@ -11,7 +11,7 @@ one (a quadrature point of the multiplier at the vertex alone), along the normal
 same with the two sides exchanged, for a vertex of the secondary. The row is that of one secondary
 node, in place of its own: of the two ends of the facet the one that is farther from contact.
 
-A vertex meets what leans by more than `TILT` towards the other facet of the corner, and no farther
+A vertex meets what leans by more than `LEAN` towards the other facet of the corner, and no farther
 than that facet's normal. What the surface ends at is known from the mesh, so that the end of "top" is
 a corner even if the side of the body was not selected. On flat interfaces nothing changes.
 """
@@ -26,34 +26,19 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.normals import CORNER, tangents
+from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.projection import interpolated_normals, project
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.closest import END, TIE, search_range
+from skfem_contact.bodies.thresholds import CORNER
+from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.search import BLOCK
+from skfem_contact.pairing.thresholds import COINCIDENT, CROSS, LEAN, PAIRS_AT_ONCE, SLACK, TIE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 # (0 of the secondary, 1 of the primary; number of the point)
 Names = frozenset[tuple[int, int]]
-
-#: Angle [rad] between a facet and the end of the other surface from which on the vertex carries.
-#: Below, the vertex is at most this times a facet length deeper than the last node, which is less
-#: than the chords of a curve explain. For means over facets, too: one of zero over a facet that leans
-#: by 0.09 lets the vertex in by 0.07 of its length.
-TILT = 0.04
-
-#: Angle [rad] beyond the normal of a facet that was not selected up to which the vertex still carries:
-#: corners turn with the strains of their body.
-SLACK = 0.1
-
-#: What leans farther beyond an end than this [rad] is another part of the boundary.
-CROSS = 0.5 * np.pi
-
-#: Vertices that overlap by less than this fraction of a facet length only touch.
-TOUCH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +109,7 @@ class CornerContacts:
     Attributes
     ----------
     tilt : float
-        `TILT`.
+        `LEAN`.
     own, other : tuple of Corners and the facets they meet
         The corners of the secondary on facets of the primary, and the other way round.
     """
@@ -208,12 +193,12 @@ def corner_contacts(
     for side, (own, other) in enumerate(((secondary, primary), (primary, secondary))):
         corners = Corners.of(own)
         held = np.array([(side, int(node)) in known for node in corners.node], dtype=bool)
-        tilt = np.where(held, -SLACK, TILT)
+        tilt = np.where(held, -SLACK, LEAN)
         met = _meet(corners, own, other, tilt, limits)
         if only_overlaps:
-            met = _some(met, met.gap < -TOUCH * other.lengths[met.facet])
+            met = _some(met, met.gap < -COINCIDENT * other.lengths[met.facet])
         found.append((corners, met))
-    return CornerContacts(secondary, primary, TILT, *found)
+    return CornerContacts(secondary, primary, LEAN, *found)
 
 
 def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[int, float]]:
@@ -230,7 +215,7 @@ def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[i
     ahead, behind = ~corners.covered[met.corner].T
     outside = behind & (lean >= turn - SLACK) & (lean < turn + CROSS)
     outside |= ahead & (lean <= SLACK) & (lean > -CROSS)
-    deep = met.gap < -TILT * other.lengths[met.facet]
+    deep = met.gap < -LEAN * other.lengths[met.facet]
     return [
         (int(corners.node[met.corner[k]]), -float(met.gap[k])) for k in np.flatnonzero(outside & deep)
     ]
@@ -276,9 +261,9 @@ def _closest(
     onward = other.neighbours[facet, side]
     there = other.end_normals[onward, 1 - side]
     into = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(there)[:, 0]
-    at_node = np.einsum("qd,qd->q", x - foot, into) <= END * other.lengths[onward]
+    at_node = np.einsum("qd,qd->q", x - foot, into) <= COINCIDENT * other.lengths[onward]
     at_node &= (onward >= 0) & (np.einsum("qd,qd->q", other.end_normals[facet, side], there) >= CORNER)
-    good &= (over <= END * other.lengths[facet]) | at_node
+    good &= (over <= COINCIDENT * other.lengths[facet]) | at_node
     good &= np.where(gap >= 0, distance <= limits[0], distance <= limits[1])
     return _some(_Met(corner, facet, xi, normal, gap), good)
 
@@ -289,7 +274,7 @@ def _candidates(points: Array, surface: ContactSurface) -> tuple[Index, Index]:
     # no point of a facet, curved or not, is farther from its middle
     reach = surface.lengths
     found: list[tuple[Index, Index]] = [(np.zeros(0, dtype=np.intp),) * 2]
-    block = max(1, BLOCK // len(middle))
+    block = max(1, PAIRS_AT_ONCE // len(middle))
     for start in range(0, len(points), block):
         away = np.linalg.norm(points[start : start + block, None] - middle, axis=2)
         point, facet = np.nonzero(away - reach <= (away + reach).min(axis=1, keepdims=True))
@@ -335,7 +320,8 @@ class _Rows:
         ends = nodes[:2]
         own = self.values["gap"][ends]
         there = int(np.argmax(N[:2]))
-        if N[there] > 1 - END and own[there] <= met.gap[k] + END * self.secondary.lengths[met.facet[k]]:
+        deepest = met.gap[k] + COINCIDENT * self.secondary.lengths[met.facet[k]]
+        if N[there] > 1 - COINCIDENT and own[there] <= deepest:
             self.values["vertex"][ends[there]] = vertex
             return  # the vertex lies at a node, whose own row says the same
         host = there if own[0] == own[1] else int(np.argmax(own))

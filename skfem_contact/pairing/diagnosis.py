@@ -9,12 +9,8 @@ from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.selection import place
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.closest import FACING
 from skfem_contact.pairing.node import Pairing
-
-# Facets this much smaller, and bodies this much stiffer, than those of the other side make the choice
-# of the secondary worth a line.
-FINER, STIFFER = 0.75, 3.0
+from skfem_contact.pairing.thresholds import FACING, FINER, STIFFER
 
 
 def diagnose(

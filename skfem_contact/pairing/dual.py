@@ -39,14 +39,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.pairing.thresholds import COVER_KEPT, SHARE_KEPT
+
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# A multiplier of its own needs this share of the node's integral over the whole facet, and a facet
-# covered by at least this much. The sum of |weights| in a row is then below 6 (linear) and 16
-# (quadratic) however the facet is cut; uncut it is 1.7 and 2.2.
-SHARE_KEPT = 1 / 4
-COVER_KEPT = 1 / 3
 # Integrals of the shape functions over a whole facet of unit length: end, end (, middle)
 WHOLE = {2: np.array([0.5, 0.5]), 3: np.array([1.0, 1.0, 4.0]) / 6.0}
 

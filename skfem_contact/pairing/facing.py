@@ -11,21 +11,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.normals import CORNER, unit
+from skfem_contact.bodies.normals import unit
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.pairing.segmentation import Quadrature
+from skfem_contact.pairing.thresholds import COINCIDENT, KINK, SPREAD
 from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-#: A foot point this close to a node, in facet lengths, is the node.
-AT_NODE = 1e-6
-#: A smaller turn beside a straight part, 2 degrees, may be that of a curve which begins there [rad].
-KINK = float(np.radians(2.0))
-#: The spread of normals at which a surface has a corner, 45 degrees [rad].
-SPREAD = float(np.arccos(CORNER))
 
 
 def sharp_nodes(surface: ContactSurface) -> Mask:
@@ -63,7 +58,7 @@ def node_normals(
     """
     own = -secondary.normals[point]
     corner = sharp_nodes(secondary)[point, None]
-    at_corner = np.any(sharp_nodes(primary)[nodes] & (weights >= 1 - AT_NODE), axis=1)
+    at_corner = np.any(sharp_nodes(primary)[nodes] & (weights >= 1 - COINCIDENT), axis=1)
     # beside a kink the field of normals is on its way to the mean of both parts
     at_corner = (at_corner | np.any(primary.kinks[nodes] > KINK, axis=1))[:, None]
     return np.where(corner & ~at_corner, feet, own), np.where(at_corner & ~corner, own, feet)

@@ -28,15 +28,10 @@ from skfem_contact.bodies.normals import GAUSS, normals_at, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.thresholds import ALONG, SAME_NORMAL
 from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
-
-#: Normals that differ by less are the same but for round-off of the positions [rad].
-SAME = 1e-8
-#: A nodal force under an isotropic strain that is more than 60 degrees off the normal shows that K is
-#: not that of an elastic body there.
-ALONG = 0.5
 
 
 def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
@@ -57,7 +52,7 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
     if of_secondary is None or of_primary is None or secondary.dofs.shape[1] != secondary.dim:
         return pairing
     apart = [angle_between(pairing.normal, side) for side in (of_secondary, of_primary)]
-    turns = pairing.paired & (np.maximum(*apart) > SAME) & ~_mirrored(secondary)
+    turns = pairing.paired & (np.maximum(*apart) > SAME_NORMAL) & ~_mirrored(secondary)
     if not turns.any():
         return pairing
     soft_s = _mean(pairing.secondary_weights, compliances(secondary))
@@ -78,7 +73,7 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
 def _mirrored(surface: ContactSurface) -> NDArray[np.bool_]:
     """Nodes on a line of symmetry, whose own normal lies in it exactly, shape (m,)."""
     across = np.abs(np.sum(surface.normals * surface.held, axis=1))
-    return np.asarray((surface.held.sum(axis=1) == 1) & (across <= SAME))
+    return np.asarray((surface.held.sum(axis=1) == 1) & (across <= SAME_NORMAL))
 
 
 def _mean(weights: object, values: Array) -> Array:

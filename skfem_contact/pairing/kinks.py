@@ -18,14 +18,12 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.segmentation import Quadrature, points_per_segment
+from skfem_contact.pairing.thresholds import BENT
 from skfem_contact.pairing.vectors import dot, facet_normal_field
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-#: Turns by less [rad] are no kink: a weighted gap is then wrong by a ten thousandth of a facet.
-BENT = 1e-3
 
 
 def least_gaps(

@@ -36,20 +36,18 @@ from scipy.spatial import cKDTree
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.dual import COVER_KEPT, SHARE_KEPT, WHOLE, dual_basis
+from skfem_contact.pairing.dual import WHOLE, dual_basis
 from skfem_contact.pairing.facing import mortar_normals
 from skfem_contact.pairing.kinks import least_gaps
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.segmentation import Quadrature, facet_areas, interface_quadrature
 from skfem_contact.pairing.smooth import common_heights
 from skfem_contact.pairing.supports import FREE, MET, Supports, find_supports, without_multiplier
+from skfem_contact.pairing.thresholds import COVER_KEPT, NO_WEIGHT, SHARE_KEPT
 from skfem_contact.pairing.vectors import facet_normal_field
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-# Weights of a row (their sum is 1) below this are round-off of biorthogonality.
-_ROUND_OFF = 1e-14
 
 
 def dual_mortar(
@@ -140,7 +138,7 @@ def dual_mortar(
     W_s = _divide(D, covered_area, paired)
     sums = np.asarray(M.sum(axis=1), dtype=float).ravel()
     W_m = _divide(M, sums, paired)
-    W_m.data[np.abs(W_m.data) < _ROUND_OFF] = 0.0
+    W_m.data[np.abs(W_m.data) < NO_WEIGHT] = 0.0
     W_m.eliminate_zeros()
     handed = np.zeros(len(paired), dtype=bool)
     if supports is not None:
@@ -153,7 +151,7 @@ def dual_mortar(
         gap = np.maximum(gap, least)
     # coordinates have 16 digits; whether touching surfaces are closed is not for the last to say
     scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
-    gap[np.abs(gap) <= _ROUND_OFF * scale] = 0.0
+    gap[np.abs(gap) <= NO_WEIGHT * scale] = 0.0
     return Pairing(
         points=secondary.points,
         normal=normal,
@@ -333,7 +331,7 @@ def _nominal_area(surface: ContactSurface) -> Array:
     k = surface.facets.shape[1]
     share = np.zeros(len(surface.points))
     np.add.at(share, surface.facets, facet_areas(surface)[:, None] * WHOLE[k])
-    return np.where(surface.area > _ROUND_OFF * share, surface.area, share)
+    return np.where(surface.area > NO_WEIGHT * share, surface.area, share)
 
 
 def _overhang(

@@ -21,19 +21,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.normals import CORNER
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.thresholds import CORNER
+from skfem_contact.pairing.thresholds import MARGIN, PAIRS_AT_ONCE
 from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-#: Pairs (item, node of the tree) worked on at once; bounds the memory at some 100 bytes for each.
-BLOCK = 1 << 18
-
-#: Balls are larger by this fraction of their radius, for round-off and for tolerances at the ends.
-MARGIN = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +86,8 @@ class FacetTree:
         item, facet : ndarray of int
         """
         top = len(self.levels) - 1
-        everyone = np.arange(count)
-        stack = [
-            (top, everyone[i : i + BLOCK], np.zeros(len(everyone[i : i + BLOCK]), dtype=np.intp))
-            for i in range(0, count, BLOCK)
-        ]
+        items = np.split(np.arange(count), range(PAIRS_AT_ONCE, count, PAIRS_AT_ONCE))
+        stack = [(top, some, np.zeros(len(some), dtype=np.intp)) for some in items]
         while stack:
             level, item, node = stack.pop()
             keep = meets(item, self.levels[level].at(node))
@@ -106,7 +98,7 @@ class FacetTree:
             item, node = np.repeat(item, 2), np.stack([2 * node, 2 * node + 1], axis=1).ravel()
             there = node < len(self.levels[level - 1].radius)
             item, node = item[there], node[there]
-            pieces = max(1, -(-len(item) // BLOCK))
+            pieces = max(1, -(-len(item) // PAIRS_AT_ONCE))
             stack.extend(
                 (level - 1, i, n)
                 for i, n in zip(np.array_split(item, pieces), np.array_split(node, pieces), strict=True)

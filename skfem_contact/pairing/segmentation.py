@@ -33,15 +33,12 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.closest import FACING
 from skfem_contact.pairing.search import normal_candidates
+from skfem_contact.pairing.thresholds import FACING, SLIVER
 from skfem_contact.pairing.vectors import dot, facet_normal_field, ragged, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-# Pieces shorter than this fraction of a facet are round-off of coinciding ends; left out.
-_SLIVER = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +147,7 @@ def _segments(
     normals = facet_normal_field(secondary)[e]
     ends = [_project(nodes, normals, primary.points[primary.facets[f, side]]) for side in range(2)]
     start, stop = np.minimum(*ends), np.maximum(*ends)
-    found = stop - start > _SLIVER  # False for nan
+    found = stop - start > SLIVER  # False for nan
     e, f, start, stop = e[found], f[found], start[found], stop[found]
     # cut every interval at the ends of all intervals of the same secondary facet
     facet, cut = np.concatenate([e, e]), np.concatenate([start, stop])
@@ -170,7 +167,7 @@ def _segments(
     chosen = np.zeros(len(closest), dtype=bool)
     chosen[closest] = first
     near = (gap <= limits[0]) & (gap >= -limits[1])
-    valid = chosen & (stop - start > _SLIVER) & facing & near
+    valid = chosen & (stop - start > SLIVER) & facing & near
     return e[valid], f[valid], start[valid], stop[valid]
 
 

@@ -17,7 +17,8 @@ As ``n = J (x_1 - x_0) / L`` with J, a turn by -90 degrees, this is linear in th
 exact for translations, for linearised rotations and for a uniform dilatation, hence for the uniform
 pressure of round bodies. What bending does to b is left out, as on flat facets. That is right where
 curves *keep* their curvature when the gap closes; an arc pressed flat loses it, and its chords then
-are the better boundary. So both sides have to be curves, and of nearly one curvature (`KEPT`).
+are the better boundary. So both sides have to be curves, and of nearly one curvature
+(`CURVATURE_KEPT`).
 """
 
 from __future__ import annotations
@@ -26,13 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.pairing.thresholds import CURVATURE_KEPT
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-#: To close the gap, curvatures change by their difference at most. Up to this part of the larger one
-#: the smooth boundary of the undeformed body is nearer to the deformed one than its chord is.
-KEPT = 0.5
 
 
 def common_heights(
@@ -59,7 +57,7 @@ def common_heights(
     length = secondary.lengths[e], primary.lengths[f]
     one, other = ((s[:, 0] - s[:, 1]) / at for s, at in zip(bent, length, strict=True))
     larger = np.maximum(np.abs(one), np.abs(other))
-    fits = (one * other < 0) & (np.abs(one + other) <= KEPT * larger)
+    fits = (one * other < 0) & (np.abs(one + other) <= CURVATURE_KEPT * larger)
     height = length[0] * relative_height(bent[0], xi) + length[1] * relative_height(bent[1], eta)
     return np.where(fits, height, 0.0)
 

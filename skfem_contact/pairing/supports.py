@@ -37,21 +37,12 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.segmentation import Quadrature
+from skfem_contact.pairing.thresholds import MOVING_SHARE, OVERHANG, SHARE_FREE
 from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-# A node moves along a direction if its free components are this part of it at least, as in
-# `pivoting`: at a roller this is a direction 84 degrees off the free one.
-SHARE_FREE = 0.1
-# A surface moves at a point if nodes that move have this part of the weights there. To close a gap by
-# less is to tear the body: a node next to a clamped one, with a fifth of the weight, by five times
-# the gap, and the force is 30 times too large.
-MOST = 0.5
-# The primary lies opposite to a node if it ends no farther from it than this part of a facet.
-BEYOND = 0.25
 
 # What a node may do on a facet; the largest of these on the facet have no multiplier.
 FREE, HELD, MET = 0, 1, 2
@@ -106,7 +97,7 @@ def find_supports(
     def held(direction: Array) -> tuple[Mask, Mask]:
         """Whether the node, and the primary opposite to it, can not move along a direction."""
         free = np.sum(size * can_move(there, direction[:, None]), axis=1)
-        return ~can_move(fixed[node], direction), above & (free < MOST * size.sum(axis=1))
+        return ~can_move(fixed[node], direction), above & (free < MOVING_SHARE * size.sum(axis=1))
 
     scalar = fixed.shape[1] == 1  # its value, no directions
     own, other = held(np.ones((len(node), 1)) if scalar else normal)
@@ -134,7 +125,7 @@ def held_rows(sides: Sequence[tuple[csr_matrix, ContactSurface, float]], directi
     On the secondary a tenth of the weights is enough to move, it is what the row is given up for.
     """
     held = np.ones(len(direction), dtype=bool)
-    for (weights, surface, _), least in zip(sides, (SHARE_FREE, MOST), strict=False):
+    for (weights, surface, _), least in zip(sides, (SHARE_FREE, MOVING_SHARE), strict=False):
         if not surface.held.any():
             return np.zeros(len(direction), dtype=bool)
         W = csr_matrix(weights).tocoo()
@@ -175,7 +166,7 @@ def _opposite(
     for _ in range(6):  # linear facets need one step; curved ones are nearly so
         N, dN = facet_shapes(eta, nodes.shape[1])
         eta = np.clip(eta - dot(N, side) / dot(dN, side), -1.0, 2.0)
-    above = (eta >= -BEYOND) & (eta <= 1.0 + BEYOND)
+    above = (eta >= -OVERHANG) & (eta <= 1.0 + OVERHANG)
     return nodes, facet_shapes(eta, nodes.shape[1])[0], above
 
 

@@ -4,5 +4,6 @@
 * `points`: the problem on gaps and slips; `sparse`: on displacements;
 * `substructure`, `condensed`: bodies condensed onto their contact DOFs;
 * `full`: all DOFs, for any linear solver;
-* `model`: the problem on one pairing, made from the bodies.
+* `model`: the problem on one pairing, made from the bodies;
+* `thresholds`: numbers, and where they come from.
 """

@@ -26,8 +26,9 @@ from scipy.linalg import LinAlgError, block_diag
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.kinematics import FIXED, without_columns
+from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.thresholds import FIXED
 from skfem_contact.linalg.dense_factors import cholesky, lu
 from skfem_contact.linalg.direct import Dense
 from skfem_contact.problem.points import PointSpace
@@ -35,16 +36,11 @@ from skfem_contact.problem.response import Conditions, Load, Response, Source
 from skfem_contact.problem.seam import ContactProblem, Place, Placed
 from skfem_contact.problem.sparse import SparseSpace
 from skfem_contact.problem.substructure import Components, Substructure
+from skfem_contact.problem.thresholds import DEPENDENT, RECOVERED_AT_ONCE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-# Pivot of a contact row (of unit diagonal) below which it depends on the others: its square is what
-# the inverse loses of its digits, six here. A beam 20 times as long as high is at 1e-2.
-DEPENDENT = 1e-3
-# Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
-BLOCK = 32
 
 
 class Condensed:
@@ -123,8 +119,8 @@ class Condensed:
         for k, (span, kept) in enumerate(zip(self.spans, self.kept_spans, strict=True)):
             part = self.parts[k]
             place = span.start + part.order
-            for first in range(0, len(u), BLOCK):
-                some = slice(first, first + BLOCK)
+            for first in range(0, len(u), RECOVERED_AT_ONCE):
+                some = slice(first, first + RECOVERED_AT_ONCE)
                 x = part.recover(
                     u_c[kept, some],
                     [known[k] if known else None for known in components[some]],

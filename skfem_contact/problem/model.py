@@ -25,12 +25,11 @@ from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.seam import Bodies, ContactProblem, Place
 from skfem_contact.problem.substructure import Substructure
+from skfem_contact.problem.thresholds import MOST_TWINS
 from skfem_contact.sealed import seal
 
 Array = NDArray[np.float64]
 
-# Sets of springs whose twins are kept: two weak ones, and some of single DOFs.
-MOST_TWINS = 6
 EVEN_CLOSED = "even with every contact point closed"
 
 

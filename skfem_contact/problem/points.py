@@ -16,16 +16,10 @@ from scipy.linalg import LinAlgError
 
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, factorised
 from skfem_contact.problem.response import Conditions, Load, Response, friction_force
+from skfem_contact.problem.thresholds import FEWEST, LOOSE, SHARE, SPARE, SURPLUS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# Points kept besides those that are closed, as a share of these, at least so many, and at least this
-# share of all: a solve with an eighth of the points costs the 500th part of a new reduction, which
-# is about one factorisation of the others. And the surplus at which the zone is drawn anew.
-SPARE, FEWEST, SHARE, SURPLUS = 0.25, 8, 1 / 8, 2.0
-# Pivot over the largest one at which the points that are left do not hold the bodies.
-LOOSE = 1e-7
 
 
 @dataclass(eq=False)

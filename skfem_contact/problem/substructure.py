@@ -18,15 +18,11 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import cholesky
 from skfem_contact.linalg.multifrontal.factor import Estimate, MultifrontalCholesky, estimate
+from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Components = tuple[Array, Array]
-
-# Ratio of singular values of the rigid modes on some DOFs above which these hold the body firmly.
-HELD = 1e-2
-# Load directions that are remembered; a history of more is condensed step by step.
-MOST_DIRECTIONS = 12
 
 
 class LoadSpan:
@@ -236,7 +232,7 @@ def anchors(body: Body, wanted: Index) -> Index:
         for _ in range(body.dim):
             held = np.union1d(body.D[mine[body.D]], chosen[mine[chosen]])
             values = np.linalg.svd(modes[held], compute_uv=False)
-            if len(values) == modes.shape[1] and values[-1] > HELD * values[0]:
+            if len(values) == modes.shape[1] and values[-1] > HELD_FIRMLY * values[0]:
                 break
             distance = np.min(np.linalg.norm(points[:, None] - seeds, axis=2), axis=1)
             distance = distance / distance.max() + (mine & ~touched)

@@ -19,8 +19,9 @@ from unlike_meshes import KINDS
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers.thresholds import SAGITTA
 from skfem_contact.answers.validity.chords import bends, sagittas
-from skfem_contact.answers.validity.drift import SAGITTA, Drift
+from skfem_contact.answers.validity.drift import Drift
 
 SIZE = 0.6
 CHORD = np.pi / 18

@@ -20,6 +20,7 @@ from skfem.element import DiscreteField
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.error.sources import Elements
+from skfem_contact.answers.thresholds import FARTHEST
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.contact import Contact
@@ -28,9 +29,6 @@ from skfem_contact.conditions.state import OPEN, STICK
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-#: Elements beyond so many half widths of contact count for less than a percent.
-FARTHEST = 10.0
 
 
 def bodies_error(result: Answer, values: ContactValues) -> tuple[float, dict[str, Elements]]:

@@ -34,8 +34,9 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.error.body import bodies_error, stiffness_error
 from skfem_contact.answers.error.chords import chords_error, net
 from skfem_contact.answers.error.misfit import Line
-from skfem_contact.answers.error.sources import ROUND_OFF, Elements, ErrorEstimate, ErrorSources
+from skfem_contact.answers.error.sources import Elements, ErrorEstimate, ErrorSources
 from skfem_contact.answers.error.surface import points_across, surface_error
+from skfem_contact.answers.thresholds import NO_MISFIT
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
@@ -77,7 +78,7 @@ def _advice(
     across: int,
 ) -> str:
     """The largest part in words, and what makes it smaller."""
-    if sources.total <= ROUND_OFF:
+    if sources.total <= NO_MISFIT:
         return "nothing to improve: exact, as far as the answer tells"
     worst, largest = int(np.argmax(share)), sources.largest
     name = contact.secondary.label

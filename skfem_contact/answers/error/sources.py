@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.thresholds import NO_MISFIT
+
 Array = NDArray[np.float64]
 Elements = tuple[NDArray[np.intp], Array]
-
-#: Below this the misfit is round-off of the solution, with two digits to spare.
-ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
@@ -91,4 +90,4 @@ def percent(share: float) -> str:
     """A share in percent, with two digits."""
     if np.isnan(share):
         return "not known"
-    return f"{100 * share:.2g} %" if share > ROUND_OFF else "0 %"
+    return f"{100 * share:.2g} %" if share > NO_MISFIT else "0 %"

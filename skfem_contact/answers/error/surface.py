@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.error.misfit import Line, edge_misfit, misfit
-from skfem_contact.answers.error.sources import ROUND_OFF
+from skfem_contact.answers.thresholds import NO_MISFIT, SHARPER
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
@@ -21,10 +21,6 @@ from skfem_contact.conditions.state import OPEN, STICK
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Three = tuple[float, float, float]
-
-#: At the end of stick a square root misfits its nodes at least ten times as much as those beside
-#: them, a smooth function with a jump in its curvature about as much.
-SHARPER = 3.0
 
 
 def surface_error(values: ContactValues, line: Line, traction: Array) -> tuple[Three, Array]:
@@ -43,7 +39,7 @@ def surface_error(values: ContactValues, line: Line, traction: Array) -> tuple[T
     sharp[edges.inside] = True
     scatter = area / 3.0 * _scatter(line, first, sharp, quadratic)
     total = (squares + scatter).sum(axis=1)
-    share = total / total.sum() if total.sum() > ROUND_OFF**2 * size else np.zeros(len(total))
+    share = total / total.sum() if total.sum() > NO_MISFIT**2 * size else np.zeros(len(total))
 
     def norm(part: Array) -> float:
         return float(np.sqrt(part.sum() / size)) if size > 0 else 0.0

@@ -20,14 +20,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.thresholds import CURVED
 from skfem_contact.bodies.normals import end_slopes
 from skfem_contact.bodies.surface import ContactSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-#: Of the parabola's height: a middle node that stands this high makes two facets of a quadratic one.
-CURVED = 0.5
 
 
 def sagittas(secondary: ContactSurface, primary: ContactSurface, facet: Index) -> Array:

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from skfem_contact.answers.thresholds import BEYOND, FACETS, GAP, NO_LENGTH, SAGITTA, TILT, WIDTH
 from skfem_contact.answers.validity.chords import sagittas
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact, field_values
@@ -37,24 +38,6 @@ from skfem_contact.pairing.node import Pairing
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-#: Slip over a facet of the primary: below one the mesh does not resolve where a force acts.
-FACETS = 1.0
-#: Slip over the width of the contact, where that is more than a facet: moments are 10 % off.
-WIDTH = 0.1
-#: Angle between the normal that is used and the true one [rad]: forces are 10 % off their direction.
-TILT = 0.1
-#: Error of gaps over the elastic approach of the bodies: forces are 10 % off.
-GAP = 0.1
-#: Height of curves over one facet, over the elastic approach: forces are up to 15 % off by mortar and
-#: 23 % node by node, half of that in general (`chords`).
-SAGITTA = 0.2
-#: Force of points beyond the end of the primary over that of the contact: 10 % presses on nothing.
-BEYOND = 0.1
-#: Strain or rotation of 10 %: linear elasticity leaves out its square, and its effect on forces.
-STRAIN = 0.1
-#: Lengths below this part of a coordinate are round-off.
-ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
@@ -116,7 +99,7 @@ class Drift:
 
         Zero where the approach is round-off of that height: nothing presses, whatever touches.
         """
-        return self.sagitta / self.approach if self.approach > ROUND_OFF * self.sagitta else 0.0
+        return self.sagitta / self.approach if self.approach > NO_LENGTH * self.sagitta else 0.0
 
     @property
     def facets_too_long(self) -> bool:
@@ -300,7 +283,7 @@ class Track:
         error = np.abs(true - gap)[closed]
         deepest = np.max(-true[~closed & facing & self.paired], initial=0.0)
         worst = float(max(np.max(error, initial=0.0), deepest))
-        if worst <= ROUND_OFF * float(np.max(np.abs(at.points))):
+        if worst <= NO_LENGTH * float(np.max(np.abs(at.points))):
             worst = 0.0
         cross = self.normal[:, 0] * normal[:, 1] - self.normal[:, 1] * normal[:, 0]
         angle = np.arctan2(np.abs(cross), np.einsum("md,md->m", self.normal, normal))

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.drift import GAP, Track
-from skfem_contact.answers.validity.meeting import ROUND_OFF, sagitta
+from skfem_contact.answers.thresholds import GAP, NO_OVERLAP
+from skfem_contact.answers.validity.drift import Track
+from skfem_contact.answers.validity.meeting import sagitta
 from skfem_contact.answers.validity.overlap import Outline
 from skfem_contact.answers.validity.skin import Skin
 from skfem_contact.answers.validity.support import Support
@@ -138,7 +139,7 @@ class Intrusions:
         added: Array,
     ) -> tuple[float, tuple[float, ...], int] | None:
         """Depth, place, and the side whose point it is; None where nothing overlaps."""
-        noise = ROUND_OFF * self.system.extent
+        noise = NO_OVERLAP * self.system.extent
         best = None
         for k in range(2):
             # what supports hold in the other body is warned of as that

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from skfem_contact.answers.thresholds import NO_OVERLAP
 from skfem_contact.answers.validity.overlap import Outline
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
@@ -16,9 +17,6 @@ from skfem_contact.obstacles.obstacle import Obstacle
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-#: Overlaps below this part of the extent of the bodies are round-off of positions and displacements.
-ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ def between(
         What the user has the gaps be larger than the meshes say [length].
     closed, paired : ndarray of bool, shape (m,)
     """
-    noise = ROUND_OFF * extent
+    noise = NO_OVERLAP * extent
     deepest = 0.0
     for points, other in ((secondary.samples, primary), (primary.samples, secondary)):
         depth = other.depth(points)
@@ -90,7 +88,7 @@ def at_obstacle(
     paired: Mask,
 ) -> Meeting:
     """A deformed surface, its nodes and points between them, against an obstacle at its place."""
-    noise = ROUND_OFF * float(np.max(np.ptp(surface.points, axis=0)))
+    noise = NO_OVERLAP * float(np.max(np.ptp(surface.points, axis=0)))
     at_nodes = _distance(obstacle, surface, nodes) + added
     ends = surface.facets
     weights = [(0.5, 0.5)] if ends.shape[1] == 2 else [(0.375, -0.125, 0.75), (-0.125, 0.375, 0.75)]

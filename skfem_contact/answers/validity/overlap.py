@@ -12,15 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.thresholds import PAIRS_AT_ONCE, PIECES
 from skfem_contact.bodies.body import Body
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-#: Straight pieces that a quadratic facet is drawn with: they miss 1/256 of its sagitta.
-PIECES = 8
-#: Pairs of points and pieces that are compared at a time.
-BLOCK = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,5 +118,5 @@ def _places(basis: object, u: Array, dofs: NDArray[np.intp]) -> Array:
 
 
 def _blocks(numbers: NDArray[np.intp], pieces: int) -> list[NDArray[np.intp]]:
-    count = -(-len(numbers) * pieces // BLOCK)
+    count = -(-len(numbers) * pieces // PAIRS_AT_ONCE)
     return np.array_split(numbers, count) if count else []

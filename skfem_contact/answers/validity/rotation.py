@@ -19,9 +19,6 @@ from skfem_contact.conditions.geometry import surface_dofs
 
 Array = NDArray[np.float64]
 
-# Rotation [rad] beyond which a linear body is not a good model: 10 % in the direction of forces.
-LARGE = 0.1
-
 
 def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array) -> dict[str, float]:
     """Mean rotation of the surfaces that slide far, by body name [rad], counterclockwise.

@@ -17,16 +17,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix, diags
 from scipy.sparse.linalg import splu
 
+from skfem_contact.answers.thresholds import LEAK
 from skfem_contact.answers.validity.overlap import Outline, drawn
 from skfem_contact.bodies.body import Body
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-#: Of a wire from every node to the rigid motion, over the conductance of the shortest facet: one lets
-#: what is known die off by 0.38 from node to node.
-LEAK = 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.thresholds import SUPPORTED
 from skfem_contact.bodies.body import Body
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-#: Singular values of unit motions at the prescribed DOFs below which these hold no motion: a support
-#: a thousandth as wide as the body says nothing about its turn.
-HELD = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +67,7 @@ class Support:
         modes = modes[np.arange(len(D)), body.dof_component[D]]
         motions = np.eye(3)[:, 1:2] if body.axisymmetric else np.eye(3)  # none but along the axis
         values, vectors = np.linalg.eigh((modes @ motions).T @ (modes @ motions))
-        held = values > HELD**2
+        held = values > SUPPORTED**2
         known = motions @ vectors[:, held]
         fit = (known / values[held]) @ (modes @ known).T
         return cls(D + start, fit, centre, arm, motions @ vectors[:, ~held])
@@ -91,7 +88,7 @@ class Support:
     def holds(self, points: Array, direction: Array) -> bool:
         """Whether no open motion moves points along their directions, both (m, 2)."""
         moved = self.along(points, direction) @ self.free
-        return bool(np.max(np.abs(moved), initial=0.0) < HELD)
+        return bool(np.max(np.abs(moved), initial=0.0) < SUPPORTED)
 
 
 def unit_motions(points: Array, centre: Array, arm: float) -> Array:

@@ -18,21 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.drift import FACETS, GAP, SAGITTA, STRAIN, TILT, WIDTH, Drift
+from skfem_contact.answers.thresholds import FACETS, GAP, LARGE, OVERLAP, SAGITTA, TILT, WIDTH
+from skfem_contact.answers.validity.drift import Drift
 from skfem_contact.answers.validity.intrusion import elastic_approach
 from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, sagitta, strains
 from skfem_contact.answers.validity.overlap import Outline, outline
-from skfem_contact.answers.validity.rotation import LARGE, rotation_words
+from skfem_contact.answers.validity.rotation import rotation_words
 from skfem_contact.answers.validity.watch import facet_words, sliding_words, strain_words
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.errors import ContactWarning
 from skfem_contact.obstacles.obstacle import Obstacle
 
 Array = NDArray[np.float64]
-
-#: Overlap beyond what chords explain, over the elastic approach: contact conditions hold at the
-#: points of one side, between them unlike meshes overlap by a part of what they are pressed in.
-OVERLAP = 0.25
 
 
 @dataclass(frozen=True)
@@ -153,9 +150,9 @@ class Validity:
         for part in self.contacts.values():
             drift = part.drift
             found += [min(drift.facets / FACETS, drift.widths / WIDTH), drift.tilt / TILT]
-            found += [drift.gap_share / GAP, drift.strain / STRAIN, part.excess]
+            found += [drift.gap_share / GAP, drift.strain / LARGE, part.excess]
             found += [part.chord_share / GAP, drift.sagitta_share / SAGITTA]
-        found += [strain / STRAIN for strain in self.strain.values()]
+        found += [strain / LARGE for strain in self.strain.values()]
         found += [rotation / LARGE for rotation in self.rotation.values()]
         return float(np.nanmax(found))
 
@@ -166,7 +163,7 @@ class Validity:
         for name, strain in self.strain.items():
             lines.append(
                 f"  {name}: strain {strain:.2g} where its energy is, rotation "
-                f"{self.rotation[name]:.2g} (up to {STRAIN:g})"
+                f"{self.rotation[name]:.2g} (up to {LARGE:g})"
             )
         return "\n".join(lines)
 
@@ -232,12 +229,12 @@ def assess(result: Answer) -> Validity:
             problems["facets", name] = label + facet_words(part.drift)
         if part.chord_share > GAP:
             problems["chords", name] = label + _chord_words(part)
-        if part.drift.strain > STRAIN:
+        if part.drift.strain > LARGE:
             problems["strain", name] = label + strain_words(part.drift)
     strain, largest, rotation = ({n: f[k] for n, f in found.items()} for k in range(3))
     told = any(kind == "strain" for kind, _ in problems)
     for name in solids:
-        if strain[name] > STRAIN and not told:
+        if strain[name] > LARGE and not told:
             problems["strain", name] = (
                 f"Body {name!r} is strained by {strain[name]:.2g} where most of its energy is. "
                 "Bodies are linear: errors are of that order."

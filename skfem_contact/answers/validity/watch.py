@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.drift import GAP, STRAIN, TILT, Drift, Track
+from skfem_contact.answers.thresholds import GAP, LARGE, TILT
+from skfem_contact.answers.validity.drift import Drift, Track
 from skfem_contact.answers.validity.intrusion import Intrusions, elastic_approach
-from skfem_contact.answers.validity.rotation import LARGE, rigid_rotations, rotation_words
+from skfem_contact.answers.validity.rotation import rigid_rotations, rotation_words
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.watched import Said, Watched
 from skfem_contact.bodies.surface import ContactSurface
@@ -224,7 +225,7 @@ class Watch:
             if ("facets", name) not in watched.said and self._sure(i, result, drift).facets_too_long:
                 new.add(("facets", name))
                 lines.append(facet_words(self._sure(i, result, drift)))
-            if drift.strain > STRAIN and ("strain", name) not in watched.said:
+            if drift.strain > LARGE and ("strain", name) not in watched.said:
                 new.add(("strain", name))
                 lines.append(strain_words(drift))
             if lines:

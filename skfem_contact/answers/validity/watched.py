@@ -7,20 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from skfem_contact.answers.thresholds import BULGE, CHORDS
 from skfem_contact.answers.validity.drift import Drift, Track
 from skfem_contact.bodies.selection import place
 
 #: What has been warned of in a history: kind, and name of the contact or body.
 Said = frozenset[tuple[str, str]]
-
-#: Overlap over the sagitta of the chords: contact that is held somewhere along a chord leaves up to one
-#: sagitta at its middle or its ends; half of one more is room for chords that the bodies have bent.
-CHORDS = 1.5
-#: Overlap over what the largest nodal force presses in: conditions hold at the points of one side, and
-#: between them the other one bulges by a part of this. On flat tracks 0.01 (nodes, the finer ones) to
-#: 0.36 (four facets of the primary to one), 0.35 (mortar, ten to one); 0.52 at the end of a wedge that
-#: is driven in. 0.63, ten between two nodes of node-to-segment contact, is to be warned of.
-BULGE = 0.6
 
 
 @dataclass(frozen=True)

@@ -35,16 +35,9 @@ from scipy.linalg.lapack import dpotrf
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.multifrontal.assembly import checked_matrix, extend_add, gather, panels
 from skfem_contact.linalg.multifrontal.fronts import analyse, find_runs
-from skfem_contact.linalg.singular import (
-    LOST,
-    NEGLIGIBLE,
-    SUSPICIOUS,
-    NotPositiveDefinite,
-    smallest_eigenvalue,
-)
+from skfem_contact.linalg.singular import NotPositiveDefinite, smallest_eigenvalue
 from skfem_contact.linalg.threads import single_threaded
-
-LEAF = 120  # DOFs: below, the calls cost more than the arithmetic; above, the fill-in
+from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, SUSPICIOUS
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,113 @@
+"""Numbers of the answers: what each is relative to, and where it comes from."""
+
+from __future__ import annotations
+
+# -- certificate -------------------------------------------------
+
+# Forces below this part of the terms of ``K u`` are no scale: their own round-off is 1e-10 of it.
+SCALE_FLOOR = 1e-6
+
+# Without a load, forces below this part of the terms of ``K u`` are what cancelling them leaves.
+NO_LOAD = 1e-10
+
+# -- contact_report ----------------------------------------------
+
+# Energy that the balance of a step misses, over the energy lost, from which on it is said: the loss of
+# the README's scene, pressed and released, is then wrong by a third of that.
+COARSE = 0.05
+
+# -- error.body --------------------------------------------------
+
+# Elements beyond so many half widths of contact count for less than a percent.
+FARTHEST = 10.0
+
+# -- error.sources -----------------------------------------------
+
+# Below this the misfit is round-off of the solution, with two digits to spare.
+NO_MISFIT = 1e-9
+
+# -- error.surface -----------------------------------------------
+
+# At the end of stick a square root misfits its nodes at least ten times as much as those beside
+# them, a smooth function with a jump in its curvature about as much.
+SHARPER = 3.0
+
+# -- uniqueness --------------------------------------------------
+
+# Printed reports look for other answers up to so many gaps and slips: a second at most.
+MOST_ROWS = 2000
+
+# -- validity.chords ---------------------------------------------
+
+# Of the parabola's height: a middle node that stands this high makes two facets of a quadratic one.
+CURVED = 0.5
+
+# -- validity.drift ----------------------------------------------
+
+# Slip over a facet of the primary: below one the mesh does not resolve where a force acts.
+FACETS = 1.0
+
+# Slip over the width of the contact, where that is more than a facet: moments are 10 % off.
+WIDTH = 0.1
+
+# Angle between the normal that is used and the true one [rad]: forces are 10 % off their direction.
+TILT = 0.1
+
+# Error of gaps over the elastic approach of the bodies: forces are 10 % off.
+GAP = 0.1
+
+# Height of curves over one facet, over the elastic approach: forces are up to 15 % off by mortar and
+# 23 % node by node, half of that in general (`chords`).
+SAGITTA = 0.2
+
+# Force of points beyond the end of the primary over that of the contact: 10 % presses on nothing.
+BEYOND = 0.1
+
+# Strain or rotation of 10 %: linear elasticity leaves out its square, and its effect on forces.
+LARGE = 0.1
+
+# Lengths below this part of a coordinate are round-off.
+NO_LENGTH = 1e-12
+
+# -- validity.meeting --------------------------------------------
+
+# Overlaps below this part of the extent of the bodies are round-off of positions and displacements.
+NO_OVERLAP = 1e-9
+
+# -- validity.overlap --------------------------------------------
+
+# Straight pieces that a quadratic facet is drawn with: they miss 1/256 of its sagitta.
+PIECES = 8
+
+# Pairs of points and pieces that are compared at a time.
+PAIRS_AT_ONCE = 2_000_000
+
+# -- validity.skin -----------------------------------------------
+
+# Of a wire from every node to the rigid motion, over the conductance of the shortest facet: one lets
+# what is known die off by 0.38 from node to node.
+LEAK = 1.0
+
+# -- validity.support --------------------------------------------
+
+# Singular values of unit motions at the prescribed DOFs below which these hold no motion: a support
+# a thousandth as wide as the body says nothing about its turn.
+SUPPORTED = 1e-3
+
+# -- validity.validity -------------------------------------------
+
+# Overlap beyond what chords explain, over the elastic approach: contact conditions hold at the
+# points of one side, between them unlike meshes overlap by a part of what they are pressed in.
+OVERLAP = 0.25
+
+# -- validity.watched --------------------------------------------
+
+# Overlap over the sagitta of the chords: contact that is held somewhere along a chord leaves up to one
+# sagitta at its middle or its ends; half of one more is room for chords that the bodies have bent.
+CHORDS = 1.5
+
+# Overlap over what the largest nodal force presses in: conditions hold at the points of one side, and
+# between them the other one bulges by a part of this. On flat tracks 0.01 (nodes, the finer ones) to
+# 0.36 (four facets of the primary to one), 0.35 (mortar, ten to one); 0.52 at the end of a wedge that
+# is driven in. 0.63, ten between two nodes of node-to-segment contact, is to be warned of.
+BULGE = 0.6

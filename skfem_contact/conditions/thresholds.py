@@ -1,0 +1,77 @@
+"""Numbers of the contact conditions: what each is relative to, and where it comes from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# -- checked_law -------------------------------------------------
+
+# Negative bounds this small against the largest force are differences of equal numbers, which is zero.
+NO_BOUND = 1e-12
+
+# Points with less than this share of the largest area have none: they carry nothing, and a law of the
+# pressure has no value there. (A quadratic facet on the axis of symmetry has such an end.)
+NO_AREA = 1e-10
+
+# -- diagnosis ---------------------------------------------------
+
+# Overlaps below this fraction of the bodies' extent are round-off of coordinates and values.
+NO_OVERLAP = 1e-10
+
+# An overlap of this share of a body is no interference fit: small strains end long before.
+HUGE = 0.1
+
+# -- return_map --------------------------------------------------
+
+# Step of difference quotients, as a share of the largest argument: the root of round-off and a digit
+# more, as a law may have several length scales. Quotients only speed up the loops.
+DIFFERENCE = 1e-7
+
+# A trial force beyond any bound, for points that slip in a known direction. A power of two, so that the
+# force on the bound has no round-off; and its fourth power is still a number.
+BEYOND = 2.0**250
+
+# A law's own return map and its limit agree to this part of the largest limit: a digit more than loops
+# converge to.
+AGREE = 1e-11
+
+# -- identity ----------------------------------------------------
+
+# Distance over the largest coordinate by which a node may be elsewhere: the same script on another
+# machine differs by the round-off of its sines.
+SAME_PLACE = 1e-9
+
+# -- interface ---------------------------------------------------
+
+# The tangential stiffness that a loop takes where the law gives none, over K's diagonal at the
+# point: exact sticking; an error of 1e-3 in the slip of sticking points; one that still converges.
+STIFFNESS = {"newton": np.inf, "direct": 1e3, "fictitious": 1.0}
+
+# -- kinematics --------------------------------------------------
+
+# A row (of unit vectors and weights) whose free coefficients are below this is prescribed: nearly
+# matching mortar meshes leave some 1e-8 on a line of symmetry, and 1/1e-8 squared in the stiffness.
+FIXED = 1e-6
+
+# -- motions -----------------------------------------------------
+
+# A row that holds a mode of unit size resists it by a number of order one; one that does not, by
+# round-off. Everything below this counts as free: the matrix would lose more digits than it has.
+RESISTS = 1e-9
+
+# Round-off of squares of singular values, over the largest of them.
+DIGITS = 1e-12
+
+# -- state -------------------------------------------------------
+
+# Normals whose scalar product is closer than this to -1 are opposite but for round-off.
+OPPOSITE = 1e-12
+
+# -- statics -----------------------------------------------------
+
+# What may be left of a load, over the sum of its parts, and count as balanced: the linear program
+# itself ends at 1e-10.
+BALANCED = 1e-9
+
+# Directions of friction in 3-D; the polygon lies around the circle of Coulomb's law.
+DIRECTIONS = 8

@@ -1,0 +1,21 @@
+"""Numbers of the linear solvers: what each is relative to, and where it comes from."""
+
+from __future__ import annotations
+
+# -- direct ------------------------------------------------------
+
+# Residual over load up to which a solver of the user's own is trusted: conjugate gradients of
+# skfem.utils leave some 1e-6 at their default tolerance.
+ACCEPTED = 1e-4
+
+# -- multifrontal.factor -----------------------------------------
+
+LEAF = 120  # DOFs: below, the calls cost more than the arithmetic; above, the fill-in
+
+# -- singular ----------------------------------------------------
+
+# A pivot divided by its diagonal entry: 0.1 in a body that is well held, 1e-9 in a cantilever of
+# 1000 elements, round-off where a rigid motion is free: up to 1e-12, as it grows with the mesh.
+# So suspicious pivots are followed by an estimate of the smallest eigenvalue of K scaled to a unit
+# diagonal. That is below 1e-16 for a rigid motion, and 1e-12 for the same cantilever.
+LOST, SUSPICIOUS, NEGLIGIBLE = 1e-13, 1e-8, 1e-15

@@ -1,0 +1,113 @@
+"""Numbers of the pairings: what each is relative to, and where it comes from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skfem_contact.bodies.thresholds import CORNER
+
+# -- closest -----------------------------------------------------
+
+# A facet is a candidate if its normal n_p and that of the node, n_s, have n_s . n_p < -FACING:
+# they may be up to 84 degrees off the exactly opposite direction.
+FACING = 0.1
+
+# Points closer than this fraction of a facet length coincide: a point beyond the end of a surface is
+# still above its end, a foot point at a node is the node, vertices that overlap only touch. Round-off
+# of coordinates, 1e-16 times the extent over a facet length, is far below.
+COINCIDENT = 1e-6
+
+# Up to this part of a facet the sloping side of a body at the end of a surface decides what is above
+# the end; what lies farther beyond it is another part of the boundary.
+ASIDE = 0.1
+
+# Facets whose distances differ by less than this fraction of a facet length are equally near.
+TIE = 1e-9
+
+# -- corners -----------------------------------------------------
+
+# Angle [rad] between a facet and the end of the other surface from which on the vertex carries.
+# Below, the vertex is at most this times a facet length deeper than the last node, which is less
+# than the chords of a curve explain. For means over facets, too: one of zero over a facet that leans
+# by 0.09 lets the vertex in by 0.07 of its length.
+LEAN = 0.04
+
+# Angle [rad] beyond the normal of a facet that was not selected up to which the vertex still carries:
+# corners turn with the strains of their body.
+SLACK = 0.1
+
+# What leans farther beyond an end than this [rad] is another part of the boundary.
+CROSS = 0.5 * np.pi
+
+# -- diagnosis ---------------------------------------------------
+
+# Facets this much smaller, and bodies this much stiffer, than those of the other side make the choice
+# of the secondary worth a line.
+FINER, STIFFER = 0.75, 3.0
+
+# -- dual --------------------------------------------------------
+
+# A multiplier of its own needs this share of the node's integral over the whole facet, and a facet
+# covered by at least this much. The sum of |weights| in a row is then below 6 (linear) and 16
+# (quadratic) however the facet is cut; uncut it is 1.7 and 2.2.
+SHARE_KEPT, COVER_KEPT = 1 / 4, 1 / 3
+
+# -- facing ------------------------------------------------------
+
+# A smaller turn beside a straight part, 2 degrees, may be that of a curve which begins there [rad].
+KINK = float(np.radians(2.0))
+
+# The spread of normals at which a surface has a corner, 45 degrees [rad].
+SPREAD = float(np.arccos(CORNER))
+
+# -- frames ------------------------------------------------------
+
+# Normals that differ by less are the same but for round-off of the positions [rad].
+SAME_NORMAL = 1e-8
+
+# A nodal force under an isotropic strain that is more than 60 degrees off the normal shows that K is
+# not that of an elastic body there.
+ALONG = 0.5
+
+# -- kinks -------------------------------------------------------
+
+# Turns by less [rad] are no kink: a weighted gap is then wrong by a ten thousandth of a facet.
+BENT = 1e-3
+
+# -- mortar ------------------------------------------------------
+
+# Weights of a row (their sum is 1) below this are round-off of biorthogonality.
+NO_WEIGHT = 1e-14
+
+# -- search ------------------------------------------------------
+
+# Pairs (item, node of the tree) worked on at once; bounds the memory at some 100 bytes for each.
+PAIRS_AT_ONCE = 1 << 18
+
+# Balls are larger by this fraction of their radius, for round-off and for tolerances at the ends.
+MARGIN = 1e-5
+
+# -- segmentation ------------------------------------------------
+
+# Pieces shorter than this fraction of a facet are round-off of coinciding ends; left out.
+SLIVER = 1e-10
+
+# -- smooth ------------------------------------------------------
+
+# To close the gap, curvatures change by their difference at most. Up to this part of the larger one
+# the smooth boundary of the undeformed body is nearer to the deformed one than its chord is.
+CURVATURE_KEPT = 0.5
+
+# -- supports ----------------------------------------------------
+
+# A node moves along a direction if its free components are this part of it at least, as in
+# `pivoting`: at a roller this is a direction 84 degrees off the free one.
+SHARE_FREE = 0.1
+
+# A surface moves at a point if nodes that move have this part of the weights there. To close a gap by
+# less is to tear the body: a node next to a clamped one, with a fifth of the weight, by five times
+# the gap, and the force is 30 times too large.
+MOVING_SHARE = 0.5
+
+# The primary lies opposite to a node if it ends no farther from it than this part of a facet.
+OVERHANG = 0.25

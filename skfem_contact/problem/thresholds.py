@@ -1,0 +1,35 @@
+"""Numbers of the contact problem: what each is relative to, and where it comes from."""
+
+from __future__ import annotations
+
+# -- condensed ---------------------------------------------------
+
+# Pivot of a contact row (of unit diagonal) below which it depends on the others: its square is what
+# the inverse loses of its digits, six here. A beam 20 times as long as high is at 1e-2.
+DEPENDENT = 1e-3
+
+# Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
+RECOVERED_AT_ONCE = 32
+
+# -- model -------------------------------------------------------
+
+# Sets of springs whose twins are kept: two weak ones, and some of single DOFs.
+MOST_TWINS = 6
+
+# -- points ------------------------------------------------------
+
+# Points kept besides those that are closed, as a share of these, at least so many, and at least this
+# share of all: a solve with an eighth of the points costs the 500th part of a new reduction, which
+# is about one factorisation of the others. And the surplus at which the zone is drawn anew.
+SPARE, FEWEST, SHARE, SURPLUS = 0.25, 8, 1 / 8, 2.0
+
+# Pivot over the largest one at which the points that are left do not hold the bodies.
+LOOSE = 1e-7
+
+# -- substructure ------------------------------------------------
+
+# Ratio of singular values of the rigid modes on some DOFs above which these hold the body firmly.
+HELD_FIRMLY = 1e-2
+
+# Load directions that are remembered; a history of more is condensed step by step.
+MOST_DIRECTIONS = 12
