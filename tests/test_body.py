@@ -276,3 +276,26 @@ def test_bodies_that_can_not_be_stacked():
         stack([a]).index("punsh")
     with pytest.raises(InputError, match="not one of the stacked bodies"):
         stack([a]).index(b)
+
+
+def test_the_solver_asks_a_body_for_its_equations_once():
+    """A body with a prestress near its undeformed state: the solver solves what `linearize` says."""
+    asked = []
+
+    class Prestressed(Body):
+        def linearize(self, u=None):
+            asked.append(u)
+            K, f = super().linearize(u)
+            return K, f + pull
+
+    def solver(kind, f):
+        block = kind(BASIS, ELASTIC, f, D=BASIS.get_dofs("left").all("u^1"), name="block")
+        return ContactSolver([block], [Contact(block.surface("bottom"), RigidPlane((0, 0), (0, 1)))])
+
+    load = 1e-3 * weight.assemble(BASIS)
+    pull = 0.5 * load
+    told, plain = solver(Prestressed, load), solver(Body, 1.5 * load)
+    results = [s.solve() for s in (told, told, plain)]
+    assert asked == [None]
+    np.testing.assert_array_equal(results[0].u, results[2].u)
+    assert results[0].force[1] == pytest.approx(1.5e-3, rel=1e-12)  # the weight of a unit square

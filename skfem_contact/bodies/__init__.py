@@ -2,7 +2,7 @@
 
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
 * `boundaries`: tractions and displacements by the names of boundaries;
-* `body`, `system`: one body, and several under one numbering;
+* `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked of them;
 * `surface`, `facets`, `normals`, `projection`: a boundary, its facets, normals, closest points;
 * `thresholds`: numbers, and where they come from.
 """

@@ -165,6 +165,13 @@ class Body:
         object.__setattr__(self, "x", self.prescribed(x, D is None, whose))
         seal(self)
 
+    def linearize(self, u: np.ndarray | None = None) -> tuple[csr_matrix, np.ndarray]:
+        """The equations ``K v = f`` of the body's displacements v near u, see `Linearizable`.
+
+        Those of a linear body are the same everywhere.
+        """
+        return self.K, self.f
+
     def load(self, f: Any, what: str) -> np.ndarray:
         """The load (n,) that a user means: a vector, a form, or tractions by boundary name."""
         if isinstance(f, Mapping):

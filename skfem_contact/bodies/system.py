@@ -13,6 +13,7 @@ from skfem_contact import arguments
 from skfem_contact.arguments import suggest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import csr32
+from skfem_contact.bodies.linearizable import Linearizable
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import sealed, sealed_matrix
 
@@ -48,6 +49,12 @@ class System:
     def f(self) -> np.ndarray:
         """Load, shape (n,) [force]."""
         return sealed(np.concatenate([body.f for body in self.bodies]))
+
+    def linearize(self) -> tuple[list[csr_matrix], np.ndarray]:
+        """Stiffness of each body and the load of all, (n,), near the undeformed state."""
+        bodies: tuple[Linearizable, ...] = self.bodies
+        equations = [body.linearize() for body in bodies]
+        return [K for K, _ in equations], sealed(np.concatenate([f for _, f in equations]))
 
     @cached_property
     def D(self) -> np.ndarray:

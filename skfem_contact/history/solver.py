@@ -123,13 +123,12 @@ class ContactSolver:
         self.contacts = tuple(members(contacts, Contact, "contacts", usage))
         self.names = contact_names(self.contacts)
         check_passes(self.contacts, self.names)
-        self._stiffness = [body.K for body in self.system.bodies]
+        self._stiffness, self._own_f = self.system.linearize()
         for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
             if isinstance(surface, ContactSurface):
                 self.system.index(surface.body)  # refuses what is no body of this solver
         self.geometry = Geometry(self.system, self.contacts, point_slices(self.contacts))
         self.kin = self.geometry.kin
-        self._own_f = self.system.f
         self._reader = self._new_reader()
         self.timings = {"setup": 0.0}
         self._set_stiffness()
