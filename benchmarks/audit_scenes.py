@@ -163,7 +163,7 @@ def moving(done: Done) -> Counts:
 
 def bodies(done: Done) -> Counts:
     """DOFs of the second body, and those of them that are condensed."""
-    parts = done.solver.model.parts[1:]
+    parts = done.solver.model.substructures[1:]
     return {
         "DOFs of the second body": sum(part.body.n for part in parts),
         "condensed": sum(len(part.kept) for part in parts),
@@ -172,7 +172,7 @@ def bodies(done: Done) -> Counts:
 
 def factored(done: Done) -> Counts:
     """What the last body's factorisation takes."""
-    part = done.solver.model.parts[-1]
+    part = done.solver.model.substructures[-1]
     return {
         "its DOFs condensed": len(part.kept),
         "bytes of its factors": part.memory if "_factor" in part.__dict__ else 0,
@@ -183,7 +183,7 @@ def never_closed(done: Done) -> Counts:
     """Points with a partner that stay open in all steps, and the dense problem they are part of."""
     closed = np.any([answer_of(result).state.status != 0 for result in done.results], axis=0)
     points = done.solver.linear_model.place(None, None).points
-    parts = sum(part.S.nbytes + part.flexibility.nbytes for part in done.solver.model.parts)
+    parts = sum(part.S.nbytes + part.flexibility.nbytes for part in done.solver.model.substructures)
     return {
         "points that never close": int(np.sum(done.solver.kin.paired & ~closed)),
         "rows": len(points.S),

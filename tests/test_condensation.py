@@ -63,7 +63,7 @@ def test_update_of_one_body_is_a_new_solver():
     """A new stiffness and load of one body give what a solver made with them gives."""
     solver = scene(floating=True)
     solver.solve()
-    kept = solver.model.parts[0]
+    kept = solver.model.substructures[0]
     stiffer = linear_elasticity(*lame_parameters(7.0, 0.2))
     load = 1.5 * solver.system.bodies[1].f
     solver.update("up", K=stiffer, f=load)
@@ -80,7 +80,7 @@ def test_update_of_one_body_is_a_new_solver():
     assert_allclose(result.u, fresh.u, rtol=0, atol=1e-12 * np.abs(fresh.u).max())
     assert_allclose(result.forces, fresh.forces, rtol=0, atol=1e-11 * np.abs(fresh.forces).max())
     assert result.certificate.worst < 1e-10  # measured with the new stiffness
-    assert solver.model.parts[0] is kept  # the other body is not condensed again
+    assert solver.model.substructures[0] is kept  # the other body is not condensed again
     solver.update(low, f=low.f)
     assert_allclose(solver.solve().u, fresh.u, rtol=0, atol=1e-12 * np.abs(fresh.u).max())
 

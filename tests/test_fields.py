@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.answers.fields import Steps, closed_area, edge_positions, find_edges, interpolate
+from skfem_contact.answers.fields import Segments, closed_area, edge_positions, find_edges, interpolate
 
 ROUND_OFF = 1e-12
 
@@ -67,7 +67,7 @@ def test_fewer_points_than_the_rule_needs(gap, part):
     gap = np.array(gap)
     x = np.arange(len(gap))
     ones = np.ones(len(gap) - 1)
-    edges = find_edges(Steps(x[:-1], x[1:], ones, ones), x == 0, gap)
+    edges = find_edges(Segments(x[:-1], x[1:], ones, ones), x == 0, gap)
     assert edges.inside == [0] and edges.outside == [1]
     assert_allclose(edges.part, part, rtol=0, atol=ROUND_OFF)
 
@@ -119,10 +119,10 @@ def test_lengths_along_curved_facets():
     points[1] += points[1] * points[0] ** 2  # the top becomes 1 + x^2
     basis = fem.Basis(fem.MeshQuad2(points, mesh.t), fem.ElementVector(fem.ElementQuad2()), intorder=4)
     top = sc.Body(basis, linear_elasticity()).surface(lambda x: x[1] > 1.2)
-    steps = Steps.of(top)
+    segments = Segments.of(top)
     arc = 0.5 * np.sqrt(5) + 0.25 * np.arcsinh(2.0)
     chords = np.hypot(0.5, [0.75, 0.25])
     # five Gauss points: 1e-6 of a facet that turns by 63 degrees
-    assert_allclose(steps.length.sum(), arc, rtol=2e-6)
-    assert_allclose(np.sort(steps.length), np.sort(arc * chords / chords.sum()), rtol=2e-6)
+    assert_allclose(segments.length.sum(), arc, rtol=2e-6)
+    assert_allclose(np.sort(segments.length), np.sort(arc * chords / chords.sum()), rtol=2e-6)
     assert_allclose(closed_area(top, np.ones(3, dtype=bool), np.zeros(3)), arc, rtol=2e-6)

@@ -17,7 +17,7 @@ from scipy.spatial import Delaunay
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, estimate
+from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, factor_size
 from skfem_contact.linalg.multifrontal.fronts import analyse, find_runs
 from skfem_contact.linalg.multifrontal.ordering import _halves, dissect, dissection_order
 from skfem_contact.linalg.singular import NotPositiveDefinite
@@ -265,7 +265,7 @@ def test_fill_in_grows_as_nested_dissection_has_it():
         mesh = fem.MeshQuad.init_tensor(*[np.linspace(0.0, 1.0, cells + 1)] * 2)
         basis = fem.Basis(mesh, fem.ElementQuad1(), intorder=2)
         K = fem.models.poisson.laplace.assemble(basis)
-        sizes.append(estimate(K, basis.doflocs.T).memory)
+        sizes.append(factor_size(K, basis.doflocs.T).memory)
     # n log n: 4 log(14641) / log(3721) = 4.7; a band matrix would take eight times as much
     assert 4.0 < sizes[1] / sizes[0] < 5.5
 
@@ -277,7 +277,7 @@ def test_estimate_is_the_truth():
     K = linear_elasticity(*lame_parameters(1.0, 0.3)).assemble(basis)
     points = basis.doflocs.T
     keep = np.flatnonzero(points[:, 1] == 1.0)
-    size = estimate(K, points, keep)
+    size = factor_size(K, points, keep)
     assert (size.n, size.kept) == (basis.N, keep.size)
     tracemalloc.start()
     factor = MultifrontalCholesky(K, points, keep)
@@ -383,7 +383,7 @@ def test_messages():
     with pytest.raises(InputError, match=rf"DOFs from 0 to {len(points) - 1}, each once"):
         MultifrontalCholesky(K, points, [3, 3])
     with pytest.raises(InputError, match="each once"):
-        estimate(K, points, [len(points)])
+        factor_size(K, points, [len(points)])
     with pytest.raises(InputError, match="K is not symmetric"):
         MultifrontalCholesky(sp.triu(K), points)
     with pytest.raises(InputError, match=f"{keep.size} DOFs are kept"):

@@ -191,5 +191,5 @@ def test_only_the_changed_body_is_condensed_again():
     contact = sc.Contact(top.surface("bottom"), low.surface("top"), gap=0.0)
     solver = sc.ContactSolver([low, top], contact).prepare()
     twin = solver.with_stiffness("top", 3.0 * top.K).prepare()
-    assert twin.linear_model.bodies.parts[0] is solver.linear_model.bodies.parts[0]
-    assert twin.linear_model.bodies.parts[1] is not solver.linear_model.bodies.parts[1]
+    assert twin.linear_model.bodies.substructures[0] is solver.linear_model.bodies.substructures[0]
+    assert twin.linear_model.bodies.substructures[1] is not solver.linear_model.bodies.substructures[1]

@@ -31,8 +31,8 @@ Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
-class Steps:
-    """A surface in 2-D as steps from node to node: the facets, or halves of quadratic ones.
+class Segments:
+    """A surface in 2-D as segments from node to node: the facets, or halves of quadratic ones.
 
     Attributes
     ----------
@@ -50,8 +50,8 @@ class Steps:
     area: Array
 
     @classmethod
-    def of(cls, surface: ContactSurface) -> Steps:
-        """The steps of a surface, in the order of its facets."""
+    def of(cls, surface: ContactSurface) -> Segments:
+        """The segments of a surface, in the order of its facets."""
         if surface.points.shape[1] != 2:
             raise InputError(f"surface {surface.label!r}: edges of contact are located in 2-D only")
         chain = surface.facets[:, [0, 1] if surface.facets.shape[1] == 2 else [0, 2, 1]]
@@ -64,10 +64,10 @@ class Steps:
         return cls(start.ravel(), end.ravel(), length.ravel(), (length * weight).ravel())
 
     def after(self, forward: bool, m: int) -> Index:
-        """The step that leaves each of m nodes along (or against) the surface; -1 where it ends."""
-        step = np.full(m, -1)
-        step[self.start if forward else self.end] = np.arange(len(self.start))
-        return step
+        """The segment that leaves each of m nodes along (or against) the surface; -1 where it ends."""
+        segment = np.full(m, -1)
+        segment[self.start if forward else self.end] = np.arange(len(self.start))
+        return segment
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,24 +78,24 @@ class Edges:
     ----------
     inside, outside : ndarray of int, shape (k,)
         Closed node and its open neighbour.
-    step : ndarray of int, shape (k,)
-        The step between them.
+    segment : ndarray of int, shape (k,)
+        The segment between them.
     part : ndarray, shape (k,)
         Of the way from the closed to the open node, in [-0.5, 1].
     """
 
     inside: Index
     outside: Index
-    step: Index
+    segment: Index
     part: Array
 
 
-def find_edges(steps: Steps, closed: NDArray[np.bool_], gap: Array) -> Edges:
+def find_edges(segments: Segments, closed: NDArray[np.bool_], gap: Array) -> Edges:
     """Locate the edges of contact by the rule of this module.
 
     Parameters
     ----------
-    steps : Steps
+    segments : Segments
     closed : ndarray of bool, shape (m,)
     gap : ndarray, shape (m,)
         ``inf`` where a point has no partner [length].
@@ -105,29 +105,29 @@ def find_edges(steps: Steps, closed: NDArray[np.bool_], gap: Array) -> Edges:
     A gap that opens as ``(x - 1.3)**(3/2)`` over nodes at 0, 1, 2, ...:
 
     >>> x = np.arange(6)
-    >>> steps = Steps(x[:-1], x[1:], np.ones(5), np.ones(5))
-    >>> edges = find_edges(steps, x < 2, np.maximum(x - 1.3, 0.0) ** 1.5)
+    >>> segments = Segments(x[:-1], x[1:], np.ones(5), np.ones(5))
+    >>> edges = find_edges(segments, x < 2, np.maximum(x - 1.3, 0.0) ** 1.5)
     >>> print(edges.inside, edges.outside, edges.part.round(12))
     [1] [2] [0.3]
     """
-    ways = [_edges_along(steps, closed, gap, forward) for forward in (True, False)]
-    names = ("inside", "outside", "step", "part")
+    ways = [_edges_along(segments, closed, gap, forward) for forward in (True, False)]
+    names = ("inside", "outside", "segment", "part")
     columns = {k: np.concatenate([getattr(way, k) for way in ways]) for k in names}
     order = np.lexsort((columns["outside"], columns["inside"]))
     return Edges(**{name: column[order] for name, column in columns.items()})
 
 
-def _edges_along(steps: Steps, closed: NDArray[np.bool_], gap: Array, forward: bool) -> Edges:
-    step = steps.after(forward, len(closed))
-    far_end = steps.end if forward else steps.start
-    open_next = (step >= 0) & ~closed[far_end[step]]
+def _edges_along(segments: Segments, closed: NDArray[np.bool_], gap: Array, forward: bool) -> Edges:
+    segment = segments.after(forward, len(closed))
+    far_end = segments.end if forward else segments.start
+    open_next = (segment >= 0) & ~closed[far_end[segment]]
     inside = np.flatnonzero(closed & open_next)
     # the nodes beyond, their distances from the closed one, and whether they are open and known
     node, reach, known = [inside], [np.zeros(len(inside))], [np.ones(len(inside), dtype=bool)]
     for _ in range(3):
-        via = step[node[-1]]
+        via = segment[node[-1]]
         node.append(far_end[via])
-        reach.append(reach[-1] + steps.length[via])
+        reach.append(reach[-1] + segments.length[via])
         known.append(known[-1] & (via >= 0) & ~closed[node[-1]] & np.isfinite(gap[node[-1]]))
     height = [
         np.maximum(np.where(there, gap[n], 0.0), 0.0) ** (2 / 3)
@@ -140,22 +140,22 @@ def _edges_along(steps: Steps, closed: NDArray[np.bool_], gap: Array, forward: b
         run = np.divide(reach[j] - reach[i], rise, out=np.zeros(len(inside)), where=rises)
         place = np.where(rises, reach[i] - run * height[i], place)
     part = np.clip(place / reach[1], -0.5, 1.0)
-    return Edges(inside, node[1], step[inside], part)
+    return Edges(inside, node[1], segment[inside], part)
 
 
 def edge_positions(surface: ContactSurface, closed: NDArray[np.bool_], gap: Array) -> Array:
     """Positions of the edges of contact, in the order of the points of the surface, (k, d)."""
-    edges = find_edges(Steps.of(surface), closed, gap)
+    edges = find_edges(Segments.of(surface), closed, gap)
     part = edges.part[:, None]
     return (1 - part) * surface.points[edges.inside] + part * surface.points[edges.outside]
 
 
 def closed_area(surface: ContactSurface, closed: NDArray[np.bool_], gap: Array) -> float:
     """Area in contact, up to the edges [area]."""
-    steps = Steps.of(surface)
-    whole = closed[steps.start] & closed[steps.end]
-    edges = find_edges(steps, closed, gap)
-    return max(float(steps.area[whole].sum() + edges.part @ steps.area[edges.step]), 0.0)
+    segments = Segments.of(surface)
+    whole = closed[segments.start] & closed[segments.end]
+    edges = find_edges(segments, closed, gap)
+    return max(float(segments.area[whole].sum() + edges.part @ segments.area[edges.segment]), 0.0)
 
 
 def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:

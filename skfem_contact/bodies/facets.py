@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from skfem_contact.bodies.selection import place
+from skfem_contact.bodies.selection import written
 from skfem_contact.errors import InputError
 
 
@@ -112,7 +112,7 @@ def check_facets(
     if bad.size:
         raise InputError(
             f"surface {label!r}: {bad.size} facets have no length, the first is mesh facet "
-            f"{numbers[bad[0]]} at {place(points[facets[bad[0], 0]])}; remove the degenerate "
+            f"{numbers[bad[0]]} at {written(points[facets[bad[0], 0]])}; remove the degenerate "
             "elements from the mesh"
         )
     middle = points[facets].mean(axis=1)
@@ -121,6 +121,6 @@ def check_facets(
         i, j = pairs[0]
         raise InputError(
             f"surface {label!r}: {len(pairs)} facets lie twice at the same place, for example "
-            f"mesh facets {numbers[i]} and {numbers[j]} at {place(middle[i])}. Both lips of a "
+            f"mesh facets {numbers[i]} and {numbers[j]} at {written(middle[i])}. Both lips of a "
             "slit can not be one surface: select each by its own boundary name or facet numbers"
         )

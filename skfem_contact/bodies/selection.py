@@ -35,7 +35,7 @@ def select_facets(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
     lower, upper = mesh.doflocs.min(axis=1), mesh.doflocs.max(axis=1)
     raise InputError(
         f"surface {label!r} has no facets: no facet {'with all nodes' if nodes else 'midpoint'} "
-        f"satisfies `where` in the mesh, which extends from {place(lower)} to {place(upper)}. "
+        f"satisfies `where` in the mesh, which extends from {written(lower)} to {written(upper)}. "
         + (
             "Allow for round-off (np.isclose)"
             if nodes
@@ -116,6 +116,6 @@ def _satisfying(mesh: Any, test: Any, nodes: bool, label: str) -> np.ndarray:
     return np.flatnonzero(chosen)
 
 
-def place(point: np.ndarray) -> str:
+def written(point: np.ndarray) -> str:
     """Coordinates for a message."""
     return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"

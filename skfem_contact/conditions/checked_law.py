@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import numbers
-from skfem_contact.bodies.selection import place
+from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.conditions.return_map import (
     Derivatives,
@@ -155,10 +155,10 @@ class CheckedLaw:
         if wrong.any():
             i = int(np.argmax(wrong))
             raise InputError(
-                f"{self._name('return_map')} returned the force {place(force[i])}, "
-                f"{'slipping' if slips[i] else 'sticking'}, at point {i} at {place(self.points[i])}, "
-                f"for the trial force {place(trial[i])} and its own limit {limit[i]:.6g}; derivatives "
-                f"by it {by.trial[i].tolist()}. It must be the trial force itself where "
+                f"{self._name('return_map')} returned the force {written(force[i])}, "
+                f"{'slipping' if slips[i] else 'sticking'}, at point {i} at {written(self.points[i])}, "
+                f"for the trial force {written(trial[i])} and its own limit {limit[i]:.6g}; "
+                f"derivatives by it {by.trial[i].tolist()}. It must be the trial force itself where "
                 "that is within the limit, and else a force as large as the limit; and all numbers "
                 "finite. A limit that depends on the direction is not possible."
             )
@@ -197,8 +197,8 @@ class CheckedLaw:
         i, count = int(np.argmax(bad)), int(bad.sum())
         many = "" if count == 1 else f" ({count} of {len(bad)} points, of which this is the first)"
         words = (
-            f"{self._name(what)} returned {values[i]:.6g} at point {i} at {place(self.points[i])}, "
-            f"where the normal force is {normal_force[i]:.6g} and the slip {place(slip[i])}{many}. "
+            f"{self._name(what)} returned {values[i]:.6g} at point {i} at {written(self.points[i])}, "
+            f"where the normal force is {normal_force[i]:.6g} and the slip {written(slip[i])}{many}. "
         )
         if what == "slope":
             words += "The derivative of the bound has to be finite; leave slope out for a quotient."

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import structural_rank
 
-from skfem_contact.bodies.selection import place
+from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
@@ -187,7 +187,7 @@ def _check_tied(
                 f"contact '{name}' ties {len(torn)} points of surface {contact.secondary.label!r} "
                 "all of whose DOFs are prescribed, on both sides, with different displacements: "
                 f"they differ by {np.max(np.abs(jump[rows])[torn]):.6g} at point {worst} at "
-                f"{place(contact.secondary.points[worst])}. Prescribe one side only (D=...), or "
+                f"{written(contact.secondary.points[worst])}. Prescribe one side only (D=...), or "
                 "both with the same x.",
                 torn // per_point,
             )
@@ -198,7 +198,7 @@ def _warn_penetration(contact: Contact, name: str, gap: Array, small: float) -> 
     warnings.warn(
         f"contact '{name}': prescribed displacements push {np.sum(gap < -small)} of {len(gap)} "
         f"points of surface {contact.secondary.label!r} into {contact.primary.label!r}, deepest "
-        f"point {worst} at {place(contact.secondary.points[worst])} by {-gap[worst]:.6g}. Prescribed "
+        f"point {worst} at {written(contact.secondary.points[worst])} by {-gap[worst]:.6g}. Prescribed "
         "displacements win: the overlap stays, and the force there is a reaction of D, not a "
         "contact force. Leave these DOFs out of D, or correct x.",
         ContactWarning,

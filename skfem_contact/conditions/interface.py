@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.selection import place
+from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
@@ -50,7 +50,7 @@ class Interface:
         """A contact point in words, with the place where it is now."""
         i = next(k for k, part in enumerate(self.parts) if part.start <= point < part.stop)
         number = point - self.parts[i].start
-        return f"point {number} of contact {self.names[i]!r}, now at {place(position)},"
+        return f"point {number} of contact {self.names[i]!r}, now at {written(position)},"
 
     @property
     def slipping(self) -> Mask:

@@ -235,7 +235,7 @@ class Indifference:
         barred = motions.kin.paired & ~carrying & self._moved(motions, free)
         twin = self.model.with_springs(pins(self.model, free))
         attempt, way = self._advance(twin, barred, walk, target, known)
-        return place(motions, free, barred, attempt, way, u_last) if attempt.good else None
+        return nearest_place(motions, free, barred, attempt, way, u_last) if attempt.good else None
 
     def _lead(
         self, walk: Walk, target: LoadCase, u_last: Array, known: State, free: Array
@@ -277,8 +277,9 @@ class Indifference:
         """The place where no bodies overlap and no force acts that is nearest; None if none is found.
 
         Where contact slides far the gaps are those of the pairing at a place: the nearest one is looked
-        for with the gaps linear in the motion, as in `place`, and again with the pairing that is met
-        there. That nothing overlaps where nothing presses is an equilibrium, however it was found.
+        for with the gaps linear in the motion, as by `nearest_place`, and again with the pairing
+        that is met there. That nothing overlaps where nothing presses is an equilibrium, however it
+        was found.
         """
         springs = pins(self.model, free)
         twin, everywhere = self.model.with_springs(springs), np.ones(self.model.kin.m, dtype=bool)
@@ -389,7 +390,7 @@ def pins(model: LinearModel, free: Array) -> Array:
     return springs
 
 
-def place(
+def nearest_place(
     motions: RigidMotions, free: Array, barred: Mask, attempt: Attempt, walk: Walk, u_last: Array
 ) -> Rest | None:
     """Move an answer along its free motions to where it has moved least; None if bodies overlap.

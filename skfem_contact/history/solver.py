@@ -34,7 +34,7 @@ from skfem_contact.history.read import StepReader
 from skfem_contact.history.recovery import recover_all
 from skfem_contact.history.stepping import LOOPS, Stepper
 from skfem_contact.history.yielded import Yielded
-from skfem_contact.linalg.multifrontal.factor import Estimate
+from skfem_contact.linalg.multifrontal.factor import FactorSize
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.condensed import Condensed
@@ -170,7 +170,7 @@ class ContactSolver:
         """The linear problem of the bodies without contact; condensed when first asked for."""
         return self.linear_model.bodies
 
-    def sizes(self) -> dict[str, Estimate]:
+    def sizes(self) -> dict[str, FactorSize]:
         """What the factorisation of each body in contact will take, before anything is computed."""
         return self.linear_model.sizes()
 
@@ -308,7 +308,7 @@ class ContactSolver:
         twin = self._copied()
         twin._stiffness, twin.timings = stiffness, {"setup": 0.0}
         twin._set_stiffness(
-            [None if k == i else part for k, part in enumerate(self.linear_model.parts)]
+            [None if k == i else part for k, part in enumerate(self.linear_model.substructures)]
         )
         return twin
 

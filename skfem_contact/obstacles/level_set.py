@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.arguments import check_name, numbers, with_known_keywords
-from skfem_contact.bodies.selection import place
+from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
 from skfem_contact.errors import InputError
@@ -19,7 +19,7 @@ from skfem_contact.pairing.thresholds import FACING
 
 #: Steps of central differences, as fractions of the size of the surface: for gradients (the cube
 #: root of round-off) and for second derivatives, which only steer the Newton steps.
-STEP = (1e-5, 1e-4)
+DIFFERENCES = (1e-5, 1e-4)
 #: An angle [rad] between a gradient and central differences, which have some nine digits, that no
 #: round-off explains; it moves a normal by as much. Curvature tells one-sided quotients apart by 1e-5.
 OFF = 1e-3
@@ -123,7 +123,7 @@ class LevelSet(Obstacle):
 
     def _gradient(self, x: np.ndarray, size: float) -> np.ndarray:
         if self.gradient is None:
-            return _central(lambda p: self._value(p)[:, None], x, STEP[0] * size)[:, 0]
+            return _central(lambda p: self._value(p)[:, None], x, DIFFERENCES[0] * size)[:, 0]
         usage = "it must return as many numbers as the positions have"
         gradient = numbers(self.gradient(x.T), f"what the gradient of {self.label!r} returned", usage)
         if gradient.shape != x.T.shape or not np.isfinite(gradient).all():
@@ -141,7 +141,7 @@ class LevelSet(Obstacle):
         """
         if self.gradient is None or not len(x):
             return
-        step = STEP[0] * size
+        step = DIFFERENCES[0] * size
         here = self._value(x)
         shifts = step * np.eye(x.shape[1])
         ahead = np.stack([self._value(x + h) - here for h in shifts], axis=1) / step
@@ -156,9 +156,9 @@ class LevelSet(Obstacle):
         worst = int(np.argmax(off))
         if off[worst] > OFF:
             raise InputError(
-                f"gradient of {self.label!r} is not that of its function: at {place(x[worst])} it is "
-                f"{place(given[worst])}, but the function grows by {place(grows[worst])} per length, "
-                f"another direction. Correct it, or leave gradient out: differences do as well."
+                f"gradient of {self.label!r} is not that of its function: at {written(x[worst])} it is "
+                f"{written(given[worst])}, but the function grows by {written(grows[worst])} per "
+                f"length, another direction. Correct it, or leave gradient out: differences do as well."
             )
 
     def _closest(self, x: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
@@ -172,7 +172,7 @@ class LevelSet(Obstacle):
         steep = np.maximum(np.sum(gradient**2, axis=1), np.finfo(float).tiny)
         multiplier = np.einsum("md,md->m", x - y, gradient) / steep
         for _ in range(20):
-            second = _central(lambda p: self._gradient(p, size), y, STEP[1] * size)
+            second = _central(lambda p: self._gradient(p, size), y, DIFFERENCES[1] * size)
             matrix = np.zeros((m, d + 1, d + 1))
             matrix[:, :d, :d] = np.eye(d) + multiplier[:, None, None] * second
             matrix[:, :d, d] = matrix[:, d, :d] = gradient

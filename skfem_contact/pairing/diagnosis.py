@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from skfem_contact.bodies.selection import place
+from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.thresholds import FACING, FINER, STIFFER
@@ -49,7 +49,7 @@ def diagnose(
         lines.append(
             f"{np.count_nonzero(lost)} of {m} points of surface {secondary.label!r} find nothing "
             f"of {primary.label!r} that faces them within reach; the first is point {worst} at "
-            f'{place(secondary.points[worst])}. They can never touch (outside="open"). Fine where '
+            f'{written(secondary.points[worst])}. They can never touch (outside="open"). Fine where '
             "the surface curves away; else enlarge `reach`, or the primary surface."
         )
     if isinstance(primary, ContactSurface) and pairing.paired.any() and method == "node":
@@ -110,7 +110,7 @@ def say_wrong_side(pairing: Pairing, secondary: ContactSurface, primary: Any) ->
     return (
         f"All {np.count_nonzero(pairing.paired)} points of surface {secondary.label!r} that "
         f"{primary.label!r} takes look away from it: both have the normal "
-        f"{place(pairing.normal[int(np.argmax(pairing.paired))])}. The normal of an obstacle points "
+        f"{written(pairing.normal[int(np.argmax(pairing.paired))])}. The normal of an obstacle points "
         "out of it, towards the body; reverse it, or take the other side of the body."
     )
 
@@ -126,7 +126,7 @@ def _say_beyond(
     return (
         f"{np.count_nonzero(beyond)} of {len(beyond)} points of surface {secondary.label!r} "
         f"project outside surface {primary.label!r}; the farthest, point {worst} at "
-        f"{place(secondary.points[worst])}, misses by {miss:.3g}{facets}. They can never touch "
+        f"{written(secondary.points[worst])}, misses by {miss:.3g}{facets}. They can never touch "
         '(outside="open"). If they should: the primary surface may be too short'
         + (
             ", or the two are swapped; enlarge it, or swap secondary and primary."
@@ -144,8 +144,8 @@ def _say_why(secondary: ContactSurface, primary: Any) -> str:
     facing = np.einsum("md,md->m", secondary.normals, primary.facet_normals[facet])
     if np.median(facing) > FACING:
         return (
-            f": the two face the same way (normals {place(secondary.normals[0])} and "
-            f"{place(primary.facet_normals[facet[0]])} where they are close). Usually one of them "
+            f": the two face the same way (normals {written(secondary.normals[0])} and "
+            f"{written(primary.facet_normals[facet[0]])} where they are close). Usually one of them "
             "is on the wrong side of its body: check the two `where`."
         )
     return (

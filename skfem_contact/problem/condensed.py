@@ -66,24 +66,28 @@ class Condensed:
     ) -> None:
         self.system = system
         self.spans = slices(system.offsets)  # DOFs of each body
-        self.parts: list[Substructure] = []
+        self.substructures: list[Substructure] = []
         for i, (body, span) in enumerate(zip(system.bodies, self.spans, strict=True)):
             old = reuse[i] if len(reuse) else None
             mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
-            self.parts.append(old or Substructure(body, stiffness[i], np.setdiff1d(mine, body.D)))
-        kept = [part.kept + span.start for part, span in zip(self.parts, self.spans, strict=True)]
+            self.substructures.append(
+                old or Substructure(body, stiffness[i], np.setdiff1d(mine, body.D))
+            )
+        kept = [
+            part.kept + span.start for part, span in zip(self.substructures, self.spans, strict=True)
+        ]
         self.columns = np.concatenate(kept)
         # contact DOFs of each body among all contact DOFs
         self.kept_spans = slices(np.cumsum([0, *map(len, kept)]))
         # of no parts at all, block_diag makes one row
-        springs = [part.springs for part in self.parts if len(part.kept)]
+        springs = [part.springs for part in self.substructures if len(part.kept)]
         self.P = block_diag(*springs) if springs else np.zeros((0, 0))
 
     def flexibility(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c, r) -> (n_c, r)."""
         pieces = [
             part.flexibility @ force[span]
-            for part, span in zip(self.parts, self.kept_spans, strict=True)
+            for part, span in zip(self.substructures, self.kept_spans, strict=True)
         ]
         return np.concatenate(pieces)
 
@@ -92,14 +96,15 @@ class Condensed:
         rows = rows.tocsc()
         pieces = [
             csr_matrix(rows[:, span]) @ part.flexibility
-            for part, span in zip(self.parts, self.kept_spans, strict=True)
+            for part, span in zip(self.substructures, self.kept_spans, strict=True)
         ]
         return np.concatenate(pieces, axis=1)
 
     def load(self, f: Array, x: Array) -> tuple[Array, tuple[Components | None, ...]]:
         """Loads condensed onto the contact DOFs, and what `recover` wants to know of them."""
         pieces = [
-            part.load(f[span], x[span]) for part, span in zip(self.parts, self.spans, strict=True)
+            part.load(f[span], x[span])
+            for part, span in zip(self.substructures, self.spans, strict=True)
         ]
         return np.concatenate([piece[0] for piece in pieces]), tuple(p[1] for p in pieces)
 
@@ -117,7 +122,7 @@ class Condensed:
         u_c = self.contact_dofs(sources)
         u = [np.array(case.x) for case in cases]
         for k, (span, kept) in enumerate(zip(self.spans, self.kept_spans, strict=True)):
-            part = self.parts[k]
+            part = self.substructures[k]
             place = span.start + part.order
             for first in range(0, len(u), RECOVERED_AT_ONCE):
                 some = slice(first, first + RECOVERED_AT_ONCE)
@@ -227,7 +232,7 @@ class SurfaceProblem(CondensedProblem):
     def __init__(self, bodies: Condensed, place: Place, prefer: Mask, labels: Sequence[str]) -> None:
         super().__init__(bodies, place)
         self.space = SparseSpace(
-            K=csr_matrix(block_diag(*(part.S for part in bodies.parts if len(part.kept)))),
+            K=csr_matrix(block_diag(*(part.S for part in bodies.substructures if len(part.kept)))),
             kin=self.rows,
             D=np.zeros(0, dtype=int),
             prefer=prefer[bodies.columns],

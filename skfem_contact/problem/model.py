@@ -19,7 +19,7 @@ from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid
 from skfem_contact.elimination.rows import point_labels, secondary_dofs
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.direct import Direct, as_linear_solver
-from skfem_contact.linalg.multifrontal.factor import Estimate
+from skfem_contact.linalg.multifrontal.factor import FactorSize
 from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
@@ -129,8 +129,8 @@ class LinearModel:
         key = springs.tobytes()
         if key not in self._sprung:
             stiffness, reuse = [], []
-            parts = self.parts or [None] * len(self.stiffness)
-            for body, K, part in zip(self.system.bodies, self.stiffness, parts, strict=True):
+            substructures = self.substructures or [None] * len(self.stiffness)
+            for body, K, part in zip(self.system.bodies, self.stiffness, substructures, strict=True):
                 own = springs[self.system.slice(body)]
                 stiffness.append(csr_matrix(K + diags(own)) if own.any() else K)
                 reuse.append(None if own.any() else part)
@@ -176,9 +176,13 @@ class LinearModel:
         return self._wanted() if self.condensed else np.arange(self.system.n)
 
     @property
-    def parts(self) -> list[Substructure | None]:
+    def substructures(self) -> list[Substructure | None]:
         """The bodies as condensed so far; empty where they are not."""
-        return list(self._bodies.parts) if isinstance(self._bodies, Condensed) else list(self._reuse)
+        return (
+            list(self._bodies.substructures)
+            if isinstance(self._bodies, Condensed)
+            else list(self._reuse)
+        )
 
     @property
     def condensed(self) -> bool:
@@ -192,7 +196,7 @@ class LinearModel:
         """The solver of the sparse route; "auto" has come to it by the number of candidates."""
         return Direct() if isinstance(self.linear, str) else self.linear
 
-    def sizes(self) -> dict[str, Estimate]:
+    def sizes(self) -> dict[str, FactorSize]:
         """What the factorisation of each body in contact will take, before anything is computed."""
         wanted = self._wanted()
         out = {}
@@ -201,7 +205,7 @@ class LinearModel:
             mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
             mine = np.setdiff1d(mine, body.D)
             if len(mine):
-                out[name] = Substructure(body, self.stiffness[i], mine).estimate()
+                out[name] = Substructure(body, self.stiffness[i], mine).factor_size()
         return out
 
     def place(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:

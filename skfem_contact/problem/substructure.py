@@ -17,7 +17,7 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.body import Body
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import cholesky
-from skfem_contact.linalg.multifrontal.factor import Estimate, MultifrontalCholesky, estimate
+from skfem_contact.linalg.multifrontal.factor import FactorSize, MultifrontalCholesky, factor_size
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS
 
 Array = NDArray[np.float64]
@@ -127,11 +127,11 @@ class Substructure:
                 "element, or K is not that of an elastic body."
             ) from None
 
-    def estimate(self) -> Estimate:
+    def factor_size(self) -> FactorSize:
         """Size of the factorisation, before it is computed."""
         K_ff = csr_matrix(self.K[self.free][:, self.free])
         place = np.searchsorted(self.free, self.kept)
-        return estimate(K_ff, self.body.dof_points[self.free], place)
+        return factor_size(K_ff, self.body.dof_points[self.free], place)
 
     @property
     def S(self) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.fields import Edges, Steps, find_edges
+from skfem_contact.answers.fields import Edges, Segments, find_edges
 from skfem_contact.bodies.surface import ContactSurface
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ class Line:
     before, after : ndarray of int, shape (m,)
     to_before, to_after : ndarray, shape (m,)
         Distances along the surface [length].
-    steps : Steps
+    segments : Segments
         The facets, or halves of quadratic ones.
     """
 
@@ -46,19 +46,19 @@ class Line:
     after: Index
     to_before: Array
     to_after: Array
-    steps: Steps
+    segments: Segments
 
     @classmethod
     def of(cls, surface: ContactSurface, known: NDArray[np.bool_]) -> Line:
         """Along the nodes with a known value; the others interrupt the line."""
-        steps, m = Steps.of(surface), len(surface.points)
-        kept = known[steps.start] & known[steps.end]
-        start, end, length = steps.start[kept], steps.end[kept], steps.length[kept]
+        segments, m = Segments.of(surface), len(surface.points)
+        kept = known[segments.start] & known[segments.end]
+        start, end, length = segments.start[kept], segments.end[kept], segments.length[kept]
         before, after = np.full(m, -1), np.full(m, -1)
         to_before, to_after = np.zeros(m), np.zeros(m)
         after[start], to_after[start] = end, length
         before[end], to_before[end] = start, length
-        return cls(before, after, to_before, to_after, steps)
+        return cls(before, after, to_before, to_after, segments)
 
     @property
     def ends(self) -> NDArray[np.bool_]:
@@ -74,12 +74,12 @@ class Line:
 
     def edges(self, closed: NDArray[np.bool_], gap: Array) -> Edges:
         """Where contact ends (`find_edges`) on the line, with two closed nodes before it."""
-        edges = find_edges(self.steps, closed, gap)
+        edges = find_edges(self.segments, closed, gap)
         ahead = self.after[edges.inside] == edges.outside
         inner = np.where(ahead, self.before[edges.inside], self.after[edges.inside])
         kept = (ahead | (self.before[edges.inside] == edges.outside)) & (inner >= 0)
         kept &= closed[inner]
-        return Edges(edges.inside[kept], edges.outside[kept], edges.step[kept], edges.part[kept])
+        return Edges(edges.inside[kept], edges.outside[kept], edges.segment[kept], edges.part[kept])
 
     def around(self, reach: int) -> tuple[Index, Array]:
         """The next nodes before and after, and their distances, negative before, (m, 2 reach)."""
@@ -107,11 +107,11 @@ def misfit(line: Line, values: Array, quadratic: bool) -> Array:
 
     Examples
     --------
-    Of a parabola over equal steps a straight line misses half the second difference:
+    Of a parabola over equal segments a straight line misses half the second difference:
 
     >>> i = np.arange(5)
-    >>> steps = Steps(i[:-1], i[1:], np.ones(4), np.ones(4))
-    >>> line = Line(i - 1, np.where(i < 4, i + 1, -1), np.ones(5), np.ones(5), steps)
+    >>> segments = Segments(i[:-1], i[1:], np.ones(4), np.ones(4))
+    >>> line = Line(i - 1, np.where(i < 4, i + 1, -1), np.ones(5), np.ones(5), segments)
     >>> misfit(line, i[:, None] ** 2.0, quadratic=False)[1:4].ravel().tolist()
     [-1.0, -1.0, -1.0]
     >>> bool(abs(misfit(line, i[:, None] ** 2.0, quadratic=True)).max() < 1e-12)
@@ -153,11 +153,11 @@ def edge_misfit(line: Line, edges: Edges, values: Array) -> Array:
         Of `Line.edges`.
     values : ndarray, shape (m, c)
     """
-    step, last = edges.step, values[edges.inside]
+    segment, last = edges.segment, values[edges.inside]
     ahead = line.after[edges.inside] == edges.outside
     second = values[np.where(ahead, line.before[edges.inside], line.after[edges.inside])]
     inner = np.where(ahead, line.to_before[edges.inside], line.to_after[edges.inside])
-    outer = line.steps.length[step]
+    outer = line.segments.length[segment]
     place = edges.part * outer  # of the edge beyond the last closed node
     slope = second / np.sqrt(inner + place)[:, None]
     # s runs from the edge inwards: open node, edge and last closed node in either order, second node
@@ -172,4 +172,4 @@ def edge_misfit(line: Line, edges: Edges, values: Array) -> Array:
         nodal = np.where((way < 0)[..., None], rising, joining)
         root = np.sqrt(np.maximum(s, 0))[..., None] * slope[:, None]
         total += 0.5 * (b - a)[:, None] * np.einsum("q,kqc->kc", weight, (nodal - root) ** 2)
-    return total * (line.steps.area[step] / outer)[:, None]
+    return total * (line.segments.area[segment] / outer)[:, None]

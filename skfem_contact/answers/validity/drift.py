@@ -140,10 +140,10 @@ class Track:
         self.secondary, self.primary = secondary, primary
         self.points, self.paired = secondary.points, pairing.paired
         self.normal, self.tangent = pairing.normal, pairing.tangent[:, 0]
-        self.step = node_lengths(secondary)
+        self.spacing = node_lengths(secondary)
         # of an end node the surface has only half of the share
         ends = secondary.facets[:, :2][secondary.neighbours < 0]
-        self.width = self.step.copy()
+        self.width = self.spacing.copy()
         self.width[ends] *= 2.0
         # what a given or adjusted gap adds to the measured one, interference apart
         own = field_values(contact.interference, self.points, "interference")
@@ -230,7 +230,7 @@ class Track:
             slip = slip - np.einsum("md,md->m", self.tangent, slid(motion, self.points))
         way = np.abs(slip[closed])
         if len(way):
-            found["slip"], width = float(way.max()), float(self.step[closed].sum())
+            found["slip"], width = float(way.max()), float(self.spacing[closed].sum())
             found["widths"] = found["slip"] / width
         if isinstance(self.primary, Obstacle) or not len(way):
             return found
@@ -248,7 +248,7 @@ class Track:
         """What has slid past the ends of the primary, by slip and force of closed points."""
         ahead, behind, share = self.ahead[closed], self.behind[closed], self.width[closed]
         past = np.maximum(slip - ahead, -slip - behind)
-        beyond = past >= 0.5 * self.step[closed]
+        beyond = past >= 0.5 * self.spacing[closed]
         # of the share of a point, as much as was above the surface and is no more
         lost = np.zeros(len(past))
         for way_there, way_on in ((ahead, slip), (behind, -slip)):

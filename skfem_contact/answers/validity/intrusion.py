@@ -24,7 +24,7 @@ from skfem_contact.answers.validity.skin import Skin
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.watched import Intrusion
 from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.selection import place
+from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
@@ -176,7 +176,7 @@ class Intrusions:
                 if sum(dofs in s.dofs[:, 0] for s in shared) > 1:
                     continue  # the side belongs to another contact
                 words.append(
-                    f"point {node} at {place(own.points[node])}, where surface {own.label!r} ends, "
+                    f"point {node} at {written(own.points[node])}, where surface {own.label!r} ends, "
                     f"lies {depth:.3g} inside the body of {other.label!r}, which presses on a side "
                     f"that does not belong to {own.label!r}: nothing holds it there. Take that side "
                     "into the surface, or make a second contact with it."

@@ -150,7 +150,7 @@ class Watch:
             closed &= track.paired
         if not closed.any() and not (small and contact.rigid):
             return Drift()
-        width = float(track.step[closed].sum())
+        width = float(track.spacing[closed].sum())
         pressed = float(np.sum(np.abs(state.normal_force[part][closed])) * self.soft[i])
         strain = pressed / width if width else 0.0
         if not small:

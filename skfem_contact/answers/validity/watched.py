@@ -9,7 +9,7 @@ import numpy as np
 
 from skfem_contact.answers.thresholds import BULGE, CHORDS
 from skfem_contact.answers.validity.drift import Drift, Track
-from skfem_contact.bodies.selection import place
+from skfem_contact.bodies.selection import written
 
 #: What has been warned of in a history: kind, and name of the contact or body.
 Said = frozenset[tuple[str, str]]
@@ -58,7 +58,7 @@ class Intrusion:
             "take all sides that may touch into the surfaces."
         )
         return (
-            f"the deformed bodies overlap by {self.depth:.3g} at {place(np.array(self.at))}, where "
+            f"the deformed bodies overlap by {self.depth:.3g} at {written(np.array(self.at))}, where "
             f"{self.surface!r} lies in the body of {self.body!r}; straight facets and the give between "
             f"points explain {self.explained:.2g}. Contact conditions do not see it. {way}"
         )

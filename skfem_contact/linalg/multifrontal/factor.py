@@ -41,7 +41,7 @@ from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, SUSPICIOUS
 
 
 @dataclass(frozen=True)
-class Estimate:
+class FactorSize:
     """Size of a factorisation, known before it is computed.
 
     Attributes
@@ -63,7 +63,7 @@ class Estimate:
     flops: float
 
 
-def estimate(K: Any, points: np.ndarray, keep: Any = (), *, leaf: int = LEAF) -> Estimate:
+def factor_size(K: Any, points: np.ndarray, keep: Any = (), *, leaf: int = LEAF) -> FactorSize:
     """Size of ``MultifrontalCholesky(K, points, keep)``, at a fraction of its cost.
 
     Examples
@@ -71,14 +71,14 @@ def estimate(K: Any, points: np.ndarray, keep: Any = (), *, leaf: int = LEAF) ->
     >>> import numpy as np
     >>> import scipy.sparse as sp
     >>> K = sp.diags_array([-np.ones(6), np.full(7, 2.0), -np.ones(6)], offsets=[-1, 0, 1])
-    >>> size = estimate(K, np.arange(7.0)[:, None], keep=[0], leaf=1)
+    >>> size = factor_size(K, np.arange(7.0)[:, None], keep=[0], leaf=1)
     >>> size.n, size.kept, size.fronts, size.largest
     (7, 1, 7, 3)
     """
     fronts = analyse(*checked_matrix(K, points, keep), leaf)
     sizes = np.diff(fronts.start) + np.diff(fronts.first)
     kept = int(fronts.start[-1] - fronts.start[-2])
-    return Estimate(
+    return FactorSize(
         n=fronts.order.size,
         kept=kept,
         fronts=sizes.size,
