@@ -41,7 +41,9 @@ def count(points: int, mu: float) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="up to 60 points per half width; stores nothing")
+    parser.add_argument(
+        "--quick", action="store_true", help="up to 60 points per half width; stores nothing"
+    )
     quick = parser.parse_args().quick
     rows = [count(points, mu) for points in (POINTS[:3] if quick else POINTS) for mu in FRICTION]
     if not quick:

@@ -4,12 +4,28 @@ from __future__ import annotations
 
 import gc
 import sys
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from pairs import pairwise
 
 HERE = Path(__file__).parent
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Of the full products marked `pairwise` only pairs stay in the default run; the rest is slow."""
+    products = defaultdict(list)
+    for item in items:
+        if item.get_closest_marker("pairwise") and not item.get_closest_marker("slow"):
+            products[item.nodeid.partition("[")[0]].append(item)
+    for product in products.values():
+        kept = pairwise([item.callspec.indices for item in product])
+        for number, item in enumerate(product):
+            if number not in kept:
+                item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="module", autouse=True)

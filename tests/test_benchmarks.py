@@ -25,6 +25,7 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Any:
         sys.modules.pop(name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["Q1", "P2"])
 def test_history_and_routes(run: Any, kind: str) -> None:
     """50 increments end at Hertz, Cattaneo and Mindlin; without condensation the answer is the same."""
@@ -47,18 +48,24 @@ TRADE = ("trade", "trade_tables", "trade_plot", "problems")
 
 
 @pytest.fixture(scope="module")
-def trade() -> Any:
-    """The modules of benchmarks/trade.py, and what its quick mode measures."""
+def modules() -> Any:
+    """The modules of benchmarks/trade.py."""
     root = Path(__file__).parents[1]
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(root / "tests" / "verification"))
         patch.syspath_prepend(str(root / "benchmarks"))
-        modules = {name: import_module(name) for name in TRADE}
-        yield modules, modules["trade"].measure(quick=True)
+        yield {name: import_module(name) for name in TRADE}
         for name in TRADE:
             sys.modules.pop(name)
 
 
+@pytest.fixture(scope="module")
+def trade(modules: Any) -> Any:
+    """The modules of benchmarks/trade.py, and what its quick mode measures."""
+    return modules, modules["trade"].measure(quick=True)
+
+
+@pytest.mark.slow
 def test_trade_errs_as_the_mesh_lets_it(trade: Any) -> None:
     """On 4.5 elements per half width all four answers are right to what such a mesh resolves."""
     measured = trade[1]["problems"]
@@ -71,6 +78,7 @@ def test_trade_errs_as_the_mesh_lets_it(trade: Any) -> None:
     assert base["sliding"]["error"] < 0.05
 
 
+@pytest.mark.slow
 def test_trade_compares_with_the_base(trade: Any) -> None:
     """Ratios are to the base; only what changes the equations changes the answer."""
     for problem in trade[1]["problems"].values():
@@ -85,9 +93,9 @@ def test_trade_compares_with_the_base(trade: Any) -> None:
     assert hertz["method", "node"]["moved"] > 1e-3
 
 
-def test_trade_goes_wrong_without_following_the_die(trade: Any) -> None:
+@pytest.mark.slow
+def test_trade_goes_wrong_without_following_the_die(modules: Any) -> None:
     """On the pairing of the start, with the block as secondary, the die presses where it began."""
-    modules, _ = trade
     base = modules["trade"].PROBLEMS["sliding"].base
     left = replace(base, points=4.5, increments=4, sliding="small", secondary="block")
     with pytest.warns(UserWarning, match="press where they began.* sliding='finite'"):
@@ -96,15 +104,16 @@ def test_trade_goes_wrong_without_following_the_die(trade: Any) -> None:
     assert modules["problems"].sliding(replace(left, sliding="finite")).error() < 0.1
 
 
-def test_values_along_quadratic_facets(trade: Any) -> None:
+def test_values_along_quadratic_facets(modules: Any) -> None:
     """Between the nodes of quadratic facets a parabola is met exactly, of linear ones its chord."""
-    along, x = trade[0]["problems"].along, np.linspace(0, 1, 9)
+    along, x = modules["problems"].along, np.linspace(0, 1, 9)
     points = np.array([0.0, 0.1, 0.25, 0.6, 1.0])
     # round-off of numbers up to one
     assert along(points, x, x**2, 2) == pytest.approx(points**2, abs=1e-14)
     assert along(points, x, x**2, 1)[1] > points[1] ** 2 + 1e-4
 
 
+@pytest.mark.slow
 def test_trade_tables_and_pictures(trade: Any, tmp_path: Path) -> None:
     """Every row is in a table; the front gets better as it gets slower; pictures are drawn."""
     modules, measured = trade
@@ -119,9 +128,8 @@ def test_trade_tables_and_pictures(trade: Any, tmp_path: Path) -> None:
         assert picture.stat().st_size > 10_000
 
 
-def test_a_failed_setting_is_a_row(trade: Any) -> None:
+def test_a_failed_setting_is_a_row(modules: Any) -> None:
     """What cannot be solved is in the table with its reason."""
-    modules, _ = trade
     problem = modules["trade"].PROBLEMS["raous"]
     few = replace(problem.base, points=4, options=replace(problem.base.options, max_iterations=1))
     # newton may find this coarse block at once from its start; fictitious forces never do
@@ -132,10 +140,10 @@ def test_a_failed_setting_is_a_row(trade: Any) -> None:
     assert "NotConverged" in modules["trade_tables"].price_list({"rows": [row]})
 
 
-def test_the_pages_show_what_is_stored(trade: Any) -> None:
+def test_the_pages_show_what_is_stored(modules: Any) -> None:
     """The tables in docs/trade.md and docs/methods.md are those of results/trade.json."""
-    tables = trade[0]["trade_tables"]
-    stored = json.loads(trade[0]["trade"].STORED.read_text(encoding="utf-8"))
+    tables = modules["trade_tables"]
+    stored = json.loads(modules["trade"].STORED.read_text(encoding="utf-8"))
     for page, wanted in tables.tables(stored).items():
         text = (tables.DOCS / page).read_text(encoding="utf-8")
         assert {name: tables.marked(text, name) for name in wanted} == wanted

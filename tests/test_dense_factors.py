@@ -72,6 +72,7 @@ def strict(monkeypatch):
         monkeypatch.setattr(scipy.linalg, name, guarded(getattr(scipy.linalg, name)))
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("linear", ["auto", sc.Direct(), Dense()], ids=["auto", "direct", "dense"])
 @pytest.mark.parametrize("law", [None, sc.Coulomb(0.3), sc.Coulomb(0.3, stiffness=1e2)], ids=str)
 @pytest.mark.parametrize("D", ["top", "all", "none"])

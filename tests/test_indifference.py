@@ -57,6 +57,7 @@ def test_a_smooth_floor_leaves_the_place_along_it(linear):
     assert result.indifferent and result.indifferent[0] in str(result).replace("\n", " ")
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("friction", [None, sc.Coulomb(0.0), sc.Coulomb(0.4)], ids=str)
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("n", [1, 3])

@@ -70,6 +70,7 @@ BACKENDS = [
 ]
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("backend", BACKENDS, ids=name)
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("columns", [(), (1,), (4,), (0,)])
@@ -141,6 +142,7 @@ def test_slender_is_not_singular(backend):
     assert np.max(abs(K @ x - f)) < 1e-14 * abs(K).max() * abs(x).max()
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("cells", [3, 10, 40])
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("backend", [Direct(), Direct("superlu"), Dense()], ids=str)

@@ -186,7 +186,7 @@ def test_friction_goes_along_with_a_vertex(law, method):
 
 
 @pytest.mark.filterwarnings("ignore::skfem_contact.ContactWarning")
-@pytest.mark.parametrize("method", ["node", "mortar"])
+@pytest.mark.parametrize("method", ["node", pytest.param("mortar", marks=pytest.mark.slow)])
 def test_a_square_led_round_a_corner_is_refused_by_name(method):
     """Face to face round a square corner is no equilibrium: the words say where, and what to do."""
     solver, put = scene("disc", method, "both", shape="square")

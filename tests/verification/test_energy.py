@@ -52,6 +52,7 @@ LAWS = {
 }
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("N", [1, 2, 4])
 @pytest.mark.parametrize("sliding", ["small", "finite"])
 @pytest.mark.parametrize("name", LAWS)
@@ -171,6 +172,7 @@ def test_balance_of_random_steps(method, seed):
     assert events > 10 and last.dissipation_total > 0
 
 
+@pytest.mark.slow
 def test_random_stacks_never_gain_energy():
     """Random stacks of two and three bodies, loaded, reversed and released: no step below zero."""
     lost, missed = [], []

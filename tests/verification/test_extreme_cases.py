@@ -19,6 +19,7 @@ from skfem_contact.reference import uniform_shear
 # -- stiffness, friction, units: more of each, and all at once ------------------------------
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize(
     ("length", "stress", "angle"), [(-9, 0, 0.0), (3, 9, 33.0)], ids=["nm", "km, turned"]
 )
@@ -268,6 +269,7 @@ def test_X25_every_cycle_loses_the_same_energy():
 TILTS = [0.0, *(10.0**k for k in range(-16, -1))]
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("mu", [None, 0.3])
 @pytest.mark.parametrize("tilt", TILTS, ids="{:.0e}".format)
@@ -297,6 +299,7 @@ def test_redundant_floor_given_twice(tilt, mu, linear):
 SHIFTS = [0.0, 1e-16, 1e-12, 1e-10, 1e-9, 1e-8, 1e-6, 1e-4, 1e-2]
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("shift", SHIFTS)

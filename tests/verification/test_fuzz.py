@@ -27,11 +27,14 @@ def kinds(seed):
     return [kind for kind, _ in judge(seed)]
 
 
-def test_no_random_problem_is_answered_wrongly():
+@pytest.mark.parametrize(
+    "seeds", [range(20), pytest.param(range(20, 60), marks=pytest.mark.slow)], ids=["few", "many"]
+)
+def test_no_random_problem_is_answered_wrongly(seeds):
     """Answers satisfy all conditions, refusals are errors of the library, and nothing crashes."""
-    found = [(seed, kind) for seed in range(60) for kind in kinds(seed)]
+    found = [(seed, kind) for seed in seeds for kind in kinds(seed)]
     assert [pair for pair in found if pair[1] in ("wrong", "crashed", "missed")] == []
-    assert sum(kind == "right" for _, kind in found) > 100
+    assert sum(kind == "right" for _, kind in found) > 1.6 * len(seeds)
 
 
 STEPS = st.builds(
@@ -65,7 +68,7 @@ REPEATABLE = settings(
 )
 
 
-@settings(REPEATABLE, max_examples=60)
+@settings(REPEATABLE, max_examples=30)
 @given(PROBLEMS)
 def test_whole_problems_that_hypothesis_thinks_of(choice):
     """Answers satisfy all conditions, whatever bodies, loads and friction."""

@@ -241,12 +241,12 @@ def test_a_refusal_is_held_against_statics():
 def test_a_few_random_scenes():
     """None is answered wrongly; the same number is always the same scene."""
     assert bench.scene(3) == bench.scene(3)
-    for seed in range(6):
+    for seed in range(3):
         verdict = bench.judge(seed)
         assert verdict.kind != "WRONG", "\n".join([bench.describe(bench.scene(seed)), *verdict.words])
 
 
-@pytest.mark.parametrize("seed", [64, 206])
+@pytest.mark.parametrize("seed", [64, pytest.param(206, marks=pytest.mark.slow)])
 def test_no_answer_whose_load_nothing_carries(seed):
     """Floating blocks on frictionless joints that ran away by 1e11 were once called converged."""
     truth = bench.scene(seed)
