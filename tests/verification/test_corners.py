@@ -160,7 +160,7 @@ class Weakening(sc.FrictionLaw):
         return 0.4 - 2 * np.minimum(np.abs(slip[:, 0]), 0.1)
 
 
-@pytest.mark.parametrize("method", ["node", "mortar"])
+@pytest.mark.parametrize("method", ["node", pytest.param("mortar", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("law", [sc.Coulomb(0.3, stiffness=0.02), Weakening()], ids=["G", "slip"])
 def test_friction_goes_along_with_a_vertex(law, method):
     """A wedge dragged over three facets of a block: its friction is that of one point that slips on.

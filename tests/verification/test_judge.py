@@ -273,7 +273,7 @@ def test_places_that_nothing_holds(seed):
     assert verdict.kind != "WRONG", "\n".join(verdict.words)
 
 
-@pytest.mark.parametrize("seed", [21, 300, 1285])
+@pytest.mark.parametrize("seed", [21, pytest.param(300, marks=pytest.mark.slow), 1285])
 def test_places_that_are_indifferent_are_said(seed):
     """Held by friction at its bound alone, or by round-off, a body stands where the loop left it.
 
@@ -339,7 +339,9 @@ def test_refusals_are_alike_whatever_they_are_called(monkeypatch):
     assert bench.compare_orders(court, found).startswith("refused in one of them")
 
 
-@pytest.mark.parametrize("seed", [65, 206, 374, 548])
+@pytest.mark.parametrize(
+    "seed", [374, *(pytest.param(n, marks=pytest.mark.slow) for n in (65, 206, 548))]
+)
 def test_answers_that_were_refused(seed):
     """A disc loose between plates (65); a pad and a stack that smooth joints let go, in a step whose
     first attempt slides off (206, 548); a roller 1e4 times stiffer than its track, whose round-off was

@@ -75,6 +75,7 @@ def ripple(method):
     return np.ptp(force) / abs(force.mean())
 
 
+@pytest.mark.slow
 def test_P9_ripple_is_small_for_both_methods():
     """Passing joints, the friction force of node and mortar contact ripples by less than 0.5 %."""
     # the size of the tilt of the frames, p/E = 1e-3 to 3e-3 at the edges of the block

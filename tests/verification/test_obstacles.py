@@ -191,7 +191,7 @@ def punched(N, nu, *, kind="Q1", axis=False, H=500.0, **settings):
     return next(solver.history([{"motion": {"punch": (0.0, -0.01)}}]))
 
 
-@pytest.mark.parametrize("kind", ["Q1", "Q2"])
+@pytest.mark.parametrize("kind", ["Q1", pytest.param("Q2", marks=pytest.mark.slow)])
 def test_F1_flat_punch(kind):
     """The pressure under a smooth flat punch is P/(π sqrt(a²-x²)), singular at the edges."""
     N = 20 if kind in QUADRATIC else 40
@@ -220,7 +220,7 @@ def test_F1_round_punch_load(kind):
     assert_allclose(result.pressure[order[:4]], known / (2 * np.pi), rtol=0.03)
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.3])
+@pytest.mark.parametrize("nu", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
 def test_F2_bonded_punch(nu):
     """Full stick: the pressure in the middle, and how much stiffer the round punch is."""
     glued, rough = punched(40, nu, tied=True), punched(40, nu, friction=sc.Coulomb(1e6))

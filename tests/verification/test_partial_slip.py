@@ -141,7 +141,10 @@ def spring_scene(G, scene, loop):
     return Scene(30.5, stiffness=G, d=scene.d, loop=loop, fine_depth=0.2)
 
 
-@pytest.mark.parametrize("factor", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize(
+    "factor",
+    [pytest.param(0.1, marks=pytest.mark.slow), 1.0, pytest.param(10.0, marks=pytest.mark.slow)],
+)
 def test_H4_three_loops_agree(factor, reference_scene):
     """Fictitious forces, direct iteration and Newton reach the same state at the same G."""
     scene, _, diagonal = reference_scene
@@ -158,7 +161,7 @@ def test_H4_three_loops_agree(factor, reference_scene):
     assert results["fictitious"].iterations > results["newton"].iterations
 
 
-@pytest.mark.parametrize("loop", ["direct", "newton"])
+@pytest.mark.parametrize("loop", [pytest.param("direct", marks=pytest.mark.slow), "newton"])
 def test_H4_any_tangential_stiffness(loop, reference_scene):
     """From soft to hard springs the count of iterations stays; the answer tends to sticking."""
     scene, exact, diagonal = reference_scene
@@ -210,6 +213,7 @@ def fretting(N, x, n=24):
     return reported / exact, implicit / exact
 
 
+@pytest.mark.slow
 def test_H5_fretting_loop_loses_the_energy_of_the_closed_form():
     """A cycle of the tangential force closes in itself and costs what theory says."""
     reported, implicit = fretting(24.5, 0.6)
@@ -264,7 +268,7 @@ def test_H8_shear_cap_under_full_sliding(s):
 
 # -- iterations -------------------------------------------------------------------------------------
 
-MESHES = [15.3, 30.3, *(pytest.param(N, marks=pytest.mark.slow) for N in (60.3, 120.3, 240.3))]
+MESHES = [15.3, *(pytest.param(N, marks=pytest.mark.slow) for N in (30.3, 60.3, 120.3, 240.3))]
 
 
 @pytest.mark.parametrize("N", MESHES)
