@@ -22,7 +22,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if item.get_closest_marker("pairwise") and not item.get_closest_marker("slow"):
             products[item.nodeid.partition("[")[0]].append(item)
     for product in products.values():
-        kept = pairwise([item.callspec.indices for item in product])
+        # values are told apart as objects: arrays and laws cannot be compared or hashed
+        values = [{name: id(v) for name, v in item.callspec.params.items()} for item in product]
+        kept = pairwise(values)
         for number, item in enumerate(product):
             if number not in kept:
                 item.add_marker(pytest.mark.slow)

@@ -225,6 +225,7 @@ def test_X20_node_on_a_joint(kind, method):
         assert_allclose(solve(shift), there, rtol=0, atol=1e-6 * np.abs(there).max())
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("end", [0.6, 0.63, 0.79, 0.99])

@@ -76,6 +76,7 @@ def assert_same(result, expected, digits):
     assert_allclose(result.u, expected.u, rtol=0, atol=digits * np.abs(expected.u).max())
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("loop", ["newton", "direct"])
 def test_every_loop_on_every_backend(reference, loop, backend):

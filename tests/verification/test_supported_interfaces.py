@@ -104,6 +104,7 @@ def test_press_fit_on_a_clamped_floor(kind, facets):
         assert_allclose(ratio, 1.0, atol=1e-9)
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("parts", [None, "u^2"], ids=["all", "along"])
 @pytest.mark.parametrize("facets", MESHES, ids=str)
 @pytest.mark.parametrize("kind", ["Q1", "P2", "S2"])
@@ -275,6 +276,7 @@ def test_inclined_interface_on_a_line_of_symmetry(kind, slope, law):
 # --- what has to stay exact ---------------------------------------------------------------------
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("settings", [{}, {"friction": sc.Coulomb(0.3)}, {"tied": True}], ids=str)
 @pytest.mark.parametrize("ends", ["all", "u^1", "u^2"])
 @pytest.mark.parametrize("kind", ALL)

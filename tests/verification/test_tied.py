@@ -173,6 +173,7 @@ def orders(problem, kind, method, ratio):
     return np.log2(found[:-1] / found[1:])
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("ratio", [0.75, 1.25], ids=["finer secondary", "coarser secondary"])
 @pytest.mark.parametrize("kind", ["P1", "Q1", "P2", "Q2", "S2"])
 @pytest.mark.parametrize("problem", [Waves, Heat])

@@ -431,6 +431,7 @@ def test_P2_numbers(case, kind, n, method, loop):
         assert_allclose(result.slip, 0.0, atol=EXACT * U)
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("linear", ["condensed", sc.Direct()], ids=["condensed", "sparse"])
 @pytest.mark.parametrize("swap", [False, True], ids=["", "swapped"])
 @pytest.mark.parametrize("pose", POSES, ids=str)
