@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
 from skfem_contact.conditions.friction import tangential_matrix
-from skfem_contact.conditions.return_map import return_map
+from skfem_contact.conditions.return_map import Derivatives, return_map, unlawful
 from skfem_contact.conditions.thresholds import BEYOND
 
 size = st.floats(0.0, 1e3)
@@ -151,3 +151,11 @@ def test_a_trial_force_beyond_any_bound_gives_the_bound():
         force, slips = return_map(np.full((5, 1), way * BEYOND), limit)
         assert_array_equal(force[:, 0], way * limit)
         assert slips.all()
+
+
+def test_return_maps_that_are_none():
+    """Sticking beyond the bound, slipping below it, and forces off the bound, each by itself."""
+    by = Derivatives(np.zeros((5, 1, 1)), np.zeros((5, 1)), np.zeros((5, 1, 1)))
+    trial, limit = np.array([[0.5], [2.0], [2.0], [0.5], [2.0]]), np.ones(5)
+    force, slips = np.array([[0.5], [1.0], [2.0], [1.0], [0.9]]), np.array([0, 1, 0, 1, 1]) > 0
+    assert_array_equal(unlawful(trial, limit, force, slips, by), [False, False, True, True, True])

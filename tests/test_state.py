@@ -175,3 +175,15 @@ def test_history_goes_on_from_vectors_and_not_from_components():
     for name in ("slip", "tangential_force", "reference"):
         seen = getattr(turned.along(kin), name)
         assert_allclose(seen, getattr(answer.local, name), rtol=0, atol=DIGITS)
+
+
+def test_a_history_that_is_handed_on_keeps_the_normal_it_is_across():
+    """A vertex goes from one point to the next, whose normal is another: its vectors turn with it."""
+    rng = np.random.default_rng(3)
+    kin = frames(unit(rng.standard_normal((3, 2))), rng)
+    local = replace(state(kin, rng), vertex=np.array([7, -1, -1]))
+    moved = local.in_space(kin).handed_on(np.array([-1, 7, -1]), [slice(0, 3)])
+    assert_array_equal(moved.vertex, [-1, 7, -1])
+    seen = moved.along(kin)
+    for name in ("slip", "tangential_force", "reference"):
+        assert_allclose(getattr(seen, name), getattr(local, name)[[1, 0, 2]], rtol=0, atol=1e2 * DIGITS)
