@@ -39,6 +39,9 @@ SECOND_ORDER = 0.1
 BEYOND = 0.1
 #: Displacements that were solved for have lost this part to the condition of `K`.
 MOVED = 1e-8
+#: A rigid motion of a body without supports that is smaller than this part of what has moved may be the
+#: round-off of forces over what hardly holds it.
+SOFT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -130,6 +133,23 @@ class Court:
     def felt(self, forces: Forces) -> float:
         """What round-off of the forces moves the bodies: one lies on the other, so that it adds up."""
         return sum(noise * self.give[name] for name, noise in forces.noise.items())
+
+    def strained(self, name: str, u: np.ndarray, moved: float) -> np.ndarray:
+        """A difference of displacements without a small rigid motion, of a body that is not held.
+
+        What hardly holds a body (a polygon in another one holds it against turning) lets round-off of
+        the forces move it by far more than it strains it. Up to `SOFT` of the displacements count as
+        that; forces have agreed before this is asked.
+        """
+        body = self.made[name].basis
+        if len(self.made[name].D):
+            return u
+        x, component = body.doflocs.T, np.zeros(body.N, dtype=int)
+        component[body.get_dofs(elements=True).all("u^2")] = 1
+        turned = np.where(component == 0, -x[:, 1], x[:, 0])
+        modes = np.column_stack([component == 0, component == 1, turned]).astype(float)
+        rigid = modes @ np.linalg.lstsq(modes, u, rcond=None)[0]
+        return u - rigid if np.abs(rigid).max() <= SOFT * moved else u
 
     def motion(self, spec: ContactSpec, k: int) -> np.ndarray:
         """Translation of an obstacle in a step."""

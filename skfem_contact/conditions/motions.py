@@ -127,7 +127,7 @@ class RigidMotions:
                 sentences.append((name, words))
         return tuple(
             f"The place of body '{name}' is indifferent ({words}): {why}, and the forces are the same "
-            "everywhere."
+            "wherever it can move freely."
             for name, words in sentences
         )
 
