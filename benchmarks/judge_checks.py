@@ -41,7 +41,7 @@ BEYOND = 0.1
 MOVED = 1e-8
 #: A rigid motion of a body without supports that is smaller than this part of what has moved may be the
 #: round-off of forces over what hardly holds it.
-SOFT = 1e-6
+SOFT = 1e-3
 
 
 @dataclass(frozen=True)

@@ -128,6 +128,8 @@ class Grip:
     def of(cls, model: LinearModel, attempt: Attempt, interface: Interface) -> Grip:
         """That of an attempt."""
         motions, state = attempt.problem.motions, attempt.local
+        if attempt.model is not model:  # there DOFs are held that nothing holds
+            motions = model.motions.seen_by(attempt.problem.kin)
         largest = float(np.max(np.abs(state.normal_force), initial=0.0))
         floor = max(NOTHING * largest, ROUND_OFF * force_terms(model, attempt.case))
         carrying = (state.status != OPEN) & (state.normal_force > floor)
