@@ -105,6 +105,8 @@ class Court:
         self.extent, self.centre = float(np.ptp(X, axis=0).max()), X.mean(axis=0)
         self.tiny = 1e-13 * (self.extent + np.abs(X).max())
         self.most = 0.0  # the largest force that any step had
+        self.stiffest = max(float(m.K.diagonal().max()) for m in made.values())
+        self.faint = 0.0  # round-off of the stiffest body, which contact hands on to all others
 
     @cached_property
     def shared(self) -> dict[str, np.ndarray]:
@@ -175,6 +177,7 @@ class Court:
         # difference of two displacements, whose round-off is felt as a force
         self.most = max([self.most, *scale.values()])
         moved = max(float(np.abs(u).max()) for u in answer.u.values())
+        self.faint = max(self.faint, 10 * EPS * self.stiffest * moved)
         for name, m in self.made.items():
             noise[name] += REST * self.most + 10 * EPS * float(m.K.diagonal().max()) * moved
         return Forces(R, noise, scale)
@@ -236,7 +239,8 @@ class Court:
     def blind(self, forces: Forces) -> bool:
         """Whether round-off of rigid motions hides what a thousandth of the forces would be."""
         most = max(forces.scale.values())
-        return most > 0 and any(n > 1e-3 * self.most for n in forces.noise.values())
+        hidden = any(n > 1e-3 * self.most for n in forces.noise.values())
+        return most > 0 and (hidden or self.faint > self.most)
 
     def _side(self, side: tuple[str, str], forces: Forces) -> np.ndarray | None:
         """Contact forces at the nodes of a surface; None where supports or contacts share nodes."""
@@ -423,7 +427,9 @@ class Court:
         if spec.primary is not None:
             spread = np.maximum(spread, near.other_spread(answer, before))
         moved = max(float(np.abs(u).max()) for u in answer.u.values())
-        allowed = spread + MOVED * moved + self.tiny
+        # a normal that is off by an angle takes that part of what closes or opens for slip
+        came = np.abs((slid * near.normal).sum(axis=1)) * near.off
+        allowed = spread + came + MOVED * moved + self.tiny
         if spec.sliding == "finite":
             return []
         name2 = self.made[name]
@@ -577,8 +583,9 @@ class Court:
             value = np.divide(total, mass, out=np.zeros_like(total), where=vertex)
             slack = slack + MEAN * np.where(keep, high - low, 0.0)
             # between two arcs gaps are those of the curves, from which the facets of both are off
-            off = [self.lines[side].sagitta() for side in (spec.secondary, spec.primary)]
-            slack = slack + (sum(off) if min(off) > 0 else 0.0)
+            sides = [self.lines[side] for side in (spec.secondary, spec.primary)]
+            if all(line.bends for line in sides):
+                slack = slack + sum(line.sagitta() for line in sides)
         out = []
         deep = np.where(keep, -value - slack, -np.inf)
         wide = np.where(keep & closed, value - slack, -np.inf)

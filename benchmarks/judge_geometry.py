@@ -99,6 +99,14 @@ class Line:
         chord = self.X[self.facets[:, 1]] - self.X[self.facets[:, 0]]
         return float((np.linalg.norm(chord, axis=1) * np.maximum(turned, after)).max()) / 8
 
+    @property
+    def bends(self) -> bool:
+        """Whether the line is a curve, drawn with straight facets or with quadratic ones."""
+        if self.facets.shape[1] == 2:
+            return self.sagitta() > 0
+        n = self.normals(np.zeros(self.dofs.max() + 1)).reshape(len(self.facets), -1, 2)
+        return bool((n[:, 0] * n[:, -1]).sum(axis=1).min() < 1 - 1e-6)
+
     def _turns(self, u: np.ndarray) -> np.ndarray:
         """Turn at the start of each facet, signed; zero where the line ends."""
         p = self.pieces(u).reshape(len(self.facets), -1, 2, 2)
