@@ -200,7 +200,8 @@ def examine(court: Court, found: Run) -> tuple[list[Finding], bool]:
         findings += court.friction(k, answer, before, forces)
         findings += court.overlap(k, answer, forces)
         before = answer
-    if court.faint > court.most:  # no force in all steps that is not round-off
+    loaded = any(drive.kind == "f" for drive in court.scene.drives)
+    if court.faint > court.most and not loaded:  # no force in all steps that is not round-off
         findings = [f for f in findings if f.geometric]
     return findings, blind
 
