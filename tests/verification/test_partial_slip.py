@@ -290,7 +290,9 @@ def test_newton_from_a_cold_start_at_any_resolution(N):
         for x in (0.5, 0.95):
             step = scene.step(x)
             result = scene.blocks.solver.solve(**step)
-            assert len(result.trace) <= 12  # of the full problem; coarser ones start it
+            # every linear solve counts: points that touch are closed, and the zone grows from there; a
+            # nested start took 12 on the full problem and up to 36 on fewer points before them
+            assert len(result.trace) <= 16
             # against the same state reached step by step
             if N < 100:
                 *_, stepwise = scene.history([0.0, 0.3 * x, 0.6 * x, x])
