@@ -9,6 +9,7 @@ import numpy as np
 
 from skfem_contact.answers.error.sources import percent
 from skfem_contact.answers.thresholds import COARSE
+from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 
 if TYPE_CHECKING:
@@ -19,13 +20,13 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
     """The lines of one contact; `estimate`: also its estimated error, which takes a moment."""
     contact = values.contact
     lines = [f"{values.name}: {contact.label}", f"  {status_words(values)}"]
-    lines.append(f"  force on the secondary   {vector(values.force)}")
+    lines.append(f"  force on the secondary   {written(values.force)}")
     lines.append(f"  contact area             {values.contact_area:.6g}")
     if np.any(values.status != OPEN):
         # glue pulls as well as it presses
         size = np.linalg.norm(values.traction, axis=1) if contact.tied else values.pressure
         what, peak = "traction" if contact.tied else "pressure", int(np.argmax(size))
-        where = vector(values.points[peak])
+        where = written(values.points[peak])
         lines.append(f"  {f'largest {what}':<24s} {size[peak]:.6g} at {where}")
     if contact.friction is not None:
         lines += _friction_lines(values)
@@ -46,11 +47,6 @@ def status_words(values: ContactValues) -> str:
         return f"frictionless: {count[STICK] + count[SLIP]} points closed, {count[OPEN]} open"
     counts = ", ".join(f"{n} {name}" for n, name in zip(count, STATUS, strict=True))
     return f"{type(contact.friction).__name__}: {counts}"
-
-
-def vector(v: np.ndarray) -> str:
-    """Numbers in parentheses."""
-    return "(" + ", ".join(f"{x:.6g}" for x in v) + ")"
 
 
 def _friction_lines(values: ContactValues) -> list[str]:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.contact_report import contact_lines, status_words, vector
+from skfem_contact.answers.contact_report import contact_lines, status_words
 from skfem_contact.answers.thresholds import MOST_ROWS
+from skfem_contact.bodies.selection import written
 
 if TYPE_CHECKING:
     from skfem_contact.answers.result import ContactResult
@@ -26,7 +27,7 @@ def short(result: ContactResult) -> str:
     """A few lines at no cost: how it ended, and the force and status of every contact."""
     lines = [f"<ContactResult: {_headline(result)}"]
     for values in result:
-        lines.append(f"  {values.name}: {status_words(values)}; force {vector(values.force)}")
+        lines.append(f"  {values.name}: {status_words(values)}; force {written(values.force)}")
     return "\n".join(lines) + ">"
 
 
@@ -50,7 +51,7 @@ def table(result: ContactResult) -> str:
     rows = []
     for values in result:
         peak = np.max(values.pressure, initial=0.0)
-        words = (f"{values.name}: {values.contact.label}", status_words(values), vector(values.force))
+        words = (f"{values.name}: {values.contact.label}", status_words(values), written(values.force))
         rows.append([*words, f"{peak:.6g}", f"{values.contact_area:.6g}"])
     cells = "".join("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in rows)
     head = "".join(f"<th>{name}</th>" for name in heads)
@@ -95,10 +96,10 @@ def _last_lines(result: ContactResult) -> list[str]:
 
 def _watched_line(answer: Answer) -> str:
     """What the watch of every step has warned of, in this step or before."""
-    said = sorted(answer.watched.said)
-    if not said:
+    beyond = answer.watched.beyond
+    if not beyond:
         return "Validity of the model: nothing that a step looks at is beyond its bound"
-    listed = ", ".join(f"{kind} of {name!r}" for kind, name in said)
+    listed = ", ".join(f"{kind} of {name!r}" for kind, name in beyond)
     return f"Validity of the model: beyond its bounds in this history: {listed}"
 
 
@@ -119,9 +120,9 @@ def _uniqueness_lines(result: ContactResult) -> list[str]:
         return []
     over = np.where(known.may_be_several, known.friction / known.critical_friction, 0.0)
     i = int(np.argmax(over))
-    place = ", ".join(f"{x:.6g}" for x in answer.kin.points[i])
     mu, critical = known.friction[i], known.critical_friction[i]
     return [
-        f"with mu = {mu:.3g} above {critical:.2f} at ({place}) the load may have several answers;",
+        f"with mu = {mu:.3g} above {critical:.2f} at {written(answer.kin.points[i])} "
+        "the load may have several answers;",
         *end,
     ]

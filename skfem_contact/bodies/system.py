@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -90,6 +91,15 @@ class System:
         """DOFs of a body, given by itself or by its name."""
         i = self.index(body)
         return slice(int(self.offsets[i]), int(self.offsets[i + 1]))
+
+
+def slices(offsets: np.ndarray) -> list[slice]:
+    """From each number to the next.
+
+    >>> slices(np.array([0, 2, 5]))
+    [slice(0, 2, None), slice(2, 5, None)]
+    """
+    return [slice(int(a), int(b)) for a, b in itertools.pairwise(offsets)]
 
 
 def stack(bodies: Body | Sequence[Body]) -> System:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.selection import written
+from skfem_contact.bodies.system import slices
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
@@ -46,9 +46,13 @@ class Interface:
     tied: Mask
     stiffness: Array
 
+    def contact_of(self, point: int) -> int:
+        """The number of the contact that a point belongs to."""
+        return next(k for k, part in enumerate(self.parts) if part.start <= point < part.stop)
+
     def point_words(self, point: int, position: Array) -> str:
         """A contact point in words, with the place where it is now."""
-        i = next(k for k, part in enumerate(self.parts) if part.start <= point < part.stop)
+        i = self.contact_of(point)
         number = point - self.parts[i].start
         return f"point {number} of contact {self.names[i]!r}, now at {written(position)},"
 
@@ -60,8 +64,7 @@ class Interface:
 
 def point_slices(contacts: Sequence[Contact]) -> tuple[slice, ...]:
     """The points of each contact in the joint numbering."""
-    stops = np.cumsum([0, *(len(c.secondary.points) for c in contacts)])
-    return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(stops))
+    return tuple(slices(np.cumsum([0, *(len(c.secondary.points) for c in contacts)])))
 
 
 def contact_names(contacts: Sequence[Contact]) -> tuple[str, ...]:

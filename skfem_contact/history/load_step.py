@@ -359,9 +359,7 @@ class LoadStep:
 
     def _has_corners(self, point: int) -> bool:
         """Whether the surfaces of a point's contact have convex corners, their ends included."""
-        parts = self.interface.parts
-        i = next(k for k, part in enumerate(parts) if part.start <= point < part.stop)
-        contact = self.interface.contacts[i]
+        contact = self.interface.contacts[self.interface.contact_of(point)]
         sides = [
             side for side in (contact.secondary, contact.primary) if not isinstance(side, Obstacle)
         ]

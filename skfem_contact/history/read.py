@@ -169,8 +169,8 @@ class StepReader:
                     )
                 out[part] = given_part * own[part]
             else:
-                size = part.stop - part.start
-                out[part] = _checked(given_part, size, label)
+                _check_size(given_part, part.stop - part.start, label)
+                out[part] = given_part
         return out
 
     def _moved(self, interference: Any, motion: Any, before: LoadCase) -> LoadCase:
@@ -225,11 +225,16 @@ def _needs_places(body: Body, name: Any) -> None:
 
 def _checked(value: Any, size: int | None, what: str) -> Array:
     array = numbers(value, what, "give a vector, or a number as a factor on the body's own")
-    if size is not None and array.shape != (size,):
+    if size is not None:
+        _check_size(array, size, what)
+    if not np.isfinite(array).all():
+        raise InputError(f"{what} has NaN or infinite entries.")
+    return array
+
+
+def _check_size(array: Array, size: int, what: str) -> None:
+    if array.shape != (size,):
         raise InputError(
             f"{what} has shape {array.shape}, but {size} DOFs belong to it. Usually the vector was "
             "assembled on another basis, or the load is not stacked in the order of the bodies."
         )
-    if not np.isfinite(array).all():
-        raise InputError(f"{what} has NaN or infinite entries.")
-    return array

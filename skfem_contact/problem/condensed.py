@@ -17,7 +17,6 @@ singular exactly where free motion is.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, block_diag
 from scipy.sparse import csr_matrix, vstack
 
-from skfem_contact.bodies.system import System
+from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.thresholds import FIXED
@@ -255,15 +254,6 @@ class SurfaceProblem(CondensedProblem):
     def source(self, load: Load, response: Response) -> Source:
         """The unknowns are the displacements of the contact DOFs already."""
         return Source(response.solution, forces=False)
-
-
-def slices(offsets: Index) -> list[slice]:
-    """From each number to the next.
-
-    >>> slices(np.array([0, 2, 5]))
-    [slice(0, 2, None), slice(2, 5, None)]
-    """
-    return [slice(int(a), int(b)) for a, b in itertools.pairwise(offsets)]
 
 
 def _row_size(B: csr_matrix) -> Array:

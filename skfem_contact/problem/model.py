@@ -88,12 +88,13 @@ class LinearModel:
         self._bodies: Condensed | FullSystem | None = None
         self._base: ContactProblem | None = None
         self._for_pivoting: Condensed | None = None
+        self._on_points: tuple[ContactProblem, ContactProblem] | None = None
         self._sprung: dict[bytes, LinearModel] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
         known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
-        return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting"))
+        return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting", "_on_points"))
 
     @cached_property
     def diagonals(self) -> tuple[Array, ...]:
@@ -238,7 +239,10 @@ class LinearModel:
             return problem
         if self._for_pivoting is None:
             self._for_pivoting = Condensed(self.system, self.stiffness, self._wanted())
-        return self._attach(self._for_pivoting, problem.kin, problem.u)
+        if self._on_points is None or self._on_points[0] is not problem:
+            points = self._attach(self._for_pivoting, problem.kin, problem.u)
+            self._on_points = problem, points
+        return self._on_points[1]
 
     def _wanted(self) -> NDArray[np.intp]:
         """DOFs that contact rows may touch: those of now, and of surfaces that slide far."""

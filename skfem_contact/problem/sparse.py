@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.conditions.friction import tangential_matrix
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.thresholds import FIXED
+from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.problem.response import Conditions, Load, Response, friction_force
@@ -102,16 +102,12 @@ class SparseSpace:
     @cached_property
     def can_close(self) -> Mask:
         """Rows of B_n that touch DOFs that are not prescribed, shape (m,)."""
-        free = np.ones(self.K.shape[0])
-        free[self.D] = 0.0
-        return np.asarray(abs(self.kin.B_n) @ free > FIXED)
+        return ~prescribed_rows(self.kin.B_n, self.D)
 
     @cached_property
     def can_slip(self) -> Mask:
         """Rows of B_t that touch DOFs that are not prescribed, shape (m (d-1),)."""
-        free = np.ones(self.K.shape[0])
-        free[self.D] = 0.0
-        return np.asarray(abs(self.kin.B_t) @ free > FIXED)
+        return ~prescribed_rows(self.kin.B_t, self.D)
 
     def _test_space(
         self, conditions: Conditions, C: csr_matrix, closed: NDArray[np.intp], trial: Any

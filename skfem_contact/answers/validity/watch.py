@@ -222,9 +222,11 @@ class Watch:
             if not drift.small_sliding_holds and ("sliding", name) not in watched.said:
                 new.add(("sliding", name))
                 lines.append(sliding_words(drift))
-            if ("facets", name) not in watched.said and self._sure(i, result, drift).facets_too_long:
-                new.add(("facets", name))
-                lines.append(facet_words(self._sure(i, result, drift)))
+            if ("facets", name) not in watched.said:
+                sure = self._sure(i, result, drift)
+                if sure.facets_too_long:
+                    new.add(("facets", name))
+                    lines.append(facet_words(sure))
             if drift.strain > LARGE and ("strain", name) not in watched.said:
                 new.add(("strain", name))
                 lines.append(strain_words(drift))

@@ -13,6 +13,9 @@ from skfem_contact.bodies.selection import written
 
 #: What has been warned of in a history: kind, and name of the contact or body.
 Said = frozenset[tuple[str, str]]
+#: The kinds that are bounds of the model. Others are said once in a history as well, and are none:
+#: places that nothing decides, overlaps that supports prescribe.
+BOUNDS = ("facets", "overlap", "rotation", "sliding", "strain")
 
 
 @dataclass(frozen=True)
@@ -89,3 +92,8 @@ class Watched:
     said: Said = frozenset()
     tracks: tuple[Track, ...] = ()
     intrusions: dict[int, Intrusion] = field(default_factory=dict)
+
+    @property
+    def beyond(self) -> list[tuple[str, str]]:
+        """Bounds of the model that have been passed in this history: kind and name, sorted."""
+        return sorted(key for key in self.said if key[0] in BOUNDS)
