@@ -16,6 +16,7 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.prescribed import prescribed_rows
@@ -122,9 +123,7 @@ def check_side(contact: Contact, pairing: Pairing) -> None:
 
 def check_loads(
     system: System,
-    contacts: Sequence[Contact],
-    names: Sequence[str],
-    parts: Sequence[slice],
+    interface: Interface,
     kin: Kinematics,
     fixed: Mask,
     case: LoadCase,
@@ -151,7 +150,9 @@ def check_loads(
         x[system.D] = case.x[system.D]
         gap = np.where(fixed, np.where(fixed, case.gap0, 0.0) + kin.B_n @ x, np.inf)
         small = NO_OVERLAP * max(system.extent, float(np.max(np.abs(x), initial=0.0)))
-    for contact, name, part in zip(contacts, names, parts, strict=True):
+    for contact, name, part in zip(
+        interface.contacts, interface.names, interface.point_slices, strict=True
+    ):
         if contact.tied:
             _check_tied(system, contact, name, part, kin, case, x, small)
         elif prescribed and np.min(gap[part], initial=np.inf) < -small:

@@ -28,6 +28,7 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.diagnosis import check_pairing, check_side, warn_redundant_glue
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.identity import Identity
+from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics, initial_gap, join, kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.prescribed import prescribed_rows
@@ -41,8 +42,9 @@ Mask = NDArray[np.bool_]
 class Geometry:
     """Pairs all contacts, and pairs those that slide again where the bodies have moved."""
 
-    def __init__(self, system: System, contacts: Sequence[Contact], parts: Sequence[slice]) -> None:
-        self.system, self.contacts, self.parts = system, tuple(contacts), tuple(parts)
+    def __init__(self, system: System, contacts: Sequence[Contact]) -> None:
+        self.system, self.contacts = system, tuple(contacts)
+        self.point_slices = point_slices(contacts)
         self.pairings: list[Pairing] = [pair(contact) for contact in contacts]
         for contact, pairing in zip(contacts, self.pairings, strict=True):
             check_pairing(contact, pairing)
@@ -54,7 +56,7 @@ class Geometry:
         ]
         self.kin = join(self._first)
         self.finite = np.zeros(self.kin.m, dtype=bool)
-        for contact, part in zip(contacts, parts, strict=True):
+        for contact, part in zip(contacts, self.point_slices, strict=True):
             self.finite[part] = contact.sliding == "finite"
         self.follows = bool(self.finite.any())  # whether any contact slides far
         self.surface_dofs = surface_dofs(system, contacts)
@@ -105,7 +107,7 @@ class Geometry:
             motion = None if len(moved) == 2 else case.motion[i].as_argument()
             pairing = pair(contact, moved=moved, motion=motion, known=known)
             check_pairing(contact, pairing)
-            gap = pairing.gap + self._offsets[i] - case.interference[self.parts[i]]
+            gap = pairing.gap + self._offsets[i] - case.interference[self.point_slices[i]]
             kin = kinematics(self.system, contact, pairing, gap)
             parts.append(replace(kin, corners=(pairing.corners | known,)))
         return join(parts)
@@ -132,7 +134,7 @@ class Geometry:
         gap0 = np.where(finite, kin.gap0 - kin.B_n @ u, case.gap0)
         u_n = self.spread(last.surface)
         slip0 = last.slip - (kin.B_t @ u_n).reshape(last.slip.shape)
-        for i, part in enumerate(self.parts):
+        for i, part in enumerate(self.point_slices):
             if self.contacts[i].rigid:
                 step = case.motion[i].slid(before.motion[i], kin.points[part])
                 slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], step)

@@ -30,7 +30,7 @@ class Interface:
     ----------
     contacts : tuple of Contact
     names : tuple of str
-    parts : tuple of slice
+    point_slices : tuple of slice
         The points of each contact.
     laws : tuple of (slice, CheckedLaw)
     frictional, tied : ndarray of bool, shape (m,)
@@ -40,7 +40,7 @@ class Interface:
 
     contacts: tuple[Contact, ...]
     names: tuple[str, ...]
-    parts: tuple[slice, ...]
+    point_slices: tuple[slice, ...]
     laws: tuple[tuple[slice, CheckedLaw], ...]
     frictional: Mask
     tied: Mask
@@ -48,12 +48,12 @@ class Interface:
 
     def contact_of(self, point: int) -> int:
         """The number of the contact that a point belongs to."""
-        return next(k for k, part in enumerate(self.parts) if part.start <= point < part.stop)
+        return next(k for k, part in enumerate(self.point_slices) if part.start <= point < part.stop)
 
     def point_words(self, point: int, position: Array) -> str:
         """A contact point in words, with the place where it is now."""
         i = self.contact_of(point)
-        number = point - self.parts[i].start
+        number = point - self.point_slices[i].start
         return f"point {number} of contact {self.names[i]!r}, now at {written(position)},"
 
     @property
@@ -114,7 +114,7 @@ def interface(
     contacts: tuple[Contact, ...], kin: Kinematics, stiffness: Sequence[csr_matrix], loop: str
 ) -> Interface:
     """Collect the laws of all contacts, each with the tangential stiffness that the loop needs."""
-    parts, names = point_slices(contacts), contact_names(contacts)
+    points_of, names = point_slices(contacts), contact_names(contacts)
     m = kin.m
     frictional, tied, G = np.zeros(m, dtype=bool), np.zeros(m, dtype=bool), np.full(m, np.inf)
     own = np.zeros(m)
@@ -124,7 +124,7 @@ def interface(
         own = compliance_scale(kin.B_t, diagonal).reshape(m, -1).min(axis=1)
     typical = np.median(own[own > 0]) if (own > 0).any() else 1.0
     laws = []
-    for contact, part, name in zip(contacts, parts, names, strict=True):
+    for contact, part, name in zip(contacts, points_of, names, strict=True):
         tied[part] = contact.tied
         law = contact.friction
         if law is None:
@@ -148,4 +148,4 @@ def interface(
                 f"stiffness, but the law has stiffness={law.stiffness}. Leave stiffness out for "
                 "the automatic one, or use loop='newton' for exact sticking."
             )
-    return Interface(contacts, names, parts, tuple(laws), frictional, tied, G)
+    return Interface(contacts, names, points_of, tuple(laws), frictional, tied, G)

@@ -146,7 +146,7 @@ class State(_History):
                 components[:, :, k] += vectors[:, :, j] * kin.tangent[:, k, j]
         return LocalState(**self._with(components))
 
-    def handed_on(self, vertex: NDArray[np.intp], parts: Sequence[slice]) -> State:
+    def handed_on(self, vertex: NDArray[np.intp], point_slices: Sequence[slice]) -> State:
         """The state with the history of every vertex at the point that carries its row now.
 
         A vertex of the primary that slides along the secondary goes from point to point, and its slip
@@ -156,13 +156,13 @@ class State(_History):
         ----------
         vertex : ndarray of int, shape (m,)
             That of the pairing to come.
-        parts : sequence of slice
+        point_slices : sequence of slice
             The points of each contact.
         """
         if np.array_equal(self.vertex, vertex):
             return self
         source = np.arange(len(vertex))
-        for part in parts:
+        for part in point_slices:
             old, new = self.vertex[part], vertex[part]
             _, before, after = np.intersect1d(
                 np.where(old >= 0, old, -1), np.where(new >= 0, new, -2), return_indices=True

@@ -107,7 +107,7 @@ def _directions(tangents: int) -> Sequence[Array]:
 def friction_coefficients(interface: Interface, m: int) -> Array:
     """Largest friction over normal force at every point: endless for laws with cohesion, (m,)."""
     grip = np.zeros(m)
-    for contact, part in zip(interface.contacts, interface.parts, strict=True):
+    for contact, part in zip(interface.contacts, interface.point_slices, strict=True):
         law = contact.friction
         grip[part] = np.inf
         if isinstance(law, Coulomb) and type(law) is Coulomb and not np.any(law.cohesion):

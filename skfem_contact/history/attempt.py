@@ -122,10 +122,9 @@ def friction_energy(interface: Interface, last: LocalState, new: LocalState) -> 
     moved = np.maximum(new.gap[acts], 0.0) - np.maximum(last.gap[acts], 0.0)
     residual = work - lost
     residual[acts] -= force[acts] * moved
-    parts = interface.parts
     return Energy(
-        np.array([lost[part].sum() for part in parts]),
-        np.array([residual[part].sum() for part in parts]),
+        np.array([lost[part].sum() for part in interface.point_slices]),
+        np.array([residual[part].sum() for part in interface.point_slices]),
     )
 
 
@@ -157,5 +156,5 @@ def rough_at_rest(interface: Interface, state: LocalState) -> bool:
 
 def nothing(interface: Interface) -> Energy:
     """No energy lost."""
-    zero = np.zeros(len(interface.parts))
+    zero = np.zeros(len(interface.point_slices))
     return Energy(zero, zero)

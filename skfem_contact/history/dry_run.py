@@ -26,7 +26,7 @@ def dry_run(solver: ContactSolver) -> str:
     for contact, name, pairing in zip(
         solver.contacts, solver.names, solver.geometry.pairings, strict=True
     ):
-        part = solver.interface.parts[solver.names.index(name)]
+        part = solver.interface.point_slices[solver.names.index(name)]
         lines += ["", f"{name}: {contact.label}"]
         lines.append(f"  {_model_words(contact)}")
         lines += [f"  {line}" for line in _gap_words(solver, part)]

@@ -95,8 +95,7 @@ class LoadStep:
         geometry, interface = self.model.geometry, self.model.interface
         system, kin = geometry.system, geometry.kin
         fixed = geometry.prescribed
-        names, parts, said = interface.names, interface.parts, _said(start)
-        said = check_loads(system, interface.contacts, names, parts, kin, fixed, target, said)
+        said = check_loads(system, interface, kin, fixed, target, _said(start))
         if start is None:
             case = self.reader.unloaded()
             state = natural_state(kin, len(geometry.surface_dofs))

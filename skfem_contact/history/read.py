@@ -36,10 +36,10 @@ class StepReader:
     ) -> None:
         self.system, self.contacts, self.names, self.kin = system, contacts, names, kin
         self.own_f = own_f
-        self.parts = point_slices(contacts)
+        self.point_slices = point_slices(contacts)
         self._own = [
             field_values(contact.interference, kin.points[part], f"interference of contact '{name}'")
-            for contact, part, name in zip(contacts, self.parts, names, strict=True)
+            for contact, part, name in zip(contacts, self.point_slices, names, strict=True)
         ]
         d = kin.points.shape[1]
         self._still = (Motion(np.zeros(d), 0.0, np.zeros(d)),) * len(contacts)
@@ -60,7 +60,7 @@ class StepReader:
         Bodies may have other loads and supports of their own in the solver that goes on.
         """
         f, x = start.scale
-        given = [start.interference[part] for part in self.parts]
+        given = [start.interference[part] for part in self.point_slices]
         own = [
             was and np.array_equal(there, here)
             for was, there, here in zip(start.own, given, self._own, strict=True)
@@ -76,7 +76,9 @@ class StepReader:
 
     def other_interference(self, start: LoadCase) -> str:
         """In words which contact's own interference a state of another solver leaves without effect."""
-        for name, part, own, here in zip(self.names, self.parts, start.own, self._own, strict=True):
+        for name, part, own, here in zip(
+            self.names, self.point_slices, start.own, self._own, strict=True
+        ):
             there = start.interference[part]
             if own and not np.array_equal(there, here):
                 worst = int(np.argmax(np.abs(there - here)))
@@ -92,7 +94,7 @@ class StepReader:
         """Gaps and slips with interferences (m,) and obstacles that have moved; no loads."""
         kin = self.kin
         gap0, slip0 = np.array(kin.gap0), np.zeros((kin.m, kin.tangents))
-        for part, own, moved in zip(self.parts, self._own, motion, strict=True):
+        for part, own, moved in zip(self.point_slices, self._own, motion, strict=True):
             gap0[part] += own - interference[part]
             if moved is not self._still[0]:
                 shift = moved.shift(kin.points[part])
@@ -184,7 +186,7 @@ class StepReader:
                     f"interference: there is no contact {name!r}{suggest(name, self.names, 'contacts')}"
                 )
             i = self.names.index(name)
-            part, what = self.parts[i], f"interference of contact '{name}'"
+            part, what = self.point_slices[i], f"interference of contact '{name}'"
             values[part], own[i] = field_values(value, self.kin.points[part], what), False
         moved = list(before.motion)
         for name, value in self._named(motion, "motion").items():

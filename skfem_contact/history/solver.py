@@ -24,7 +24,7 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.diagnosis import check_passes
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.geometry import Geometry
-from skfem_contact.conditions.interface import contact_names, interface, point_slices
+from skfem_contact.conditions.interface import contact_names, interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.errors import InputError
@@ -127,7 +127,7 @@ class ContactSolver:
         for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
             if isinstance(surface, ContactSurface):
                 self.system.index(surface.body)  # refuses what is no body of this solver
-        self.geometry = Geometry(self.system, self.contacts, point_slices(self.contacts))
+        self.geometry = Geometry(self.system, self.contacts)
         self.kin = self.geometry.kin
         self._reader = self._new_reader()
         self.timings = {"setup": 0.0}

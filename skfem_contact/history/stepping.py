@@ -245,7 +245,7 @@ class Stepper:
         closed = (new.status != OPEN) & (last.status != OPEN) & self.geometry.finite
         slid = np.linalg.norm(new.slip - last.slip, axis=1)
         travel, culprit = 0.0, -1
-        for contact, part in zip(self.interface.contacts, self.interface.parts, strict=True):
+        for contact, part in zip(self.interface.contacts, self.interface.point_slices, strict=True):
             way = np.where(closed[part], slid[part], 0.0)
             share = np.max(way) / (self.options.max_travel * np.mean(contact.secondary.lengths))
             if not share <= travel:  # a NaN as well
@@ -267,10 +267,10 @@ class Stepper:
     ) -> Attempt:
         interface, options, kin = self.interface, self.options, problem.kin
         # a vertex brings its history along to the point that carries its row now
-        last = walk.state.handed_on(kin.vertex, interface.parts).along(kin)
+        last = walk.state.handed_on(kin.vertex, interface.point_slices).along(kin)
         begin = last
         if known is not walk.state:
-            begin = known.handed_on(kin.vertex, interface.parts).along(kin)
+            begin = known.handed_on(kin.vertex, interface.point_slices).along(kin)
         with single_threaded():
             seen = self.geometry.case(problem.kin, problem.u, case, last, walk.case)
             load = problem.load(seen)

@@ -262,8 +262,8 @@ class LinearModel:
 
     @cached_property
     def _labels(self) -> list[str]:
-        contacts, parts = self.interface.contacts, self.interface.parts
-        sizes = [part.stop - part.start for part in parts]
+        contacts = self.interface.contacts
+        sizes = [part.stop - part.start for part in self.interface.point_slices]
         named = [point_labels(c, m) for c, m in zip(contacts, sizes, strict=True)]
         return [str(label) for label in np.concatenate(named)]
 

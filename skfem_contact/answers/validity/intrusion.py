@@ -117,7 +117,7 @@ class Intrusions:
             sides = _sides(self.contacts[i])
             numbers = [self.system.index(side.body) for side in sides]
             nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
-            part = self.geometry.parts[i]
+            part = self.geometry.point_slices[i]
             added = tracks[i].added - case.interference[part]
             closed = state.status[part] != OPEN
             deepest = self._deepest(sides, numbers, nodes, places, np.nan_to_num(added))

@@ -65,7 +65,7 @@ class Watch:
         # motions of bodies where neither friction nor supports say how they slide
         self.loose: list[list[Support] | None] = []
         for contact, pairing, part in zip(
-            self.contacts, geometry.pairings, interface.parts, strict=True
+            self.contacts, geometry.pairings, interface.point_slices, strict=True
         ):
             track = Track(contact, pairing, kin.gap0[part])
             self.tracks.append(track)
@@ -143,7 +143,7 @@ class Watch:
         case: LoadCase,
         u: Array,
     ) -> Drift:
-        contact, part, track = self.contacts[i], self.interface.parts[i], self.tracks[i]
+        contact, part, track = self.contacts[i], self.interface.point_slices[i], self.tracks[i]
         small = contact.sliding == "small"
         closed = state.status[part] != OPEN
         if small:  # the pairing at the start is no other's
@@ -178,7 +178,7 @@ class Watch:
         return Drift(int(closed.sum()), approach=approach, strain=strain, **found)
 
     def _sagitta(self, i: int, state: State) -> float:
-        contact, part, track = self.contacts[i], self.interface.parts[i], self.tracks[i]
+        contact, part, track = self.contacts[i], self.interface.point_slices[i], self.tracks[i]
         if not track.curved or not isinstance(contact.primary, ContactSurface):
             return 0.0
         force, moved = np.where(state.status[part] != OPEN, state.normal_force[part], 0.0), None
@@ -195,7 +195,7 @@ class Watch:
         """Where points slide far and facets seem too long: with the approach since the beginning."""
         if self.contacts[i].sliding == "small" or not drift.facets_too_long:
             return drift
-        part = self.interface.parts[i]
+        part = self.interface.point_slices[i]
         closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
         u = self.geometry.spread(result.state.surface)
         u[self.system.D] = result.case.x[self.system.D]
