@@ -146,7 +146,7 @@ class Row:
 
 def tangential(done: Done) -> Counts:
     """Rows of slips in the dense problem, and entries of the tangential operator."""
-    space = done.solver.linear_model.place(None, None).points
+    space = done.solver.linear_model.problem_on(None, None).points
     return {"tangential rows": int(np.sum(space.tangential_rows >= 0))} | operator(done)
 
 
@@ -182,7 +182,7 @@ def factored(done: Done) -> Counts:
 def never_closed(done: Done) -> Counts:
     """Points with a partner that stay open in all steps, and the dense problem they are part of."""
     closed = np.any([answer_of(result).state.status != 0 for result in done.results], axis=0)
-    points = done.solver.linear_model.place(None, None).points
+    points = done.solver.linear_model.problem_on(None, None).points
     parts = sum(part.S.nbytes + part.flexibility.nbytes for part in done.solver.model.substructures)
     return {
         "points that never close": int(np.sum(done.solver.kin.paired & ~closed)),

@@ -86,7 +86,7 @@ def test_tangential_operator_is_made_by_asking(blocks: Any) -> None:
 
 def test_dense_problem_keeps_one_matrix(blocks: Any) -> None:
     """Beside the body's flexibility one dense matrix of the size of the rows is kept, not three."""
-    problem = run(blocks, friction=sc.Coulomb(0.3)).solver.linear_model.place(None, None)
+    problem = run(blocks, friction=sc.Coulomb(0.3)).solver.linear_model.problem_on(None, None)
     own = [value for value in vars(problem).values() if isinstance(value, np.ndarray)]
     q = len(problem.points.S)
     assert sum(array.size for array in own) < q * q / 10  # the rest is in `points`

@@ -50,7 +50,7 @@ def test_condensed_and_sparse_routes_agree(kind, floating, method, mu):
     """Gaps and slips, or all DOFs as unknowns: the same displacements and forces along a path."""
     settings = {"kind": kind, "floating": floating, "method": method, "mu": mu}
     dense, sparse = scene(**settings), scene(**settings, linear=sc.Direct())
-    assert isinstance(dense.linear_model.place(None, None), PointProblem)
+    assert isinstance(dense.linear_model.problem_on(None, None), PointProblem)
     for a, b in zip(dense.history([0.5, 1.0, 0.3]), sparse.history([0.5, 1.0, 0.3]), strict=True):
         # round-off times the condition number of the bodies
         assert_allclose(a.u, b.u, rtol=0, atol=1e-9 * np.abs(b.u).max())
@@ -151,7 +151,7 @@ def test_rows_that_depend_on_each_other(make, mu, monkeypatch):
             make(mu=mu)
         monkeypatch.setattr("skfem_contact.history.solver.check_passes", lambda *_: None)
     dense, sparse = make(mu=mu), make(mu=mu, linear=sc.Direct())
-    assert isinstance(dense.linear_model.place(None, None), SurfaceProblem)
+    assert isinstance(dense.linear_model.problem_on(None, None), SurfaceProblem)
     a, b = dense.solve(), sparse.solve()
     assert_allclose(a.u, b.u, rtol=0, atol=1e-9 * np.abs(b.u).max())
     total = [sum(v.forces.sum(axis=0) for v in r.values) for r in (a, b)]
@@ -164,7 +164,7 @@ def test_rows_that_depend_on_each_other(make, mu, monkeypatch):
 def test_frictionless_corners():
     """Without friction a corner node has one row per direction, and both walls their force."""
     held = corner(D=True)
-    assert isinstance(held.linear_model.place(None, None), PointProblem)
+    assert isinstance(held.linear_model.problem_on(None, None), PointProblem)
     for solver in (corner(), corner(linear=sc.Direct())):
         result = solver.solve()
         assert_allclose(result["floor"].force, [0, 2e-3], rtol=0, atol=1e-14)

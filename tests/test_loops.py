@@ -18,10 +18,11 @@ from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.active_set import Pace, direct, newton
 from skfem_contact.loops.anderson import Anderson
 from skfem_contact.loops.driver import drive
+from skfem_contact.loops.fictitious import fictitious
 from skfem_contact.loops.guided import guided_friction
-from skfem_contact.loops.loops import Pace, direct, fictitious, newton
 from skfem_contact.loops.rules import disagreement, hold, propose
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Guess, Step

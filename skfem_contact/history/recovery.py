@@ -76,7 +76,7 @@ class Recovery:
         """What all displacements follow from."""
         if isinstance(self.found, Source):
             return self.found
-        source: Source = self.model.place(None, None).source(*self.found)
+        source: Source = self.model.problem_on(None, None).source(*self.found)
         return source
 
     def __call__(self) -> Array:
@@ -98,7 +98,8 @@ class Recovery:
         """
         if not self.unknowns:
             return None
-        points, bodies = self.model.place(kin if self.moved else None, None).points, self.model.bodies
+        bodies = self.model.bodies
+        points = self.model.problem_on(kin if self.moved else None, None).points
         held = isinstance(bodies, Condensed) and bodies.P.shape[1] == 0
         return None if points is None else (points, held)
 

@@ -32,11 +32,12 @@ from skfem_contact.history.checkpoint import SavedState, load_state, save_state
 from skfem_contact.history.load_step import LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.recovery import recover_all
-from skfem_contact.history.stepping import LOOPS, Stepper
+from skfem_contact.history.stepping import Stepper
 from skfem_contact.history.yielded import Yielded
 from skfem_contact.linalg.multifrontal.factor import FactorSize
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
+from skfem_contact.loops.table import LOOPS
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.model import LinearModel

@@ -27,23 +27,17 @@ from skfem_contact.errors import ConstraintError
 from skfem_contact.history.attempt import Attempt, Walk, friction_energy, nothing
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.linalg.threads import single_threaded
-from skfem_contact.loops import loops
 from skfem_contact.loops.anderson import Anderson
 from skfem_contact.loops.driver import Options, Outcome, drive
 from skfem_contact.loops.guided import guided_friction
 from skfem_contact.loops.starts import admissible, possible_starts, starting_values
 from skfem_contact.loops.step import Record, Step
-from skfem_contact.loops.thresholds import NEWTON_ITERATIONS
+from skfem_contact.loops.table import LOOPS
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.seam import ContactProblem
 
 Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
-
-LOOPS = {"newton": loops.newton, "direct": loops.direct, "fictitious": loops.fictitious}
-# Iterations without progress after which an attempt is given up; `fictitious` only creeps.
-PATIENCE = {"newton": 30, "direct": 30, "fictitious": None}
-ITERATIONS = {"newton": NEWTON_ITERATIONS, "direct": 150, "fictitious": 2000}
 
 # What a step is cut to, of the distance that points may slide; and from which multiple of it on the
 # first round, on a pairing that is only predicted, is believed.
@@ -191,10 +185,10 @@ class Stepper:
         """Solve one load; where contact slides far, on the pairing of its own answer."""
         geometry, options = self.geometry, self.options
         if not geometry.follows:
-            return self._solve(walk, case, self.model.place(None, None), start, known, callback)
+            return self._solve(walk, case, self.model.problem_on(None, None), start, known, callback)
         at = walk.state.surface + walk.share * walk.state.trend
         u = geometry.spread(at)
-        problem = self.model.place(geometry.at(u, case), u)
+        problem = self.model.problem_on(geometry.at(u, case), u)
         trace: tuple[Record, ...] = ()
         secant, lost = Anderson(), np.zeros(len(geometry.finite), dtype=bool)
         for number in range(options.max_placements):
@@ -225,7 +219,7 @@ class Stepper:
                 if mismatch <= options.placement_tolerance:
                     return self._settled(attempt, own, mismatch)
             start, known = "warm", attempt.state
-            problem = self.model.place(next_kin, u)
+            problem = self.model.problem_on(next_kin, u)
         point = geometry.least_settled(problem.kin, next_kin, attempt.local)
         words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e}): "
         words += self.interface.point_words(point, next_kin.points[point])
@@ -297,10 +291,11 @@ class Stepper:
                 dense = replace(step, problem=points, load=points.load(seen))
             guess, spent = starting_values(start, begin, step, kin, options.tolerance, self.loop, dense)
             guess = admissible(guess, step)
-            limit = options.max_iterations or ITERATIONS[self.loop]
-            run = LOOPS[self.loop]
-            patience = PATIENCE[self.loop]
-            outcome = drive(run, step, guess, options.tolerance, limit, callback, patience)
+            loop = LOOPS[self.loop]
+            limit = options.max_iterations or loop.most
+            outcome = drive(
+                loop.iterates, step, guess, options.tolerance, limit, callback, loop.patience
+            )
             trace = (*(spent.trace if spent else ()), *outcome.trace)
             if spent and spent.converged and not outcome.converged and not outcome.stopped:
                 # the same equations and tolerance: limits that lag ran away from their solution

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
-from skfem_contact.loops import loops
+from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.lemke import lemke_guess
 from skfem_contact.loops.step import Guess, Step
@@ -65,7 +65,7 @@ def starting_values(
 
 def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outcome]:
     first = admissible(guess, step)
-    found = drive(loops.newton, step, first, tolerance, NEWTON_ITERATIONS)
+    found = drive(newton, step, first, tolerance, NEWTON_ITERATIONS)
     it, there = found.iterate, found.iterate.response
     forces = there.normal_force, there.tangential_force
     return Guess(it.status, it.direction, *forces, there.slip), found

@@ -19,7 +19,7 @@ WEAK_SPRINGS = (1e-9, 1e-6)
 # Relinearisations of a law that is not linear in the normal force (a cap, a user's own).
 SWEEPS = 5
 
-# -- loops -------------------------------------------------------
+# -- fictitious --------------------------------------------------
 
 # In the loop `fictitious` points open and close freely so often; after that only once the friction of
 # the present set has settled to this share of the largest force, or a point could open and close

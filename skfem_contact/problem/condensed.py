@@ -32,8 +32,8 @@ from skfem_contact.linalg.dense_factors import cholesky, lu
 from skfem_contact.linalg.direct import Dense
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Response, Source
-from skfem_contact.problem.seam import ContactProblem, Place, Placed
-from skfem_contact.problem.sparse import SparseSpace
+from skfem_contact.problem.seam import ContactProblem, Posed, PosedOn
+from skfem_contact.problem.sparse import OnDisplacements, SparseSpace
 from skfem_contact.problem.substructure import Components, Substructure
 from skfem_contact.problem.thresholds import DEPENDENT, RECOVERED_AT_ONCE
 
@@ -134,22 +134,22 @@ class Condensed:
                     out[place] = column
         return u
 
-    def attach(self, place: Place, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
+    def attach(self, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
         """The contact problem on one pairing."""
         try:
-            return PointProblem(self, place)
+            return PointProblem(self, on)
         except LinAlgError:  # rows that depend on each other: a corner, a chain
-            return SurfaceProblem(self, place, prefer, labels)
+            return SurfaceProblem(self, on, prefer, labels)
 
 
-class CondensedProblem(Placed):
+class CondensedProblem(Posed):
     """What both kinds of contact problem share: the rows on contact DOFs and on prescribed ones."""
 
-    def __init__(self, bodies: Condensed, place: Place) -> None:
-        super().__init__(place)
-        self.bodies, self.slips = bodies, bool(place.slipping.any())
-        self.rows = without_columns(place.kin, bodies.columns)
-        self.prescribed = without_columns(place.kin, bodies.system.D)
+    def __init__(self, bodies: Condensed, on: PosedOn) -> None:
+        super().__init__(on)
+        self.bodies, self.slips = bodies, bool(on.slipping.any())
+        self.rows = without_columns(on.kin, bodies.columns)
+        self.prescribed = without_columns(on.kin, bodies.system.D)
 
     def constant(self, case: LoadCase) -> tuple[Array, Array]:
         """Initial gaps and slips with what prescribed displacements add."""
@@ -172,9 +172,9 @@ class CondensedProblem(Placed):
 class PointProblem(CondensedProblem):
     """The contact problem on gaps and slips, see `PointSpace`."""
 
-    def __init__(self, bodies: Condensed, place: Place) -> None:
-        super().__init__(bodies, place)
-        kin, slipping, t = self.rows, place.slipping, place.kin.tangents
+    def __init__(self, bodies: Condensed, on: PosedOn) -> None:
+        super().__init__(bodies, on)
+        kin, slipping, t = self.rows, on.slipping, on.kin.tangents
         normal = np.flatnonzero(kin.paired & (_row_size(kin.B_n) > FIXED))
         tangential, rows = np.zeros(0, dtype=np.intp), [kin.B_n[normal]]
         if self.slips:
@@ -223,13 +223,11 @@ class PointProblem(CondensedProblem):
         return Source(force, forces=True)
 
 
-class SurfaceProblem(CondensedProblem):
+class SurfaceProblem(OnDisplacements, CondensedProblem):
     """The contact problem on contact DOFs, ``T'S T``: for rows that depend on each other."""
 
-    points = None
-
-    def __init__(self, bodies: Condensed, place: Place, prefer: Mask, labels: Sequence[str]) -> None:
-        super().__init__(bodies, place)
+    def __init__(self, bodies: Condensed, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> None:
+        super().__init__(bodies, on)
         self.space = SparseSpace(
             K=csr_matrix(block_diag(*(part.S for part in bodies.substructures if len(part.kept)))),
             kin=self.rows,
@@ -238,7 +236,7 @@ class SurfaceProblem(CondensedProblem):
             backend=Dense(),
             labels=labels,
             scale=bodies.system.extent,
-            frictional=place.slipping,
+            frictional=on.slipping,
         )
 
     def load(self, case: LoadCase) -> Load:
@@ -246,14 +244,6 @@ class SurfaceProblem(CondensedProblem):
         f_c, components = self.bodies.load(case.f, case.x)
         gap0, slip0 = self.constant(case)
         return Load(f_c, gap0, slip0, np.zeros(len(f_c)), components)
-
-    def solve(self, conditions: Conditions, load: Load) -> Response:
-        """Gaps, slips and forces under these conditions."""
-        return self.space.solve(conditions, load)
-
-    def source(self, load: Load, response: Response) -> Source:
-        """The unknowns are the displacements of the contact DOFs already."""
-        return Source(response.solution, forces=False)
 
 
 def _row_size(B: csr_matrix) -> Array:

@@ -13,9 +13,9 @@ from scipy.sparse import block_diag, csr_matrix
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.direct import as_linear_solver
-from skfem_contact.problem.response import Conditions, Load, Response, Source
-from skfem_contact.problem.seam import ContactProblem, Place, Placed
-from skfem_contact.problem.sparse import SparseSpace
+from skfem_contact.problem.response import Load, Source
+from skfem_contact.problem.seam import ContactProblem, Posed, PosedOn
+from skfem_contact.problem.sparse import OnDisplacements, SparseSpace
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -39,27 +39,25 @@ class FullSystem:
         """All displacements, r arrays (n,), which are the sources themselves (n, r)."""
         return [np.array(u) for u in sources.values.T]
 
-    def attach(self, place: Place, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
+    def attach(self, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
         """The contact problem on one pairing."""
-        return FullProblem(self, place, prefer, labels)
+        return FullProblem(self, on, prefer, labels)
 
 
-class FullProblem(Placed):
+class FullProblem(OnDisplacements, Posed):
     """The contact problem on all DOFs."""
 
-    points = None
-
-    def __init__(self, bodies: FullSystem, place: Place, prefer: Mask, labels: Sequence[str]) -> None:
-        super().__init__(place)
+    def __init__(self, bodies: FullSystem, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> None:
+        super().__init__(on)
         self.space = SparseSpace(
             K=bodies.K,
-            kin=place.kin,
+            kin=on.kin,
             D=bodies.system.D,
             prefer=prefer,
             backend=bodies.backend,
             labels=labels,
             scale=bodies.system.extent,
-            frictional=place.slipping,
+            frictional=on.slipping,
             points=bodies.points,
             modes=bodies.modes,
         )
@@ -67,14 +65,6 @@ class FullProblem(Placed):
     def load(self, case: LoadCase) -> Load:
         """The load case as it stands."""
         return Load(case.f, case.gap0, case.slip0, case.x)
-
-    def solve(self, conditions: Conditions, load: Load) -> Response:
-        """Gaps, slips and forces under these conditions."""
-        return self.space.solve(conditions, load)
-
-    def source(self, load: Load, response: Response) -> Source:
-        """The unknowns are the displacements of all DOFs already."""
-        return Source(response.solution, forces=False)
 
     def surface(self, source: Source, case: LoadCase) -> Array:
         """Displacements of all DOFs (n,)."""

@@ -23,7 +23,7 @@ from skfem_contact.linalg.multifrontal.factor import FactorSize
 from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
-from skfem_contact.problem.seam import Bodies, ContactProblem, Place
+from skfem_contact.problem.seam import Bodies, ContactProblem, PosedOn
 from skfem_contact.problem.substructure import Substructure
 from skfem_contact.problem.thresholds import MOST_TWINS
 from skfem_contact.sealed import seal
@@ -155,7 +155,7 @@ class LinearModel:
         if self.geometry.follows:
             self.bodies  # noqa: B018 (made when first asked for)
         else:
-            self.place(None, None)
+            self.problem_on(None, None)
 
     @property
     def bodies(self) -> Condensed | FullSystem:
@@ -209,7 +209,7 @@ class LinearModel:
                 out[name] = Substructure(body, self.stiffness[i], mine).factor_size()
         return out
 
-    def place(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:
+    def problem_on(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         """The contact problem on a pairing; without one, on that of the undeformed bodies."""
         if kin is None and self._base is not None:
             return self._base
@@ -227,8 +227,8 @@ class LinearModel:
     def _attach(self, bodies: Bodies, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         own = self.kin if kin is None else kin
         motions = self.motions if kin is None else self.motions.seen_by(kin)
-        place = Place(own, motions, u, self.interface.slipping)
-        return bodies.attach(place, self._prefer, self._labels)
+        on = PosedOn(own, motions, u, self.interface.slipping)
+        return bodies.attach(on, self._prefer, self._labels)
 
     def on_points(self, problem: ContactProblem) -> ContactProblem:
         """The same problem on gaps and slips; on the sparse route condensed for this alone.

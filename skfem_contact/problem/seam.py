@@ -96,12 +96,12 @@ class ContactProblem(Protocol):
 class Bodies(Protocol):
     """The bodies without contact: `Condensed` or `FullSystem`."""
 
-    def attach(self, place: Place, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
+    def attach(self, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
         """The contact problem on one pairing.
 
         Parameters
         ----------
-        place : Place
+        on : PosedOn
         prefer : ndarray of bool, shape (n,)
             DOFs of the secondary surfaces, which are eliminated where there is a choice.
         labels : sequence of str
@@ -117,8 +117,8 @@ class Bodies(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
-    """Where a contact problem is posed.
+class PosedOn:
+    """What a contact problem is posed on: a pairing, and what belongs to it.
 
     Attributes
     ----------
@@ -134,11 +134,11 @@ class Place:
     slipping: Mask
 
 
-class Placed:
-    """What all contact problems have of their place."""
+class Posed:
+    """What all contact problems have of the pairing that they are posed on."""
 
-    def __init__(self, place: Place) -> None:
-        self.kin, self.motions, self.u = place.kin, place.motions, place.u
+    def __init__(self, on: PosedOn) -> None:
+        self.kin, self.motions, self.u = on.kin, on.motions, on.u
 
     @cached_property
     def able(self) -> Mask:
