@@ -33,7 +33,14 @@ from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.multifrontal.assembly import checked_matrix, extend_add, gather, panels
+from skfem_contact.linalg.multifrontal.assembly import (
+    Leftovers,
+    checked_matrix,
+    extend_add,
+    gather,
+    mirror,
+    panels,
+)
 from skfem_contact.linalg.multifrontal.fronts import analyse, find_runs
 from skfem_contact.linalg.singular import NotPositiveDefinite, smallest_eigenvalue
 from skfem_contact.linalg.threads import single_threaded
@@ -144,7 +151,7 @@ class MultifrontalCholesky:
         K, points, self.keep = checked_matrix(K, points, keep)
         self.fronts = fronts = analyse(K, points, self.keep, leaf)
         self.interior = np.sort(fronts.order[: fronts.start[-2]])
-        self.S = np.triu(K[self.keep][:, self.keep].toarray())
+        self.S = K[self.keep][:, self.keep].toarray()
         self._data = gather(K, fronts)
         self._panels = panels(self._data, fronts)
         self._borders = np.split(fronts.border, fronts.first[1:-1])
@@ -153,7 +160,7 @@ class MultifrontalCholesky:
             self._factorise(diagonal[fronts.order], points)
         if self.pivot_ratio < SUSPICIOUS:
             self._check_eigenvalue(diagonal, points)
-        self.S += np.triu(self.S, 1).T
+        mirror(self.S)
 
     @property
     def memory(self) -> int:
@@ -258,15 +265,18 @@ class MultifrontalCholesky:
         fronts, panels = self.fronts, [*self._panels, (self.S, self.S[:, :0])]
         order, start, first = fronts.order, fronts.start.tolist(), fronts.first.tolist()
         children, runs = fronts.children, find_runs(fronts)
-        left: dict[int, np.ndarray] = {}
+        left, leftovers = dict[int, np.ndarray](), Leftovers(fronts)
         ratios = np.ones(order.size)
         for f in fronts.schedule:
             F11, F21 = panels[f]
             p, b = F21.shape
-            F22 = np.zeros((b, b))
+            F22 = leftovers.take(f)
+            if not children[f]:
+                F22.fill(0.0)
             for child in children[f]:
-                rows = fronts.target[first[child] : first[child + 1]]
-                extend_add(F11, F21, F22, left.pop(child), rows, runs[child])
+                rows, alone = fronts.target[first[child] : first[child + 1]], child == children[f][0]
+                extend_add(F11, F21, F22, left.pop(child), rows, runs[child], alone)
+            leftovers.give_back(children[f])
             if f == len(panels) - 1:
                 break  # what is kept is not eliminated
             if p:

@@ -79,8 +79,16 @@ class Fronts:
         return float(np.sum(p**3 / 3 + p**2 * b + p * b**2))
 
     @property
-    def peak(self) -> int:
-        """Largest memory that factors and leftovers take together [bytes]."""
+    def odd(self) -> list[bool]:
+        """Whether the way from each front to the last one has an odd number of steps."""
+        odd = [False] * self.parent.size
+        for front in range(self.parent.size - 2, -1, -1):
+            odd[front] = not odd[self.parent[front]]
+        return odd
+
+    @property
+    def waiting(self) -> int:
+        """Most entries of leftovers that wait for their parents at a time, that in work included."""
         left = np.diff(self.first) ** 2
         waiting = most = 0
         children = self.children
@@ -88,7 +96,12 @@ class Fronts:
             waiting += int(left[front])
             most = max(most, waiting)
             waiting -= sum(int(left[child]) for child in children[front])
-        return 8 * (int(self.panel[-1]) + most) + self.nbytes
+        return most
+
+    @property
+    def peak(self) -> int:
+        """Largest memory that factors and leftovers take together [bytes]."""
+        return 8 * (int(self.panel[-1]) + self.waiting) + self.nbytes
 
 
 def analyse(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> Fronts:
