@@ -230,13 +230,6 @@ def test_several_pieces_stay_apart():
     assert np.abs(np.diff(surface.points[:5], axis=0)[:, 0]).max() == 0
 
 
-def test_surfaces_in_three_dimensions_are_refused():
-    """3-D surfaces are not there yet, and say so."""
-    basis = fem.Basis(fem.MeshHex(), fem.ElementVector(fem.ElementHex1()))
-    with pytest.raises(InputError, match="3-D bodies are not implemented"):
-        Body(basis, sp.eye(basis.N)).surface(None)
-
-
 def test_scalar_surfaces_have_one_dof_per_node_and_do_not_move():
     """A temperature has no displacement."""
     basis = fem.Basis(SQUARE, fem.ElementQuad1())

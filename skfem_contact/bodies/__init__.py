@@ -3,6 +3,8 @@
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
 * `boundaries`: tractions and displacements by the names of boundaries;
 * `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked of them;
-* `surface`, `facets`, `normals`, `projection`: a boundary, its facets, normals, closest points;
+* `surface`: a boundary as contact sees it; `facet_kinds`: the shape functions of its facets;
+* `curves`, `facets`, `normals`, `projection`: boundaries of plane bodies, normals, closest points;
+* `faces`, `face_normals`: boundaries of solids;
 * `thresholds`: numbers, and where they come from.
 """

@@ -32,7 +32,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.sealed import seal
 
 if TYPE_CHECKING:
-    from skfem_contact.bodies.surface import ContactSurface
+    from skfem_contact.bodies.surface import CurveSurface, FaceSurface
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,8 +240,8 @@ class Body:
 
     @cached_property
     def axisymmetric(self) -> bool:
-        """Whether `measure` is proportional to ``x[0]`` (a thickness is not)."""
-        if self.measure is None or self.components == 1:
+        """Whether `measure` of a plane body is proportional to ``x[0]`` (a thickness is not)."""
+        if self.measure is None or self.components == 1 or self.dim != 2:
             return False
         radius = self.dof_points[:, 0]
         weight = np.broadcast_to(self.measure(self.dof_points.T), radius.shape)
@@ -315,7 +315,9 @@ class Body:
             return self._motions
         return tuple(f"{name} of part {i + 1}" for i in range(count) for name in self._motions)
 
-    def surface(self, where: Any, nodes: bool = False, *, name: str | None = None) -> ContactSurface:
+    def surface(
+        self, where: Any, nodes: bool = False, *, name: str | None = None
+    ) -> CurveSurface | FaceSurface:
         """Part of the boundary that may come into contact.
 
         Parameters
@@ -333,6 +335,7 @@ class Body:
         Returns
         -------
         ContactSurface
+            A `CurveSurface` of a plane body, a `FaceSurface` of a solid.
 
         Raises
         ------

@@ -24,6 +24,7 @@ SUPPORTED = (
     skfem.ElementTetP1,
     skfem.ElementTetP2,
     skfem.ElementHex1,
+    skfem.ElementHexS2,
     skfem.ElementHex2,
 )
 

@@ -1,4 +1,4 @@
-"""Lengths, outward normals and tributary areas of a contact surface."""
+"""Lengths, outward normals and tributary areas of a curve; tangents in both dimensions."""
 
 from __future__ import annotations
 
@@ -27,11 +27,20 @@ def normals_at(points: np.ndarray, facets: np.ndarray, xi: np.ndarray) -> tuple[
 
 
 def tangents(normal: np.ndarray) -> np.ndarray:
-    """Tangents (m, 1, 2) to normals (m, 2): rotated by +90 degrees.
+    """Unit tangents (m, d-1, d) to normals (m, d).
+
+    In 2-D the normal rotated by +90 degrees. In 3-D the projection of the axis that the normal has
+    least of, and what makes a right-handed frame with both: a choice on which no answer depends.
 
     >>> tangents(np.array([[0.0, 1.0]])).tolist()
     [[[-1.0, 0.0]]]
+    >>> tangents(np.array([[0.0, 0.0, 1.0]])).tolist()
+    [[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]
     """
+    if normal.shape[1] == 3:
+        axis = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
+        first = unit(axis - np.einsum("md,md->m", axis, normal)[:, None] * normal)
+        return np.stack([first, np.cross(normal, first)], axis=1) + 0.0
     return np.stack([-normal[:, 1], normal[:, 0]], axis=1)[:, None, :]
 
 
@@ -162,25 +171,28 @@ def tributary_areas(points: np.ndarray, facets: np.ndarray, measure: Any, label:
     N, _ = facet_shapes(gauss, facets.shape[1])
     density = normals_at(points, facets, gauss)[1] * weight
     if measure is not None:
-        x = np.einsum("qk,fkd->dfq", N, points[facets])
-        usage = "return one positive number for each position, as in lambda x: 2 * np.pi * x[0]"
-        factor = numbers(measure(x), f"measure on surface {label!r}", usage)
-        if factor.shape not in ((), x.shape[1:]):
-            raise InputError(
-                f"measure on surface {label!r} has shape {factor.shape} for positions of shape "
-                f"{x.shape}; {usage}"
-            )
-        factor = np.broadcast_to(factor, x.shape[1:])
-        if not np.all(np.isfinite(factor)) or factor.min() < 0 or factor.max() <= 0:
-            raise InputError(
-                f"measure is {factor.min():.3g} to {factor.max():.3g} on surface {label!r}; a "
-                "weight of the area is positive and finite (an axisymmetric mesh lies at x[0] >= "
-                "0)"
-            )
-        density = density * factor
+        density = density * weights_of(measure, np.einsum("qk,fkd->dfq", N, points[facets]), label)
     area = np.zeros(len(points))
     np.add.at(area, facets, density @ N)
     return area
+
+
+def weights_of(measure: Any, x: np.ndarray, label: str) -> np.ndarray:
+    """The measure of a body at positions (d, nf, q) of a surface, checked."""
+    usage = "return one positive number for each position, as in lambda x: 2 * np.pi * x[0]"
+    factor = numbers(measure(x), f"measure on surface {label!r}", usage)
+    if factor.shape not in ((), x.shape[1:]):
+        raise InputError(
+            f"measure on surface {label!r} has shape {factor.shape} for positions of shape "
+            f"{x.shape}; {usage}"
+        )
+    factor = np.broadcast_to(factor, x.shape[1:])
+    if not np.all(np.isfinite(factor)) or factor.min() < 0 or factor.max() <= 0:
+        raise InputError(
+            f"measure is {factor.min():.3g} to {factor.max():.3g} on surface {label!r}; a "
+            "weight of the area is positive and finite (an axisymmetric mesh lies at x[0] >= 0)"
+        )
+    return factor
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

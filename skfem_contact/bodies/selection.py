@@ -111,9 +111,22 @@ def _satisfying(mesh: Any, test: Any, nodes: bool, label: str) -> np.ndarray:
     if not nodes:
         return np.flatnonzero(ask(mesh.p[:, mesh.facets].mean(axis=1)))
     chosen = ask(mesh.p)[mesh.facets].all(axis=0)
-    if mesh.dofs.facet_dofs.size:  # the middle nodes of a quadratic mesh
+    # the middle nodes of a quadratic mesh: of edges and faces in 3-D, of facets in 2-D
+    if mesh.dofs.edge_dofs.size:
+        middle = ask(mesh.doflocs[:, mesh.dofs.edge_dofs[0]])
+        chosen &= middle[mesh_edges(mesh, mesh.facets, np.roll(mesh.facets, -1, axis=0))].all(axis=0)
+    if mesh.dofs.facet_dofs.size:
         chosen &= ask(mesh.doflocs[:, mesh.dofs.facet_dofs[0]])
     return np.flatnonzero(chosen)
+
+
+def mesh_edges(mesh: Any, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Numbers of the edges of a mesh between vertices, of the shape that `start` and `end` have."""
+    count = np.int64(mesh.nvertices)
+    known = np.min(mesh.edges, axis=0) * count + np.max(mesh.edges, axis=0)
+    order = np.argsort(known)
+    wanted = np.minimum(start, end) * count + np.maximum(start, end)
+    return order[np.searchsorted(known, wanted, sorter=order)]
 
 
 def written(point: np.ndarray) -> str:

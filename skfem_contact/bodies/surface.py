@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from skfem_contact.arguments import check_name, numbers
+from skfem_contact.bodies.curves import end_turns
+from skfem_contact.bodies.face_normals import area_elements, areas_and_normals, face_areas
+from skfem_contact.bodies.faces import check_faces, face_nodes, node_dofs, seen_from_outside, twin_edges
+from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import check_facets, facet_neighbours, order_along, oriented
 from skfem_contact.bodies.normals import (
     end_slopes,
@@ -24,13 +29,16 @@ from skfem_contact.sealed import seal
 if TYPE_CHECKING:
     from skfem_contact.bodies.body import Body
 
+Moved = TypeVar("Moved", bound="ContactSurface")
+
 
 @dataclass(frozen=True, eq=False)
-class ContactSurface:
-    """One boundary of a body as contact sees it.
+class ContactSurface(ABC):
+    """One boundary of a body as contact sees it: a curve of a plane body, or faces of a solid.
 
-    Facets are listed along the surface with the body on their left, and the nodes in the order in
-    which the facets meet them; so a plot over the nodes of one piece is a line.
+    Facets of a curve are listed along it with the body on their left, and the nodes in the order in
+    which the facets meet them; so a plot over the nodes of one piece is a line. The corners of a face
+    are listed counter-clockwise seen from outside, and faces in the order of their elements.
 
     Attributes
     ----------
@@ -41,36 +49,28 @@ class ContactSurface:
     dofs : ndarray of int, shape (m, c)
         DOF (of the body) of each component at each node; ``c = d``, or 1 for a scalar field.
     facets : ndarray of int, shape (nf, k)
-        Numbers of points: (start, end) of linear facets, (start, end, middle) of quadratic ones.
+        Numbers of points: of lines (start, end), of quadratic ones (start, end, middle); of faces the
+        corners, then the middles of the edges, edge i from corner i to the next, then the centre.
     facet_normals : ndarray, shape (nf, d)
         Outward unit normals, at the middle of a curved facet.
     normals : ndarray, shape (m, d)
-        Outward unit normals at the nodes: average over the adjacent facets, the shorter counting
-        more (weights 1/length). At a
+        Outward unit normals at the nodes: average over the adjacent facets, the smaller counting
+        more (weights 1/length in 2-D, ``sin(angle) / (length length)`` of the two edges in 3-D). At a
         corner this is the direction between the two sides, good to tell which way the node looks;
         the normals to constrain along are `facet_node_normals`.
-    facet_node_normals : ndarray, shape (nf, 2, d)
-        Outward unit normals at start and end of each facet: averaged with the neighbour, but the
-        facet's own where the surface turns by more than 45 degrees, or ends. A curved surface that
-        ends on a line of symmetry (one component of its last node is prescribed) is averaged with
-        its mirror image.
+    facet_node_normals : ndarray, shape (nf, 2, d), of faces (nf, k, d)
+        Outward unit normals at start and end of each line, at all nodes of each face: averaged with
+        the neighbours, but the facet's own where the surface turns by more than 45 degrees, or ends.
+        A curved surface that ends on a line or plane of symmetry (one component of its last nodes is
+        prescribed) is averaged with its mirror image.
     area : ndarray, shape (m,)
         Tributary areas: integrals of the shape functions times the `measure` of the body. They add
         up to the area of the surface. (The end of a quadratic facet on the axis of symmetry has
-        area zero.)
+        area zero, as corners of quadratic triangles have; those of 8-node faces are negative.)
     lengths : ndarray, shape (nf,)
-        Lengths of the facets [length].
+        Lengths of lines, roots of the areas of faces: the size of a facet [length].
     mesh_facets : ndarray of int, shape (nf,)
         Facet numbers in the mesh.
-    slopes : ndarray, shape (nf, 2)
-        Slopes of the smooth boundary against the chord at start and end of each linear facet of a
-        curve, of the undeformed body (`smooth.end_slopes`); zero elsewhere.
-    end_turns : ndarray, shape (nf, 2)
-        Where the surface ends before or after a facet: by how much the boundary of the body turns
-        there, > 0 at a convex corner [rad]; 0 elsewhere. From the undeformed mesh.
-    kinks : ndarray, shape (m,)
-        Angle by which the undeformed surface turns at a node beside a straight part; 0 elsewhere, so
-        on curves [rad].
 
     Examples
     --------
@@ -85,6 +85,13 @@ class ContactSurface:
     ('block/top', [[1.0, 1.0], [0.0, 1.0]], [0.5, 0.5])
     >>> top.facet_normals.tolist()
     [[0.0, 1.0]]
+
+    The top of a unit cube (in scikit-fem the side of the largest y), whose area is shared out evenly:
+
+    >>> basis = fem.Basis(fem.MeshHex().with_defaults(), fem.ElementVector(fem.ElementHex1()))
+    >>> top = Body(basis, linear_elasticity(), name="cube").surface("top")
+    >>> top.kind.name, top.facet_normals.tolist(), top.area.round(12).tolist()
+    ('quad4', [[0.0, 1.0, 0.0]], [0.25, 0.25, 0.25, 0.25])
     """
 
     body: Body
@@ -98,9 +105,6 @@ class ContactSurface:
     area: np.ndarray
     lengths: np.ndarray
     mesh_facets: np.ndarray
-    slopes: np.ndarray
-    end_turns: np.ndarray
-    kinks: np.ndarray
 
     def __repr__(self) -> str:
         kind = "quadratic" if self.quadratic else "linear"
@@ -118,26 +122,21 @@ class ContactSurface:
         return self.points.shape[1]
 
     @property
-    def quadratic(self) -> bool:
-        """Whether facets have a middle node."""
-        return self.facets.shape[1] == 3
+    def kind(self) -> FacetKind:
+        """Nodes and shape functions of the facets."""
+        return kind_of(self.dim, self.facets.shape[1])
 
-    @cached_property
-    def neighbours(self) -> np.ndarray:
-        """Facets before and after each facet, shape (nf, 2); -1 where the surface ends."""
-        return facet_neighbours(self.facets)
+    @property
+    def quadratic(self) -> bool:
+        """Whether facets have middle nodes."""
+        return self.kind.quadratic
 
     @cached_property
     def held(self) -> np.ndarray:
         """Which components of each node are prescribed, shape (m, d)."""
         return _held(self.body, self.dofs)
 
-    @cached_property
-    def end_normals(self) -> np.ndarray:
-        """The facets' own outward unit normals at start and end, (nf, 2, d), not averaged."""
-        return normals_at(self.points, self.facets, np.array([0.0, 1.0]))[0]
-
-    def moved(self, u: np.ndarray) -> ContactSurface:
+    def moved(self: Moved, u: np.ndarray) -> Moved:
         """Return the surface displaced: same nodes, facets and areas, new positions and normals.
 
         Parameters
@@ -154,22 +153,101 @@ class ContactSurface:
                 f"{self.body.n} DOFs"
             )
         points = self.points + u[self.dofs]
-        return replace(
-            self, points=points, **lengths_and_normals(points, self.facets, self.held, self.neighbours)
-        )
+        return replace(self, points=points, **self._normals_at(points))
+
+    @property
+    @abstractmethod
+    def neighbours(self) -> np.ndarray:
+        """Facets before and after each line, (nf, 2), or across each edge of a face, (nf, c); or -1."""
+
+    @abstractmethod
+    def _normals_at(self, points: np.ndarray) -> dict[str, Any]:
+        """Lengths and normals with the nodes at other positions."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CurveSurface(ContactSurface):
+    """A boundary of a plane or axisymmetric body, see `ContactSurface`.
+
+    Attributes
+    ----------
+    slopes : ndarray, shape (nf, 2)
+        Slopes of the smooth boundary against the chord at start and end of each linear facet of a
+        curve, of the undeformed body (`smooth.end_slopes`); zero elsewhere.
+    end_turns : ndarray, shape (nf, 2)
+        Where the surface ends before or after a facet: by how much the boundary of the body turns
+        there, > 0 at a convex corner [rad]; 0 elsewhere. From the undeformed mesh.
+    kinks : ndarray, shape (m,)
+        Angle by which the undeformed surface turns at a node beside a straight part; 0 elsewhere, so
+        on curves [rad].
+    """
+
+    slopes: np.ndarray
+    end_turns: np.ndarray
+    kinks: np.ndarray
+
+    @cached_property
+    def neighbours(self) -> np.ndarray:
+        """Facets before and after each facet, shape (nf, 2); -1 where the surface ends."""
+        return facet_neighbours(self.facets)
+
+    @cached_property
+    def end_normals(self) -> np.ndarray:
+        """The facets' own outward unit normals at start and end, (nf, 2, d), not averaged."""
+        return normals_at(self.points, self.facets, np.array([0.0, 1.0]))[0]
+
+    def _normals_at(self, points: np.ndarray) -> dict[str, Any]:
+        return lengths_and_normals(points, self.facets, self.held, self.neighbours)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FaceSurface(ContactSurface):
+    """Faces of a solid, see `ContactSurface`."""
+
+    @property
+    def facet_areas(self) -> np.ndarray:
+        """Areas of the faces, shape (nf,), without a `measure`."""
+        return self.lengths**2
+
+    @cached_property
+    def twins(self) -> np.ndarray:
+        """The same edge seen from the face across it, shape (nf, c); -1 where the surface ends.
+
+        Edge i of face f has the number ``c f + i``.
+        """
+        return twin_edges(self.facets[:, : self.kind.corners])
+
+    @property
+    def neighbours(self) -> np.ndarray:
+        """The face across edge i of each face, shape (nf, c); -1 where the surface ends."""
+        return np.where(self.twins >= 0, self.twins // self.kind.corners, -1)
+
+    @cached_property
+    def own_normals(self) -> np.ndarray:
+        """The faces' own outward unit normals at their nodes, (nf, k, 3), not averaged."""
+        normals = area_elements(self.points, self.facets, self.kind, self.kind.locations)
+        return normals / np.linalg.norm(normals, axis=2, keepdims=True)
+
+    def _normals_at(self, points: np.ndarray) -> dict[str, Any]:
+        return areas_and_normals(points, self.facets, self.kind, self.held, self.twins)
 
 
 def extract_surface(
     body: Body, where: Any, nodes: bool = False, name: str | None = None
-) -> ContactSurface:
+) -> CurveSurface | FaceSurface:
     """Take a surface out of the mesh of a body; the function behind `Body.surface`."""
-    basis, mesh = body.basis, body.basis.mesh
-    if body.dim != 2:
-        raise InputError(f"surfaces of {body.dim}-D bodies are not implemented yet; only 2-D")
     check_name(name, "name of a surface")
     name = name or name_of(where)
     label = f"{body.name}/{name}" if body.name else name
-    numbers = select_facets(mesh, where, nodes, label)
+    numbers = select_facets(body.basis.mesh, where, nodes, label)
+    make = _curve if body.dim == 2 else _faces
+    surface = make(body, name, label, numbers)
+    seal(surface)
+    return surface
+
+
+def _curve(body: Body, name: str, label: str, numbers: np.ndarray) -> CurveSurface:
+    basis, mesh = body.basis, body.basis.mesh
     numbers, facets_v = oriented(mesh, numbers)
     order = order_along(facets_v)
     numbers, facets_v = numbers[order], facets_v[order]
@@ -178,15 +256,9 @@ def extract_surface(
     quadratic = basis.facet_dofs.size > 0
     start, end = facets_v.T
     columns = [start, mesh.nvertices + numbers, end] if quadratic else [start, end]
-    ids = np.column_stack(columns)
-    unique, first, inverse = np.unique(ids, return_index=True, return_inverse=True)
-    met = np.argsort(first)
-    rank = np.empty_like(met)
-    rank[met] = np.arange(len(met))
-    facets = rank[inverse.reshape(ids.shape)]
+    unique, facets = _as_met(np.column_stack(columns))
     if quadratic:
         facets = facets[:, [0, 2, 1]]
-    unique = unique[met]
     vertex = unique < mesh.nvertices
     dofs = np.empty((len(unique), body.components), dtype=np.int32)
     dofs[vertex] = basis.nodal_dofs[:, unique[vertex]].T
@@ -196,7 +268,7 @@ def extract_surface(
     points = np.ascontiguousarray(basis.doflocs[:, dofs[:, 0]].T)
     check_facets(points, facets, numbers, mesh, label)
     normals = lengths_and_normals(points, facets, _held(body, dofs), facet_neighbours(facets))
-    surface = ContactSurface(
+    return CurveSurface(
         body=body,
         name=name,
         points=points,
@@ -205,45 +277,40 @@ def extract_surface(
         area=tributary_areas(points, facets, body.measure, label),
         mesh_facets=numbers,
         slopes=end_slopes(points, facets, normals["facet_node_normals"]),
-        end_turns=_end_turns(basis, points, facets, facets_v),
+        end_turns=end_turns(basis, points, facets, facets_v),
         kinks=kink_angles(points, facets, facet_neighbours(facets)),
         **normals,
     )
-    seal(surface)
-    return surface
 
 
-def _end_turns(basis: Any, points: np.ndarray, facets: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """By how much the boundary of the mesh turns at the ends of a surface, (nf, 2) [rad]."""
-    turns = np.zeros(vertices.shape)
-    ends = np.argwhere(facet_neighbours(facets) < 0)
-    if not len(ends):
-        return turns
-    mesh = basis.mesh
-    numbers, all_ends = oriented(mesh, mesh.boundary_facets())
-    nodes = np.transpose(mesh.p[:, all_ends], (1, 2, 0))
-    if basis.facet_dofs.size > 0:
-        middle = basis.doflocs[:, basis.facet_dofs[0, numbers]].T
-        nodes = np.concatenate([nodes, middle[:, None]], axis=1)
-    there = normals_at(
-        nodes.reshape(-1, nodes.shape[2]),
-        np.arange(nodes[..., 0].size).reshape(nodes.shape[:2]),
-        np.array([0.0, 1.0]),
-    )[0]
-    own = normals_at(points, facets, np.array([0.0, 1.0]))[0]
-    for facet, side in ends:
-        # the facet that begins where this one ends, or ends where it begins; corners that touch
-        # have several
-        onward = np.flatnonzero(all_ends[:, 1 - side] == vertices[facet, side])
-        if len(onward) != 1:
-            continue
-        first, second = own[facet, side], there[onward[0], 1 - side]
-        if side == 0:
-            first, second = second, first
-        turn = np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second)
-        # two lips of a slit are back to back: its tip is no corner that could touch anything
-        turns[facet, side] = turn if turn < np.pi - 1e-6 else -turn
-    return turns
+def _faces(body: Body, name: str, label: str, numbers: np.ndarray) -> FaceSurface:
+    basis, mesh = body.basis, body.basis.mesh
+    numbers, vertices = seen_from_outside(mesh, numbers)
+    unique, facets = _as_met(face_nodes(basis, numbers, vertices))
+    dofs = node_dofs(basis, unique, body.components)
+    points = np.ascontiguousarray(basis.doflocs[:, dofs[:, 0]].T)
+    kind = kind_of(3, facets.shape[1])
+    check_faces(points, facets, kind, numbers, mesh, label)
+    twins = twin_edges(facets[:, : kind.corners])
+    return FaceSurface(
+        body=body,
+        name=name,
+        points=points,
+        dofs=dofs,
+        facets=facets,
+        area=face_areas(points, facets, kind, body.measure, label),
+        mesh_facets=numbers,
+        **areas_and_normals(points, facets, kind, _held(body, dofs), twins),
+    )
+
+
+def _as_met(ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes of facets (nf, k) in the order in which facets meet them, and facets by these places."""
+    unique, first, inverse = np.unique(ids, return_index=True, return_inverse=True)
+    met = np.argsort(first)
+    rank = np.empty_like(met)
+    rank[met] = np.arange(len(met))
+    return unique[met], rank[inverse.reshape(ids.shape)]
 
 
 def _held(body: Body, dofs: np.ndarray) -> np.ndarray:

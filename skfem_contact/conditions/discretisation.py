@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corners import CornerContacts, Names, corner_contacts
 from skfem_contact.pairing.frames import loaded_frames
@@ -40,6 +41,8 @@ def pair(
         Vertices that carried in a round before, `Pairing.corners`.
     """
     secondary, primary = contact.secondary, contact.primary
+    if not isinstance(secondary, CurveSurface):
+        raise _not_yet(contact)
     if len(moved):
         secondary = secondary.moved(moved[0])
     if isinstance(primary, Obstacle):
@@ -49,6 +52,23 @@ def pair(
         return _without_idle(contact, pairing)
     if len(moved):
         primary = primary.moved(moved[1])
+    if isinstance(secondary, CurveSurface) and isinstance(primary, CurveSurface):
+        fixed = contact.sliding == "small" and not contact.tied and not len(moved)
+        return _pair_curves(contact, secondary, primary, known, fixed)
+    raise _not_yet(contact)
+
+
+def _not_yet(contact: Contact) -> InputError:
+    return InputError(
+        f"contact {contact.label}: contact in 3-D is not implemented yet; surfaces of solids can be "
+        "taken (areas, normals), but not brought into contact"
+    )
+
+
+def _pair_curves(
+    contact: Contact, secondary: CurveSurface, primary: CurveSurface, known: Names, fixed: bool
+) -> Pairing:
+    """Pair two boundaries of plane bodies; `fixed` is whether the frames stay what they are now."""
     corners = None if contact.tied else _corners(contact, secondary, primary, known)
     if contact.method == "mortar":
         pressed = None if corners is None else corners.pressed
@@ -58,13 +78,11 @@ def pair(
         pairing = node_to_segment(secondary, primary, reach=contact.reach)
         pairing = pairing if corners is None else corners.rows(pairing, every=False)
         pairing = _without_idle(contact, pairing)
-    if contact.sliding == "small" and not contact.tied and not len(moved):
-        return loaded_frames(secondary, primary, pairing)
-    return pairing
+    return loaded_frames(secondary, primary, pairing) if fixed else pairing
 
 
 def _corners(
-    contact: Contact, secondary: ContactSurface, primary: ContactSurface, known: Names
+    contact: Contact, secondary: CurveSurface, primary: CurveSurface, known: Names
 ) -> CornerContacts:
     """What corners meet; with small sliding only what they overlap now."""
     return corner_contacts(

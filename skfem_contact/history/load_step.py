@@ -16,6 +16,7 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.watch import Watch
 from skfem_contact.answers.validity.watched import Said
 from skfem_contact.arguments import check_kind
+from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.conditions.diagnosis import check_loads
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
@@ -33,7 +34,6 @@ from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.driver import converged_words
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Record
-from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corners import Corners
 from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
 
@@ -359,9 +359,7 @@ class LoadStep:
     def _has_corners(self, point: int) -> bool:
         """Whether the surfaces of a point's contact have convex corners, their ends included."""
         contact = self.interface.contacts[self.interface.contact_of(point)]
-        sides = [
-            side for side in (contact.secondary, contact.primary) if not isinstance(side, Obstacle)
-        ]
+        sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, CurveSurface)]
         return any(len(Corners.of(side).node) for side in sides)
 
 

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.projection import interpolated_normals, project
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.search import FacetTree, closest_candidates
@@ -15,7 +15,7 @@ from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, FACING, TIE
 
 
 def search_range(
-    secondary: ContactSurface, primary: ContactSurface, reach: float | None
+    secondary: CurveSurface, primary: CurveSurface, reach: float | None
 ) -> tuple[float, float]:
     """Largest distances at which partners are looked for: of open points, of overlapping ones."""
     if reach is None:
@@ -27,7 +27,7 @@ def search_range(
 
 
 def closest_facets(
-    secondary: ContactSurface, primary: ContactSurface, outside: float, inside: float
+    secondary: CurveSurface, primary: CurveSurface, outside: float, inside: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Point numbers, facets and local coordinates of all pairs."""
 
@@ -69,8 +69,8 @@ def closest_facets(
 
 
 def _judge(
-    secondary: ContactSurface,
-    primary: ContactSurface,
+    secondary: CurveSurface,
+    primary: CurveSurface,
     point: np.ndarray,
     facet: np.ndarray,
     outside: float,
@@ -119,8 +119,8 @@ def _slopes(turn: np.ndarray) -> np.ndarray:
 
 
 def overhang(
-    secondary: ContactSurface,
-    primary: ContactSurface,
+    secondary: CurveSurface,
+    primary: CurveSurface,
     lonely: np.ndarray,
     outside: float,
     inside: float,

@@ -28,7 +28,7 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.projection import interpolated_normals, project
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.node import Pairing
@@ -65,7 +65,7 @@ class Corners:
     facet: Index
 
     @classmethod
-    def of(cls, surface: ContactSurface) -> Corners:
+    def of(cls, surface: CurveSurface) -> Corners:
         """Find the sharp corners, and ends of any angle; none on a line of symmetry."""
         after = surface.neighbours[:, 1]
         angle = np.arctan2(surface.end_normals[..., 1], surface.end_normals[..., 0])
@@ -114,8 +114,8 @@ class CornerContacts:
         The corners of the secondary on facets of the primary, and the other way round.
     """
 
-    secondary: ContactSurface
-    primary: ContactSurface
+    secondary: CurveSurface
+    primary: CurveSurface
     tilt: float
     own: tuple[Corners, _Met]
     other: tuple[Corners, _Met]
@@ -168,8 +168,8 @@ class CornerContacts:
 
 
 def corner_contacts(
-    secondary: ContactSurface,
-    primary: ContactSurface,
+    secondary: CurveSurface,
+    primary: CurveSurface,
     *,
     reach: float | None = None,
     only_overlaps: bool = False,
@@ -179,7 +179,7 @@ def corner_contacts(
 
     Parameters
     ----------
-    secondary, primary : ContactSurface
+    secondary, primary : CurveSurface
     reach : float, optional
         As in `node_to_segment`.
     only_overlaps : bool
@@ -201,7 +201,7 @@ def corner_contacts(
     return CornerContacts(secondary, primary, LEAN, *found)
 
 
-def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[int, float]]:
+def unselected_sides(own: CurveSurface, other: CurveSurface) -> list[tuple[int, float]]:
     """Ends of a surface that the other one overlaps from a side that is not part of the surface.
 
     Returns
@@ -223,8 +223,8 @@ def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[i
 
 def _meet(
     corners: Corners,
-    own: ContactSurface,
-    other: ContactSurface,
+    own: CurveSurface,
+    other: CurveSurface,
     tilt: Array,
     limits: tuple[float, float],
 ) -> _Met:
@@ -240,7 +240,7 @@ def _meet(
 
 
 def _closest(
-    corners: Corners, own: ContactSurface, other: ContactSurface, limits: tuple[float, float]
+    corners: Corners, own: CurveSurface, other: CurveSurface, limits: tuple[float, float]
 ) -> _Met:
     """The closest points of the other surface to each vertex."""
     corner, facet = _candidates(own.points[corners.node], other)
@@ -268,7 +268,7 @@ def _closest(
     return _some(_Met(corner, facet, xi, normal, gap), good)
 
 
-def _candidates(points: Array, surface: ContactSurface) -> tuple[Index, Index]:
+def _candidates(points: Array, surface: CurveSurface) -> tuple[Index, Index]:
     """Pairs of points and facets among which the closest facets to the points are."""
     middle = surface.points[surface.facets].mean(axis=1)
     # no point of a facet, curved or not, is farther from its middle
@@ -283,7 +283,7 @@ def _candidates(points: Array, surface: ContactSurface) -> tuple[Index, Index]:
     return corner, facet
 
 
-def _lean(corners: Corners, corner: Index, other: ContactSurface, facet: Index) -> Array:
+def _lean(corners: Corners, corner: Index, other: CurveSurface, facet: Index) -> Array:
     """Angle from the beginning of a corner's cone to the opposite of a facet's normal [rad]."""
     normal = other.facet_normals[facet]
     return _wrap(np.arctan2(-normal[:, 1], -normal[:, 0]) - corners.first[corner])
@@ -296,7 +296,7 @@ def _some(met: _Met, chosen: Index | Mask) -> _Met:
 class _Rows:
     """A pairing some of whose rows are replaced."""
 
-    def __init__(self, pairing: Pairing, secondary: ContactSurface, primary: ContactSurface) -> None:
+    def __init__(self, pairing: Pairing, secondary: CurveSurface, primary: CurveSurface) -> None:
         self.old, self.secondary, self.primary = pairing, secondary, primary
         self.values = {
             name: np.array(getattr(pairing, name))

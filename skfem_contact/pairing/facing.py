@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import unit
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.pairing.segmentation import Quadrature
 from skfem_contact.pairing.thresholds import COINCIDENT, KINK, SPREAD
@@ -23,7 +23,7 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
-def sharp_nodes(surface: ContactSurface) -> Mask:
+def sharp_nodes(surface: CurveSurface) -> Mask:
     """Nodes where facets meet at more than 45 degrees, or straight parts at a kink, shape (m,)."""
     sharp = np.zeros(len(surface.points), dtype=bool)
     ends, other = surface.end_normals, surface.neighbours
@@ -33,8 +33,8 @@ def sharp_nodes(surface: ContactSurface) -> Mask:
 
 
 def node_normals(
-    secondary: ContactSurface,
-    primary: ContactSurface,
+    secondary: CurveSurface,
+    primary: CurveSurface,
     point: Index,
     feet: Array,
     weights: Array,
@@ -44,7 +44,7 @@ def node_normals(
 
     Parameters
     ----------
-    secondary, primary : ContactSurface
+    secondary, primary : CurveSurface
     point : ndarray of int, shape (p,)
         Nodes that have a foot.
     feet : ndarray, shape (p, d)
@@ -65,7 +65,7 @@ def node_normals(
 
 
 def mortar_normals(
-    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature, A: Array, own: Array
+    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature, A: Array, own: Array
 ) -> tuple[Array, Array]:
     """Normals of both sides in the weighted mean of dual multipliers, from primary to secondary.
 
@@ -75,7 +75,7 @@ def mortar_normals(
 
     Parameters
     ----------
-    secondary, primary : ContactSurface
+    secondary, primary : CurveSurface
     quadrature : Quadrature
     A : ndarray, shape (nf, k, k)
         The multipliers of each facet in its shape functions.

@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.normals import GAUSS, normals_at, tangents, unit
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.thresholds import ALONG, SAME_NORMAL
@@ -34,12 +34,12 @@ from skfem_contact.pairing.vectors import dot
 Array = NDArray[np.float64]
 
 
-def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
+def loaded_frames(secondary: CurveSurface, primary: CurveSurface, pairing: Pairing) -> Pairing:
     """The pairing in the frames of the loaded interface, its gaps measured along the new normals.
 
     Parameters
     ----------
-    secondary, primary : ContactSurface
+    secondary, primary : CurveSurface
     pairing : Pairing
         With the normals of both sides.
 
@@ -70,7 +70,7 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
     return replace(pairing, normal=normal, tangent=tangents(normal), gap=gap)
 
 
-def _mirrored(surface: ContactSurface) -> NDArray[np.bool_]:
+def _mirrored(surface: CurveSurface) -> NDArray[np.bool_]:
     """Nodes on a line of symmetry, whose own normal lies in it exactly, shape (m,)."""
     across = np.abs(np.sum(surface.normals * surface.held, axis=1))
     return np.asarray((surface.held.sum(axis=1) == 1) & (across <= SAME_NORMAL))
@@ -83,13 +83,13 @@ def _mean(weights: object, values: Array) -> Array:
     return np.divide(size @ values, total, out=np.zeros_like(total), where=total > 0)
 
 
-def compliances(surface: ContactSurface) -> Array:
+def compliances(surface: CurveSurface) -> Array:
     """One over `plane_moduli`, and zero at nodes that are prescribed altogether, shape (m,)."""
     soft = 1.0 / plane_moduli(surface)
     return np.where(surface.held.all(axis=1), 0.0, soft)
 
 
-def plane_moduli(surface: ContactSurface) -> Array:
+def plane_moduli(surface: CurveSurface) -> Array:
     r"""Plane modulus ``E* = E / (1 - nu^2)`` of the body at the nodes of a surface, shape (m,).
 
     Read off the stiffness, whatever mesh and element: under a displacement linear in the position
@@ -136,7 +136,7 @@ def plane_moduli(surface: ContactSurface) -> Array:
     return modulus
 
 
-def _strained(surface: ContactSurface) -> tuple[Array, Array, Array]:
+def _strained(surface: CurveSurface) -> tuple[Array, Array, Array]:
     """Nodal forces of K under a dilatation, a stretch and a shear around each node, each (m, 2)."""
     body, centre = surface.body, surface.points.mean(axis=0)
     unit_x = (np.arange(2) == body.dof_component[:, None]).astype(float)
@@ -155,7 +155,7 @@ def _strained(surface: ContactSurface) -> tuple[Array, Array, Array]:
     )
 
 
-def _area_vectors(surface: ContactSurface) -> tuple[Array, Array]:
+def _area_vectors(surface: CurveSurface) -> tuple[Array, Array]:
     """``int N n dA`` with the body's measure, (m, 2), and ``int |N| ds`` without, (m,)."""
     at, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
     N, _ = facet_shapes(at, surface.facets.shape[1])

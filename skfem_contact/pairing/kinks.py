@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.pairing.segmentation import Quadrature, points_per_segment
 from skfem_contact.pairing.thresholds import BENT
 from skfem_contact.pairing.vectors import dot, facet_normal_field
@@ -27,13 +27,13 @@ Mask = NDArray[np.bool_]
 
 
 def least_gaps(
-    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature, A: Array
+    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature, A: Array
 ) -> Array | None:
     """Least distance in the support of each mortar row that reaches over a kink, shape (m,) [length].
 
     Parameters
     ----------
-    secondary, primary : ContactSurface
+    secondary, primary : CurveSurface
     quadrature : Quadrature
     A : ndarray, shape (nf, k, k)
         The multipliers of each facet in its shape functions.
@@ -58,7 +58,7 @@ def least_gaps(
     return np.where(reaches, least, -np.inf)
 
 
-def _distances(secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature) -> Array:
+def _distances(secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature) -> Array:
     """The least distance along the normals on the segment of each quadrature point, shape (q,)."""
     e, N = quadrature.secondary_facet, quadrature.secondary_shape
     normal = np.einsum("qk,qkd->qd", N, facet_normal_field(secondary)[e])

@@ -34,7 +34,7 @@ from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.dual import WHOLE, dual_basis
 from skfem_contact.pairing.facing import mortar_normals
@@ -51,8 +51,8 @@ Index = NDArray[np.intp]
 
 
 def dual_mortar(
-    secondary: ContactSurface,
-    primary: ContactSurface,
+    secondary: CurveSurface,
+    primary: CurveSurface,
     *,
     reach: float | None = None,
     pressed: Index | None = None,
@@ -61,9 +61,9 @@ def dual_mortar(
 
     Parameters
     ----------
-    secondary : ContactSurface
+    secondary : CurveSurface
         Carries the multipliers: best the finer, or the softer, of the two.
-    primary : ContactSurface
+    primary : CurveSurface
     reach : float, optional
         Parts of the surfaces farther apart than this along the normal do not meet [length].
         Without it, gaps are unlimited and overlaps go up to half the diagonal of the box around
@@ -172,7 +172,7 @@ def dual_mortar(
 
 
 def _facet_bases(
-    surface: ContactSurface,
+    surface: CurveSurface,
     quadrature: Quadrature,
     supports: Supports | None,
     pressed: Index | None,
@@ -195,8 +195,8 @@ def _facet_bases(
 
 
 def _own_rows(
-    secondary: ContactSurface,
-    primary: ContactSurface,
+    secondary: CurveSurface,
+    primary: CurveSurface,
     supports: Supports | None,
     share: Array,
     heir: Index,
@@ -243,7 +243,7 @@ def _without_slip(
 
 
 def _secondary_matrix(
-    surface: ContactSurface, share: Array, owner: Index
+    surface: CurveSurface, share: Array, owner: Index
 ) -> tuple[csr_matrix, Array, Array]:
     """Assemble ``D``, the areas ``int phi_i``, and the normals of the primary at the nodes.
 
@@ -267,7 +267,7 @@ def _secondary_matrix(
 
 
 def _primary_matrix(
-    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature, A: Array
+    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature, A: Array
 ) -> tuple[csr_matrix, Index]:
     """Assemble ``M``; and for each node the primary facet where its shape function weighs most."""
     e, f = quadrature.secondary_facet, quadrature.primary_facet
@@ -288,7 +288,7 @@ def _primary_matrix(
 
 
 def _bulge_matrix(
-    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature, A: Array
+    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature, A: Array
 ) -> csr_matrix | None:
     """Assemble the heights of both smooth boundaries above their chords; None where there are none.
 
@@ -319,14 +319,14 @@ def _divide(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_mat
     return out
 
 
-def _shared(secondary: ContactSurface, primary: ContactSurface) -> NDArray[np.bool_]:
+def _shared(secondary: CurveSurface, primary: CurveSurface) -> NDArray[np.bool_]:
     """Nodes that are on both surfaces (the tip of a slit) and can not meet themselves."""
     if secondary.body is not primary.body:
         return np.zeros(len(secondary.points), dtype=bool)
     return np.isin(secondary.dofs[:, 0], primary.dofs[:, 0])
 
 
-def _nominal_area(surface: ContactSurface) -> Array:
+def _nominal_area(surface: CurveSurface) -> Array:
     """Areas of points that carry nothing: the whole tributary area, positive also on the axis."""
     k = surface.facets.shape[1]
     share = np.zeros(len(surface.points))
@@ -335,8 +335,8 @@ def _nominal_area(surface: ContactSurface) -> Array:
 
 
 def _overhang(
-    secondary: ContactSurface,
-    primary: ContactSurface,
+    secondary: CurveSurface,
+    primary: CurveSurface,
     paired: NDArray[np.bool_],
     reach: float | None,
 ) -> tuple[Array, Index]:

@@ -10,7 +10,7 @@ from scipy.sparse import csr_matrix, identity
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.projection import interpolated_normals
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.closest import closest_facets, overhang, search_range
 from skfem_contact.pairing.facing import angle_between, node_normals
@@ -118,13 +118,13 @@ def gap_vectors(
 
 
 def node_to_segment(
-    secondary: ContactSurface, primary: ContactSurface, *, reach: float | None = None
+    secondary: CurveSurface, primary: CurveSurface, *, reach: float | None = None
 ) -> Pairing:
     """Pair every node of the secondary surface with its closest point on the primary surface.
 
     Parameters
     ----------
-    secondary, primary : ContactSurface
+    secondary, primary : CurveSurface
         As a rule the secondary one is the finer.
     reach : float, optional
         Largest distance between a node and its partner [length]. Without it, gaps are unlimited

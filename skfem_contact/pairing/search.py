@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.pairing.thresholds import MARGIN, PAIRS_AT_ONCE
 from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
@@ -56,7 +56,7 @@ class FacetTree:
     levels: tuple[Nodes, ...]
 
     @classmethod
-    def build(cls, surface: ContactSurface) -> FacetTree:
+    def build(cls, surface: CurveSurface) -> FacetTree:
         """Build the hierarchy over the facets of a surface."""
         lower, upper = _boxes(surface)
         angle, spread = _cones(surface)
@@ -150,7 +150,7 @@ def closest_candidates(
 
 
 def normal_candidates(
-    secondary: ContactSurface, primary: ContactSurface, reach: float
+    secondary: CurveSurface, primary: CurveSurface, reach: float
 ) -> tuple[Index, Index]:
     """Pairs of facets that may meet along the normals of the secondary.
 
@@ -184,7 +184,7 @@ def _children(count: int) -> tuple[np.ndarray, np.ndarray]:
     return left, np.minimum(left + 1, count - 1)
 
 
-def _boxes(surface: ContactSurface) -> tuple[np.ndarray, np.ndarray]:
+def _boxes(surface: CurveSurface) -> tuple[np.ndarray, np.ndarray]:
     corners = surface.points[surface.facets]
     if surface.quadratic:
         # a quadratic curve lies in the hull of its ends and its Bezier control point
@@ -198,7 +198,7 @@ def _ball(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return 0.5 * (lower + upper), radius * (1 + MARGIN)
 
 
-def _cones(surface: ContactSurface) -> tuple[np.ndarray, np.ndarray]:
+def _cones(surface: CurveSurface) -> tuple[np.ndarray, np.ndarray]:
     """Directions in which closest points on each facet look, its ends included.
 
     The normal of a quadratic facet turns monotonically between its ends. At a smooth joint the

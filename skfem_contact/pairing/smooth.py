@@ -26,7 +26,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.pairing.thresholds import CURVATURE_KEPT
 
 Array = NDArray[np.float64]
@@ -34,13 +34,13 @@ Index = NDArray[np.intp]
 
 
 def common_heights(
-    secondary: ContactSurface, primary: ContactSurface, e: Index, f: Index, xi: Array, eta: Array
+    secondary: CurveSurface, primary: CurveSurface, e: Index, f: Index, xi: Array, eta: Array
 ) -> Array:
     """By how much the smooth boundaries are closer to each other than the chords, shape (q,) [length].
 
     Parameters
     ----------
-    secondary, primary : ContactSurface
+    secondary, primary : CurveSurface
     e, f : ndarray of int, shape (q,)
         Facets of the two sides that meet.
     xi, eta : ndarray, shape (q,)

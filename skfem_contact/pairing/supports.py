@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.pairing.segmentation import Quadrature
 from skfem_contact.pairing.thresholds import MOVING_SHARE, OVERHANG, SHARE_FREE
 from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
@@ -76,7 +76,7 @@ class Supports:
 
 
 def find_supports(
-    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature
+    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature
 ) -> Supports | None:
     """The held nodes of an interface; None where there are none."""
     fixed: Mask = np.asarray(np.isin(secondary.dofs, secondary.body.D), dtype=bool)
@@ -146,8 +146,8 @@ def without_multiplier(rank: Index) -> Mask:
 
 
 def _opposite(
-    secondary: ContactSurface,
-    primary: ContactSurface,
+    secondary: CurveSurface,
+    primary: CurveSurface,
     quadrature: Quadrature,
     facet: Index,
     local: Index,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.values import ContactValues
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,9 @@ def chords_error(result: Answer, values: ContactValues) -> float:
 
 def _lost(surface: ContactSurface, forces: Array) -> float:
     """Root of the mean square of ``1 - cos(a / 2)`` over a surface, weighted as the pressure is."""
-    if not surface.slopes.any() or surface.dofs.shape[1] != surface.dim:
+    if not isinstance(surface, CurveSurface) or not surface.slopes.any():
+        return 0.0
+    if surface.dofs.shape[1] != surface.dim:
         return 0.0  # what flows from chord to chord has no direction
     half = np.arctan(0.5 * (surface.slopes[:, 0] - surface.slopes[:, 1]))
     size = np.linalg.norm(forces[surface.dofs], axis=1)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import CURVED
 from skfem_contact.bodies.normals import end_slopes
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -57,6 +57,8 @@ def bends(surface: ContactSurface) -> tuple[Array, Array]:
 
     A quadratic facet has two pieces, unless it is straight and stands for an arc nevertheless.
     """
+    if not isinstance(surface, CurveSurface):  # heights of faces are not known yet
+        return np.zeros(len(surface.facets)), surface.lengths
     slopes = surface.slopes
     if not surface.quadratic:
         return (slopes[:, 0] - slopes[:, 1]) / surface.lengths, surface.lengths

@@ -25,7 +25,7 @@ from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.watched import Intrusion
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
@@ -171,6 +171,8 @@ class Intrusions:
         words = []
         for own, other in (sides, sides[::-1]):
             shared = [s for s in others if isinstance(s, ContactSurface) and s.body is own.body]
+            if not (isinstance(own, CurveSurface) and isinstance(other, CurveSurface)):
+                continue
             for node, depth in unselected_sides(own, other):
                 dofs = own.dofs[node, 0]
                 if sum(dofs in s.dofs[:, 0] for s in shared) > 1:

@@ -1,0 +1,43 @@
+"""Boundaries of plane bodies: their nodes in order along the curve, and by how much the ends turn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from skfem_contact.bodies.facets import facet_neighbours, oriented
+from skfem_contact.bodies.normals import normals_at
+
+
+def end_turns(basis: Any, points: np.ndarray, facets: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """By how much the boundary of the mesh turns at the ends of a surface, (nf, 2) [rad]."""
+    turns = np.zeros(vertices.shape)
+    ends = np.argwhere(facet_neighbours(facets) < 0)
+    if not len(ends):
+        return turns
+    mesh = basis.mesh
+    numbers, all_ends = oriented(mesh, mesh.boundary_facets())
+    nodes = np.transpose(mesh.p[:, all_ends], (1, 2, 0))
+    if basis.facet_dofs.size > 0:
+        middle = basis.doflocs[:, basis.facet_dofs[0, numbers]].T
+        nodes = np.concatenate([nodes, middle[:, None]], axis=1)
+    there = normals_at(
+        nodes.reshape(-1, nodes.shape[2]),
+        np.arange(nodes[..., 0].size).reshape(nodes.shape[:2]),
+        np.array([0.0, 1.0]),
+    )[0]
+    own = normals_at(points, facets, np.array([0.0, 1.0]))[0]
+    for facet, side in ends:
+        # the facet that begins where this one ends, or ends where it begins; corners that touch
+        # have several
+        onward = np.flatnonzero(all_ends[:, 1 - side] == vertices[facet, side])
+        if len(onward) != 1:
+            continue
+        first, second = own[facet, side], there[onward[0], 1 - side]
+        if side == 0:
+            first, second = second, first
+        turn = np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second)
+        # two lips of a slit are back to back: its tip is no corner that could touch anything
+        turns[facet, side] = turn if turn < np.pi - 1e-6 else -turn
+    return turns

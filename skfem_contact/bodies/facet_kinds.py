@@ -1,0 +1,147 @@
+"""`FacetKind`: nodes, corners, edges and shape functions of the facets of lines and faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+from skfem.quadrature import get_quadrature
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class FacetKind:
+    """What is the same for all facets of a surface; the elements are those of scikit-fem.
+
+    The nodes of a facet are its corners, counter-clockwise seen from outside, then the middles of its
+    edges, edge i from corner i to corner i + 1, then its centre.
+
+    Attributes
+    ----------
+    name : str
+        "line2" or "line3" in 2-D; "tri3", "quad4", "tri6", "quad8" or "quad9" in 3-D.
+    element : skfem.Element
+        With the shape functions. Its reference coordinates are in [0, 1]; those of triangles have a
+        sum of one at most.
+    corners : int
+    degree : int
+        What products of shape functions and the area element ask of a quadrature: exact for plane
+        faces with straight edges, else with an error far below that of the facet itself.
+
+    Examples
+    --------
+    >>> KINDS["tri6"].edges.tolist(), KINDS["tri6"].nodes
+    ([[0, 1, 3], [1, 2, 4], [2, 0, 5]], 6)
+    """
+
+    name: str
+    element: Any
+    corners: int
+    degree: int
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes k."""
+        return len(self.element.doflocs)
+
+    @property
+    def dim(self) -> int:
+        """Dimension of a facet: 1 for lines, 2 for faces."""
+        return int(self.element.doflocs.shape[1])
+
+    @property
+    def triangle(self) -> bool:
+        """Whether reference coordinates are those of a triangle."""
+        return self.dim == 2 and self.corners == 3
+
+    @property
+    def quadratic(self) -> bool:
+        """Whether facets have middle nodes."""
+        return self.nodes > self.corners
+
+    @property
+    def straight(self) -> bool:
+        """Whether facets are straight or plane whatever their nodes are: lines and triangles."""
+        return self.nodes == self.dim + 1
+
+    @cached_property
+    def edges(self) -> Index:
+        """Nodes of each edge of a face: start, end, and the middle if there is one, (c, 2 or 3)."""
+        start = np.arange(self.corners)
+        columns = [start, (start + 1) % self.corners]
+        return np.column_stack(columns + ([start + self.corners] if self.quadratic else []))
+
+    @cached_property
+    def locations(self) -> Array:
+        """Reference coordinates of the nodes, shape (k, d-1)."""
+        return np.array(self.element.doflocs, dtype=float)
+
+    @cached_property
+    def middle(self) -> Array:
+        """Reference coordinates of the middle of a facet, shape (d-1,)."""
+        return self.locations[: self.corners].mean(axis=0)
+
+    def shapes(self, xi: Array) -> tuple[Array, Array]:
+        """Shape functions and their derivatives.
+
+        Parameters
+        ----------
+        xi : ndarray, shape (..., d-1)
+            Reference coordinates.
+
+        Returns
+        -------
+        N : ndarray, shape (..., k)
+        dN : ndarray, shape (..., k, d-1)
+
+        Examples
+        --------
+        >>> KINDS["quad4"].shapes(np.array([0.5, 0.0]))[0].tolist()
+        [0.5, 0.5, 0.0, 0.0]
+        """
+        x = np.moveaxis(np.asarray(xi, dtype=float), -1, 0)
+        N = np.empty((*x.shape[1:], self.nodes))
+        dN = np.empty((*N.shape, self.dim))
+        for i in range(self.nodes):
+            value, slope = self.element.lbasis(x, i)
+            N[..., i] = value
+            for j in range(self.dim):
+                dN[..., i, j] = slope[j]
+        return N, dN
+
+    def quadrature(self, degree: int | None = None) -> tuple[Array, Array]:
+        """Gauss points (q, d-1) and weights (q,), for polynomials up to `degree` at least."""
+        points, weights = get_quadrature(self.element, self.degree if degree is None else degree)
+        return np.ascontiguousarray(points.T), weights
+
+
+#: All kinds by name. Quadratic lines and quadrilaterals have area elements that are no polynomials.
+KINDS = {
+    kind.name: kind
+    for kind in (
+        FacetKind("line2", skfem.ElementLineP1(), 2, 9),
+        FacetKind("line3", skfem.ElementLineP2(), 2, 9),
+        FacetKind("tri3", skfem.ElementTriP1(), 3, 4),
+        FacetKind("tri6", skfem.ElementTriP2(), 3, 8),
+        FacetKind("quad4", skfem.ElementQuad1(), 4, 5),
+        FacetKind("quad8", skfem.ElementQuadS2(), 4, 7),
+        FacetKind("quad9", skfem.ElementQuad2(), 4, 7),
+    )
+}
+
+_BY_SIZE = {(kind.dim + 1, kind.nodes): kind for kind in KINDS.values()}
+
+
+def kind_of(dim: int, nodes: int) -> FacetKind:
+    """The kind of the facets of a surface in `dim`-D space, by their number of nodes.
+
+    >>> kind_of(3, 8).name, kind_of(2, 3).name
+    ('quad8', 'line3')
+    """
+    return _BY_SIZE[dim, nodes]

@@ -1,0 +1,75 @@
+"""Meshes of solids that several tests take: cubes, balls and cylinders of every element."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import skfem as fem
+
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.selection import mesh_edges
+
+#: Kind of the faces, linear mesh, mesh with middle nodes, element.
+KINDS: dict[str, tuple[Any, Any, Any]] = {
+    "tri3": (fem.MeshTet, fem.MeshTet, fem.ElementTetP1),
+    "tri6": (fem.MeshTet, fem.MeshTet2, fem.ElementTetP2),
+    "quad4": (fem.MeshHex, fem.MeshHex, fem.ElementHex1),
+    "quad8": (fem.MeshHex, fem.MeshHex2, fem.ElementHexS2),
+    "quad9": (fem.MeshHex, fem.MeshHex2, fem.ElementHex2),
+}
+
+
+def cube(kind: str, n: int = 2, place: Any = None) -> Any:
+    """The unit cube of n^3 hexahedra, or the tetrahedra they are cut into; `place` maps it, (3, N)."""
+    linear, curved, _ = KINDS[kind]
+    t = np.linspace(0, 1, n + 1)
+    mesh = curved.from_mesh(linear.init_tensor(t, t, t)) if curved is not linear else None
+    mesh = mesh or linear.init_tensor(t, t, t)
+    if place is None:
+        return mesh
+    p = np.ascontiguousarray(place(mesh.doflocs))
+    if kind == "quad8":  # middles of faces stand where 8 nodes have them, so that the mesh is the body
+        edges = mesh_edges(mesh, mesh.facets, np.roll(mesh.facets, -1, axis=0))
+        middles = p[:, mesh.dofs.edge_dofs[0, edges]].sum(axis=1)
+        p[:, mesh.dofs.facet_dofs[0]] = 0.5 * middles - 0.25 * p[:, mesh.facets].sum(axis=1)
+    return type(mesh)(p, mesh.t)
+
+
+def onto_ball(x: np.ndarray) -> np.ndarray:
+    """The unit cube onto the unit ball about the origin, its boundary onto the sphere."""
+    y = 2 * x - 1
+    largest, length = np.abs(y).max(axis=0), np.linalg.norm(y, axis=0)
+    return y * largest / np.where(length > 0, length, 1.0)
+
+
+def onto_octant(x: np.ndarray) -> np.ndarray:
+    """The unit cube onto the part of the unit ball with positive coordinates."""
+    largest, length = np.abs(x).max(axis=0), np.linalg.norm(x, axis=0)
+    return x * largest / np.where(length > 0, length, 1.0)
+
+
+def shuffled(mesh: Any, seed: int = 0) -> Any:
+    """The same mesh with vertices and elements in a random order, and elements begun elsewhere."""
+    rng = np.random.default_rng(seed)
+    new = rng.permutation(mesh.nvertices)
+    p = np.empty((3, mesh.nvertices))
+    p[:, new] = mesh.p[:, : mesh.nvertices]
+    t = new[mesh.t][:, rng.permutation(mesh.nelements)]
+    if t.shape[0] == 8:  # turn each hexahedron about its diagonal: a numbering as good as the first
+        turn = np.array([0, 2, 3, 1, 6, 4, 5, 7])
+        times = rng.integers(0, 3, t.shape[1])
+        for _ in range(2):
+            t = np.where(times > 0, t[turn], t)
+            times -= 1
+    else:
+        t = t[rng.permuted(np.tile(np.arange(4), (t.shape[1], 1)), axis=1).T, np.arange(t.shape[1])]
+    plain = (fem.MeshTet if t.shape[0] == 4 else fem.MeshHex)(p, t)
+    return plain if type(mesh) in (fem.MeshTet, fem.MeshHex) else type(mesh).from_mesh(plain)
+
+
+def body(mesh: Any, kind: str, **options: Any) -> Body:
+    """A body whose stiffness is the identity, for what only needs its surfaces."""
+    basis = fem.Basis(mesh, fem.ElementVector(KINDS[kind][2]()), intorder=2)
+    return Body(basis, sp.eye(basis.N), **options)
