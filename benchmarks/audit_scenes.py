@@ -353,7 +353,7 @@ ROWS = (
         "Coulomb, mu = 0.3",
         "no friction",
         friction,
-        ("history/attempt:friction_energy",),
+        ("history/energy:friction_energy",),
     ),
     Row(
         "history",
@@ -410,7 +410,7 @@ ROWS = (
             "conditions/geometry:at",
             "conditions/geometry:mismatch",
             "conditions/geometry:_offset",
-            "history/stepping:_travelled",
+            "history/placing:_travelled",
             "loops/anderson:",
         ),
         moving,

@@ -37,7 +37,7 @@ def slid_on(angle):
     u = np.zeros(solver.system.n)
     way = 0.2 * np.array([np.cos(angle), np.sin(angle)])
     u[solver.system.slice("punch")] = way[punch.dof_component]
-    case = solver._load_step.reader.unloaded()
+    case = solver._answering.reader.unloaded()
     return solver.geometry, solver.kin, solver.geometry.at(u, case)
 
 

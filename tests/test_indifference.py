@@ -13,7 +13,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.conditions.statics import escape
-from skfem_contact.history.indifference import nearest
+from skfem_contact.history.nearest import nearest
 
 FLOOR = sc.RigidPlane((0, 0), (0, 1), name="floor")
 LINEAR = {"auto": "auto", "sparse": sc.Direct()}

@@ -13,7 +13,8 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.conditions.state import SLIP, STICK
-from skfem_contact.history import stepping
+from skfem_contact.history import stepper
+from skfem_contact.history.cutting import grown
 from skfem_contact.loops import starts
 from skfem_contact.loops.starts import as_guess
 
@@ -32,7 +33,7 @@ def scene(**settings):
 
 def failing(monkeypatch, refuses):
     """Make every attempt fail for which `refuses(number of the attempt)` says so."""
-    real, count = stepping.drive, [0]
+    real, count = stepper.drive, [0]
 
     def drive(*arguments):
         outcome = real(*arguments)
@@ -41,7 +42,7 @@ def failing(monkeypatch, refuses):
             return replace(outcome, converged=False, message="refused by the test")
         return outcome
 
-    monkeypatch.setattr(stepping, "drive", drive)
+    monkeypatch.setattr(stepper, "drive", drive)
     return count
 
 
@@ -50,7 +51,7 @@ def test_a_failed_step_is_cut_and_recovered(monkeypatch):
     solver, _ = scene()
     halves = list(solver.history([0.5, 1.0]))
     # the first step of a history has no warm start
-    attempts = len(solver._load_step.stepper.starts()) - 1
+    attempts = len(solver._answering.stepper.starts()) - 1
     failing(monkeypatch, lambda count: count <= attempts)
     [result] = list(scene()[0].history([1.0]))
     assert result.converged and "step cut 1 times" in result.message
@@ -62,12 +63,12 @@ def test_a_failed_step_is_cut_and_recovered(monkeypatch):
 def test_substeps_grow_after_a_success(monkeypatch):
     """A step that was cut to an eighth goes on in steps of 1, 2, 4 and what is left of eight."""
     solver, _ = scene()
-    attempts = len(solver._load_step.stepper.starts())
+    attempts = len(solver._answering.stepper.starts())
     # the whole, the half and the quarter fail from every start; the first has no warm one
     failing(monkeypatch, lambda count: count <= 3 * attempts - 1)
     [result] = list(solver.history([1.0]))
     assert "step cut 3 times, substep 4" in result.message
-    assert [stepping.grown(0.1, travel) for travel in (0.0, 0.4, 0.95, 1.9)] == pytest.approx(
+    assert [grown(0.1, travel) for travel in (0.0, 0.4, 0.95, 1.9)] == pytest.approx(
         [0.2, 0.2, 0.1, 0.05]
     )
 

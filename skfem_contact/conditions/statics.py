@@ -19,7 +19,14 @@ from numpy.typing import NDArray
 from skfem_contact.conditions.friction import Coulomb
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.thresholds import BALANCED, DIRECTIONS
+from skfem_contact.conditions.state import OPEN, LocalState
+from skfem_contact.conditions.thresholds import (
+    BALANCED,
+    CARRIED,
+    DIRECTIONS,
+    LEFT_ACROSS,
+    LEFT_ALONG,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -113,3 +120,32 @@ def friction_coefficients(interface: Interface, m: int) -> Array:
         if isinstance(law, Coulomb) and type(law) is Coulomb and not np.any(law.cohesion):
             grip[part] = law.mu
     return np.where(interface.frictional, grip, 0.0)
+
+
+def balanced(
+    motions: RigidMotions, f: Array, state: LocalState, noise: float, carried: float = 0.0
+) -> bool:
+    """Whether loads and contact forces balance along the motions that supports leave free.
+
+    A body that is hardly held may move by 1e10 of its size: then the round-off of its ``K u`` carries
+    any load, equilibrium is met to all digits of that, and nothing balances the load. `noise` and
+    `carried` are round-off of the forces in the softest and in the stiffest body that moves no further
+    than supports do [force].
+    """
+    if motions.k == 0:
+        return True
+    closed = state.status != OPEN
+    force, friction = state.normal_force[closed], state.tangential_force[closed]
+    parts = [(motions.normal[closed], force), (motions.modes, f)]
+    if friction.any():
+        parts.append((motions.tangential[closed].reshape(-1, motions.k), -friction.ravel()))
+    left = np.abs(sum(rows.T @ values for rows, values in parts))
+    # along a motion that nothing pushes there is only the round-off of what acts across it; the largest
+    # displacement of each motion is one. Nearly always the rest need not be looked at
+    if np.all(left <= LEFT_ACROSS * np.abs(force).sum()):
+        return True
+    across = sum(float(np.abs(values).sum()) for _, values in parts)
+    size = sum(np.abs(rows).T @ np.abs(values) for rows, values in parts)
+    least = np.maximum(LEFT_ALONG * size, max(LEFT_ACROSS * across, noise * len(f)))
+    least = np.maximum(least, min(carried, CARRIED * across))
+    return bool(np.all(left <= least))

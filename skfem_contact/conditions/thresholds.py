@@ -75,3 +75,14 @@ BALANCED = 1e-9
 
 # Directions of friction in 3-D; the polygon lies around the circle of Coulomb's law.
 DIRECTIONS = 8
+
+# What may be left of the forces along a free motion: they balance to the digits of the contact problem,
+# 1e-8 with moduli 1e6 apart, and where a body ran away nothing of them does.
+LEFT_ALONG = 1e-4
+
+# And of forces across a motion, where moduli are 1e6 apart: their round-off along it.
+LEFT_ACROSS = 1e-10
+
+# Where supports move, stiff bodies move with them, and the round-off of their forces may be more: it is
+# excused up to this share of the forces across a motion.
+CARRIED = 1e-7

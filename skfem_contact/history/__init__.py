@@ -1,8 +1,12 @@
 """The way through loads: steps, cuts, states, results.
 
-* `read`: the user's step as loads; `attempt`, `stepping`: from one state to the next;
-* `indifference`: bodies whose place nothing decides;
-* `load_step`, `recovery`, `yielded`: from loads to a result; displacements when asked for;
+* `read`: the user's step as loads;
+* `load_step`: from where to where, one attempt, how far it has come; `energy`: what friction took;
+* `stepper`, `placing`, `cutting`: one attempt; on the pairing of its own answer; in smaller steps;
+* `grip`, `nearest`, `indifference`, `finding`: bodies whose place nothing decides, and the answer;
+* `answering`, `failure`: from a load case to a result, or to an error in words;
+* `recovery`, `yielded`: displacements when asked for; the results of a history that fails;
 * `checkpoint`: states on disk;
-* `solver`, `dry_run`: the object that users hold, and what it says before solving.
+* `solver`, `dry_run`: the object that users hold, and what it says before solving;
+* `thresholds`: numbers, and where they come from.
 """

@@ -28,11 +28,11 @@ from skfem_contact.conditions.interface import contact_names, interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.errors import InputError
+from skfem_contact.history.answering import Answering
 from skfem_contact.history.checkpoint import SavedState, load_state, save_state
-from skfem_contact.history.load_step import LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.recovery import recover_all
-from skfem_contact.history.stepping import Stepper
+from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.yielded import Yielded
 from skfem_contact.linalg.multifrontal.factor import FactorSize
 from skfem_contact.loops.driver import Options
@@ -148,7 +148,7 @@ class ContactSolver:
             self.timings,
             reuse,
         )
-        self._load_step = self._new_load_step()
+        self._answering = self._new_answering()
 
     def _copied(self) -> ContactSolver:
         twin = object.__new__(type(self))
@@ -161,10 +161,8 @@ class ContactSolver:
     def _new_reader(self) -> StepReader:
         return StepReader(self.system, self.contacts, self.names, self.kin, self._own_f)
 
-    def _new_load_step(self) -> LoadStep:
-        model, options = self.linear_model, self.options
-        stepper = Stepper(self.interface, self.geometry, model, self.loop, options)
-        return LoadStep(model, stepper, self._reader)
+    def _new_answering(self) -> Answering:
+        return Answering(Stepper(self.linear_model, self.loop, self.options), self._reader)
 
     @property
     def model(self) -> Condensed | FullSystem:
@@ -237,7 +235,7 @@ class ContactSolver:
         twin.timings = {"setup": 0.0}
         twin.interface = interface(twin.contacts, self.kin, twin._stiffness, self.loop)
         twin.linear_model = self.linear_model.with_interface(twin.interface, twin.timings)
-        twin._load_step = twin._new_load_step()
+        twin._answering = twin._new_answering()
         return twin
 
     def with_load(self, body: Body | str, f: Any) -> ContactSolver:
@@ -261,7 +259,7 @@ class ContactSolver:
         twin = self._copied()
         twin._own_f = sealed(own_f)
         twin._reader = twin._new_reader()
-        twin._load_step = twin._new_load_step()
+        twin._answering = twin._new_answering()
         return twin
 
     def with_stiffness(self, body: Body | str, K: Any) -> ContactSolver:
@@ -361,13 +359,13 @@ class ContactSolver:
         NotConverged, NoEquilibrium
             Carrying the last result.
         """
-        before = self._load_step.known(start, "start")
-        known = self._load_step.known(guess, "guess")
+        before = self._answering.known(start, "start")
+        known = self._answering.known(guess, "guess")
         target = self._begin(before)
         named = {what: given for what, given in (("f", f), ("x", x)) if given is not None}
         if named:
             target = self._reader.read(named, target)
-        return ContactResult(self._load_step.solve(target, before, known, callback, throw))
+        return ContactResult(self._answering.solve(target, before, known, callback, throw))
 
     @known_keywords("history", {})
     def history(
@@ -413,7 +411,7 @@ class ContactSolver:
         constant displacement [length] of prescribed DOFs; those of other boundaries stay as they
         were. None stands for a component that is free there.
         """
-        before = self._load_step.known(start, "start")
+        before = self._answering.known(start, "start")
         target = self._begin(before)
         single = isinstance(steps, str | bytes | Mapping) or getattr(steps, "shape", None) == ()
         if single or not isinstance(steps, Iterable):
@@ -424,7 +422,7 @@ class ContactSolver:
         try:
             for step in _with_progress(steps, progress):
                 target = self._reader.read(step, target)
-                before = self._load_step.solve(target, before, None, None, True)
+                before = self._answering.solve(target, before, None, None, True)
                 logger.info("step %s: %s", step if np.ndim(step) == 0 else "", before.message)
                 result = ContactResult(before)
                 yielded.add(result, self._reader)
@@ -463,7 +461,7 @@ class ContactSolver:
         ContactWarning
             The result did not converge: no history can go on from it.
         """
-        known = self._load_step.known(result, "result")
+        known = self._answering.known(result, "result")
         if known is None:
             raise InputError("result is None; give what solve(...) returned")
         return save_state(path, known)

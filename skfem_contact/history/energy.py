@@ -1,59 +1,16 @@
-"""One attempt at a load, the way of attempts to it, and the energy that friction takes on it."""
+"""The energy that friction takes between two states, and the bounds of its forces."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.interface import Interface
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import OPEN, LocalState, State
-from skfem_contact.loops.driver import Outcome
-from skfem_contact.loops.step import Record
-from skfem_contact.problem.model import LinearModel
-from skfem_contact.problem.response import Load
-from skfem_contact.problem.seam import ContactProblem
+from skfem_contact.conditions.state import OPEN, LocalState
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Attempt:
-    """One attempt at a load: how the loop ended, from which state, and on which pairing.
-
-    `start` and `local` are the states before and after it, both along the tangents of its pairing.
-    """
-
-    outcome: Outcome
-    model: LinearModel
-    problem: ContactProblem
-    load: Load
-    case: LoadCase
-    seen: LoadCase
-    start: LocalState
-    local: LocalState
-    mismatch: float = 0.0
-    failure: str = ""
-    travel: float = 0.0  # of the point that slid furthest, over what is allowed
-    culprit: int = -1  # the point whose partner or way made the attempt fail
-
-    @cached_property
-    def state(self) -> State:
-        """What is remembered of it."""
-        return self.local.in_space(self.problem.kin)
-
-    @property
-    def good(self) -> bool:
-        """Whether the load was reached."""
-        return self.outcome.converged and not self.failure
-
-    @property
-    def stopped(self) -> bool:
-        """Whether the user's callback ended it."""
-        return self.outcome.stopped
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,26 +30,6 @@ class Energy:
 
     def __add__(self, other: Energy) -> Energy:
         return Energy(self.lost + other.lost, self.residual + other.residual)
-
-
-@dataclass(eq=False)
-class Walk:
-    """The way from a state to a load, so far."""
-
-    state: State
-    case: LoadCase
-    energy: Energy
-    trace: list[Record] = field(default_factory=list)
-    cuts: int = 0
-    substeps: int = 1
-    share: float = 1.0  # of the step that is attempted next
-
-    @property
-    def words(self) -> str:
-        """What else it took, for messages: cuts of the step."""
-        if not self.cuts:
-            return ""
-        return f", step cut {self.cuts} times, substep {self.substeps}"
 
 
 def friction_energy(interface: Interface, last: LocalState, new: LocalState) -> Energy:

@@ -1,0 +1,101 @@
+"""From one state to the next: a load step, cut into smaller ones where it fails.
+
+A step is tried whole, from the last state's contact zone; if that fails, from a cold start, then from
+complementary pivoting (Lemke's method); if all fail it is halved. Where contact slides far and a point
+slid too far in it, it is cut to the share that the distance tells.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+
+from skfem_contact.errors import ConstraintError
+from skfem_contact.history.energy import friction_energy, nothing
+from skfem_contact.history.load_step import Advance, LoadStep
+from skfem_contact.history.placing import attempted
+from skfem_contact.history.stepper import RAN_AWAY, Stepper
+from skfem_contact.history.thresholds import AIM
+from skfem_contact.linalg.singular import SingularMatrix
+
+logger = logging.getLogger("skfem_contact")
+
+
+def advance(
+    by: Stepper,
+    step: LoadStep,
+    doubt: Callable[[bool], bool] | None = None,
+    begin: list[str] | None = None,
+) -> Advance:
+    """Solve a load step, in parts where it fails; the last attempt says whether it arrived.
+
+    `doubt(False)` is asked where the whole step has failed, whether to leave it at that, and
+    `doubt(True)` where smaller steps have failed as well. `begin` are the starts of the first
+    attempt, by default all that there are.
+    """
+    interface, most = by.model.interface, by.options.max_cuts
+    so_far = Advance(nothing(interface))
+    part = step  # that is attempted: from where the parts before it have come to
+    starts = begin or [s for s in by.starts() if step.known is not None or s != "warm"]
+    done, share, fails, smallest = 0.0, 1.0, 0, 0.5**most
+    while True:
+        aim = min(1.0, done + share)
+        part = replace(part, target=step.before.towards(step.target, aim), share=aim - done)
+        try:
+            attempt = attempted(by, part, starts[0])
+        except ConstraintError:
+            # contacts that share a node and can not all close there are no contradiction yet
+            if starts == ["apart"]:
+                raise
+            starts = ["apart"]
+            continue
+        except SingularMatrix:
+            # not of the bodies, if another set of points can be solved for
+            if len(starts) == 1:
+                raise
+            starts.pop(0)
+            continue
+        so_far.attempt = attempt
+        so_far.trace.extend(attempt.outcome.trace)
+        last = len(starts) == 1 or attempt.failure == RAN_AWAY  # wherever it begins
+        lost = not attempt.good and not attempt.stopped and last
+        if lost and doubt is not None and share == 1.0 and doubt(False):
+            return so_far
+        if attempt.good:
+            if interface.laws:
+                so_far.energy += friction_energy(interface, attempt.start, attempt.local)
+            if aim >= 1.0:
+                return so_far
+            state = attempt.state
+            part = replace(part, state=state, before=part.target, known=state)
+            done, starts, fails = aim, by.starts(), 0
+            so_far.substeps += 1
+            share = min(grown(share, attempt.travel), 1.0 - done)
+        elif attempt.outcome.free is not None and "pivoting" in starts and by.complete:
+            # smaller steps would end there too
+            if starts == ["pivoting"]:
+                return so_far
+            starts = ["pivoting"]
+        elif len(starts) > 1 and not attempt.failure and not attempt.stopped:
+            starts.pop(0)  # before cutting: begin elsewhere
+        elif share <= smallest or fails >= most or attempt.stopped:
+            if doubt is not None and not attempt.stopped:
+                doubt(True)
+            return so_far
+        else:
+            shorter = 0.5
+            if attempt.travel > 1.0:  # no fault of the step's but its size: measured, not tried
+                shorter = AIM / attempt.travel
+                smallest *= shorter
+            share *= shorter
+            so_far.cuts += 1
+            fails += 1
+            reason = attempt.failure or attempt.outcome.message
+            logger.info("step cut to %.4g of its size: %s", share, reason)
+            part, starts = replace(part, known=part.state), by.starts()
+
+
+def grown(share: float, travel: float) -> float:
+    """The share to try after a success: twice as much, but no further than points may slide."""
+    return share * min(2.0, AIM / travel if travel > 0 else 2.0)

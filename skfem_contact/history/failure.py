@@ -1,0 +1,62 @@
+"""What users are told where a load step has no answer."""
+
+from __future__ import annotations
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.result import ContactResult
+from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.motions import no_equilibrium
+from skfem_contact.errors import NoEquilibrium, NotConverged
+from skfem_contact.history.energy import rough_at_rest
+from skfem_contact.history.finding import CAN_CARRY, Found
+from skfem_contact.history.stepper import Stepper
+from skfem_contact.pairing.corners import Corners
+
+USUALLY = (
+    "Usually the load has no equilibrium or several (a large coefficient of friction), or the "
+    "step is too large for its path. Try smaller load steps in history(...), another loop, or "
+    "a smaller mu; "
+)
+JUMPS = (
+    "Friction that is not zero without pressure (Tresca, cohesion) is lost all at once where a point "
+    "opens, and such a point may have no state at all: closed it is pulled, open it overlaps. A bound "
+    "that begins at zero, Coulomb(mu, tau_max=...) with a large mu, is free of that. "
+)
+CORNERS = (
+    "Its surfaces have sharp corners. Usually a face gives way to the next one there: the "
+    "body snaps from the one to the other, and between them there is no equilibrium, "
+    "however small the step. Round the corners by an arc of a few facets, push "
+    "less deep, or lead the bodies apart and together again behind the corner; "
+)
+
+
+def failure(by: Stepper, found: Found, answer: Answer) -> NoEquilibrium | NotConverged:
+    """The exception for a load step that did not arrive, with the last state."""
+    attempt, result, interface = found.advance.attempt, ContactResult(answer), by.model.interface
+    motions, free = attempt.problem.motions, attempt.outcome.free
+    if found.rest is not None:
+        driven = found.rest
+        return no_equilibrium(by.model.motions, driven.free, CAN_CARRY, None, result, pull=driven.pull)
+    if free is None and found.refuted is not None:
+        motions, free = by.model.motions, found.refuted[:, None]
+    if free is not None:
+        shown = found.refuted is not None
+        return no_equilibrium(motions, free, CAN_CARRY, attempt.case.f, result, shown)
+    usually = USUALLY
+    culprit = attempt.culprit
+    if culprit >= 0 and _has_corners(interface.contacts[interface.contact_of(culprit)]):
+        usually = CORNERS
+    elif attempt.outcome.iterate.changes and rough_at_rest(interface, attempt.local):
+        usually = JUMPS + USUALLY
+    return NotConverged(
+        f"The loop '{by.loop}' did not converge: {result.message}. {usually}"
+        "the last state is in `.result` of this exception, the steps before it in `.results`.",
+        result,
+    )
+
+
+def _has_corners(contact: Contact) -> bool:
+    """Whether the surfaces of a contact have convex corners, their ends included."""
+    sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, CurveSurface)]
+    return any(len(Corners.of(side).node) for side in sides)

@@ -1,0 +1,136 @@
+"""What holds the bodies at an answer, and springs that hold them while one is looked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.motions import BARELY, RigidMotions, null_space
+from skfem_contact.conditions.state import OPEN, STICK, LocalState
+from skfem_contact.conditions.thresholds import RESISTS
+from skfem_contact.history.energy import friction_bound
+from skfem_contact.history.load_step import Attempt
+from skfem_contact.history.thresholds import FAINT, HOLDS_NOTHING, NO_FORCE, TINY, TURNED
+from skfem_contact.problem.model import LinearModel
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Grip:
+    """What holds the bodies at an answer: points that carry a force, and friction.
+
+    Attributes
+    ----------
+    motions : RigidMotions
+        Those that supports leave free, as the pairing of the answer sees them.
+    state : LocalState
+    carrying : ndarray of bool, shape (m,)
+        Points with more than round-off of a force, glued ones too.
+    stick : ndarray of bool, shape (m,)
+        Of these the ones that friction or glue holds.
+    largest : float
+        Largest normal force, or what is round-off of the loads where nothing presses [force].
+    firmly : float
+        What holds a motion, see `RigidMotions.free`.
+    """
+
+    motions: RigidMotions
+    state: LocalState
+    carrying: Mask
+    stick: Mask
+    largest: float
+    firmly: float
+
+    @classmethod
+    def of(cls, model: LinearModel, attempt: Attempt) -> Grip:
+        """That of an attempt."""
+        motions, state = attempt.problem.motions, attempt.local
+        if attempt.model is not model:  # there DOFs are held that nothing holds
+            motions = model.motions.seen_by(attempt.problem.kin)
+        largest = float(np.max(np.abs(state.normal_force), initial=0.0))
+        floor = max(HOLDS_NOTHING * largest, NO_FORCE * force_terms(model, attempt.case))
+        carrying = (state.status != OPEN) & (state.normal_force > floor)
+        carrying |= motions.kin.tied & motions.kin.paired
+        stick = carrying & model.interface.slipping & (state.status == STICK)
+        firmly = TURNED if model.geometry.follows else RESISTS
+        return cls(motions, state, carrying, stick, max(largest, floor, TINY), firmly)
+
+    @cached_property
+    def idles(self) -> bool:
+        """Whether an answer rests on points that carry nothing: some motion is held by nothing else.
+
+        A point holds a motion by the work of its force: one that hardly moves on it and hardly carries
+        anything (a point of an arc, that a body has rolled to by several widths) holds by round-off.
+        """
+        motions, carrying = self.motions, self.carrying
+        if motions.free(carrying, self.stick, self.firmly).shape[1]:
+            return True
+        tied = motions.kin.tied & motions.kin.paired
+        share = np.where(tied, 1.0, self.state.normal_force / self.largest)
+        rows = [share[carrying, None] * motions.normal[carrying]]
+        if self.stick.any():
+            rows.append(motions.tangential[self.stick].reshape(-1, motions.k))
+        return null_space(np.concatenate(rows), FAINT).shape[1] > 0
+
+    def adrift(self, interface: Interface) -> tuple[str, ...]:
+        """Sentences on bodies whose place an answer does not decide, and that were not settled.
+
+        A point that sticks with friction at its bound holds nothing: it may as well slip on, while
+        others that slipped do so less, and all forces stay. On which of them the body comes to rest is
+        a matter of the iterations. So it is where forces are round-off and contact slides far.
+        """
+        motions, state, full = self.motions, self.state, np.zeros_like(self.stick)
+        if state.tangential_force.size:
+            friction = np.linalg.norm(state.tangential_force, axis=1)
+            bound = np.where(interface.frictional, friction_bound(interface, state), np.inf)
+            full = self.stick & (friction >= (1 - HOLDS_NOTHING) * bound) & (friction > 0)
+        if not (full.any() or self.idles):  # all that sticks holds, and that is enough
+            return ()
+        free = motions.free(self.carrying, self.stick & ~full)
+        if not free.shape[1]:
+            return ()
+        if free.shape[1] == 1 and full.any():  # all of them have to slip against their friction at once
+            slip = (motions.tangential[full] @ free)[..., 0]
+            work = np.einsum("pt,pt->p", slip, state.tangential_force[full])
+            if np.min(work) < 0 < np.max(work):
+                return ()
+        return motions.indifferent(free, BARELY)
+
+
+def force_terms(model: LinearModel, case: LoadCase) -> float:
+    """The largest load, or product of stiffness and prescribed displacement [force]."""
+    largest = case.largest_force
+    system = model.system
+    for start, body, stiffest in zip(system.offsets[:-1], system.bodies, model.stiffest, strict=True):
+        moved = np.max(np.abs(case.x[start + body.D]), initial=0.0)
+        largest = max(largest, stiffest * float(moved))
+    return largest
+
+
+def weak_springs(model: LinearModel, weak: float) -> Array:
+    """Springs on all DOFs of bodies with free motions, together `weak` of their stiffness, (n,)."""
+    springs = np.zeros(model.system.n)
+    moves = np.any(model.motions.modes != 0, axis=1)
+    for body, stiffest in zip(model.system.bodies, model.stiffest, strict=True):
+        part = model.system.slice(body)
+        if moves[part].any():
+            springs[part] = weak * stiffest / body.n
+    return springs
+
+
+def pins(model: LinearModel, free: Array) -> Array:
+    """Springs on as many single DOFs as there are motions (k, j) to hold, (n,)."""
+    U = model.motions.modes @ free
+    chosen = qr(U.T, mode="economic", pivoting=True)[2][: U.shape[1]]
+    springs = np.zeros(len(U))
+    diagonal = np.concatenate(model.diagonals)
+    springs[chosen] = diagonal[chosen]
+    return springs

@@ -1,0 +1,73 @@
+"""Numbers of load stepping: what each is relative to, and where it comes from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# -- cutting, placing --------------------------------------------
+
+# What a step is cut to, of the distance that points may slide; and from which multiple of it on the
+# first round, on a pairing that is only predicted, is believed.
+AIM, FAR = 0.95, 1.3
+
+# Rounds of plain repetition, which suffice where pressures are small against the modulus.
+PLAIN = 3
+
+# Round from which on a point that has left the primary surface is not taken back in the same step:
+# at its very end there is no pairing that is that of its own answer.
+EDGE = 5
+
+# A point that slides over just one facet per step does so up to this.
+TRAVEL_DIGITS = 1e-9
+
+# -- stepper -----------------------------------------------------
+
+# Round-off of contact forces over the terms that cancel where nothing presses.
+NOISE = 10 * float(np.finfo(float).eps)
+
+# -- grip, indifference, nearest ---------------------------------
+
+# Weak springs, over the largest stiffness of a body: forces are found to six digits, and a factor of
+# ten between the two is far from one.
+WEAK = (1e-6, 1e-7)
+
+# Where contact slides far and strains drive a body, to second order, weaker ones let it run off.
+FIRM = (1e-3, 1e-4)
+
+# Share of a point's force that is left with the weaker springs: 0.1 of what they make, 1 of the rest.
+FALLS = 0.5
+
+# A point force below this part of the largest is round-off and holds nothing.
+HOLDS_NOTHING = 1e-9
+
+# Work of point forces along a motion, over the largest force, that holds nothing: a moment arm and a
+# force that are both small. Asked too often it costs a solve, and the answer of the question stands.
+FAINT = 1e-7
+
+# A force that is none whatever made it, over the terms that cancel where nothing presses.
+NO_FORCE = 1e-12
+
+# The smallest number that is divided by.
+TINY = float(np.finfo(float).tiny)
+
+# Where contact slides far its normals turn by the strains of the surfaces: motions that points hold by
+# no more than that may be free. Whether they are the reaction of the held DOFs says.
+TURNED = 1e-2
+
+# Reaction of the held DOFs over the largest point force, and what is left of the way to go over the
+# largest displacement, that count as none: the digits of the contact problem with moduli 1e6 apart,
+# and two more, as the way is no difference of forces.
+NO_REACTION = 1e-8
+ARRIVED = 1e-10
+
+# Each round of moving the held DOFs gains the strain's digits: exact motions take two.
+ROUNDS = 8
+
+# What is found at rest moves little: no more cuts of the step than one.
+FEW_CUTS = 1
+
+# Overlap over the extent of the bodies that counts as none.
+TOUCH = 1e-11
+
+# Residual of the least-distance problem, which is one where no place can be reached.
+UNREACHED = 1e-12
