@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import skfem as fem
@@ -171,15 +173,64 @@ def test_frictionless_corners():
         assert_allclose(result["wall"].force, [1e-3, 0], rtol=0, atol=1e-14)
 
 
-def test_the_route_follows_the_number_of_candidates():
-    """Above max_candidates "auto" takes the sparse route; "condensed" never does."""
+def test_the_route_follows_the_memory_of_dense_matrices():
+    """Above max_dense_bytes "auto" takes the sparse route; "condensed" never does. Both are said."""
     plain = scene()
-    many = sc.ContactSolver(
-        plain.system.bodies, plain.contacts, options=sc.Options(max_candidates=3), linear="auto"
-    )
+    bodies, contacts, few = plain.system.bodies, plain.contacts, sc.Options(max_dense_bytes=3000)
+    many = sc.ContactSolver(bodies, contacts, options=few, linear="auto")
     assert plain.linear_model.condensed and not many.linear_model.condensed
-    forced = sc.ContactSolver(
-        plain.system.bodies, plain.contacts, options=sc.Options(max_candidates=3), linear="condensed"
-    )
+    forced = sc.ContactSolver(bodies, contacts, options=few, linear="condensed")
     assert forced.linear_model.condensed
+    # on either side 16 contact DOFs, 16 gaps and slips: 8 (2 2 16^2 + 2.5 16^2)
+    assert plain.linear_model.dense_bytes == 13312
+    assert "at most 13.3 kB of dense matrices (max_dense_bytes allows 3 GB)" in str(plain)
+    assert "dense matrices of 8 points would take 13.3 kB: max_dense_bytes allows 3 kB" in str(many)
+    assert "at most 13.3 kB of dense matrices\n" in str(forced)
+    with pytest.raises(sc.UnknownKeyword, match=r"max_candidates.*write max_dense_bytes"):
+        sc.Options(max_candidates=3)
     assert_allclose(many.solve().u, plain.solve().u, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("floating", [False, True], ids=["held", "floating"])
+def test_dense_matrices_take_no_more_memory_than_said(floating, monkeypatch):
+    """Where they are large, there are four and a half matrices of all gaps and slips at most.
+
+    Small enough for a test, with the sizes set to match at which matrices change in place, in blocks.
+    """
+    low = block("low", (0, 2), (-0.2, 0), (400, 3), D="bottom")
+    push = (1e-4, -1e-3)
+    if floating:
+        up = block("up", (0, 2), (0, 0.2), (400, 3), E=3.0, push=push)
+    else:
+        up = block("up", (0, 2), (0, 0.2), (400, 3), E=3.0, D="top", move=push)
+    contact = sc.Contact(
+        up.surface("bottom"),
+        low.surface("top"),
+        friction=sc.Coulomb(0.3),
+        method="node",
+        gap=lambda x: 2e-3 * (x[0] - 0.9) ** 2,  # closed, open, sticking and slipping points
+    )
+    usual = sc.ContactSolver([low, up], [contact]).solve()
+    monkeypatch.setattr("skfem_contact.problem.thresholds.KEPT_BESIDE", 0)
+    monkeypatch.setattr("skfem_contact.linalg.thresholds.ROWS_AT_ONCE", 50)
+    solver = sc.ContactSolver([low, up], [contact])
+    tracemalloc.start()
+    kept = [len(part.S) for part in solver.model.substructures]
+    others = tracemalloc.get_traced_memory()[0] - 8 * sum(n**2 for n in kept)
+    tracemalloc.reset_peak()
+    result = solver.solve()
+    most = tracemalloc.get_traced_memory()[1] - others
+    tracemalloc.stop()
+    model = solver.linear_model
+    matrix = 8 * model.rows**2
+    assert model.rows == 802 and model.dense_bytes == 4.5 * matrix
+    assert most < model.dense_bytes + 0.2 * matrix  # sparse rows, blocks of rows, vectors
+    assert most > 3.5 * matrix
+    assert set(result.status) == {0, 1, 2}
+    # round-off times the condition of slender bodies
+    assert_allclose(result.forces, usual.forces, rtol=0, atol=1e-8 * np.abs(usual.forces).max())
+    # what has become its own inverse is found again where somebody asks
+    for part, n in zip(solver.model.substructures, kept, strict=True):
+        assert part._factor.S.size == 0
+        S = part.S + part.springs @ part.springs.T
+        assert_allclose(S @ part.flexibility, np.eye(n), rtol=0, atol=1e-8)

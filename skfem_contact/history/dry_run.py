@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.linalg.memory import written_bytes
 from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 
 if TYPE_CHECKING:
@@ -36,22 +37,20 @@ def dry_run(solver: ContactSolver) -> str:
 
 
 def _linear_words(solver: ContactSolver) -> str:
-    kin = solver.kin
-    points = int(kin.paired.sum())
-    rows = points + kin.tangents * int((solver.interface.slipping & kin.paired).sum())
-    dofs = len(np.setdiff1d(solver.linear_model.touched(), solver.system.D))
-    if solver.linear_model.condensed:
-        dense = 8e-6 * (2 * dofs**2 + 3 * rows**2)
-        factors = 1e-6 * sum(size.memory for size in solver.sizes().values())
+    model, points = solver.linear_model, int(solver.kin.paired.sum())
+    dofs = len(np.setdiff1d(model.touched(), solver.system.D))
+    dense, most = written_bytes(model.dense_bytes), written_bytes(solver.options.max_dense_bytes)
+    if model.condensed:
+        factors = written_bytes(sum(size.memory for size in solver.sizes().values()))
+        limit = "" if solver.linear == "condensed" else f" (max_dense_bytes allows {most})"
         return (
-            f"condensed: {solver.system.n} DOFs -> {dofs} contact DOFs -> {rows} gaps and slips "
-            f"of {points} points; {factors:.3g} MB for the factors, {dense:.3g} MB of dense matrices"
+            f"condensed: {solver.system.n} DOFs -> {dofs} contact DOFs -> {model.rows} gaps and slips "
+            f"of {points} points; {factors} for the factors, at most {dense} of dense matrices{limit}"
         )
-    why = (
-        "as chosen"
-        if not isinstance(solver.linear, str)
-        else (f"because {dofs} contact DOFs exceed max_candidates = {solver.options.max_candidates}")
-    )
+    why = "as chosen"
+    if isinstance(solver.linear, str):
+        why = f"because dense matrices of {points} points would take {dense}: "
+        why += f"max_dense_bytes allows {most}"
     backend = solver.linear_model.backend
     return f"linear solver {backend!r} on all {solver.system.n} DOFs in every iteration, {why}"
 

@@ -144,7 +144,7 @@ class ContactSolver:
             self._stiffness,
             rigid_motions(self.system, self.kin, self._stiffness),
             self.linear,
-            self.options.max_candidates,
+            self.options.max_dense_bytes,
             self.timings,
             reuse,
         )

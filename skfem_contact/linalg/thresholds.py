@@ -8,6 +8,11 @@ from __future__ import annotations
 # skfem.utils leave some 1e-6 at their default tolerance.
 ACCEPTED = 1e-4
 
+# -- in_place ----------------------------------------------------
+
+# Rows of a dense matrix that are worked on at once: enough for matrix products, few beside the matrix.
+ROWS_AT_ONCE = 1024
+
 # -- multifrontal.factor -----------------------------------------
 
 LEAF = 120  # DOFs: below, the calls cost more than the arithmetic; above, the fill-in

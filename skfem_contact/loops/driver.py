@@ -19,7 +19,7 @@ logger = logging.getLogger("skfem_contact")
 UNHELD = "no equilibrium: nothing holds a rigid motion"
 
 
-@with_known_keywords()
+@with_known_keywords(max_candidates="write max_dense_bytes, the memory of the dense contact problem")
 @dataclass(frozen=True)
 class Options:
     """Settings of the nonlinear loop and of load stepping; the defaults need no tuning.
@@ -37,9 +37,9 @@ class Options:
     max_cuts : int
         How often in a row a load step that fails may be cut: halved, or to the share that
         `max_travel` tells, which does not count towards the smallest share ``0.5**max_cuts``.
-    max_candidates : int
-        Largest number of contact DOFs for which the dense contact problem is formed when
-        ``linear="auto"``.
+    max_dense_bytes : int
+        Memory up to which ``linear="auto"`` forms the dense contact problem [bytes];
+        ``print(solver)`` says how much it will take.
     placement_tolerance : float
         With ``sliding="finite"``: how far the pairing of a load step may be from that of its own
         answer: gaps of closed points over the extent of the bodies, and change of the contact
@@ -61,7 +61,7 @@ class Options:
     tolerance: float = 1e-10
     max_iterations: int | None = None
     max_cuts: int = 6
-    max_candidates: int = 8000
+    max_dense_bytes: int = 3_000_000_000
     placement_tolerance: float = 1e-4
     max_placements: int = 20
     max_travel: float = 1.0

@@ -2,7 +2,8 @@
 
 * `seam`: the contact problem as load steps and loops see it; `response`: what they ask and are told;
 * `points`: the problem on gaps and slips; `sparse`: on displacements;
-* `substructure`, `condensed`: bodies condensed onto their contact DOFs;
+* `substructure`, `condensed`: bodies condensed onto their contact DOFs; `delassus`: the dense matrix of
+  their gaps and slips, and its size;
 * `full`: all DOFs, for any linear solver;
 * `model`: the problem on one pairing, made from the bodies;
 * `thresholds`: numbers, and where they come from.

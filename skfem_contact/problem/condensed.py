@@ -28,14 +28,15 @@ from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.thresholds import FIXED
-from skfem_contact.linalg.dense_factors import cholesky, lu
+from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.direct import Dense
+from skfem_contact.problem import delassus
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Response, Source
 from skfem_contact.problem.seam import ContactProblem, Posed, PosedOn
 from skfem_contact.problem.sparse import OnDisplacements, SparseSpace
 from skfem_contact.problem.substructure import Components, Substructure
-from skfem_contact.problem.thresholds import DEPENDENT, RECOVERED_AT_ONCE
+from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -181,16 +182,13 @@ class PointProblem(CondensedProblem):
             may_slip = np.repeat(kin.paired & slipping, t)
             tangential = np.flatnonzero(may_slip & (_row_size(kin.B_t) > FIXED))
             rows.append(kin.B_t[tangential])
-        # of the dense matrices S alone is kept: A follows from it, and G F from G
+        # of the dense matrices S alone is kept, in the place of A; G F follows from G
         self.G = G = csr_matrix(vstack([*rows, csr_matrix(bodies.P.T)]))
         self.q = q = len(normal) + len(tangential)
-        A = _inverse(G @ bodies.row_flexibility(G).T)
+        A = delassus.inverse(delassus.row_flexibility(G, bodies.row_flexibility))
         self.A_zq, self.A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         self.rigid = lu(self.A_qq - np.eye(len(A) - q))
-        S = A
-        if len(A) > q:
-            S = A[:q, :q] - self.A_zq @ self.rigid.solve(self.A_zq.T)
-            S = 0.5 * (S + S.T)
+        S = delassus.without_anchors(A, self.A_zq, self.rigid)
         normal_rows = np.full(kin.m, -1)
         normal_rows[normal] = np.arange(len(normal))
         tangential_rows = np.full(kin.m * t, -1)
@@ -248,19 +246,3 @@ class SurfaceProblem(OnDisplacements, CondensedProblem):
 
 def _row_size(B: csr_matrix) -> Array:
     return np.sqrt(np.asarray(B.multiply(B).sum(axis=1)).ravel())
-
-
-def _inverse(W: Array) -> Array:
-    """Inverse of a symmetric positive definite matrix, refusing dependent rows.
-
-    No diagonal entry is zero: rows without free coefficients are left out before, and the flexibility
-    of the bodies is positive definite.
-    """
-    scale = np.sqrt(np.diag(W))
-    W = 0.5 * (W + W.T) / np.outer(scale, scale)
-    factors = cholesky(W)
-    if np.min(factors.diagonal, initial=1.0) < DEPENDENT:
-        raise LinAlgError("dependent contact rows")
-    inverse = factors.inverse()
-    inverse /= np.outer(scale, scale)
-    return inverse

@@ -22,6 +22,7 @@ from skfem_contact.linalg.direct import Direct, as_linear_solver
 from skfem_contact.linalg.multifrontal.factor import FactorSize
 from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.problem.condensed import Condensed
+from skfem_contact.problem.delassus import dense_bytes
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.seam import Bodies, ContactProblem, PosedOn
 from skfem_contact.problem.substructure import Substructure
@@ -59,8 +60,8 @@ class LinearModel:
         Those that supports and stiffness leave free.
     linear : "auto", "condensed", a backend or a solver callable
         As for `ContactSolver`.
-    max_candidates : int
-        DOFs of contact rows up to which "auto" condenses.
+    max_dense_bytes : int
+        Memory up to which "auto" condenses [bytes].
     timings : dict
         Seconds by stage are added here.
     reuse : sequence of Substructure or None
@@ -74,7 +75,7 @@ class LinearModel:
         stiffness: Sequence[csr_matrix],
         motions: RigidMotions,
         linear: Any,
-        max_candidates: int,
+        max_dense_bytes: int,
         timings: dict[str, float],
         reuse: Sequence[Substructure | None] = (),
     ) -> None:
@@ -82,7 +83,7 @@ class LinearModel:
         self.system, self.kin = geometry.system, geometry.kin
         self.stiffness = tuple(stiffness)
         self.motions = motions
-        self.linear, self.max_candidates = checked_linear(linear), max_candidates
+        self.linear, self.max_dense_bytes = checked_linear(linear), max_dense_bytes
         self.timings = timings
         self._reuse = list(reuse)
         self._bodies: Condensed | FullSystem | None = None
@@ -115,7 +116,7 @@ class LinearModel:
             self.stiffness,
             self.motions,
             self.linear,
-            self.max_candidates,
+            self.max_dense_bytes,
             timings,
         )
         if same:
@@ -144,7 +145,7 @@ class LinearModel:
                 stiffness,
                 motions,
                 self.linear,
-                self.max_candidates,
+                self.max_dense_bytes,
                 self.timings,
                 reuse,
             )
@@ -190,11 +191,25 @@ class LinearModel:
         """Whether the bodies are condensed to their contact DOFs, or solved with all of them."""
         if not isinstance(self.linear, str):
             return False
-        return self.linear == "condensed" or len(self.touched()) <= self.max_candidates
+        return self.linear == "condensed" or self.dense_bytes <= self.max_dense_bytes
+
+    @cached_property
+    def dense_bytes(self) -> int:
+        """Memory that the dense matrices of the contact problem take at most, or would [bytes]."""
+        wanted = np.setdiff1d(self._wanted(), self.system.D)
+        kept = np.diff(np.searchsorted(wanted, self.system.offsets))
+        return dense_bytes(kept.tolist(), self.rows)
+
+    @property
+    def rows(self) -> int:
+        """Gaps and slips of the points that have a partner."""
+        paired = self.kin.paired
+        slipping = paired & self.interface.slipping
+        return int(paired.sum() + self.kin.tangents * slipping.sum())
 
     @property
     def backend(self) -> Any:
-        """The solver of the sparse route; "auto" has come to it by the number of candidates."""
+        """The solver of the sparse route; "auto" has come to it by the memory of the other."""
         return Direct() if isinstance(self.linear, str) else self.linear
 
     def sizes(self) -> dict[str, FactorSize]:

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, factorised
+from skfem_contact.linalg.in_place import subtract_product, symmetrise
+from skfem_contact.problem import thresholds
 from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SHARE, SPARE, SURPLUS
 
@@ -90,7 +92,10 @@ class PointSpace:
         keep[np.argsort(gap, kind="stable")[: needed.sum() + spare]] = True
         keep |= self.normal_rows < 0
         if 4 * keep.sum() > 3 * len(keep):
+            if self.S.nbytes > thresholds.KEPT_BESIDE:
+                self._reduction = None
             return None
+        old = self._reduction = self._factor = None  # before the next one takes memory
         self._reduction = Reduction(self, keep)
         return self._reduction if self._reduction.good else None
 
@@ -163,18 +168,21 @@ class Reduction:
         self.rows = rows = np.sort(rows[rows >= 0])
         self.rest = rest = np.setdiff1d(np.arange(len(space.S)), rows)
         try:
-            self._factor = cholesky(space.S[np.ix_(rest, rest)])
+            # transposed: S is symmetric, and LAPACK works in place on columns
+            self._factor = cholesky(space.S[np.ix_(rest, rest)].T, overwrite=True)
         except LinAlgError:
             self.good = False
             return
         self.good = self._factor.even(LOOSE)
         coupling = space.S[np.ix_(rest, rows)]
         self._follow = self._factor.solve(coupling)
-        S = space.S[np.ix_(rows, rows)] - coupling.T @ self._follow
+        S = space.S[np.ix_(rows, rows)]
+        subtract_product(S, coupling.T, self._follow)
+        symmetrise(S)
         place = np.full(len(space.S) + 1, -1)
         place[rows] = np.arange(len(rows))
         self.space = PointSpace(
-            0.5 * (S + S.T),
+            S,
             np.where(keep, place[space.normal_rows], -1),
             np.where(keep[:, None], place[space.tangential_rows], -1),
         )

@@ -6,6 +6,7 @@ trailing block of the factors is S, and the same factors recover the interior.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
@@ -18,7 +19,10 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import cholesky
 from skfem_contact.linalg.multifrontal.factor import FactorSize, MultifrontalCholesky, factor_size
+from skfem_contact.problem import thresholds
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS
+
+logger = logging.getLogger("skfem_contact")
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -116,6 +120,9 @@ class Substructure:
 
     @cached_property
     def _factor(self) -> MultifrontalCholesky:
+        return self._factorised()
+
+    def _factorised(self) -> MultifrontalCholesky:
         K_ff = csr_matrix(self.K[self.free][:, self.free])
         place = np.searchsorted(self.free, self.kept)
         try:
@@ -136,22 +143,31 @@ class Substructure:
     @property
     def S(self) -> Array:
         """The condensed stiffness, in the order of `kept`."""
-        return self._factor.S if len(self.kept) else np.zeros((0, 0))
+        if len(self.kept) == 0:
+            return np.zeros((0, 0))
+        if self._factor.S.size:
+            return self._factor.S
+        logger.info("the condensed stiffness of %d DOFs is computed again", len(self.kept))
+        return self._factorised().S
 
     @cached_property
     def springs(self) -> Array:
         """Springs to the ground on the anchors, ``P`` with stiffness ``P P'``, shape (n_c, k)."""
         P = np.zeros((len(self.kept), len(self.anchors)))
         place = np.searchsorted(self.kept, self.anchors)
-        P[place, np.arange(len(place))] = np.sqrt(np.diag(self.S)[place])
+        if len(place):
+            P[place, np.arange(len(place))] = np.sqrt(np.diag(self.S)[place])
         return P
 
     @cached_property
     def flexibility(self) -> Array:
-        """``(S + P P')^-1``, shape (n_c, n_c) [length/force]."""
+        """``(S + P P')^-1``, shape (n_c, n_c) [length/force]; takes the place of a large S."""
         if len(self.kept) == 0:
             return np.zeros((0, 0))
-        return cholesky(self.S + self.springs @ self.springs.T).inverse()
+        springs = np.sum(self.springs**2, axis=1)
+        S = self.S.copy() if self.S.nbytes <= thresholds.KEPT_BESIDE else self._factor.take_S()
+        S[np.diag_indices_from(S)] += springs
+        return cholesky(S.T, overwrite=True).inverse()
 
     @property
     def memory(self) -> int:

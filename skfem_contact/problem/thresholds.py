@@ -4,12 +4,18 @@ from __future__ import annotations
 
 # -- condensed ---------------------------------------------------
 
+# Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
+RECOVERED_AT_ONCE = 32
+
+# -- delassus ----------------------------------------------------
+
+# Matrices of the size of all gaps and slips that are there at once: the stiffness, its factorisation,
+# and half of one for the columns of points that slip, or for what is eliminated of open ones.
+PER_ROWS = 2.5
+
 # Pivot of a contact row (of unit diagonal) below which it depends on the others: its square is what
 # the inverse loses of its digits, six here. A beam 20 times as long as high is at 1e-2.
 DEPENDENT = 1e-3
-
-# Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
-RECOVERED_AT_ONCE = 32
 
 # -- model -------------------------------------------------------
 
@@ -27,6 +33,10 @@ SPARE, FEWEST, SHARE, SURPLUS = 0.25, 8, 1 / 8, 2.0
 LOOSE = 1e-7
 
 # -- substructure ------------------------------------------------
+
+# Size of a condensed stiffness up to which it stays beside its inverse [bytes]: contact rows that
+# depend on each other need it. A larger one is found again where they do, by a new factorisation.
+KEPT_BESIDE = 64_000_000
 
 # Ratio of singular values of the rigid modes on some DOFs above which these hold the body firmly.
 HELD_FIRMLY = 1e-2

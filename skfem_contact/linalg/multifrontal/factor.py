@@ -166,6 +166,14 @@ class MultifrontalCholesky:
     def memory(self) -> int:
         return self._data.nbytes + self.S.nbytes + self.fronts.nbytes
 
+    def take_S(self) -> np.ndarray:
+        """`S` for the caller alone, who may change it; from now on `S` is empty here.
+
+        Solving and recovering do not need it.
+        """
+        S, self.S = self.S, np.zeros((0, 0))
+        return S
+
     def solve(self, b: np.ndarray) -> np.ndarray:
         """``K^-1 b`` where nothing is kept; b of shape (n,) or (n, r) [force]."""
         if self.keep.size:
