@@ -21,9 +21,9 @@ The packages stand in the order of the theory, and each imports only from those 
 * `history`: load steps and the solver;
 * `output`: pictures and files.
 
-All of them use `errors`, `arguments` (checks of what users pass), `sealed` (arrays that do not change)
-and `carried` (functions in files and processes). Closed forms to compare with are in `reference`, which
-needs none of these.
+All of them use `errors`, `arguments` and `arrays` (checks of what users pass), `sealed` (arrays that do
+not change) and `carried` (functions in files and processes). Closed forms to compare with are in
+`reference`, which needs none of these.
 
 Public are the names that ``dir(skfem_contact)`` shows, see docs/interface.md.
 """

@@ -118,30 +118,20 @@ def check_kind(value: Any, kind: Any, what: str, usage: str) -> None:
         raise InputError(f"{what} is {shown(value)}, not a {names}; {usage}")
 
 
-def known_keywords(name: str, elsewhere: dict[str, str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Of a function: answers unknown keywords by those it has, and `elsewhere` by what to write.
+def known_keywords(**elsewhere: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Of a function or method: answers unknown keywords by those it has, or by what to write instead.
 
-    >>> known_keywords("tower", {})(lambda height: None)(heigth=3)
+    >>> @known_keywords()
+    ... def tower(height):
+    ...     pass
+    >>> tower(heigth=3)
     Traceback (most recent call last):
         ...
     skfem_contact.errors.UnknownKeyword: tower has no argument 'heigth'; did you mean 'height'? ...
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        takes = inspect.signature(function).parameters.values()
-        known = [p.name for p in takes if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
-        known = [k for k in known if k != "self"]
-
-        @functools.wraps(function)
-        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-            for key in kwargs:
-                if key not in known:
-                    there = elsewhere.get(key)
-                    hint = f": {there}" if there else suggest(key, known, "arguments")
-                    raise UnknownKeyword(f"{name} has no argument {key!r}{hint}")
-            return function(*args, **kwargs)
-
-        return checked
+        return _answering(function, function.__name__, elsewhere)
 
     return decorate
 
@@ -150,10 +140,27 @@ def with_known_keywords(**elsewhere: str) -> Callable[[C], C]:
     """Of a class: its constructor answers unknown keywords, see `known_keywords`."""
 
     def decorate(cls: C) -> C:
-        cls.__init__ = known_keywords(cls.__name__, elsewhere)(cls.__init__)  # type: ignore[misc]
+        cls.__init__ = _answering(cls.__init__, cls.__name__, elsewhere)  # type: ignore[misc]
         return cls
 
     return decorate
+
+
+def _answering(function: Callable[P, R], name: str, elsewhere: dict[str, str]) -> Callable[P, R]:
+    takes = inspect.signature(function).parameters.values()
+    known = [p.name for p in takes if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+    known = [k for k in known if k != "self"]
+
+    @functools.wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        for key in kwargs:
+            if key not in known:
+                there = elsewhere.get(key)
+                hint = f": {there}" if there else suggest(key, known, "arguments")
+                raise UnknownKeyword(f"{name} has no argument {key!r}{hint}")
+        return function(*args, **kwargs)
+
+    return checked
 
 
 class PrintedAsCall:

@@ -294,7 +294,10 @@ def test_fields_of_wrong_data(what):
         (np.nan, r"a load step is nan: give a finite factor"),
         ({"f": {"puch": 1.0}}, r"there is no body 'puch'; did you mean 'punch'"),
         ({"f": {"punch": np.zeros(3)}}, r"f of body 'punch' has shape \(3,\), but 50 DOFs"),
-        ({"x": {"punch": np.full(50, np.nan)}}, r"x of body 'punch' has NaN or infinite"),
+        (
+            {"x": {"punch": np.full(50, np.nan)}},
+            r"x of body 'punch' holds NaN or infinite numbers: 50 of 50",
+        ),
         ({"x": np.zeros(7)}, r"x of all bodies has shape \(7,\), but 100 DOFs"),
         (
             {"interference": {"jiont": 1.0}},

@@ -29,6 +29,10 @@ def solver_of(body, **contact):
     return sc.ContactSolver(body, sc.Contact(body.surface("bottom"), FLOOR, name="joint", **contact))
 
 
+def joined():
+    return solver_of(block(D="top"))
+
+
 SURFACE = block().surface("bottom")
 UNKNOWN = {
     "Contact mu": (lambda: sc.Contact(SURFACE, FLOOR, mu=0.3), r"friction=Coulomb\(mu"),
@@ -47,6 +51,22 @@ UNKNOWN = {
     "LevelSet grad": (lambda: sc.LevelSet(abs, grad=abs), "did you mean 'gradient'"),
     "AMG tolerance": (lambda: sc.AMG(tolerance=1e-8), "write tol"),
     "history star": (lambda: solver_of(block(D="top")).history([1.0], star=1), "'start'"),
+    "history tol": (
+        lambda: joined().history([1.0], tol=1e-8),
+        r"Options\(tolerance=.* of ContactSolver",
+    ),
+    "history f": (lambda: joined().history([1.0], f=1.0), "it belongs to the steps"),
+    "history guess": (lambda: joined().history([1.0], guess=None), r"solver\.solve\("),
+    "solve tol": (lambda: joined().solve(tol=1e-8), r"Options\(tolerance=.* of ContactSolver"),
+    "solve max_cuts": (lambda: joined().solve(max_cuts=0), r"Options\(max_cuts=.* of ContactSolver"),
+    "solve mu": (lambda: joined().solve(mu=0.3), r"solver\.with_friction\(Coulomb\(mu\)\)"),
+    "solve motion": (lambda: joined().solve(motion={}), r"solver\.history\(\[{'motion'"),
+    "solve strat": (lambda: joined().solve(strat=None), "did you mean 'start'"),
+    "with_friction mu": (lambda: joined().with_friction(mu=0.3), r"friction=Coulomb\(mu\)"),
+    "update k": (lambda: joined().update("block", k=1), "Known arguments: 'K', 'body', 'f'"),
+    "surface points": (lambda: block().surface("bottom", points=1), "Known arguments"),
+    "eliminate prefers": (lambda: sc.eliminate(None, None, prefers=1), "did you mean 'prefer'"),
+    "write strss": (lambda: sc.write("x.vtu", None, strss=None), "'stress'"),
 }
 
 

@@ -19,7 +19,7 @@ from skfem_contact.answers.uniqueness import Uniqueness, uniqueness
 from skfem_contact.answers.validity.rotation import rigid_rotations
 from skfem_contact.answers.validity.validity import Validity, assess
 from skfem_contact.answers.values import ContactValues
-from skfem_contact.arguments import suggest
+from skfem_contact.arguments import known_keywords, suggest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
@@ -101,6 +101,7 @@ class ContactResult(OfTheContact):
         """Displacements of one body, by name or itself, in its basis' numbering, (n_body,) [length]."""
         return self._answer.displacement(body)
 
+    @known_keywords()
     def reaction(self, body: Body | str, boundary: str | None = None) -> Array:
         """Force of the supports on a body, without contact forces, shape (d,) [force].
 

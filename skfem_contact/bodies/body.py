@@ -18,7 +18,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from skfem.assembly import BilinearForm, CellBasis
 
-from skfem_contact.arguments import check_name, with_known_keywords
+from skfem_contact.arguments import check_name, known_keywords, with_known_keywords
 from skfem_contact.bodies.boundaries import displacements, tractions
 from skfem_contact.bodies.inputs import (
     check_basis,
@@ -315,6 +315,7 @@ class Body:
             return self._motions
         return tuple(f"{name} of part {i + 1}" for i in range(count) for name in self._motions)
 
+    @known_keywords()
     def surface(
         self, where: Any, nodes: bool = False, *, name: str | None = None
     ) -> CurveSurface | FaceSurface:

@@ -9,7 +9,8 @@ import skfem
 from scipy.sparse import csr_matrix, issparse
 from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 
-from skfem_contact.arguments import shown, suggest
+from skfem_contact.arguments import suggest
+from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
 from skfem_contact.bodies.thresholds import SYMMETRIC, UNSYMMETRIC
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import sealed_matrix
@@ -27,6 +28,10 @@ SUPPORTED = (
     skfem.ElementHexS2,
     skfem.ElementHex2,
 )
+
+
+REAL = "contact needs real numbers"
+TAKEN = "; it may be an array, basis.get_dofs(...), a dict of those, or boundary names"
 
 
 def unknown_boundary(name: str, mesh: Any) -> str:
@@ -84,8 +89,7 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> csr_matrix:
             f"K of {whose} has shape {K.shape}, its basis has {basis.N} DOFs; K belongs to "
             "another basis"
         )
-    if K.dtype.kind not in "fiub":
-        raise InputError(f"K of {whose} has entries of type {K.dtype}, contact needs real numbers")
+    check_type(K, f"K of {whose}", REAL)
     matrix = csr_matrix(K, dtype=np.float64)
     if not matrix.has_canonical_format:
         matrix = matrix.copy()  # summing duplicates works in place, and the matrix may be the user's
@@ -94,7 +98,7 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> csr_matrix:
     if issparse(given) and given.format == "csr" and np.may_share_memory(given.data, matrix.data):
         matrix = matrix.copy()  # what the user does to the matrix later stays outside
     rows = np.repeat(np.arange(basis.N), np.diff(matrix.indptr))
-    _check_finite(matrix.data, f"K of {whose}", rows, "row")
+    check_finite(matrix.data, f"K of {whose}", "row", rows)
     scale = np.abs(matrix.data).max(initial=0.0)
     difference = matrix - matrix.T
     largest = np.abs(difference.data).max(initial=0.0)
@@ -120,28 +124,12 @@ def load_of(f: Any, basis: Any, what: str) -> np.ndarray:
 def _vector(values: Any, basis: Any, what: str, used: Any = True) -> np.ndarray:
     if callable(values):
         raise InputError(f"{what} is a function; assemble a skfem.LinearForm or pass a vector")
-    try:
-        array = np.asarray(values)
-    except ValueError:  # nested to different depths
-        raise InputError(f"{what} is {shown(values)}, not a vector of {basis.N} numbers") from None
-    if array.shape != (basis.N,):
-        raise InputError(
-            f"{what} has shape {array.shape}, its basis has {basis.N} DOFs; it belongs to another basis"
-        )
-    if array.dtype.kind not in "fiub":
-        raise InputError(f"{what} has entries of type {array.dtype}, contact needs real numbers")
+    array = rectangular(values, what, f"not a vector of {basis.N} numbers")
+    check_size(array, basis.N, what, f"its basis has {basis.N} DOFs; it belongs to another basis")
+    check_type(array, what, REAL)
     array = array.astype(np.float64)  # a copy: what the user does to the vector later stays outside
-    _check_finite(np.where(used, array, 0.0), what, np.arange(len(array)), "DOF")
+    check_finite(np.where(used, array, 0.0), what, "DOF")
     return array
-
-
-def _check_finite(data: np.ndarray, what: str, numbers: np.ndarray, unit: str) -> None:
-    bad = np.flatnonzero(~np.isfinite(data))
-    if bad.size:
-        raise InputError(
-            f"{what} holds NaN or infinite numbers: {bad.size} of {data.size} entries, the first "
-            f"in {unit} {numbers[bad[0]]}"
-        )
 
 
 def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
@@ -166,24 +154,9 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
         if any(isinstance(part, str) for part in D):
             return _union([prescribed_dofs(part, basis, whose) for part in D])
         D = list(D)
-    try:
-        numbers = np.atleast_1d(np.asarray(D))
-    except ValueError:  # nested to different depths
-        raise InputError(f"D of {whose} is {shown(D)}, not DOF numbers or boundary names") from None
-    if numbers.dtype == bool and numbers.shape == (basis.N,):
-        return np.flatnonzero(numbers)
-    if numbers.size and (numbers.dtype.kind not in "iu" or numbers.ndim != 1):
-        raise InputError(
-            f"D of {whose} is an array of {numbers.dtype}, shape {numbers.shape}, not of DOF "
-            "numbers; it may be an array, basis.get_dofs(...), a dict of those, or boundary names"
-        )
-    numbers = np.unique(numbers.astype(np.int64))
-    if numbers.size and (numbers[0] < 0 or numbers[-1] >= basis.N):
-        raise InputError(
-            f"D of {whose} has numbers from {numbers[0]} to {numbers[-1]}, its basis has DOFs 0 "
-            f"to {basis.N - 1}; D belongs to another basis"
-        )
-    return numbers
+    what = f"D of {whose}"
+    numbers = np.atleast_1d(rectangular(D, what, "not DOF numbers or boundary names"))
+    return dof_numbers(numbers, basis.N, what, TAKEN, "; D belongs to another basis")
 
 
 def _union(parts: list[np.ndarray]) -> np.ndarray:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import known_keywords, shown
 from skfem_contact.elimination.eliminate import eliminate
-from skfem_contact.elimination.inputs import dof_numbers, sparse_matrix
+from skfem_contact.elimination.inputs import prescribed, sparse_matrix
 from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import InputError
 
@@ -19,7 +19,7 @@ from skfem_contact.errors import InputError
 OPTIONS = ("prefer", "labels", "scale")
 
 
-@known_keywords(name="condense", elsewhere={"K": "write A", "f": "write b"})
+@known_keywords(K="write A", f="write b")
 def condense(
     A: Any,
     b: Any = None,
@@ -78,7 +78,7 @@ def condense(
     if I is not None:
         if D is not None:
             raise InputError("I and D are both given; give the DOFs to keep, or those prescribed")
-        D = np.setdiff1d(np.arange(n), dof_numbers(I, n, "I"))
+        D = np.setdiff1d(np.arange(n), prescribed(I, n, "I"))
     C, c, options = _rows(rows, n)
     constraint = eliminate(C, c, D, x, **options)
     is_mass: bool = sp.issparse(b)

@@ -17,14 +17,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.arguments import shown
+from skfem_contact.arguments import known_keywords, shown
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.inputs import (
     checked_rows,
     dof_mask,
-    dof_numbers,
     finite_vector,
+    prescribed,
 )
 from skfem_contact.elimination.pivoting import FloatArray, IntArray, find_pivots, row_maximum
 from skfem_contact.elimination.thresholds import AGREEMENT, SHOWN
@@ -33,6 +33,7 @@ from skfem_contact.errors import ConstraintError, InputError
 Labels = Sequence[str] | Callable[[int], str] | None
 
 
+@known_keywords()
 def eliminate(
     C: Any,
     b: ArrayLike,
@@ -90,7 +91,7 @@ def eliminate(
     """
     C, b = checked_rows(C, b)
     k, n = C.shape
-    D = dof_numbers(D, n)
+    D = prescribed(D, n)
     prefer = None if prefer is None else dof_mask(prefer, n)
     listed = isinstance(labels, list | tuple) or (isinstance(labels, np.ndarray) and labels.ndim == 1)
     named = callable(labels) or labels is None or (listed and len(labels) == k)

@@ -9,9 +9,12 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import shown
+from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.elimination.pivoting import FloatArray, IntArray
 from skfem_contact.errors import InputError
+
+NO_ARRAY = "which is no array: its parts differ."
 
 
 def checked_rows(C: Any, b: ArrayLike) -> tuple[sp.csr_matrix, FloatArray]:
@@ -22,10 +25,7 @@ def checked_rows(C: Any, b: ArrayLike) -> tuple[sp.csr_matrix, FloatArray]:
     C = csr32(C.astype(np.float64))  # copies
     C.sum_duplicates()
     C.eliminate_zeros()
-    wrong = np.flatnonzero(~np.isfinite(C.data))
-    if len(wrong):
-        row = int(np.searchsorted(C.indptr, wrong[0], side="right")) - 1
-        raise InputError(f"C has NaN or inf in row {row}. Check normals and weights of that row.")
+    check_finite(C.data, "C", "row", np.repeat(np.arange(C.shape[0]), np.diff(C.indptr)))
     b = finite_vector("b", b, C.shape[0])
     if np.iscomplexobj(b):
         raise InputError("b is complex; constraint rows have to be real.")
@@ -44,29 +44,16 @@ def sparse_matrix(name: str, value: Any) -> sp.csr_matrix:
 
 def finite_vector(name: str, v: ArrayLike, n: int, at: IntArray | None = None) -> NDArray[Any]:
     """The vector `v` of shape (n,), or its entries `at`; finite, not copied."""
-    array = _array(name, v)
-    if array.shape != (n,):
-        raise InputError(f"{name} has shape {array.shape}, but ({n},) is needed.")
-    if array.dtype.kind not in "fiubc":
-        raise InputError(f"{name} has entries of type {array.dtype}, but numbers are needed.")
-    if at is not None:
-        array = array[at]
-    wrong = np.flatnonzero(~np.isfinite(array))
-    if len(wrong):
-        entry = int(wrong[0] if at is None else at[wrong[0]])
-        raise InputError(f"{name} has NaN or inf in entry {entry}: finite numbers are needed.")
+    array = rectangular(v, name, NO_ARRAY)
+    check_size(array, n, name, f"but ({n},) is needed.")
+    check_type(array, name, "but numbers are needed.", "fiubc")
+    array = array if at is None else array[at]
+    check_finite(array, name, number=at)
     return array
 
 
-def _array(name: str, value: Any) -> NDArray[Any]:
-    try:
-        return np.asarray(value)
-    except ValueError:  # nested to different depths
-        raise InputError(f"{name} is {shown(value)}, which is no array: its parts differ.") from None
-
-
 def dof_mask(prefer: ArrayLike, n: int) -> NDArray[np.bool_]:
-    mask = _array("prefer", prefer)
+    mask = rectangular(prefer, "prefer", NO_ARRAY)
     if mask.shape != (n,) or mask.dtype != bool:
         raise InputError(
             f"prefer has shape {mask.shape} and type {mask.dtype}; give a mask, one bool for each"
@@ -75,19 +62,12 @@ def dof_mask(prefer: ArrayLike, n: int) -> NDArray[np.bool_]:
     return mask
 
 
-def dof_numbers(D: Any, n: int, name: str = "D") -> IntArray:
+def prescribed(D: Any, n: int, name: str = "D") -> IntArray:
     """Sorted DOF numbers of what scikit-fem calls D (or I): array, DofsView or dict of them."""
     if D is None:
         return np.arange(0)
     dofs = np.arange(0)
     for part in D.values() if isinstance(D, dict) else (D,):
-        numbers = _array(name, part.flatten() if hasattr(part, "flatten") else part)
-        if numbers.dtype == bool and numbers.shape == (n,):
-            numbers = np.flatnonzero(numbers)
-        if numbers.size and not np.issubdtype(numbers.dtype, np.integer):
-            raise InputError(f"{name} has to hold DOF numbers, but it has type {numbers.dtype}.")
-        dofs = np.union1d(dofs, numbers.astype(dofs.dtype))
-    if len(dofs) and (dofs[0] < 0 or dofs[-1] >= n):
-        wrong = dofs[0] if dofs[0] < 0 else dofs[-1]
-        raise InputError(f"{name} names DOF {wrong}, but the DOFs are 0 to {n - 1}.")
+        numbers = rectangular(part.flatten() if hasattr(part, "flatten") else part, name, NO_ARRAY)
+        dofs = np.union1d(dofs, dof_numbers(numbers.ravel(), n, name))
     return dofs

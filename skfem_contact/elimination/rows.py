@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, vstack
 
-from skfem_contact.arguments import check_kind, members, numbers
+from skfem_contact.arguments import check_kind, known_keywords, members, numbers
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.discretisation import pair
@@ -41,6 +41,7 @@ class ConstraintRows:
     scale: float = 0.0
 
 
+@known_keywords()
 def contact_rows(
     system: System, contacts: Sequence[Contact] | Contact, closed: ArrayLike | None = None
 ) -> ConstraintRows:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import number, numbers, shown, suggest
+from skfem_contact.arrays import check_finite, check_size
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
@@ -229,14 +230,13 @@ def _checked(value: Any, size: int | None, what: str) -> Array:
     array = numbers(value, what, "give a vector, or a number as a factor on the body's own")
     if size is not None:
         _check_size(array, size, what)
-    if not np.isfinite(array).all():
-        raise InputError(f"{what} has NaN or infinite entries.")
+    check_finite(array.ravel(), what)
     return array
 
 
 def _check_size(array: Array, size: int, what: str) -> None:
-    if array.shape != (size,):
-        raise InputError(
-            f"{what} has shape {array.shape}, but {size} DOFs belong to it. Usually the vector was "
-            "assembled on another basis, or the load is not stacked in the order of the bodies."
-        )
+    why = (
+        f"but {size} DOFs belong to it. Usually the vector was assembled on another basis, or the "
+        "load is not stacked in the order of the bodies."
+    )
+    check_size(array, size, what, why)

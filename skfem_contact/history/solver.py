@@ -48,14 +48,21 @@ Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
 
 
-IN_OPTIONS = {
-    name: f"it belongs to options=Options({name}=...)" for name in (f.name for f in fields(Options))
-}
+# What to write for keywords that belong elsewhere.
+NAMES = [f.name for f in fields(Options)]
+IN_OPTIONS = {name: f"it belongs to options=Options({name}=...)" for name in NAMES}
+IN_OPTIONS["tol"] = "it belongs to options=Options(tolerance=...)"
 IN_STEPS = dict.fromkeys(("f", "x", "start", "guess", "callback"), "it belongs to solver.solve(...)")
+OF_SOLVER = {name: f"{words} of ContactSolver(...)" for name, words in IN_OPTIONS.items()}
+OF_SOLVER |= dict.fromkeys(("loop", "linear", "options"), "it belongs to ContactSolver(...)")
+OF_SOLVER |= dict.fromkeys(("mu", "friction"), "write solver.with_friction(Coulomb(mu))")
+OF_STEP = {
+    name: f"it belongs to a step, solver.history([{{{name!r}: ...}}])"
+    for name in ("interference", "motion")
+}
 
 
 @with_known_keywords(
-    tol="it belongs to options=Options(tolerance=...)",
     mu="it belongs to Contact(..., friction=Coulomb(mu))",
     friction="it belongs to Contact(..., friction=Coulomb(mu))",
     **IN_OPTIONS,
@@ -183,6 +190,7 @@ class ContactSolver:
         self.linear_model.prepare()
         return self
 
+    @known_keywords(mu="write friction=Coulomb(mu)")
     def with_friction(
         self, friction: FrictionLaw | None, contact: Contact | str | None = None
     ) -> ContactSolver:
@@ -238,6 +246,7 @@ class ContactSolver:
         twin._answering = twin._new_answering()
         return twin
 
+    @known_keywords()
     def with_load(self, body: Body | str, f: Any) -> ContactSolver:
         """A solver with another own load of one body that shares all that has been computed.
 
@@ -262,6 +271,7 @@ class ContactSolver:
         twin._answering = twin._new_answering()
         return twin
 
+    @known_keywords()
     def with_stiffness(self, body: Body | str, K: Any) -> ContactSolver:
         """A solver with another stiffness of one body; only that body is condensed again.
 
@@ -325,6 +335,7 @@ class ContactSolver:
 
     # -- solving ------------------------------------------------------------------------------
 
+    @known_keywords(**OF_SOLVER, **OF_STEP)
     def solve(
         self,
         f: Any = None,
@@ -367,7 +378,12 @@ class ContactSolver:
             target = self._reader.read(named, target)
         return ContactResult(self._answering.solve(target, before, known, callback, throw))
 
-    @known_keywords("history", {})
+    @known_keywords(
+        **OF_SOLVER,
+        **OF_STEP,
+        **dict.fromkeys(("f", "x"), "it belongs to the steps, [{'f': ..., 'x': ...}]"),
+        **dict.fromkeys(("guess", "callback", "throw"), "it belongs to solver.solve(...)"),
+    )
     def history(
         self,
         steps: Iterable[Any],
@@ -431,6 +447,7 @@ class ContactSolver:
             error.results = yielded.all()  # type: ignore[union-attr]
             raise
 
+    @known_keywords()
     def save_state(self, path: str | Path, result: ContactResult | SavedState) -> Path:
         """Write the state of a result to an ``.npz`` file, for `load_state`.
 
@@ -469,6 +486,7 @@ class ContactSolver:
     def _begin(self, start: Answer | SavedState | None) -> LoadCase:
         return self._reader.initial() if start is None else self._reader.resumed(start.case)
 
+    @known_keywords()
     def load_state(self, path: str | Path) -> SavedState:
         """A state written by `save_state`, as the ``start`` of ``solve`` or ``history``.
 
@@ -494,6 +512,7 @@ class ContactSolver:
         """
         return load_state(path, self.geometry.identity)
 
+    @known_keywords()
     def update(self, body: Body | str, *, K: Any = None, f: Any = None) -> None:
         """Replace the stiffness or the load of one body in this solver itself.
 

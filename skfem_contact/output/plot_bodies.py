@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.arguments import known_keywords
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.output.drawing import FRICTION, LINES, arc_length, new_axes, require_plane
 from skfem_contact.output.stress import field_name
@@ -29,6 +30,7 @@ TRIANGLES = {
 }
 
 
+@known_keywords()
 def plot_deformed(
     result: ContactResult,
     scale: float | Literal["auto"] = "auto",

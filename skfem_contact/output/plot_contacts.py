@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.arguments import known_keywords
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN, STATUS
@@ -26,6 +27,7 @@ ABOVE: dict[str, Any] = {
 }  # fmt: skip
 
 
+@known_keywords()
 def plot_contact(
     result: ContactResult, contact: Contact | str | int | None = None, ax: Any = None
 ) -> Any:
@@ -81,6 +83,7 @@ def plot_contact(
     return ax
 
 
+@known_keywords()
 def plot_history(
     results: Sequence[ContactResult], contact: Contact | str | int | None = None, ax: Any = None
 ) -> Any:

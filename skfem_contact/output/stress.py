@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem.models.elasticity import lame_parameters
 
+from skfem_contact.arguments import known_keywords
 from skfem_contact.bodies.body import Body
 from skfem_contact.errors import InputError
 
@@ -15,6 +16,7 @@ Array = NDArray[np.float64]
 PLANES = ("strain", "stress", "axisymmetric")
 
 
+@known_keywords()
 def nodal_stress(
     body: Body,
     u: ArrayLike,
@@ -94,6 +96,7 @@ def field_name(field: Any) -> str:
     return "stress" if name == "<lambda>" else str(name)
 
 
+@known_keywords()
 def von_mises(
     body: Body,
     u: ArrayLike,

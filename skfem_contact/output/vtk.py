@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.arguments import known_keywords
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
@@ -50,6 +51,7 @@ FACETS = {
 EXTENSIONS = (".vtu", ".vtk")
 
 
+@known_keywords()
 def write(
     path: str | Path, result: ContactResult, *, stress: Stress | None = None
 ) -> tuple[Path, Path]:
@@ -96,6 +98,7 @@ def write(
     return path, other
 
 
+@known_keywords()
 def write_series(
     path: str | Path,
     results: Iterable[ContactResult],

@@ -1,0 +1,85 @@
+"""Vectors and DOF numbers that users pass: checks that every package has, each with one wording."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.arguments import shown
+from skfem_contact.errors import InputError
+
+
+def rectangular(value: Any, what: str, wanted: str) -> NDArray[Any]:
+    """An array of whatever type; lists that are nested to different depths make none.
+
+    >>> rectangular([[1], 2], "f", "not a vector of 2 numbers")
+    Traceback (most recent call last):
+        ...
+    skfem_contact.errors.InputError: f is [[1], 2] (list), not a vector of 2 numbers
+    """
+    try:
+        return np.asarray(value)
+    except ValueError:
+        raise InputError(f"{what} is {shown(value)}, {wanted}") from None
+
+
+def check_size(array: NDArray[Any], n: int, what: str, why: str) -> None:
+    """A vector of n entries; `why` it needs so many ends the message."""
+    if array.shape != (n,):
+        raise InputError(f"{what} has shape {array.shape}, {why}")
+
+
+def check_type(array: Any, what: str, why: str, kinds: str = "fiub") -> None:
+    """Entries that are numbers of these kinds (NumPy's letters), of an array or a sparse matrix."""
+    if array.dtype.kind not in kinds:
+        raise InputError(f"{what} has entries of type {array.dtype}, {why}")
+
+
+def check_finite(
+    values: NDArray[Any], what: str, unit: str = "entry", number: NDArray[Any] | None = None
+) -> None:
+    """No NaN, no infinity; the first is named by its `number`, by default its position.
+
+    >>> check_finite(np.array([0.0, np.nan]), "f")
+    Traceback (most recent call last):
+        ...
+    skfem_contact.errors.InputError: f holds NaN or infinite numbers: 1 of 2 entries, ...
+    """
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        first = bad[0] if number is None else number[bad[0]]
+        raise InputError(
+            f"{what} holds NaN or infinite numbers: {bad.size} of {values.size} entries, the first "
+            f"in {unit} {first}"
+        )
+
+
+def dof_numbers(
+    numbers: NDArray[Any], n: int, what: str, usage: str = "", others: str = ""
+) -> NDArray[np.int64]:
+    """Sorted DOF numbers, from a vector of them or a mask over all n.
+
+    `usage` ends the message about what are no numbers, `others` that about numbers out of range.
+
+    >>> dof_numbers(np.array([2, 0, 2]), 3, "D").tolist()
+    [0, 2]
+    >>> dof_numbers(np.array([3]), 3, "D")
+    Traceback (most recent call last):
+        ...
+    skfem_contact.errors.InputError: D has numbers from 3 to 3, but there are DOFs 0 to 2
+    """
+    if numbers.dtype == bool and numbers.shape == (n,):
+        return np.flatnonzero(numbers)
+    if numbers.size and (numbers.dtype.kind not in "iu" or numbers.ndim != 1):
+        raise InputError(
+            f"{what} is an array of {numbers.dtype}, shape {numbers.shape}, not of DOF numbers{usage}"
+        )
+    numbers = np.unique(numbers.astype(np.int64))
+    if numbers.size and (numbers[0] < 0 or numbers[-1] >= n):
+        raise InputError(
+            f"{what} has numbers from {numbers[0]} to {numbers[-1]}, but there are DOFs 0 to {n - 1}"
+            f"{others}"
+        )
+    return numbers
