@@ -93,10 +93,8 @@ def run(s: Scene, made: dict[str, Any], way: Way = GIVEN, uniqueness: bool = Fal
             warnings.simplefilter("always")
             solver, steps = build(s, made, way)
             history = solver.history(steps)
-            seen = 0
             for result in history:
-                answers.append(read(s, result, uniqueness, caught[seen:]))
-                seen = 0
+                answers.append(read(s, result, uniqueness, caught[:]))
     except Exception as error:
         return Run(answers, error)
     return Run(answers, None)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skfem_contact.answers.error.sources import percent
 from skfem_contact.answers.thresholds import COARSE
+from skfem_contact.answers.values import ContactValues, status_words
 from skfem_contact.bodies.selection import written
-from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
-
-if TYPE_CHECKING:
-    from skfem_contact.answers.values import ContactValues
+from skfem_contact.conditions.state import OPEN
 
 
 def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
@@ -36,17 +33,6 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
     if len(open_gaps):
         lines.append(f"  smallest open gap        {open_gaps.min():.6g}")
     return lines
-
-
-def status_words(values: ContactValues) -> str:
-    """The law, and how many points are open, stick and slip."""
-    contact, count = values.contact, [int(np.sum(values.status == k)) for k in (OPEN, STICK, SLIP)]
-    if contact.tied:
-        return f"{count[STICK]} points tied, {count[OPEN]} without partner"
-    if contact.friction is None:
-        return f"frictionless: {count[STICK] + count[SLIP]} points closed, {count[OPEN]} open"
-    counts = ", ".join(f"{n} {name}" for n, name in zip(count, STATUS, strict=True))
-    return f"{type(contact.friction).__name__}: {counts}"
 
 
 def _friction_lines(values: ContactValues) -> list[str]:

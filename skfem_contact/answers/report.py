@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.contact_report import contact_lines, status_words
+from skfem_contact.answers.contact_report import contact_lines
 from skfem_contact.answers.thresholds import MOST_ROWS
+from skfem_contact.answers.values import status_words
 from skfem_contact.bodies.selection import written
 
 if TYPE_CHECKING:

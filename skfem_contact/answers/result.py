@@ -259,6 +259,7 @@ class ContactResult(OfTheContact):
         ContactWarning
             As `validity` does.
         """
+        # what is printed of results stands after them, here and below
         from skfem_contact.answers.report import report
 
         return report(self)

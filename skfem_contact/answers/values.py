@@ -13,7 +13,7 @@ from skfem_contact.answers.error.sources import ErrorEstimate
 from skfem_contact.answers.fields import closed_area, displaced, edge_positions, interpolate
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.state import OPEN
+from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import seal, sealed
 
@@ -90,8 +90,7 @@ class ContactValues:
         seal(self)
 
     def __repr__(self) -> str:
-        open_, stick, slip = (int(np.sum(self.status == k)) for k in range(3))
-        return f"<{self.name}: {open_} open, {stick} stick, {slip} slip>"
+        return f"<{self.name}: {status_words(self)}>"
 
     def __str__(self) -> str:
         # what is printed of values stands after them
@@ -232,3 +231,14 @@ class ContactValues:
     @property
     def _placed(self) -> ContactSurface:
         return displaced(self.surface, self.points)
+
+
+def status_words(values: ContactValues) -> str:
+    """The law, and how many points are open, stick and slip."""
+    contact, count = values.contact, [int(np.sum(values.status == k)) for k in (OPEN, STICK, SLIP)]
+    if contact.tied:
+        return f"{count[STICK]} points tied, {count[OPEN]} without partner"
+    if contact.friction is None:
+        return f"frictionless: {count[STICK] + count[SLIP]} points closed, {count[OPEN]} open"
+    counts = ", ".join(f"{n} {name}" for n, name in zip(count, STATUS, strict=True))
+    return f"{type(contact.friction).__name__}: {counts}"

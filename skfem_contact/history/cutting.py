@@ -16,7 +16,7 @@ from skfem_contact.history.energy import friction_energy, nothing
 from skfem_contact.history.load_step import Advance, LoadStep
 from skfem_contact.history.placing import attempted
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
-from skfem_contact.history.thresholds import AIM
+from skfem_contact.history.thresholds import AIM, LONGER, SHORTER
 from skfem_contact.linalg.singular import SingularMatrix
 
 logger = logging.getLogger("skfem_contact")
@@ -38,7 +38,7 @@ def advance(
     so_far = Advance(nothing(interface))
     part = step  # that is attempted: from where the parts before it have come to
     starts = begin or [s for s in by.starts() if step.known is not None or s != "warm"]
-    done, share, fails, smallest = 0.0, 1.0, 0, 0.5**most
+    done, share, fails, smallest = 0.0, 1.0, 0, SHORTER**most
     while True:
         aim = min(1.0, done + share)
         part = replace(part, target=step.before.towards(step.target, aim), share=aim - done)
@@ -84,7 +84,7 @@ def advance(
                 doubt(True)
             return so_far
         else:
-            shorter = 0.5
+            shorter = SHORTER
             if attempt.travel > 1.0:  # no fault of the step's but its size: measured, not tried
                 shorter = AIM / attempt.travel
                 smallest *= shorter
@@ -98,4 +98,4 @@ def advance(
 
 def grown(share: float, travel: float) -> float:
     """The share to try after a success: twice as much, but no further than points may slide."""
-    return share * min(2.0, AIM / travel if travel > 0 else 2.0)
+    return share * min(LONGER, AIM / travel if travel > 0 else LONGER)

@@ -6,6 +6,10 @@ import numpy as np
 
 # -- cutting, placing --------------------------------------------
 
+# A step that fails is halved, and after a success the next part is twice as large: what one cut too
+# many costs is won back by one that succeeds.
+SHORTER, LONGER = 0.5, 2.0
+
 # What a step is cut to, of the distance that points may slide; and from which multiple of it on the
 # first round, on a pairing that is only predicted, is believed.
 AIM, FAR = 0.95, 1.3

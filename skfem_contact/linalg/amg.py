@@ -38,7 +38,7 @@ class AMG(Backend):
     def _factorize(
         self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
     ) -> Factorisation:
-        from pyamg import smoothed_aggregation_solver
+        from pyamg import smoothed_aggregation_solver  # imports slowly, and only this solver needs it
 
         A = sp.csr_matrix(A)
         # slipping rows of the loop newton make A unsymmetric; its symmetric part preconditions it

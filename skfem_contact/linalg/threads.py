@@ -24,7 +24,7 @@ def single_threaded() -> AbstractContextManager[Any]:
 @lru_cache(maxsize=1)
 def _blas() -> Any:
     try:
-        from threadpoolctl import ThreadpoolController
+        from threadpoolctl import ThreadpoolController  # optional: without it BLAS does as it likes
     except ImportError:
         return None
     return ThreadpoolController().select(user_api="blas")

@@ -67,7 +67,7 @@ def new_axes(ax: Any, size: tuple[float, float]) -> Any:
     if ax is not None:
         return ax
     try:
-        from matplotlib import pyplot
+        from matplotlib import pyplot  # optional, and slow to import
     except ImportError:
         raise InputError(
             "pictures need matplotlib, which is not installed: pip install 'skfem-contact[plot]'"

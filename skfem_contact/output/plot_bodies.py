@@ -13,6 +13,16 @@ from skfem_contact.arguments import known_keywords
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.output.drawing import FRICTION, LINES, arc_length, new_axes, require_plane
 from skfem_contact.output.stress import field_name
+from skfem_contact.output.thresholds import (
+    ARROWS,
+    DISPLACED,
+    LONGEST,
+    NEARLY_TRUE,
+    OVERLAPPING,
+    ROUND,
+    SAME_FACTOR,
+    SHORTEST,
+)
 from skfem_contact.output.vtk import Stress, body_cells, body_nodes
 
 Array = NDArray[np.float64]
@@ -109,18 +119,18 @@ def auto_scale(result: ContactResult) -> float:
         return 1.0
     closed = (answer.state.status != OPEN) & answer.kin.paired
     gap = float(np.abs(answer.case.gap0[closed]).max(initial=0.0))
-    factor = 0.06 * extent / largest
+    factor = DISPLACED * extent / largest
     if gap > 0.0:
-        factor = min(factor, 1.0 + 0.01 * extent / gap)
+        factor = min(factor, 1.0 + OVERLAPPING * extent / gap)
     power = 10.0 ** np.floor(np.log10(factor))
-    rounded = power * max(k for k in (1.0, 2.0, 5.0) if k * power <= factor * (1 + 1e-12))
+    rounded = power * max(k for k in ROUND if k * power <= factor * (1 + SAME_FACTOR))
     # a model in true size needs no factor just below or above one
-    return 1.0 if 0.5 <= rounded <= 1.0 else float(rounded)
+    return 1.0 if NEARLY_TRUE <= rounded <= 1.0 else float(rounded)
 
 
 def _outline(ax: Any, x: Array, cells: NDArray[np.int64], kind: str) -> None:
     """Draw the edges that belong to one cell only: the boundary of the body."""
-    from matplotlib.collections import LineCollection
+    from matplotlib.collections import LineCollection  # optional, and slow to import
 
     corners = 3 if kind.startswith("triangle") else 4
     ends = [(i, (i + 1) % corners) for i in range(corners)]
@@ -144,7 +154,7 @@ def _arrows(ax: Any, result: ContactResult, factor: float) -> None:
     peak = max(float(size.max(initial=0.0)) for size in sizes)
     if peak == 0.0:
         return
-    length = 0.08 * result.system.extent / peak
+    length = LONGEST * result.system.extent / peak
     for contact, values, size in zip(result.contacts, result.values, sizes, strict=True):
         surface = contact.secondary
         u = result.displacement(surface.body)[surface.dofs]
@@ -152,8 +162,8 @@ def _arrows(ax: Any, result: ContactResult, factor: float) -> None:
         head = (values.points + factor * u)[order]
         tail = head - length * values.traction[order]
         ax.plot(*_only(tail, size[order] > 0).T, color=FRICTION, lw=0.8, zorder=3)
-        shown = np.flatnonzero(size[order] > 0.03 * peak)
-        shown = shown[:: 1 + len(shown) // 60]
+        shown = np.flatnonzero(size[order] > SHORTEST * peak)
+        shown = shown[:: 1 + len(shown) // ARROWS]
         ax.quiver(
             *tail[shown].T, *(head - tail)[shown].T, angles="xy", scale_units="xy", scale=1.0,
             color=FRICTION, width=0.8, headwidth=4.5, headlength=5.5, headaxislength=5.0,

@@ -16,6 +16,7 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN, STATUS
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import FRICTION, LINES, PRESSURE, arc_length, new_axes, require_plane
+from skfem_contact.output.thresholds import MARGIN
 
 Array = NDArray[np.float64]
 
@@ -126,7 +127,7 @@ def _window(s: Array, closed: NDArray[np.bool_]) -> tuple[float, float]:
     if not closed.any():
         return float(s.min()), float(s.max())
     low, high = s[closed].min(), s[closed].max()
-    margin = 0.15 * (high - low) + (s.max() - s.min()) / len(s)
+    margin = MARGIN * (high - low) + (s.max() - s.min()) / len(s)
     return float(max(low - margin, s.min())), float(min(high + margin, s.max()))
 
 

@@ -162,7 +162,7 @@ def _clock(factors: Sequence[float | None]) -> list[float]:
 
 
 def _collection(path: Path, files: list[tuple[Path, Path]], times: Sequence[float]) -> None:
-    from xml.etree import ElementTree
+    from xml.etree import ElementTree  # only lists of files need it
 
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     listing = ElementTree.SubElement(root, "Collection")
@@ -197,7 +197,7 @@ def body_cells(body: Body) -> tuple[str, NDArray[np.int64]]:
     node[nodes] = np.arange(len(nodes))[:, None]
     cells = node[body.basis.dofs.element_dofs[:: body.components]]
     if kind.startswith("hexahedron"):  # scikit-fem counts the corners of a brick in another order
-        from skfem.io.meshio import HEX_MAPPING
+        from skfem.io.meshio import HEX_MAPPING  # which imports meshio
 
         cells = cells[HEX_MAPPING[: len(cells)]]
     return kind, cells.T
@@ -243,7 +243,7 @@ def _nodal(values: Any, count: int, name: str) -> Array:
 
 def contact_grid(result: ContactResult) -> meshio.Mesh:
     """The secondary surfaces of all contacts as one grid of lines (facets in 3-D)."""
-    import meshio
+    import meshio  # as above
 
     points, cells, number, start = [], [], [], 0
     columns: dict[str, list[Array]] = {}
