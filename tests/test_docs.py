@@ -38,6 +38,17 @@ def test_function_beside_an_equation_exists(module: str, name: str) -> None:
     assert reduce(getattr, name.split("."), importlib.import_module(f"skfem_contact.{module}"))
 
 
+def test_names_beside_a_file_exist() -> None:
+    """What the page on extending names right beside a file is defined in that file."""
+    page = (DOCS / "extending.md").read_text(encoding="utf-8")
+    found = re.findall(r"`(\w+)` (?:of|in) `(skfem_contact/[\w/]+\.py)`", page)
+    for name, path in found:
+        assert re.search(
+            rf"^(?:def |class )?{name}\b", (DOCS.parent / path).read_text(), re.MULTILINE
+        ), name
+    assert len(found) >= 3
+
+
 def test_theory_names_functions() -> None:
     """The names above are found, so that their test can not pass on an empty list."""
     assert len(code_names("theory.md")) > 40
