@@ -12,6 +12,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.problem.condensed import PointProblem, SurfaceProblem
+from skfem_contact.problem.substructure import Substructure
 
 MESH = {"Q1": (fem.MeshQuad, fem.ElementQuad1), "P1": (fem.MeshTri, fem.ElementTriP1)}
 
@@ -234,3 +235,33 @@ def test_dense_matrices_take_no_more_memory_than_said(floating, monkeypatch):
         assert part._factor.S.size == 0
         S = part.S + part.springs @ part.springs.T
         assert_allclose(S @ part.flexibility, np.eye(n), rtol=0, atol=1e-8)
+
+
+def test_a_load_that_comes_again_is_reduced_as_if_it_were_new():
+    """Loads that repeat, return, or lie between others, however many are known: f on the kept DOFs."""
+    body = block("low", (0, 2), (-1, 0), (6, 3), D="bottom")
+    part = Substructure(body, body.K, np.setdiff1d(body.basis.get_dofs("top").flatten(), body.D))
+    rng = np.random.default_rng(0)
+    a, b, none = *rng.standard_normal((2, body.n)), np.zeros(body.n)
+    moved = np.zeros(body.n)
+    moved[body.D] = rng.standard_normal(len(body.D))
+    loads = [
+        (a, none),
+        (a, moved),
+        (2 * a, moved),
+        (b, moved),
+        (a, none),
+        (a - b, 2 * moved),
+        (none, moved),
+    ]
+    for f, x in [*loads, *loads]:
+        reduced, components = part.load(f, x)
+        # independent of the directions: the interior eliminated from this one load
+        u = np.zeros(body.n)
+        K, free = body.K.toarray(), np.setdiff1d(part.free, part.kept)
+        inside = np.linalg.solve(K[np.ix_(free, free)], (f - K @ x)[free])
+        u[free] = inside
+        expected = (f - K @ x - K @ u)[part.kept]
+        # a handful of products of numbers of order one, and a condition number of 1e3
+        assert_allclose(reduced, expected, rtol=0, atol=1e-12 * np.abs(expected).max() + 1e-14)
+        assert components is not None

@@ -64,6 +64,11 @@ class System:
         return sealed(np.concatenate(parts))
 
     @cached_property
+    def supports(self) -> list[slice]:
+        """Where the prescribed DOFs of each body are in `D`."""
+        return slices(np.cumsum([0, *(len(body.D) for body in self.bodies)]))
+
+    @cached_property
     def x(self) -> np.ndarray:
         """Prescribed values, shape (n,); zero where not prescribed [length]."""
         return sealed(np.concatenate([body.x for body in self.bodies]))

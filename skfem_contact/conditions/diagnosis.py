@@ -209,7 +209,7 @@ def _warn_penetration(contact: Contact, name: str, gap: Array, small: float) -> 
 
 def _warn_overlap(contact: Contact, name: str, gap: Array, interference: Array) -> None:
     """Overlaps, by the meshes or an interference, as large as the bodies."""
-    deepest = max(float(np.max(-gap, initial=0.0)), float(np.max(interference, initial=0.0)))
+    deepest = float(max(-gap.min(initial=0.0), interference.max(initial=0.0)))
     if deepest == 0.0:
         return
     sizes = [_extent(contact.secondary)]

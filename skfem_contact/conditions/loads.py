@@ -98,7 +98,7 @@ class LoadCase:
     @cached_property
     def largest_force(self) -> float:
         """Largest entry of the load; asked for by all that tells forces from round-off [force]."""
-        return float(max(np.max(self.f, initial=0.0), -np.min(self.f, initial=0.0)))
+        return float(max(self.f.max(initial=0.0), -self.f.min(initial=0.0)))
 
     def towards(self, other: LoadCase, share: float) -> LoadCase:
         """The load on the straight way from this one to another."""

@@ -98,10 +98,14 @@ class RigidMotions:
         """
         if self.k == 0:
             return np.zeros((0, 0))
-        rows = [self.normal[closed]]
-        if stick.any():
-            rows.append(self.tangential[stick].reshape(-1, self.k))
-        return null_space(np.concatenate(rows), firmly)
+        return null_space(self.rows(closed, stick), firmly)
+
+    def rows(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_]) -> Array:
+        """Motion of closed points along normals, then of sticking ones along tangents, (r, k)."""
+        normal = self.normal[closed]
+        if not stick.any():
+            return normal
+        return np.concatenate([normal, self.tangential[stick].reshape(-1, self.k)])
 
     def describe(self, combination: Array) -> tuple[tuple[str, ...], str]:
         """The bodies that move and their motion in words."""

@@ -104,17 +104,17 @@ def map_by_bound(
         Whether the bound depends on the slip.
     """
     limit = np.asarray(law.limit(normal_force, area, slip))
-    force, slips = return_map(trial, limit)
-    size, mask = lengths(trial)[:, None], slips[:, None]
-    direction = np.divide(trial, size, out=np.zeros_like(trial), where=mask)
-    kept = np.divide(limit[:, None], size, out=np.ones_like(size), where=mask)
+    size = lengths(trial)
+    slips = size > limit
+    kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)[:, None]
+    direction = np.divide(trial, size[:, None], out=np.zeros(trial.shape), where=slips[:, None])
     across = np.eye(trial.shape[1]) - direction[:, :, None] * direction[:, None, :]
     by_normal = law.slope(normal_force, area, slip)[:, None] * direction
-    by_slip = np.zeros_like(across)
+    by_slip = np.zeros(across.shape)
     if hardens:
         ask = partial(law.limit, normal_force, area)
         by_slip = direction[:, :, None] * slip_gradient(ask, limit, slip, direction)[:, None, :]
-    return force, slips, Derivatives(kept[:, :, None] * across, by_normal, by_slip)
+    return trial * kept, slips, Derivatives(kept[:, :, None] * across, by_normal, by_slip)
 
 
 def slip_gradient(limit: Callable[[Array], Array], here: Array, slip: Array, direction: Array) -> Array:

@@ -84,11 +84,7 @@ class _History:
     def _with(self, friction: Array) -> dict[str, Any]:
         """The fields of a history with other arrays of friction."""
         slip, force, reference = friction
-        other = {"slip": slip, "tangential_force": force, "reference": reference}
-        return {name: vars(self)[name] for name in NAMES} | other
-
-
-NAMES = tuple(field.name for field in fields(_History))
+        return vars(self) | {"slip": slip, "tangential_force": force, "reference": reference}
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +140,9 @@ class State(_History):
         for k in range(kin.tangents):
             for j in range(vectors.shape[2]):
                 components[:, :, k] += vectors[:, :, j] * kin.tangent[:, k, j]
-        return LocalState(**self._with(components))
+        known = self._with(components)
+        del known["normal"]
+        return LocalState(**known)
 
     def handed_on(self, vertex: NDArray[np.intp], point_slices: Sequence[slice]) -> State:
         """The state with the history of every vertex at the point that carries its row now.
@@ -159,7 +157,7 @@ class State(_History):
         point_slices : sequence of slice
             The points of each contact.
         """
-        if np.array_equal(self.vertex, vertex):
+        if self.vertex is vertex or np.array_equal(self.vertex, vertex):
             return self
         source = np.arange(len(vertex))
         for part in point_slices:

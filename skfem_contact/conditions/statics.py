@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from skfem_contact.conditions.friction import Coulomb
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.state import OPEN, LocalState
+from skfem_contact.conditions.state import LocalState
 from skfem_contact.conditions.thresholds import (
     BALANCED,
     CARRIED,
@@ -134,11 +134,10 @@ def balanced(
     """
     if motions.k == 0:
         return True
-    closed = state.status != OPEN
-    force, friction = state.normal_force[closed], state.tangential_force[closed]
-    parts = [(motions.normal[closed], force), (motions.modes, f)]
+    force, friction = state.normal_force, state.tangential_force.ravel()  # zero at open points
+    parts = [(motions.normal, force), (motions.modes, f)]
     if friction.any():
-        parts.append((motions.tangential[closed].reshape(-1, motions.k), -friction.ravel()))
+        parts.append((motions.tangential.reshape(-1, motions.k), -friction))
     left = np.abs(sum(rows.T @ values for rows, values in parts))
     # along a motion that nothing pushes there is only the round-off of what acts across it; the largest
     # displacement of each motion is one. Nearly always the rest need not be looked at

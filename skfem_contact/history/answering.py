@@ -20,7 +20,6 @@ from skfem_contact.conditions.diagnosis import check_loads
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.errors import ContactWarning, InputError
 from skfem_contact.history.checkpoint import SavedState
-from skfem_contact.history.energy import plastic_slip
 from skfem_contact.history.failure import failure
 from skfem_contact.history.finding import Finder, Found, Known
 from skfem_contact.history.grip import Grip
@@ -129,7 +128,7 @@ class Answering:
             seen=attempt.seen,
             state=attempt.state,
             gap=attempt.local.gap,
-            plastic_slip=plastic_slip(interface, attempt.start, attempt.local),
+            plastic_slip=attempt.plastic_slip,
             mismatch=attempt.mismatch,
             converged=attempt.good,
             message=message + way.words,

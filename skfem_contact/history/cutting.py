@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from skfem_contact.errors import ConstraintError
-from skfem_contact.history.energy import friction_energy, nothing
+from skfem_contact.history.energy import nothing
 from skfem_contact.history.load_step import Advance, LoadStep
 from skfem_contact.history.placing import attempted
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
@@ -64,7 +64,7 @@ def advance(
             return so_far
         if attempt.good:
             if interface.laws:
-                so_far.energy += friction_energy(interface, attempt.start, attempt.local)
+                so_far.energy += attempt.energy
             if aim >= 1.0:
                 return so_far
             state = attempt.state

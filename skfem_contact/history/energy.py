@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, LocalState
 
 Array = NDArray[np.float64]
@@ -32,7 +33,9 @@ class Energy:
         return Energy(self.lost + other.lost, self.residual + other.residual)
 
 
-def friction_energy(interface: Interface, last: LocalState, new: LocalState) -> Energy:
+def friction_energy(
+    interface: Interface, last: LocalState, new: LocalState, plastic: Array, bound: Array
+) -> Energy:
     r"""Energy that friction takes between two states, and what the energy balance misses.
 
     On its plastic slip ``s_p`` a point loses the mean of its friction bounds at both ends,
@@ -47,11 +50,10 @@ def friction_energy(interface: Interface, last: LocalState, new: LocalState) -> 
         ``W = U_n+1 - U_n + D + residual``.
 
     Friction and opening make the residual: it is of second order in the step, and takes no ``K u``.
-    Overlaps of the meshes count as misfit that the loads' work has in it.
+    Overlaps of the meshes count as misfit that the loads' work has in it. `plastic` and `bound` are the
+    `plastic_slip` between the two and the `friction_bound` of the new one.
     """
-    plastic = plastic_slip(interface, last, new)
-    bound = 0.5 * (friction_bound(interface, last) + friction_bound(interface, new))
-    lost = bound * np.linalg.norm(plastic, axis=1)
+    lost = 0.5 * (friction_bound(interface, last) + bound) * lengths(plastic)
     work = np.sum(0.5 * (last.tangential_force + new.tangential_force) * plastic, axis=1)
     force = 0.5 * (last.normal_force + new.normal_force)
     # points without partner have no gap, also one that finds or loses it between the two states

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from operator import mul
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,9 @@ from scipy.linalg import qr
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import BARELY, RigidMotions, null_space
-from skfem_contact.conditions.state import OPEN, STICK, LocalState
+from skfem_contact.conditions.return_map import lengths
+from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.conditions.thresholds import RESISTS
-from skfem_contact.history.energy import friction_bound
 from skfem_contact.history.load_step import Attempt
 from skfem_contact.history.thresholds import FAINT, HOLDS_NOTHING, NO_FORCE, TINY, TURNED
 from skfem_contact.problem.model import LinearModel
@@ -31,7 +32,7 @@ class Grip:
     ----------
     motions : RigidMotions
         Those that supports leave free, as the pairing of the answer sees them.
-    state : LocalState
+    attempt : Attempt
     carrying : ndarray of bool, shape (m,)
         Points with more than round-off of a force, glued ones too.
     stick : ndarray of bool, shape (m,)
@@ -43,7 +44,7 @@ class Grip:
     """
 
     motions: RigidMotions
-    state: LocalState
+    attempt: Attempt
     carrying: Mask
     stick: Mask
     largest: float
@@ -55,13 +56,13 @@ class Grip:
         motions, state = attempt.problem.motions, attempt.local
         if attempt.model is not model:  # there DOFs are held that nothing holds
             motions = model.motions.seen_by(attempt.problem.kin)
-        largest = float(np.max(np.abs(state.normal_force), initial=0.0))
+        largest = float(np.abs(state.normal_force).max(initial=0.0))
         floor = max(HOLDS_NOTHING * largest, NO_FORCE * force_terms(model, attempt.case))
         carrying = (state.status != OPEN) & (state.normal_force > floor)
         carrying |= motions.kin.tied & motions.kin.paired
         stick = carrying & model.interface.slipping & (state.status == STICK)
         firmly = TURNED if model.geometry.follows else RESISTS
-        return cls(motions, state, carrying, stick, max(largest, floor, TINY), firmly)
+        return cls(motions, attempt, carrying, stick, max(largest, floor, TINY), firmly)
 
     @cached_property
     def idles(self) -> bool:
@@ -71,14 +72,13 @@ class Grip:
         anything (a point of an arc, that a body has rolled to by several widths) holds by round-off.
         """
         motions, carrying = self.motions, self.carrying
-        if motions.free(carrying, self.stick, self.firmly).shape[1]:
+        rows = motions.rows(carrying, self.stick)
+        if null_space(rows, self.firmly).shape[1]:
             return True
         tied = motions.kin.tied & motions.kin.paired
-        share = np.where(tied, 1.0, self.state.normal_force / self.largest)
-        rows = [share[carrying, None] * motions.normal[carrying]]
-        if self.stick.any():
-            rows.append(motions.tangential[self.stick].reshape(-1, motions.k))
-        return null_space(np.concatenate(rows), FAINT).shape[1] > 0
+        share = np.where(tied, 1.0, self.attempt.local.normal_force / self.largest)[carrying]
+        rows[: len(share)] *= share[:, None]
+        return null_space(rows, FAINT).shape[1] > 0
 
     def adrift(self, interface: Interface) -> tuple[str, ...]:
         """Sentences on bodies whose place an answer does not decide, and that were not settled.
@@ -87,10 +87,10 @@ class Grip:
         others that slipped do so less, and all forces stay. On which of them the body comes to rest is
         a matter of the iterations. So it is where forces are round-off and contact slides far.
         """
-        motions, state, full = self.motions, self.state, np.zeros_like(self.stick)
+        motions, state, full = self.motions, self.attempt.local, np.zeros_like(self.stick)
         if state.tangential_force.size:
-            friction = np.linalg.norm(state.tangential_force, axis=1)
-            bound = np.where(interface.frictional, friction_bound(interface, state), np.inf)
+            friction = lengths(state.tangential_force)
+            bound = np.where(interface.frictional, self.attempt.friction_bound, np.inf)
             full = self.stick & (friction >= (1 - HOLDS_NOTHING) * bound) & (friction > 0)
         if not (full.any() or self.idles):  # all that sticks holds, and that is enough
             return ()
@@ -107,12 +107,10 @@ class Grip:
 
 def force_terms(model: LinearModel, case: LoadCase) -> float:
     """The largest load, or product of stiffness and prescribed displacement [force]."""
-    largest = case.largest_force
     system = model.system
-    for start, body, stiffest in zip(system.offsets[:-1], system.bodies, model.stiffest, strict=True):
-        moved = np.max(np.abs(case.x[start + body.D]), initial=0.0)
-        largest = max(largest, stiffest * float(moved))
-    return largest
+    moved = np.abs(case.x[system.D])
+    largest = (float(moved[part].max(initial=0.0)) for part in system.supports)
+    return max(case.largest_force, *map(mul, model.stiffest, largest))
 
 
 def weak_springs(model: LinearModel, weak: float) -> Array:

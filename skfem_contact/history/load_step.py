@@ -6,14 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import LocalState, State
-from skfem_contact.history.energy import Energy
+from skfem_contact.history.energy import Energy, friction_bound, friction_energy, plastic_slip
 from skfem_contact.loops.driver import Outcome
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Load
 from skfem_contact.problem.seam import ContactProblem
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +71,22 @@ class Attempt:
     def state(self) -> State:
         """What is remembered of it."""
         return self.local.in_space(self.problem.kin)
+
+    @cached_property
+    def plastic_slip(self) -> Array:
+        """What friction acts on, see `energy.plastic_slip`, (m, d-1) [length]."""
+        return plastic_slip(self.model.interface, self.start, self.local)
+
+    @cached_property
+    def friction_bound(self) -> Array:
+        """Of the friction forces at its end; zero at open points, (m,) [force]."""
+        return friction_bound(self.model.interface, self.local)
+
+    @property
+    def energy(self) -> Energy:
+        """What friction takes on its way."""
+        interface, bound = self.model.interface, self.friction_bound
+        return friction_energy(interface, self.start, self.local, self.plastic_slip, bound)
 
     @property
     def good(self) -> bool:

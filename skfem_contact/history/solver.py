@@ -439,7 +439,7 @@ class ContactSolver:
             for step in _with_progress(steps, progress):
                 target = self._reader.read(step, target)
                 before = self._answering.solve(target, before, None, None, True)
-                logger.info("step %s: %s", step if np.ndim(step) == 0 else "", before.message)
+                logger.info("step %s: %s", "" if before.factor is None else step, before.message)
                 result = ContactResult(before)
                 yielded.add(result, self._reader)
                 yield result

@@ -76,6 +76,7 @@ class Stepper:
         begin = last
         if to.known is not None and to.known is not to.state:
             begin = to.known.handed_on(kin.vertex, interface.point_slices).along(kin)
+        moved = self._moved(to.target)
         with single_threaded():
             seen = geometry.case(kin, problem.u, to.target, last, to.before)
             load = problem.load(seen)
@@ -95,7 +96,7 @@ class Stepper:
                 stiffness=interface.stiffness,
                 last=last,
                 rank=geometry.rank,
-                noise=NOISE * self._force_terms(to.target),
+                noise=NOISE * self._force_terms(to.target, moved),
             )
             dense = step
             if start == "pivoting" and (points := self.model.on_points(problem)) is not problem:
@@ -107,30 +108,31 @@ class Stepper:
             outcome = drive(
                 loop.iterates, step, guess, options.tolerance, limit, to.callback, loop.patience
             )
-            trace = (*(spent.trace if spent else ()), *outcome.trace)
+            trace = (*spent.trace, *outcome.trace) if spent else outcome.trace
             if spent and spent.converged and not outcome.converged and not outcome.stopped:
                 # the same equations and tolerance: limits that lag ran away from their solution
                 outcome = replace(spent, note=" of the loop 'newton'")
             elif spent and spent.free is not None and not outcome.converged:
                 outcome = replace(outcome, free=spent.free)  # its limits do not lag
             note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
-            outcome = replace(outcome, trace=trace, note=note)
+            if trace is not outcome.trace or note:
+                outcome = replace(outcome, trace=trace, note=note)
             local = self._state(step, outcome, to.share, problem, load, to.target, seen)
-        carried = NOISE * max(self.model.stiffest) * self._moved(to.target)
+        carried = NOISE * max(self.model.stiffest) * moved
         fine = balanced(problem.motions, to.target.f, local, step.noise, carried)
         failure = "" if fine else RAN_AWAY
         return Attempt(
             outcome, self.model, problem, load, to.target, seen, last, local, failure=failure
         )
 
-    def _force_terms(self, case: LoadCase) -> float:
+    def _force_terms(self, case: LoadCase, moved: float) -> float:
         """Largest load, or what moves of D make of the softest body's stiffness [force]."""
         softest = min(self.model.stiffest)  # the bodies' own K may have been replaced
-        return max(case.largest_force, softest * self._moved(case))
+        return max(case.largest_force, softest * moved)
 
     def _moved(self, case: LoadCase) -> float:
         """How far supports are moved [length]."""
-        return float(np.max(np.abs(case.x[self.model.system.D]), initial=0.0))
+        return float(np.abs(case.x[self.model.system.D]).max(initial=0.0))
 
     def _state(
         self,

@@ -40,13 +40,14 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
     pace = Pace(patience=4 if coupled else 15)
     while True:
         status, held = hold(step, current)
-        current = replace(current, status=status)
+        if held is not None:
+            current = replace(current, status=status)
         response, conditions = _solve(step, current, coupled)
         proposal = propose(step, current, response)
         wrong = disagreement(current, proposal)
         residual = law_residual(step, status, current.direction, response)
-        kept = np.zeros_like(wrong) if held is None else wrong & held.points
-        done = not (wrong & ~kept).any() and residual <= tolerance
+        changing = wrong if held is None else wrong & ~held.points
+        kept = held is not None and bool((wrong & held.points).any())
         yield Iterate(
             status,
             current.direction,
@@ -54,11 +55,11 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             conditions,
             int(wrong.sum()),
             residual,
-            converged=done and not kept.any(),
+            converged=not (changing.any() or kept) and residual <= tolerance,
             note=pace.note(),
-            held=None if held is None or not kept.any() else held.motion,
+            held=held.motion if held is not None and kept else None,
         )
-        current = pace.advance(step, current, proposal, wrong & ~kept, response)
+        current = pace.advance(step, current, proposal, changing, response)
 
 
 @dataclass
@@ -115,25 +116,26 @@ def _solve(step: Step, current: Guess, coupled: bool) -> tuple[Response, Conditi
 def _conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
     closed = current.status != OPEN
     slips = (current.status == SLIP) & step.frictional
-    exact = np.isinf(step.stiffness)
-    stick = (current.status == STICK) & (exact & step.frictional | step.tied)
-    offset, coupling = np.zeros_like(current.direction), np.zeros_like(current.direction)
-    t = offset.shape[1]
-    spring = np.zeros((len(closed), t, t))
+    sticks = current.status == STICK
+    stick = sticks & (step.exact & step.frictional | step.tied)
+    m, t = current.direction.shape
+    offset, coupling, spring = np.zeros((m, t)), np.zeros((m, t)), np.zeros((m, t, t))
     if slips.any():
         along, asked = current.direction, (current.normal_force, current.slip)
         if coupled:
             force, by = step.derivatives(along, *asked)
-            # a bound that falls with the slip lags: it would take stiffness away from the bodies
-            grows = slips & (np.einsum("ikk->i", by.slip) > 0)
-            coupling[slips], spring[grows] = by.normal_force[slips], by.slip[grows]
+            coupling[slips] = by.normal_force[slips]
             force -= coupling * np.maximum(current.normal_force, 0.0)[:, None]
-            if grows.any():
+            if by.slip.any():
+                # a bound that falls with the slip lags: it would take stiffness away from the bodies
+                grows = slips & (np.einsum("ikk->i", by.slip) > 0)
+                spring[grows] = by.slip[grows]
                 force -= np.einsum("ikl,il->ik", spring, current.slip)
         else:
             force = step.sliding(along, *asked)
         offset[slips] = force[slips]
-    elastic = (current.status == STICK) & step.frictional & ~exact
-    offset[elastic] = step.trial(np.zeros_like(offset))[elastic]
-    spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
+    elastic = sticks & step.frictional & ~step.exact
+    if elastic.any():
+        offset[elastic] = step.trial(np.zeros((m, t)))[elastic]
+        spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
     return Conditions(closed, stick, step.last.slip, spring, offset, coupling)

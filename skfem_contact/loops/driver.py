@@ -216,12 +216,12 @@ class Progress:
 
 
 def _record(number: int, step: Step, iterate: Iterate) -> Record:
-    status = iterate.status[step.paired]
+    counts = np.bincount(iterate.status[step.paired], minlength=3)
     return Record(
         number,
-        int(np.sum(status == OPEN)),
-        int(np.sum(status == STICK)),
-        int(np.sum(status == SLIP)),
+        int(counts[OPEN]),
+        int(counts[STICK]),
+        int(counts[SLIP]),
         iterate.changes,
         iterate.residual,
         iterate.note,

@@ -49,10 +49,7 @@ def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
         trial = step.trial(response.slip)
         mapped, slips = step.force(trial, response.normal_force, response.slip)
         error = np.where(elastic[:, None], mapped - response.tangential_force, 0.0)
-        scale = max(
-            np.max(np.abs(response.normal_force), initial=0.0),
-            np.max(np.abs(response.tangential_force), initial=0.0),
-        )
+        scale = response.largest_force
         residual = float(np.max(np.abs(error), initial=0.0) / scale) if scale > 0 else 0.0
 
         proposal = propose(step, replace(current, status=status), response)

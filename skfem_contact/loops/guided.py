@@ -41,9 +41,9 @@ def guided_friction(
     along = moved / np.where(moves, size, 1.0)[:, None]
     # exact sticking gives way to any slip
     exact = np.where(moves[:, None], BEYOND * along, step.last.tangential_force)
-    trial = np.where(np.isinf(step.stiffness)[:, None], exact, step.trial(response.slip))
+    trial = np.where(step.exact[:, None], exact, step.trial(response.slip))
     force, slips = step.force(trial, response.normal_force, response.slip)
-    slips |= moves & np.isinf(step.stiffness)
+    slips |= moves & step.exact
     return (
         np.where(at, np.where(slips, SLIP, STICK), status),
         np.where(at[:, None], force, response.tangential_force),

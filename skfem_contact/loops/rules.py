@@ -22,11 +22,10 @@ EPS = float(np.finfo(float).eps)
 
 def propose(step: Step, current: Guess, response: Response) -> Guess:
     """The set that the answer asks for: Signorini's conditions and the friction law, point by point."""
-    force_scale = np.max(np.abs(response.normal_force), initial=0.0)
-    force_scale = max(force_scale, np.max(np.abs(response.tangential_force), initial=0.0))
+    force_scale = response.largest_force
     was_open = current.status == OPEN
     finite = np.isfinite(response.gap)
-    gap_scale = np.max(np.abs(response.gap[finite] - step.load.gap0[finite]), initial=0.0)
+    gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
     nothing = max(ROUND_OFF * force_scale, step.noise)
     penetrates = was_open & (response.gap < -ROUND_OFF * gap_scale) & step.paired
     pulls = ~was_open & (response.normal_force < -nothing) & ~step.tied
@@ -48,8 +47,9 @@ def _slip_rule(
     closes: Mask,
 ) -> tuple[Mask, Array]:
     """Which points slip that are closed or just close, and in which direction friction then acts."""
-    exact = np.isinf(step.stiffness)
-    trial = np.where(exact[:, None], response.tangential_force, step.trial(response.slip))
+    exact, trial = step.exact, response.tangential_force
+    if not exact.all():
+        trial = np.where(exact[:, None], trial, step.trial(response.slip))
     size = lengths(trial)
     lawful, _ = step.force(trial, response.normal_force, response.slip)
     beyond = lengths(trial - lawful) > max(ROUND_OFF * force_scale, step.noise)
@@ -57,7 +57,7 @@ def _slip_rule(
     # an exactly sticking point has no trial force while it slips: it goes on slipping as long as
     # the slip of this step follows the friction
     step_slip = response.slip - step.last.slip
-    slip_scale = np.max(np.abs(step_slip), initial=0.0)
+    slip_scale = np.abs(step_slip).max(initial=0.0)
     forward = np.sum(step_slip * current.direction, axis=1) >= -ROUND_OFF * slip_scale
     slips = np.where(exact & was_slip, forward, beyond) & step.frictional
     unit = trial / np.where(size > 0, size, 1.0)[:, None]
@@ -100,8 +100,7 @@ def law_residual(step: Step, status: NDArray[np.intp], direction: Array, respons
     """Largest distance of a slipping point's friction force from the law, over the largest force."""
     if not step.laws:
         return 0.0
-    scale = np.max(np.abs(response.normal_force), initial=0.0)
-    scale = max(scale, np.max(np.abs(response.tangential_force), initial=0.0))
+    scale = response.largest_force
     if scale <= step.noise:
         return 0.0
     slips = (status == SLIP) & (response.normal_force >= 0)
@@ -109,7 +108,7 @@ def law_residual(step: Step, status: NDArray[np.intp], direction: Array, respons
         return 0.0
     lawful = step.sliding(direction, response.normal_force, response.slip)
     error = lengths(response.tangential_force - lawful)
-    return float(np.max(error[slips], initial=0.0) / scale)
+    return float(error[slips].max() / scale)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
@@ -104,7 +103,7 @@ def natural_state(kin: Kinematics, surface: int) -> State:
 
 def as_guess(state: LocalState) -> Guess:
     """Starting values from a state."""
-    size = np.linalg.norm(state.tangential_force, axis=1)
+    size = lengths(state.tangential_force)
     slips = (state.status == SLIP) & (size > 0)
     status = np.where((state.status == SLIP) & ~slips, STICK, state.status)
     unit = state.tangential_force / np.where(slips, size, 1.0)[:, None]
@@ -117,4 +116,5 @@ def admissible(guess: Guess, step: Step) -> Guess:
     status = np.where(step.paired, guess.status, OPEN)
     status = np.where(step.tied | ((status == SLIP) & ~step.frictional), STICK, status)
     direction = np.where((status == SLIP)[:, None], guess.direction, 0.0)
-    return replace(guess, status=status, direction=direction)
+    forces = guess.normal_force, guess.tangential_force
+    return Guess(status, direction, *forces, guess.slip, guess.pivoted)

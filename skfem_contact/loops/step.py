@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,11 @@ class Step:
     rank: NDArray[np.intp]
     noise: float = 0.0
 
+    @cached_property
+    def exact(self) -> Mask:
+        """Points that stick without any give, where they stick, (m,)."""
+        return np.isinf(self.stiffness)
+
     def limit(self, normal_force: Array, slip: Array) -> Array:
         """Friction bound of every point; zero where there is no law."""
         return self._ask("limit", normal_force, slip)
@@ -56,7 +62,7 @@ class Step:
 
         Zero where there is no law.
         """
-        force, slips = np.zeros_like(trial), np.zeros(len(trial), dtype=bool)
+        force, slips = np.zeros(trial.shape), np.zeros(len(trial), dtype=bool)
         for part, law, asked in self._asked(normal_force, slip):
             found = law.force(trial[part], *asked)
             if len(found[0]) == len(trial):  # of the only contact
@@ -85,7 +91,7 @@ class Step:
         return force, by
 
     def _ask(self, method: str, normal_force: Array, slip: Array) -> Array:
-        out = np.zeros_like(normal_force)
+        out = np.zeros(normal_force.shape)
         for part, law, asked in self._asked(normal_force, slip):
             out[part] = getattr(law, method)(*asked)
         return out
@@ -100,7 +106,7 @@ class Step:
 
     def trial(self, slip: Array) -> Array:
         """Elastic predictor ``tau_n + G (s - s_n)`` of points with a finite stiffness."""
-        G = np.where(np.isfinite(self.stiffness), self.stiffness, 0.0)[:, None]
+        G = np.where(self.exact, 0.0, self.stiffness)[:, None]
         return self.last.tangential_force + G * (slip - self.last.slip)
 
 

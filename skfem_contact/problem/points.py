@@ -8,7 +8,7 @@ factorisations of a load history are then of the size of the contact zone, not o
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,10 +104,12 @@ class PointSpace:
     ) -> None:
         """Add the constant part of ``-tau`` on the rows of points that slide."""
         normal_force = -np.append(rhs, 0.0)[self.normal_rows]  # as far as it follows from what is held
+        known = conditions.offset
+        if conditions.gives:
+            known = known + np.einsum("ikl,il->ik", conditions.spring, load.slip0)
         for k in range(self.tangential_rows.shape[1]):
             on = slides & (self.tangential_rows[:, k] >= 0)
-            known = np.einsum("il,il->i", conditions.spring[on, k], load.slip0[on])
-            rhs[self.tangential_rows[on, k]] -= conditions.offset[on, k] + known
+            rhs[self.tangential_rows[on, k]] -= known[on, k]
             on &= coupled
             rhs[self.tangential_rows[on, k]] -= conditions.coupling[on, k] * normal_force[on]
 
@@ -198,7 +200,7 @@ class Reduction:
             self._load = load
             self._at_rest = self._factor.solve(load.force[self.rest])
             force = load.force[self.rows] - self._follow.T @ load.force[self.rest]
-            self._reduced = replace(load, force=force)
+            self._reduced = Load(force, load.gap0, load.slip0, load.prescribed)
         return self._reduced
 
     def expand(self, z: Array, load: Load) -> Array:

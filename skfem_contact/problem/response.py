@@ -8,6 +8,7 @@ given linear friction law on the rest (`Conditions`), what are the gaps, slips a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,11 @@ class Conditions:
     offset: Array
     coupling: Array
 
+    @cached_property
+    def gives(self) -> bool:
+        """Whether any point has a spring."""
+        return bool(self.spring.any())
+
     def matrix_key(self) -> bytes:
         """Equal for conditions with the same matrix, so that a factorisation can be kept."""
         parts = (self.closed, self.stick, self.spring, self.coupling)
@@ -55,6 +61,12 @@ class Response:
     normal_force: Array
     tangential_force: Array
     solution: Array
+
+    @cached_property
+    def largest_force(self) -> float:
+        """The largest normal or tangential force at a point [force]."""
+        normal, tangential = np.abs(self.normal_force), np.abs(self.tangential_force)
+        return float(max(normal.max(initial=0.0), tangential.max(initial=0.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,5 +107,7 @@ class Source:
 
 def friction_force(conditions: Conditions, slip: Array, normal_force: Array) -> Array:
     """The linear friction law of the points that do not stick exactly."""
-    elastic = np.einsum("ikl,il->ik", conditions.spring, slip)
-    return conditions.offset + elastic + conditions.coupling * normal_force[:, None]
+    force = conditions.offset
+    if conditions.gives:
+        force = force + np.einsum("ikl,il->ik", conditions.spring, slip)
+    return force + conditions.coupling * normal_force[:, None]

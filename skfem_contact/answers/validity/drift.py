@@ -234,13 +234,13 @@ class Track:
             found["widths"] = found["slip"] / width
         if isinstance(self.primary, Obstacle) or not len(way):
             return found
-        found["facets"] = float(np.max(way / self.facet[closed]))
+        found["facets"] = float((way / self.facet[closed]).max())
         if self.turns:
             curvature = self.curvature[closed]
             found["tilt"] = float(np.max(curvature * way))
             found["gap_error"] = error = float(np.max(0.5 * curvature * way**2))
             found["gap_share"] = error / approach if approach > 0 else 0.0
-        if np.all(way < self.room[closed]):
+        if (way < self.room[closed]).all():
             return found | {"beyond": 0, "overhang": 0.0, "beyond_share": 0.0}
         return found | self._past_ends(closed, slip[closed], np.abs(force[closed]))
 

@@ -124,7 +124,6 @@ class Watch:
         u = displacement() if any(loose is not None for loose in self.loose) else np.zeros(0)
         motions = [support.motion(case.x) for support in self.supports]
         drifts = tuple(self._drift(i, motions, state, gap, case, u) for i in range(len(self.contacts)))
-        drifts = tuple(replace(d, sagitta=self._sagitta(i, state)) for i, d in enumerate(drifts))
         turns = {
             name: float(motion[2] / support.arm)
             for name, support, motion in zip(self.system.names, self.supports, motions, strict=True)
@@ -148,26 +147,28 @@ class Watch:
         closed = state.status[part] != OPEN
         if small:  # the pairing at the start is no other's
             closed &= track.paired
-        if not closed.any() and not (small and contact.rigid):
-            return Drift()
+        count = int(np.count_nonzero(closed))
+        sagitta = self._sagitta(i, state)
+        if not count and not (small and contact.rigid):
+            return Drift(sagitta=sagitta)
         width = float(track.spacing[closed].sum())
-        pressed = float(np.sum(np.abs(state.normal_force[part][closed])) * self.soft[i])
+        pressed = float(np.abs(state.normal_force[part][closed]).sum() * self.soft[i])
         strain = pressed / width if width else 0.0
         if not small:
-            return Drift(int(closed.sum()), approach=pressed, strain=strain)
+            return Drift(count, approach=pressed, strain=strain, sagitta=sagitta)
         approach, gap = pressed, gap[part]
         moved = [motions[b] for b in self.bodies[i]]
-        if self.held[i] and closed.any():
+        if self.held[i] and count:
             lifted = case.gap0[part][closed] - gap[closed]
             lifted += relative(self.normal_rows[i], moved)[closed]
-            elastic = float(np.max(np.abs(lifted)))
+            elastic = float(np.abs(lifted).max())
             approach, strain = max(approach, elastic), max(strain, elastic / self.extent[i])
         if contact.friction is not None or contact.tied:
             along = self.geometry.kin.tangent[part, 0]
             slip = np.einsum("id,id->i", state.slip[part], along) - case.slip0[part][:, 0]
             # a belt is pressed in by its stretch along the drum
             stretch = (slip - relative(self.tangential_rows[i], moved))[closed]
-            approach = max(approach, float(stretch.max() - stretch.min()) if len(stretch) else 0.0)
+            approach = max(approach, float(stretch.max() - stretch.min()) if count else 0.0)
         else:
             loose = self.loose[i]
             if loose is not None:
@@ -175,7 +176,7 @@ class Watch:
             slip = relative(self.tangential_rows[i], moved)
         force = state.normal_force[part]
         found = track.drift(closed, slip, gap, force, approach, case, i, part)
-        return Drift(int(closed.sum()), approach=approach, strain=strain, **found)
+        return Drift(count, approach=approach, strain=strain, sagitta=sagitta, **found)
 
     def _sagitta(self, i: int, state: State) -> float:
         contact, part, track = self.contacts[i], self.interface.point_slices[i], self.tracks[i]
