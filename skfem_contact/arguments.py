@@ -97,24 +97,25 @@ def check_switch(value: Any, what: str) -> None:
         raise InputError(f"{what} is {shown(value)}; it is a switch, True or False")
 
 
-def members(value: Any, kind: type, what: str, usage: str) -> list[Any]:
-    """One object of a kind, or several of them."""
+def members(value: Any, kind: type, what: str, usage: str, called: str = "") -> list[Any]:
+    """One object of a kind, or several of them; `called` in messages, if not by its own name."""
+    called = called or kind.__name__
     try:
         found = [value] if isinstance(value, kind) else list(value)
     except (TypeError, AttributeError):
         raise InputError(
-            f"{what} is {shown(value)}, neither a {kind.__name__} nor a list of them; {usage}"
+            f"{what} is {shown(value)}, neither a {called} nor a list of them; {usage}"
         ) from None
     for i, member in enumerate(found):
-        check_kind(member, kind, f"{what}[{i}]", usage)
+        check_kind(member, kind, f"{what}[{i}]", usage, called)
     return found
 
 
-def check_kind(value: Any, kind: Any, what: str, usage: str) -> None:
+def check_kind(value: Any, kind: Any, what: str, usage: str, called: str = "") -> None:
     """An object of a class of this package, or of one of several."""
     if not isinstance(value, kind):
         kinds = kind if isinstance(kind, tuple) else (kind,)
-        names = " or ".join(k.__name__ for k in kinds)
+        names = called or " or ".join(k.__name__ for k in kinds)
         raise InputError(f"{what} is {shown(value)}, not a {names}; {usage}")
 
 

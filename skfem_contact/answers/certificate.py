@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.reaction import contact_forces
 from skfem_contact.answers.thresholds import NO_LOAD, SCALE_FLOOR
-from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
 
 Array = NDArray[np.float64]
@@ -162,10 +162,10 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     # without the contact forces between bodies, which have to balance by themselves; with them the
     # sum would be that of K u, zero whatever the contact does
     on_obstacles = _obstacle_forces(result)
-    axes = sorted(set(component))
+    axes = sorted(set(component[component < system.bodies[0].components]))
     F = np.array([external[component == k].sum() for k in axes])
     F -= np.array([_ground(result, (component == k).astype(float)) for k in axes])
-    skip = {0} if any(b.axisymmetric for b in system.bodies) else set()
+    skip = {0} if any(b.axisymmetric for b in system.solids.values()) else set()
     kept = [k for k in axes if k not in skip]
     rigid = np.array([on_obstacles[:, k].sum() for k in axes])
     resultant = float(np.max(np.abs((F + rigid)[kept]), initial=0.0))
@@ -176,6 +176,9 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     M = np.sum(arm[component == 1, 0] * external[component == 1])
     M -= np.sum(arm[component == 0, 1] * external[component == 0])
     turn = np.where(component == 1, arm[:, 0], 0.0) - np.where(component == 0, arm[:, 1], 0.0)
+    rotations = component == d  # of rigid bodies: here lengths, and their moments are forces
+    M += system.extent * np.sum(external[rotations])
+    turn[rotations] = system.extent
     M -= _ground(result, turn)
     offset, rigid_points = _offsets(result)
     M += np.sum(_cross(rigid_points - centre, on_obstacles))
@@ -202,12 +205,12 @@ def _ground(result: Answer, mode: Array) -> float:
 
 
 def _obstacle_forces(result: Answer) -> Array:
-    """Force on the secondary at the points of rigid obstacles: external to the bodies."""
+    """Force on the secondary at the points of obstacles without DOFs: external to the bodies."""
     kin, state = result.kin, result.local
     along = np.einsum("ik,ikd->id", -state.tangential_force, kin.tangent)
     F = state.normal_force[:, None] * kin.normal + along
     for contact, part in zip(result.contacts, result.slices(), strict=True):
-        if isinstance(contact.primary, ContactSurface):
+        if _moves(contact):
             F[part] = 0.0
     return F
 
@@ -221,9 +224,14 @@ def _offsets(result: Answer) -> tuple[Array, Array]:
     rigid_points = result.kin.offset
     vector = rigid_points.copy()
     for contact, part in zip(result.contacts, result.slices(), strict=True):
-        if not isinstance(contact.primary, ContactSurface):
+        if not _moves(contact):
             vector[part] = 0.0
     return vector, rigid_points
+
+
+def _moves(contact: Contact) -> bool:
+    """Whether the primary side is one of the bodies, so that forces on it are none from outside."""
+    return not contact.rigid or contact.rigid_body is not None
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -20,12 +20,14 @@ from skfem_contact.answers.validity.rotation import rigid_rotations
 from skfem_contact.answers.validity.validity import Validity, assess
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import known_keywords, suggest
-from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
+from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
 
@@ -94,20 +96,40 @@ class ContactResult(OfTheContact):
 
     @property
     def u(self) -> Array:
-        """Displacements of all bodies, shape (n,) [length]; recovered when first asked for."""
-        return self._answer.u
+        """Displacements of all bodies, shape (n,) [length]; recovered when first asked for.
 
-    def displacement(self, body: Body | str) -> Array:
-        """Displacements of one body, by name or itself, in its basis' numbering, (n_body,) [length]."""
-        return self._answer.displacement(body)
+        Of a rigid body its translation and rotation [rad].
+        """
+        u, units = self._answer.u, self._answer.system.units
+        return u if isinstance(units, float) else sealed(u / units)
+
+    def displacement(self, body: Member | str) -> Array:
+        """Displacements of one body, by name or itself, in its basis' numbering, (n_body,) [length].
+
+        Of a rigid body its translation and rotation [rad].
+        """
+        u, scale = self._answer.displacement(body), self._answer.system.scale(body)
+        return u if isinstance(scale, float) else sealed(u / scale)
+
+    def motion(self, body: RigidBody | str) -> tuple[Array, float | Array, Array]:
+        """How a rigid body has moved: translation (d,) [length], angle [rad] and the point `about`.
+
+        As obstacles take it: ``die.obstacle.moved(result.motion("die"))`` is the die where it is now.
+        """
+        own = self.system.bodies[self.system.index(body)]
+        if not isinstance(own, RigidBody):
+            raise InputError(
+                f"{own!r} is no rigid body; result.displacement(...) has what its nodes have moved by"
+            )
+        return own.motion(self.displacement(own))
 
     @known_keywords()
-    def reaction(self, body: Body | str, boundary: str | None = None) -> Array:
+    def reaction(self, body: Member | str, boundary: str | None = None) -> Array:
         """Force of the supports on a body, without contact forces, shape (d,) [force].
 
         Parameters
         ----------
-        body : Body or str
+        body : Body, RigidBody or str
         boundary : str, optional
             Name of a boundary of its mesh: the supports of the prescribed DOFs on it; by default of
             all. A node at the corner of two boundaries counts for both.
@@ -115,7 +137,8 @@ class ContactResult(OfTheContact):
         Returns
         -------
         ndarray, shape (d,)
-            Of a scalar field, shape (1,), the flow into the body.
+            Of a scalar field, shape (1,), the flow into the body. Of a rigid body, shape (3,) or (6,),
+            force and moment of its prescribed DOFs; its springs are none of them.
 
         Raises
         ------

@@ -2,7 +2,8 @@
 
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
 * `boundaries`: tractions and displacements by the names of boundaries;
-* `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked of them;
+* `member`, `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked
+  of them;
 * `surface`: a boundary as contact sees it; `facet_kinds`: the shape functions of its facets;
 * `curves`, `facets`, `normals`, `projection`: boundaries of plane bodies, normals, closest points;
 * `faces`, `face_normals`: boundaries of solids;

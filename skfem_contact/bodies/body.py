@@ -27,6 +27,7 @@ from skfem_contact.bodies.inputs import (
     prescribed_values,
     stiffness_of,
 )
+from skfem_contact.bodies.member import Member
 from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import seal
@@ -63,7 +64,7 @@ _KNOWN: WeakValueDictionary[int, _Stiffness] = WeakValueDictionary()
 
 @with_known_keywords(stiffness="write K", load="write f")
 @dataclass(frozen=True, eq=False, init=False)
-class Body:
+class Body(Member):
     """One body: a scikit-fem basis with the linear system assembled on it.
 
     Two bodies that live in one mesh are one `Body`; contact is then between two of its surfaces.
@@ -171,6 +172,10 @@ class Body:
         Those of a linear body are the same everywhere.
         """
         return self.K, self.f
+
+    def stiffness(self, K: Any, what: str) -> csr_matrix:
+        """The stiffness (n, n) that a user means: a matrix, or a form."""
+        return stiffness_of(K, self.basis, what)
 
     def load(self, f: Any, what: str) -> np.ndarray:
         """The load (n,) that a user means: a vector, a form, or tractions by boundary name."""

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix
+from scipy.sparse import block_diag, csr_matrix, diags
 
 from skfem_contact import arguments
 from skfem_contact.arguments import suggest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.bodies.linearizable import Linearizable
+from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import sealed, sealed_matrix
 
@@ -23,16 +24,19 @@ from skfem_contact.sealed import sealed, sealed_matrix
 class System:
     """Several bodies under one numbering: the DOFs of the first, then those of the second, ...
 
+    In the numbering of a system all DOFs are lengths and all loads forces: rotations of rigid bodies
+    are counted as displacements at the distance `extent`, see `scale`.
+
     Attributes
     ----------
-    bodies : tuple of Body
+    bodies : tuple of Body or RigidBody
     names : tuple of str
         A body without a name is "body 1", "body 2", ... after its position.
     offsets : ndarray of int, shape (number of bodies + 1,)
         Body `i` has the DOFs ``offsets[i]`` to ``offsets[i + 1]``.
     """
 
-    bodies: tuple[Body, ...]
+    bodies: tuple[Member, ...]
     names: tuple[str, ...]
     offsets: np.ndarray
 
@@ -44,18 +48,47 @@ class System:
     @cached_property
     def K(self) -> csr_matrix:
         """Block diagonal stiffness, shape (n, n) [force/length]."""
-        return sealed_matrix(csr32(block_diag([body.K for body in self.bodies], format="csr")))
+        return sealed_matrix(csr32(block_diag(self.linearize()[0], format="csr")))
 
     @cached_property
     def f(self) -> np.ndarray:
         """Load, shape (n,) [force]."""
-        return sealed(np.concatenate([body.f for body in self.bodies]))
+        return sealed(np.concatenate([body.f / self.scale(body) for body in self.bodies]))
 
     def linearize(self) -> tuple[list[csr_matrix], np.ndarray]:
         """Stiffness of each body and the load of all, (n,), near the undeformed state."""
         bodies: tuple[Linearizable, ...] = self.bodies
         equations = [body.linearize() for body in bodies]
-        return [K for K, _ in equations], sealed(np.concatenate([f for _, f in equations]))
+        K = [self.scaled(body, own) for body, (own, _) in zip(self.bodies, equations, strict=True)]
+        f = [f / self.scale(body) for body, (_, f) in zip(self.bodies, equations, strict=True)]
+        return K, sealed(np.concatenate(f))
+
+    def scale(self, body: Member | str) -> np.ndarray | float:
+        """What displacements of a body are multiplied by in the numbering of the system: 1 as a rule.
+
+        Shape (n_body,) of a rigid body, whose rotations become lengths. Loads are divided by it.
+        """
+        own = self.bodies[self.index(body)]
+        if not len(own.rotations):
+            return 1.0
+        out = np.ones(own.n)
+        out[own.rotations] = self.extent
+        return sealed(out)
+
+    def scaled(self, body: Member | str, K: csr_matrix) -> csr_matrix:
+        """The stiffness of a body in the numbering of the system, see `scale`."""
+        scale = self.scale(body)
+        if isinstance(scale, float):
+            return K
+        return sealed_matrix(csr32(diags(1 / scale) @ K @ diags(1 / scale)))
+
+    @cached_property
+    def units(self) -> np.ndarray | float:
+        """The scales of all bodies, shape (n,); 1.0 where there is no rigid body."""
+        if not any(len(body.rotations) for body in self.bodies):
+            return 1.0
+        parts = [np.broadcast_to(self.scale(body), body.n) for body in self.bodies]
+        return sealed(np.concatenate(parts))
 
     @cached_property
     def D(self) -> np.ndarray:
@@ -71,14 +104,20 @@ class System:
     @cached_property
     def x(self) -> np.ndarray:
         """Prescribed values, shape (n,); zero where not prescribed [length]."""
-        return sealed(np.concatenate([body.x for body in self.bodies]))
+        return sealed(np.concatenate([body.x * self.scale(body) for body in self.bodies]))
+
+    @property
+    def solids(self) -> dict[str, Body]:
+        """The bodies that have a mesh, by name."""
+        named = zip(self.names, self.bodies, strict=True)
+        return {name: body for name, body in named if isinstance(body, Body)}
 
     @cached_property
     def extent(self) -> float:
-        """Largest extent of a body along an axis: the scale to judge lengths by [length]."""
-        return max(float(np.ptp(body.basis.mesh.p, axis=1).max()) for body in self.bodies)
+        """Largest extent of a mesh along an axis: the scale to judge lengths by [length]."""
+        return max(float(np.ptp(body.basis.mesh.p, axis=1).max()) for body in self.solids.values())
 
-    def index(self, body: Body | str) -> int:
+    def index(self, body: Member | str) -> int:
         """Position of a body, given by itself or by its name."""
         if isinstance(body, str):
             if body in self.names:
@@ -89,10 +128,11 @@ class System:
                 return position
         raise InputError(
             f"{body!r} is not one of the stacked bodies ({', '.join(self.names)}); a surface "
-            "belongs to the very Body object it was taken from: pass that object in `bodies`"
+            "belongs to the very Body object it was taken from, a contact to the very rigid body: pass "
+            "that object in `bodies`"
         )
 
-    def slice(self, body: Body | str) -> slice:
+    def slice(self, body: Member | str) -> slice:
         """DOFs of a body, given by itself or by its name."""
         i = self.index(body)
         return slice(int(self.offsets[i]), int(self.offsets[i + 1]))
@@ -107,12 +147,12 @@ def slices(offsets: np.ndarray) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in itertools.pairwise(offsets)]
 
 
-def stack(bodies: Body | Sequence[Body]) -> System:
+def stack(bodies: Member | Sequence[Member]) -> System:
     """Number the DOFs of several bodies one after the other.
 
     Parameters
     ----------
-    bodies : sequence of Body
+    bodies : sequence of Body or RigidBody
         A missing name is numbered.
 
     Returns
@@ -122,7 +162,7 @@ def stack(bodies: Body | Sequence[Body]) -> System:
     Raises
     ------
     InputError
-        No body, a body or a name given twice, bodies of different dimension.
+        No body, a body or a name given twice, bodies of different dimension, rigid ones alone.
 
     Examples
     --------
@@ -135,9 +175,13 @@ def stack(bodies: Body | Sequence[Body]) -> System:
     >>> system.names, system.n, system.slice("body 2")
     (('punch', 'body 2'), 16, slice(8, 16, None))
     """
-    members = tuple(arguments.members(bodies, Body, "bodies", "make each by Body(basis, K, ...)"))
-    if not members:
-        raise InputError("there are no bodies to stack: give at least one Body")
+    usage = "make each by Body(basis, K, ...) or RigidBody(obstacle, ...)"
+    members = tuple(arguments.members(bodies, Member, "bodies", usage, "Body"))
+    if not any(isinstance(body, Body) for body in members):
+        raise InputError(
+            "there are no bodies to stack: give at least one Body"
+            + (", that has a mesh; rigid bodies touch no rigid bodies" if members else "")
+        )
     for i, body in enumerate(members):
         if any(body is other for other in members[:i]):
             raise InputError(f"{body!r} is given twice; two equal bodies need two Body objects")
@@ -150,5 +194,22 @@ def stack(bodies: Body | Sequence[Body]) -> System:
     if len({body.dim for body in members}) > 1:
         found = ", ".join(f"{n!r} {b.dim}-D" for n, b in zip(names, members, strict=True))
         raise InputError(f"bodies of different dimension can not touch: {found}")
+    _check_motions(members, names)
     sizes = np.array([body.n for body in members], dtype=np.int64)
     return System(members, names, np.concatenate([[0], np.cumsum(sizes)]))
+
+
+def _check_motions(members: Sequence[Member], names: Sequence[str]) -> None:
+    """Refuse rigid bodies whose motions the others do not have."""
+    solids = [body for body in members if isinstance(body, Body)]
+    for body, name in zip(members, names, strict=True):
+        if isinstance(body, Body):
+            continue
+        if any(solid.components == 1 for solid in solids):
+            raise InputError(f"rigid body {name!r} moves, and bodies with a scalar field do not")
+        off_axis = np.flatnonzero(body.dof_component != 1)
+        if any(s.axisymmetric for s in solids) and not np.isin(off_axis, body.D).all():
+            raise InputError(
+                f"rigid body {name!r} is among axisymmetric bodies, and so moves along their axis "
+                "alone: hold the rest by D=('x', 'rotation')"
+            )

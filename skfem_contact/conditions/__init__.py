@@ -2,7 +2,7 @@
 
 * `friction`, `return_map`, `checked_law`: laws, forces by them, the check of every value they return;
 * `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, its rows, and where
-  they are when contact slides far;
+  they are when contact slides far; `lever`: the rows of rigid bodies;
 * `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers;
 * `prescribed`, `motions`, `statics`: what supports prescribe, leave free, and whether contact holds it;
 * `diagnosis`, `identity`: what can be said before solving; what a stored state belongs to;

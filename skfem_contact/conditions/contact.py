@@ -23,6 +23,7 @@ from skfem_contact.carried import carried
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.sealed import kept
 
 Array = NDArray[np.float64]
@@ -49,7 +50,7 @@ class Contact(PrintedAsCall):
     secondary : ContactSurface
         The surface whose points are constrained (slave, in older texts): as a rule the finer one,
         or the one of the softer body.
-    primary : ContactSurface or obstacle
+    primary : ContactSurface, obstacle or RigidBody
         The surface that the points are projected onto (master).
     friction : FrictionLaw, optional
         None is frictionless: then nothing tangential is modelled at all.
@@ -94,6 +95,18 @@ class Contact(PrintedAsCall):
     name: str | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.secondary, RigidBody):
+            both = isinstance(self.primary, Obstacle)
+            raise InputError(
+                f"Contact: secondary is a rigid body ({self.secondary.label!r}). "
+                + (
+                    "Two rigid sides do not touch: their forces would not be unique, as nothing gives "
+                    "way. Make one of the two a Body with a mesh, stiff as it may be."
+                    if both
+                    else "It has no points that could be constrained: it can only be the primary, swap "
+                    "the two."
+                )
+            )
         if not isinstance(self.secondary, ContactSurface):
             what = "an obstacle" if isinstance(self.secondary, Obstacle) else "no surface"
             raise InputError(
@@ -104,7 +117,7 @@ class Contact(PrintedAsCall):
         if not isinstance(self.primary, ContactSurface | Obstacle):
             raise InputError(
                 f"Contact: primary is a {type(self.primary).__name__}; it has to be a surface, "
-                "body.surface('name'), or an obstacle such as RigidPlane(point, normal)."
+                "body.surface('name'), an obstacle such as RigidPlane(point, normal), or a RigidBody."
             )
         self._check_sides()
         choices = {
@@ -164,6 +177,11 @@ class Contact(PrintedAsCall):
     def rigid(self) -> bool:
         """Whether the primary side is a rigid obstacle."""
         return not isinstance(self.primary, ContactSurface)
+
+    @property
+    def rigid_body(self) -> RigidBody | None:
+        """The primary side, where it is an obstacle with DOFs of its own."""
+        return self.primary if isinstance(self.primary, RigidBody) else None
 
     @property
     def label(self) -> str:

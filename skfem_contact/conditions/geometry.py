@@ -30,9 +30,11 @@ from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics, initial_gap, join, kinematics
+from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.conditions.state import OPEN, LocalState
+from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing
 
 Array = NDArray[np.float64]
@@ -104,11 +106,16 @@ class Geometry:
             if isinstance(primary, ContactSurface):
                 moved.append(u[self.system.slice(primary.body)])
             known = before.corners[i] if before else frozenset()
-            motion = None if len(moved) == 2 else case.motion[i].as_argument()
+            tool, motion, about = contact.rigid_body, None, None
+            if tool is not None:
+                motion = as_motion(self.system, tool, u)
+                about = motion[0]
+            elif len(moved) == 1:
+                motion = case.motion[i].as_argument()
             pairing = pair(contact, moved=moved, motion=motion, known=known)
             check_pairing(contact, pairing)
             gap = pairing.gap + self._offsets[i] - case.interference[self.point_slices[i]]
-            kin = kinematics(self.system, contact, pairing, gap)
+            kin = kinematics(self.system, contact, pairing, gap, about)
             parts.append(replace(kin, corners=(pairing.corners | known,)))
         return join(parts)
 
@@ -155,6 +162,14 @@ class Geometry:
         """Displacements of the surfaces in a vector over all DOFs."""
         u = np.zeros(self.system.n)
         u[self.surface_dofs] = surface
+        return u
+
+    def predicted(self, surface: Array, case: LoadCase) -> Array:
+        """The same at the beginning of a load step: rigid bodies are where they are told to be."""
+        u = self.spread(surface)
+        for body in {c.rigid_body for c in self.contacts if c.rigid_body is not None}:
+            dofs = self.system.slice(body).start + body.D
+            u[dofs] = case.x[dofs]
         return u
 
     def mismatch(
@@ -208,4 +223,6 @@ def surface_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.intp
         for surface in (contact.secondary, contact.primary):
             if isinstance(surface, ContactSurface):
                 dofs.append(system.slice(surface.body).start + surface.dofs.ravel())
+            elif isinstance(surface, RigidBody):
+                dofs.append(np.arange(system.n)[system.slice(surface)])
     return np.unique(np.concatenate(dofs))

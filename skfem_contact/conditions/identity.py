@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.interface import contact_names
 from skfem_contact.conditions.thresholds import SAME_PLACE
 from skfem_contact.errors import InputError
+from skfem_contact.obstacles.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
@@ -54,7 +57,7 @@ class Identity:
             bodies=np.array(system.names),
             contacts=np.array(contact_names(tuple(contacts))),
             sizes=np.array([body.n for body in system.bodies]),
-            elements=np.array([digest(body.basis.dofs.element_dofs) for body in system.bodies]),
+            elements=np.array([_elements(body) for body in system.bodies]),
             places=np.array([_places(body.dof_points) for body in system.bodies]),
             points=np.array([len(contact.secondary.points) for contact in contacts]),
             sides=np.array([_sides(system, contact) for contact in contacts]),
@@ -116,6 +119,11 @@ def digest(numbers: Any) -> str:
     return hashlib.blake2b(array.tobytes() + str(array.shape).encode(), digest_size=12).hexdigest()
 
 
+def _elements(body: Member) -> str:
+    """A digest of the DOFs of a body's elements; a rigid body is one."""
+    return digest(body.basis.dofs.element_dofs if isinstance(body, Body) else np.arange(body.n))
+
+
 def _places(points: Array) -> Array:
     """Sums that any displacement of a node changes by about as much, told to round-off."""
     number, along = np.arange(len(points)), points @ np.linspace(1.0, 0.6, points.shape[1])
@@ -127,6 +135,8 @@ def _sides(system: System, contact: Contact) -> str:
     for surface in (contact.secondary, contact.primary):
         if isinstance(surface, ContactSurface):
             words.append(f"{digest(surface.dofs)} of body {system.index(surface.body)}")
+        elif isinstance(surface, RigidBody):
+            words.append(f"body {system.index(surface)}")
         else:
             words.append("rigid")
     return ", ".join(words)

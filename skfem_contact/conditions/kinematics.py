@@ -23,6 +23,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import carriers
+from skfem_contact.conditions.lever import Lever
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.supports import held_rows
@@ -60,7 +61,7 @@ class Kinematics:
         Where the force of each point acts on the secondary: its position in general.
     offset : ndarray, shape (m, d)
         From the primary to the secondary side of each point on the undeformed bodies [length]; its
-        position where the primary is a rigid obstacle.
+        position where the primary is an obstacle without DOFs.
     tilt : ndarray, shape (m,)
         Angle between the two sides' normals [rad], see `Pairing.tilt`.
     corners : tuple of frozenset
@@ -114,7 +115,11 @@ def initial_gap(contact: Contact, pairing: Pairing, interference: object = None)
 
 
 def kinematics(
-    system: System, contact: Contact, pairing: Pairing, gap0: Array | None = None
+    system: System,
+    contact: Contact,
+    pairing: Pairing,
+    gap0: Array | None = None,
+    moved: Array | None = None,
 ) -> Kinematics:
     """Gap and slip operators of one contact over the DOFs of all bodies.
 
@@ -125,6 +130,8 @@ def kinematics(
     pairing : Pairing
     gap0 : ndarray, shape (m,), optional
         Initial gaps, where they are known; else those of the pairing and the contact [length].
+    moved : ndarray, shape (d,), optional
+        Translation of a rigid body where the pairing was made; of the undeformed bodies none [length].
     """
     secondary = contact.secondary
     scalar = secondary.dofs.shape[1] == 1
@@ -140,8 +147,9 @@ def kinematics(
     slip_bulge = bulge
     if bulge is not None and still.any():  # rows of node-to-segment contact stand on the nodes
         slip_bulge = (diags((~still).astype(float)) @ bulge[0], *bulge[1:])
-    held = _held(sides, frame[:, 0], contact.tied)
-    B_n = _spread(system, sides, frame[:, 0], pairing.paired, held, bulge)
+    lever = Lever.of(system, contact, pairing, moved)
+    held = _held(sides, frame[:, 0], contact.tied, lever)
+    B_n = _spread(system, sides, frame[:, 0], pairing.paired, held, bulge, lever)
     return Kinematics(
         B_n=B_n,
         tangential=partial(
@@ -153,6 +161,7 @@ def kinematics(
             still,
             contact.tied,
             slip_bulge,
+            lever,
         ),
         tangents=frame.shape[1] - 1,
         gap0=initial_gap(contact, pairing) if gap0 is None else gap0,
@@ -164,7 +173,7 @@ def kinematics(
         tied=np.full(len(pairing.gap), contact.tied),
         heir=carriers(secondary, pairing),
         action=_action(pairing),
-        offset=_offset(contact, pairing),
+        offset=_offset(contact, pairing, lever),
         tilt=pairing.tilt,
         vertex=np.full(len(pairing.gap), -1) if pairing.vertex is None else pairing.vertex,
         corners=(pairing.corners,),
@@ -179,9 +188,12 @@ def _sides(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> list
     return sides
 
 
-def _held(sides: Sequence[Side], direction: Array, tied: bool) -> Mask:
+def _held(sides: Sequence[Side], direction: Array, tied: bool, lever: Lever | None) -> Mask:
     """Rows that supports hold. Not of glue: its gap is zero, and its rows agree with supports."""
-    return np.zeros(len(direction), dtype=bool) if tied else held_rows(sides, direction)
+    if tied:
+        return np.zeros(len(direction), dtype=bool)
+    held = held_rows(sides, direction)
+    return held if lever is None else held & lever.holds(direction)
 
 
 def _action(pairing: Pairing) -> Array:
@@ -190,11 +202,12 @@ def _action(pairing: Pairing) -> Array:
     return np.where(pairing.paired[:, None], mean, pairing.points)
 
 
-def _offset(contact: Contact, pairing: Pairing) -> Array:
+def _offset(contact: Contact, pairing: Pairing, lever: Lever | None) -> Array:
     """`Kinematics.offset` by the weights of the normal rows, which need not be those of the slip."""
     secondary, primary = contact.secondary, contact.primary
     if not isinstance(primary, ContactSurface):
-        return np.asarray(pairing.secondary_weights @ secondary.points)
+        own = np.asarray(pairing.secondary_weights @ secondary.points)
+        return own if lever is None else own - lever.body.about - lever.arm
     weights = pairing.secondary_weights, pairing.primary_weights, pairing.primary_bulge
     return gap_vectors(secondary, primary, *weights)
 
@@ -254,6 +267,7 @@ def _spread(
     paired: Mask,
     held: Mask,
     bulge: Side | None = None,
+    lever: Lever | None = None,
 ) -> csr_matrix:
     """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
 
@@ -261,7 +275,7 @@ def _spread(
     prescribed values see them. The weights `bulge` act on displacements turned by -90 degrees.
     """
     entries = []
-    given = [(*side, direction) for side in sides]
+    along, given = direction, [(*side, direction) for side in sides]
     if bulge is not None:
         given.append((*bulge, turned(direction)))
     for weights, surface, sign, direction in given:
@@ -274,6 +288,8 @@ def _spread(
         if held.any():
             coefficients[held[row][:, None] & ~surface.held[node]] = 0.0
         entries.append((coefficients.ravel(), rows, columns.ravel()))
+    if lever is not None:
+        entries.append(lever.entries(along, paired, held))
     data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
     spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
     spread.sum_duplicates()
@@ -289,10 +305,11 @@ def tangential_rows(
     still: Mask,
     tied: bool,
     bulge: Side | None = None,
+    lever: Lever | None = None,
 ) -> csr_matrix:
     """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems."""
     blocks = [
-        _spread(system, sides, along, paired, still | _held(sides, along, tied), bulge)
+        _spread(system, sides, along, paired, still | _held(sides, along, tied, lever), bulge, lever)
         for along in np.moveaxis(tangent, 1, 0)
     ]
     return _interleave(blocks) if blocks else csr_matrix((0, system.n))

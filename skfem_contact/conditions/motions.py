@@ -21,6 +21,7 @@ from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.thresholds import DIGITS, RESISTS
 from skfem_contact.errors import NoEquilibrium
+from skfem_contact.obstacles.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 
@@ -121,11 +122,16 @@ class RigidMotions:
         return tuple(bodies), words
 
     def indifferent(self, free: Array, why: str = NOWHERE) -> tuple[str, ...]:
-        """A sentence for each body and motion that is free and not loaded, from (k, j)."""
+        """A sentence for each body and motion that is free and not loaded, from (k, j).
+
+        The turn of a disc about its centre that nothing feels is no other place.
+        """
         u = self.modes @ free
         sentences = []
         for body, name, part in zip(self.system.bodies, self.system.names, self._parts(u), strict=True):
             size = np.linalg.norm(part)
+            if isinstance(body, RigidBody) and body.obstacle.turns_in_itself(body.about):
+                size = np.linalg.norm(part[: body.dim])
             if size > 1e-6 * np.linalg.norm(u):
                 words = _motion_words(body.rigid_modes, body.rigid_mode_names, part)
                 sentences.append((name, words))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.linalg.memory import written_bytes
 from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
@@ -19,10 +20,10 @@ def dry_run(solver: ContactSolver) -> str:
     system = solver.system
     lines = [f"Contact solver: loop '{solver.loop}', {_linear_words(solver)}", ""]
     for body, name in zip(system.bodies, system.names, strict=True):
-        lines.append(
-            f"body {name}: {body.n} DOFs, {len(body.D)} prescribed, "
-            f"{type(body.basis.mesh).__name__}, {body.basis.mesh.nelements} elements"
-        )
+        what = "rigid"
+        if isinstance(body, Body):
+            what = f"{type(body.basis.mesh).__name__}, {body.basis.mesh.nelements} elements"
+        lines.append(f"body {name}: {body.n} DOFs, {len(body.D)} prescribed, {what}")
     lines.append(_free_words(solver))
     for contact, name, pairing in zip(
         solver.contacts, solver.names, solver.geometry.pairings, strict=True

@@ -27,7 +27,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
     if not geometry.follows:
         return by.attempt(step, model.problem_on(None, None), start)
     at = step.state.surface + step.share * step.state.trend
-    u = geometry.spread(at)
+    u = geometry.predicted(at, case)
     problem = model.problem_on(geometry.at(u, case), u)
     trace: tuple[Record, ...] = ()
     secant, lost = Anderson(), np.zeros(len(geometry.finite), dtype=bool)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.arguments import number, numbers, shown, suggest
 from skfem_contact.arrays import check_finite, check_size
-from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.interface import point_slices
@@ -19,6 +19,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import read_motion
+from skfem_contact.obstacles.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 KEYS = ("f", "x", "interference", "motion")
@@ -143,22 +144,27 @@ class StepReader:
         """A stacked vector from a dict by body name, a stacked vector, or None."""
         if given is None:
             return before
+        units = self.system.units if what == "x" else 1.0 / self.system.units
         if not isinstance(given, Mapping):
             whole = _checked(given, self.system.n, f"{what} of all bodies")
             if what == "x":
                 for body, name in zip(self.system.bodies, self.system.names, strict=True):
                     if whole[self.system.slice(body)].any():
                         _needs_places(body, name)
-            return whole
+            return whole * units
         out = np.array(before)
         for name, value in given.items():
             part, body = self.system.slice(name), self.system.bodies[self.system.index(name)]
-            label = f"{what} of body {name!r}"
+            label, scale = f"{what} of body {name!r}", units
+            if not isinstance(units, float):
+                scale = units[part]
             if isinstance(value, Mapping):
-                by_name = (
-                    body.load(value, label) if what == "f" else body.displaced(value, out[part], label)
-                )
-                out[part] = by_name
+                if what == "f":
+                    out[part] = body.load(value, label) * scale
+                    continue
+                if isinstance(body, RigidBody):
+                    body.check_held(body.numbers(value, label), label)
+                out[part] = body.displaced(value, out[part] / scale, label) * scale
                 continue
             given_part = _checked(value, None, label)
             if what == "x":
@@ -173,7 +179,7 @@ class StepReader:
                 out[part] = given_part * own[part]
             else:
                 _check_size(given_part, part.stop - part.start, label)
-                out[part] = given_part
+                out[part] = given_part * scale
         return out
 
     def _moved(self, interference: Any, motion: Any, before: LoadCase) -> LoadCase:
@@ -202,6 +208,14 @@ class StepReader:
         known = [contact.primary.name if contact.rigid else None for contact in self.contacts]
         rigid = [i for i, contact in enumerate(self.contacts) if contact.rigid]
         meant = [i for i in rigid if name in (known[i], self.names[i])]
+        for i in meant:
+            body = self.contacts[i].rigid_body
+            if body is not None:
+                whose = self.system.names[self.system.index(body)]
+                raise InputError(
+                    f"motion: {name!r} is a rigid body, which moves by its loads. Prescribe its motion "
+                    f"by D=(...) of the RigidBody and a step {{'x': {{{whose!r}: {{'y': -0.1}}}}}}."
+                )
         if not meant:
             listed = [known[i] or self.names[i] for i in rigid]
             raise InputError(
@@ -218,7 +232,7 @@ class StepReader:
         return given
 
 
-def _needs_places(body: Body, name: Any) -> None:
+def _needs_places(body: Member, name: Any) -> None:
     if not len(body.D):
         raise InputError(
             f"x of body {name!r} prescribes values, but the body has no prescribed DOFs: say "

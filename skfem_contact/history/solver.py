@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_kind, known_keywords, members, shown, with_known_keywords
-from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.inputs import stiffness_of
+from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import stack
 from skfem_contact.carried import carried
@@ -38,6 +37,7 @@ from skfem_contact.linalg.multifrontal.factor import FactorSize
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
 from skfem_contact.loops.table import LOOPS
+from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.model import LinearModel
@@ -73,7 +73,7 @@ class ContactSolver:
 
     Parameters
     ----------
-    bodies : sequence of Body
+    bodies : sequence of Body and RigidBody
     contacts : sequence of Contact
     loop : {"newton", "direct", "fictitious"}
         How friction is iterated; all reach the same solution.
@@ -112,7 +112,7 @@ class ContactSolver:
 
     def __init__(
         self,
-        bodies: Sequence[Body] | Body,
+        bodies: Sequence[Member] | Member,
         contacts: Sequence[Contact] | Contact,
         *,
         loop: str = "newton",
@@ -133,8 +133,9 @@ class ContactSolver:
         check_passes(self.contacts, self.names)
         self._stiffness, self._own_f = self.system.linearize()
         for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
-            if isinstance(surface, ContactSurface):
-                self.system.index(surface.body)  # refuses what is no body of this solver
+            # refuses what is no body of this solver
+            if isinstance(surface, ContactSurface | RigidBody):
+                self.system.index(surface if isinstance(surface, RigidBody) else surface.body)
         self.geometry = Geometry(self.system, self.contacts)
         self.kin = self.geometry.kin
         self._reader = self._new_reader()
@@ -247,12 +248,12 @@ class ContactSolver:
         return twin
 
     @known_keywords()
-    def with_load(self, body: Body | str, f: Any) -> ContactSolver:
+    def with_load(self, body: Member | str, f: Any) -> ContactSolver:
         """A solver with another own load of one body that shares all that has been computed.
 
         Parameters
         ----------
-        body : Body or str
+        body : Body, RigidBody or str
         f : ndarray (n_body,), LinearForm, or tractions by boundary name
             The body's own load, see `Body`, of which numeric load steps are multiples [force].
 
@@ -264,7 +265,7 @@ class ContactSolver:
         i = self.system.index(body)
         own, name = self.system.bodies[i], self.system.names[i]
         own_f = np.array(self._own_f)
-        own_f[self.system.slice(own)] = own.load(f, f"f of body {name!r}")
+        own_f[self.system.slice(own)] = own.load(f, f"f of body {name!r}") / self.system.scale(own)
         twin = self._copied()
         twin._own_f = sealed(own_f)
         twin._reader = twin._new_reader()
@@ -272,7 +273,7 @@ class ContactSolver:
         return twin
 
     @known_keywords()
-    def with_stiffness(self, body: Body | str, K: Any) -> ContactSolver:
+    def with_stiffness(self, body: Member | str, K: Any) -> ContactSolver:
         """A solver with another stiffness of one body; only that body is condensed again.
 
         The way in for bodies whose stiffness changes: a Newton loop of the user's own around this
@@ -280,7 +281,7 @@ class ContactSolver:
 
         Parameters
         ----------
-        body : Body or str
+        body : Body, RigidBody or str
         K : sparse matrix (n_body, n_body) or BilinearForm
             [force/length]
 
@@ -313,7 +314,7 @@ class ContactSolver:
         i = self.system.index(body)
         own, name = self.system.bodies[i], self.system.names[i]
         stiffness = list(self._stiffness)
-        stiffness[i] = stiffness_of(K, own.basis, f"body {name!r}")
+        stiffness[i] = self.system.scaled(own, own.stiffness(K, f"body {name!r}"))
         twin = self._copied()
         twin._stiffness, twin.timings = stiffness, {"setup": 0.0}
         twin._set_stiffness(
@@ -513,7 +514,7 @@ class ContactSolver:
         return load_state(path, self.geometry.identity)
 
     @known_keywords()
-    def update(self, body: Body | str, *, K: Any = None, f: Any = None) -> None:
+    def update(self, body: Member | str, *, K: Any = None, f: Any = None) -> None:
         """Replace the stiffness or the load of one body in this solver itself.
 
         What `with_load` and `with_stiffness` do, which leave the solver as it is and are to be
@@ -523,7 +524,7 @@ class ContactSolver:
 
         Parameters
         ----------
-        body : Body or str
+        body : Body, RigidBody or str
         K : sparse matrix (n_body, n_body) or BilinearForm, optional
             [force/length]
         f : ndarray (n_body,), LinearForm, or tractions by boundary name, optional

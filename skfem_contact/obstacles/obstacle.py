@@ -33,6 +33,15 @@ class Obstacle(PrintedAsCall, ABC):
             "RigidSphere": "rigid sphere",
         }.get(type(self).__name__, "rigid obstacle")
 
+    @property
+    def reference(self) -> np.ndarray | None:
+        """A point of its own (d,), about which a rigid body of this shape turns [length]."""
+        return None
+
+    def turns_in_itself(self, about: np.ndarray) -> bool:
+        """Whether a rotation about a point leaves its shape where it is; known of discs alone."""
+        return False
+
     def pair(self, surface: ContactSurface, *, motion: Any = None) -> Pairing:
         """Pair every node of a surface with its closest point on the obstacle.
 

@@ -54,6 +54,11 @@ class RigidPlane(Obstacle):
         object.__setattr__(self, "point", point)
         object.__setattr__(self, "normal", normal)
 
+    @property
+    def reference(self) -> np.ndarray:
+        """The point that it was given by."""
+        return self.point
+
     def moved(self, motion: Any) -> RigidPlane:
         """Return the plane after a rigid motion, see `Obstacle.moved`."""
         turn, shift = rigid_motion(motion, len(self.point))
@@ -105,6 +110,15 @@ class RigidCylinder(Obstacle):
         if self.axis is not None:
             object.__setattr__(self, "axis", direction(self.axis, "axis", self))
 
+    @property
+    def reference(self) -> np.ndarray:
+        """Its centre, in 3-D a point of its axis."""
+        return self.centre
+
+    def turns_in_itself(self, about: np.ndarray) -> bool:
+        """About its centre, in the plane."""
+        return len(about) == 2 and bool(np.all(about == self.centre))
+
     def moved(self, motion: Any) -> RigidCylinder:
         """Return the cylinder after a rigid motion, see `Obstacle.moved`."""
         turn, shift = rigid_motion(motion, len(self.centre))
@@ -147,6 +161,15 @@ class RigidSphere(Obstacle):
         check_switch(self.hollow, "RigidSphere: hollow")
         object.__setattr__(self, "centre", location(self.centre, "centre", self))
         object.__setattr__(self, "radius", _radius(self.radius, self))
+
+    @property
+    def reference(self) -> np.ndarray:
+        """Its centre."""
+        return self.centre
+
+    def turns_in_itself(self, about: np.ndarray) -> bool:
+        """About its centre, in the plane."""
+        return len(about) == 2 and bool(np.all(about == self.centre))
 
     def moved(self, motion: Any) -> RigidSphere:
         """Return the sphere after a rigid motion, see `Obstacle.moved`."""

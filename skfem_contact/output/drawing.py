@@ -55,7 +55,7 @@ def _cut(closed: NDArray[np.bool_]) -> int:
 
 
 def require_plane(result: ContactResult) -> None:
-    body = result.system.bodies[0]
+    body = next(iter(result.system.solids.values()))
     if body.dim != 2 or body.components != 2:
         what = "a scalar field" if body.components == 1 else f"{body.dim}-D"
         raise InputError(

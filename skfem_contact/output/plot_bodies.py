@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords
+from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.output.drawing import FRICTION, LINES, arc_length, new_axes, require_plane
 from skfem_contact.output.stress import field_name
@@ -81,10 +82,10 @@ def plot_deformed(
     require_plane(result)
     ax = new_axes(ax, _figure_size(result))
     factor = auto_scale(result) if scale == "auto" else float(scale)
-    values = [_colours(result, i, stress) for i in range(len(result.system.bodies))]
+    values = [_colours(result, body, stress) for body in result.system.solids.values()]
     low, high = min(v.min() for v in values), max(v.max() for v in values)
     image = None
-    for body, colour in zip(result.system.bodies, values, strict=True):
+    for body, colour in zip(result.system.solids.values(), values, strict=True):
         u = result.displacement(body)
         nodes, (kind, cells) = body_nodes(body), body_cells(body)
         x = (body.dof_points[nodes[:, 0]] + factor * u[nodes]).T
@@ -114,7 +115,7 @@ def plot_deformed(
 def auto_scale(result: ContactResult) -> float:
     """A round factor: displacements up to 6 % of the extent, closed gaps overlapping by 1 %."""
     answer = answer_of(result)
-    extent, largest = answer.system.extent, float(np.abs(result.u).max(initial=0.0))
+    extent, largest = answer.system.extent, _largest(result)
     if largest == 0.0:
         return 1.0
     closed = (answer.state.status != OPEN) & answer.kin.paired
@@ -126,6 +127,12 @@ def auto_scale(result: ContactResult) -> float:
     rounded = power * max(k for k in ROUND if k * power <= factor * (1 + SAME_FACTOR))
     # a model in true size needs no factor just below or above one
     return 1.0 if NEARLY_TRUE <= rounded <= 1.0 else float(rounded)
+
+
+def _largest(result: ContactResult) -> float:
+    """The largest displacement of a body that is drawn."""
+    found = [np.abs(result.displacement(body)) for body in result.system.solids.values()]
+    return max(float(u.max(initial=0.0)) for u in found)
 
 
 def _outline(ax: Any, x: Array, cells: NDArray[np.int64], kind: str) -> None:
@@ -176,8 +183,7 @@ def _only(points: Array, keep: NDArray[np.bool_]) -> Array:
     return np.where(keep[:, None], points, np.nan)
 
 
-def _colours(result: ContactResult, i: int, stress: Stress | None) -> Array:
-    body = result.system.bodies[i]
+def _colours(result: ContactResult, body: Body, stress: Stress | None) -> Array:
     u = result.displacement(body)
     if stress is None:
         return np.linalg.norm(u[body_nodes(body)], axis=1)
@@ -186,7 +192,7 @@ def _colours(result: ContactResult, i: int, stress: Stress | None) -> Array:
 
 def _figure_size(result: ContactResult) -> tuple[float, float]:
     """Of the shape of the bodies, with room for the colour bar [inch]."""
-    x = np.concatenate([body.dof_points for body in result.system.bodies])
+    x = np.concatenate([body.dof_points for body in result.system.solids.values()])
     width, height = np.ptp(x, axis=0)
     ratio = float(np.clip(height / width, 0.3, 1.8)) if width > 0 else 1.0
     wide = 6.0 / max(1.0, ratio)

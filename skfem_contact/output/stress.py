@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem.models.elasticity import lame_parameters
 
-from skfem_contact.arguments import known_keywords
+from skfem_contact.arguments import check_kind, known_keywords
 from skfem_contact.bodies.body import Body
 from skfem_contact.errors import InputError
 
@@ -56,6 +56,7 @@ def nodal_stress(
     """
     if plane not in PLANES:
         raise InputError(f"plane = {plane!r} is not one of {PLANES}.")
+    check_kind(body, Body, "body", "stresses are those of bodies with a mesh")
     if body.components == 1:
         raise InputError(f"body {body.name!r} is a scalar problem: it has no stress tensor.")
     values = np.asarray(u, dtype=float)

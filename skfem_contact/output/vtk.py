@@ -210,6 +210,8 @@ def bodies_grid(result: ContactResult, stress: Stress | None = None) -> meshio.M
     points, cells, number, values, scalars = [], [], [], [], []
     start, system = 0, result.system
     for i, body in enumerate(system.bodies):
+        if not isinstance(body, Body):  # rigid bodies have no mesh
+            continue
         nodes, (kind, table) = body_nodes(body), body_cells(body)
         u = result.displacement(body)
         points.append(three(body.dof_points[nodes[:, 0]]))

@@ -37,3 +37,14 @@ def ragged(start: Index, count: Index) -> Index:
     """
     before = np.cumsum(count) - count
     return np.arange(count.sum()) + np.repeat(start - before, count)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Vector products (m, d) x (m, d): shape (m, 3) in space, in the plane the one number, (m, 1).
+
+    >>> cross(np.array([[2.0, 0.0]]), np.array([[0.0, 3.0]]))
+    array([[6.]])
+    """
+    if a.shape[-1] == 3:
+        return np.cross(a, b)
+    return (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])[..., None]

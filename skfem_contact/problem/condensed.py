@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, block_diag
 from scipy.sparse import csr_matrix, vstack
 
+from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
@@ -70,8 +71,9 @@ class Condensed:
         for i, (body, span) in enumerate(zip(system.bodies, self.spans, strict=True)):
             old = reuse[i] if len(reuse) else None
             mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
+            firm = firmness(system, stiffness, wanted) if len(body.rotations) and not old else 0.0
             self.substructures.append(
-                old or Substructure(body, stiffness[i], np.setdiff1d(mine, body.D))
+                old or Substructure(body, stiffness[i], np.setdiff1d(mine, body.D), firm)
             )
         kept = [
             part.kept + span.start for part, span in zip(self.substructures, self.spans, strict=True)
@@ -242,6 +244,13 @@ class SurfaceProblem(OnDisplacements, CondensedProblem):
         f_c, components = self.bodies.load(case.f, case.x)
         gap0, slip0 = self.constant(case)
         return Load(f_c, gap0, slip0, np.zeros(len(f_c)), components)
+
+
+def firmness(system: System, stiffness: Sequence[csr_matrix], wanted: Index) -> float:
+    """Stiffness that rigid bodies meet: the median over contact DOFs of the other bodies."""
+    solid = np.concatenate([np.full(body.n, isinstance(body, Body)) for body in system.bodies])
+    diagonal = np.concatenate([K.diagonal() for K in stiffness])
+    return float(np.median(diagonal[wanted[solid[wanted]]]))
 
 
 def _row_size(B: csr_matrix) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
+from skfem_contact.bodies.body import Body
 from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
@@ -21,7 +22,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.linalg.direct import Direct, as_linear_solver
 from skfem_contact.linalg.multifrontal.factor import FactorSize
 from skfem_contact.linalg.threads import single_threaded
-from skfem_contact.problem.condensed import Condensed
+from skfem_contact.problem.condensed import Condensed, firmness
 from skfem_contact.problem.delassus import dense_bytes
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.seam import Bodies, ContactProblem, PosedOn
@@ -99,8 +100,18 @@ class LinearModel:
 
     @cached_property
     def diagonals(self) -> tuple[Array, ...]:
-        """Diagonal of K of each body; load steps ask, and K has the whole interior."""
-        return tuple(K.diagonal() for K in self.stiffness)
+        """Diagonal of K of each body; load steps ask, and K has the whole interior.
+
+        Of rigid bodies, which have no stiffness of their own, at least that of what they touch.
+        """
+        own = [K.diagonal() for K in self.stiffness]
+        if all(isinstance(body, Body) for body in self.system.bodies):
+            return tuple(own)
+        firm = firmness(self.system, self.stiffness, self._wanted())
+        return tuple(
+            diagonal if isinstance(body, Body) else np.maximum(diagonal, firm)
+            for body, diagonal in zip(self.system.bodies, own, strict=True)
+        )
 
     @cached_property
     def stiffest(self) -> tuple[float, ...]:

@@ -16,6 +16,7 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import cholesky
 from skfem_contact.linalg.multifrontal.factor import FactorSize, MultifrontalCholesky, factor_size
@@ -98,15 +99,18 @@ def _combined(Q: Array, c: Array) -> Array:
 
 
 class Substructure:
-    """One body condensed onto the DOFs that contact needs.
+    """One body condensed onto the DOFs that contact needs; of a rigid body all that it has.
 
     Parameters
     ----------
-    body : Body
+    body : Body or RigidBody
     K : csr_matrix, shape (n, n)
         Its stiffness.
     wanted : ndarray of int
         DOFs that occur in contact rows, without prescribed ones.
+    firm : float
+        Stiffness of the springs on the anchors of a rigid body, which has none of its own; that of the
+        bodies it touches, or their digits are lost [force/length].
 
     Attributes
     ----------
@@ -117,10 +121,12 @@ class Substructure:
     S : ndarray, shape (n_c, n_c)
     """
 
-    def __init__(self, body: Body, K: csr_matrix, wanted: Index) -> None:
-        self.body, self.K = body, K
+    def __init__(self, body: Member, K: csr_matrix, wanted: Index, firm: float = 0.0) -> None:
+        self.body, self.K, self._firm = body, K, firm
         self.free = np.setdiff1d(np.arange(body.n), body.D)
-        self.anchors = anchors(body, wanted) if len(wanted) else wanted
+        self.anchors = wanted
+        if len(wanted):
+            self.anchors = anchors(body, wanted) if isinstance(body, Body) else self.free
         self.kept = np.union1d(wanted, self.anchors)
 
     @cached_property
@@ -166,7 +172,8 @@ class Substructure:
         P = np.zeros((len(self.kept), len(self.anchors)))
         place = np.searchsorted(self.kept, self.anchors)
         if len(place):
-            P[place, np.arange(len(place))] = np.sqrt(np.diag(self.S)[place])
+            firm = np.maximum(np.diag(self.S)[place], self._firm)
+            P[place, np.arange(len(place))] = np.sqrt(firm)
         return P
 
     @cached_property
@@ -208,6 +215,8 @@ class Substructure:
         """
         if len(self.kept) == 0:  # no part in the contact problem: nothing to factorise yet
             return np.zeros(0), None
+        if not isinstance(self.body, Body):  # a few numbers, none of the interior
+            return self._factor.reduce_load(self._free_load(f, x)), None
         force = self._forces.components(f[self.free])
         move = self._moves.components(x[self.body.D])
         if force is None or move is None:

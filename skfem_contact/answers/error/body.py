@@ -40,7 +40,7 @@ def bodies_error(result: Answer, values: ContactValues) -> tuple[float, dict[str
     for i, (body, name) in enumerate(zip(result.system.bodies, result.system.names, strict=True)):
         span = result.system.slice(body)
         dofs = touching[(touching >= span.start) & (touching < span.stop)] - span.start
-        if not len(dofs):
+        if not len(dofs) or not isinstance(body, Body):
             continue
         if body.form is None or result.stiffness[i] is not body.K:
             return np.nan, {}

@@ -28,10 +28,13 @@ from scipy.spatial import cKDTree
 from skfem_contact.answers.thresholds import BEYOND, FACETS, GAP, NO_LENGTH, SAGITTA, TILT, WIDTH
 from skfem_contact.answers.validity.chords import sagittas
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
+from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.shapes import RigidPlane
 from skfem_contact.pairing.node import Pairing
 
@@ -140,6 +143,8 @@ class Track:
         self.secondary, self.primary = secondary, primary
         self.points, self.paired = secondary.points, pairing.paired
         self.normal, self.tangent = pairing.normal, pairing.tangent[:, 0]
+        gap = np.where(pairing.paired, pairing.gap, 0.0)
+        self.feet = self.points - gap[:, None] * pairing.normal  # on the primary
         self.spacing = node_lengths(secondary)
         # of an end node the surface has only half of the share
         ends = secondary.facets[:, :2][secondary.neighbours < 0]
@@ -200,6 +205,7 @@ class Track:
         case: LoadCase,
         i: int,
         part: slice,
+        tool: tuple[Motion, Array] | None = None,
     ) -> dict[str, Any]:
         """The numbers of `Drift` that are those of small sliding.
 
@@ -217,17 +223,21 @@ class Track:
         case : LoadCase
         i, part : int, slice
             The contact, and its points.
+        tool : pair of Motion and ndarray, optional
+            Of a rigid body, see `tool_motion`.
         """
         found: dict[str, Any] = {}
         if isinstance(self.primary, Obstacle):
-            motion = case.motion[i]
+            motion, carried = tool or (case.motion[i], np.zeros((1, 1)))
             gap = np.where(self.paired, gap, 0.0)  # without a partner there is none
             lifted = gap - np.where(self.paired, case.gap0[part], 0.0)
-            u = self.normal * lifted[:, None] + self.tangent * slip[:, None]
+            u = self.normal * lifted[:, None] + self.tangent * slip[:, None] + carried
             u[~self.paired] = 0.0
             added = self.added - case.interference[part]
-            found = self._at_obstacle(self.primary, closed, u, gap, added, approach, motion)
-            slip = slip - np.einsum("md,md->m", self.tangent, slid(motion, self.points))
+            shape = self.primary.obstacle if isinstance(self.primary, RigidBody) else self.primary
+            found = self._at_obstacle(shape, closed, u, gap, added, approach, motion)
+            if tool is None:  # else it is part of the slip
+                slip = slip - np.einsum("md,md->m", self.tangent, slid(motion, self.points))
         way = np.abs(slip[closed])
         if len(way):
             found["slip"], width = float(way.max()), float(self.spacing[closed].sum())
@@ -292,6 +302,22 @@ class Track:
         # where nothing touches any more all of the force is lost
         found["gap_share"] = worst / max(approach, worst) if worst else 0.0
         return found
+
+
+def tool_motion(
+    system: System, contact: Contact, track: Track, u: Array
+) -> tuple[Motion, Array] | None:
+    """Motion of a contact's rigid body, and the linear displacement (m, d) it gives points on it.
+
+    By displacements u of the system (n,); None where the primary is none.
+    """
+    body = contact.rigid_body
+    if body is None:
+        return None
+    motion = Motion(*as_motion(system, body, u))
+    arm = np.where(track.paired[:, None], track.feet, track.points) - body.about
+    turned = motion.angle * np.column_stack([-arm[:, 1], arm[:, 0]])
+    return motion, motion.translation + turned
 
 
 def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:

@@ -23,6 +23,7 @@ from skfem_contact.answers.validity.overlap import Outline
 from skfem_contact.answers.validity.skin import Skin
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.watched import Intrusion
+from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
@@ -52,8 +53,9 @@ class Intrusions:
         self.looked = [i for i, contact in enumerate(contacts) if _looked_at(contact)]
         bodies = {self.system.index(s.body) for i in self.looked for s in _sides(contacts[i])}
         self.skins = {
-            b: Skin.of(self.system.bodies[b], known[self.system.slice(self.system.bodies[b])])
-            for b in bodies
+            b: Skin.of(body, known[self.system.slice(body)])
+            for b, body in enumerate(self.system.bodies)
+            if b in bodies and isinstance(body, Body)
         }
         self.chords = {i: _chords(_sides(contacts[i])) for i in self.looked}
 
@@ -204,6 +206,11 @@ def elastic_approach(result: Answer, i: int, closed: Mask, displacement: Array |
             return 0.0
         rigid = support.at(body.dof_points, support.motion(u[system.slice(body)]))
         elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
+    if contact.rigid_body is not None:
+        own = Support.of(contact.rigid_body, 0, arm=system.extent)
+        if not own.holds(contact.secondary.points[closed], result.kin.normal[part][closed]):
+            return 0.0
+        elastic[system.slice(contact.rigid_body)] = 0.0
     lifted = (result.kin.B_n[part] @ elastic)[closed]
     return float(np.max(np.abs(lifted), initial=0.0))
 

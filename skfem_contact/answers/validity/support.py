@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import SUPPORTED
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.member import Member
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -54,12 +55,16 @@ class Support:
     free: Array
 
     @classmethod
-    def of(cls, body: Body, start: int, known: Index | None = None) -> Support:
+    def of(cls, body: Member, start: int, known: Index | None = None, arm: float = 0.0) -> Support:
         """The support of a plane or axisymmetric body whose stacked DOFs start at a number.
 
-        By DOFs of the body whose displacements are known, if these are not the prescribed ones.
+        By DOFs of the body whose displacements are known, if these are not the prescribed ones. Of a
+        rigid body with what its rotation is multiplied by in its system, `arm`.
         """
         D = body.D if known is None else known
+        if not isinstance(body, Body):
+            one = np.eye(3)
+            return cls(D + start, one[:, D], body.dof_points[0], arm, np.delete(one, D, axis=1))
         box = body.basis.mesh.p
         centre = 0.5 * (box.min(axis=1) + box.max(axis=1))
         arm = float(np.ptp(box, axis=1).max())

@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import FACETS, GAP, LARGE, OVERLAP, SAGITTA, TILT, WIDTH
-from skfem_contact.answers.validity.drift import Drift
+from skfem_contact.answers.validity.drift import Drift, tool_motion
 from skfem_contact.answers.validity.intrusion import elastic_approach
 from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, sagitta, strains
 from skfem_contact.answers.validity.overlap import Outline, outline
 from skfem_contact.answers.validity.rotation import rotation_words
 from skfem_contact.answers.validity.watch import facet_words, sliding_words, strain_words
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.lever import as_motion
 from skfem_contact.errors import ContactWarning
 from skfem_contact.obstacles.obstacle import Obstacle
 
@@ -211,7 +212,7 @@ def assess(result: Answer) -> Validity:
         What is beyond its bound, unless its history has said so before.
     """
     system = result.system
-    solids = {n: b for n, b in zip(system.names, system.bodies, strict=True) if b.components == 2}
+    solids = {name: body for name, body in system.solids.items() if body.components == 2}
     found = {name: strains(body, result.displacement(body)) for name, body in solids.items()}
     outlines = {name: outline(body, result.displacement(body)) for name, body in solids.items()}
     contacts: dict[str, ContactValidity] = {}
@@ -256,7 +257,8 @@ def _contact(result: Answer, i: int, outlines: dict[str, Outline]) -> ContactVal
         slip = (result.kin.B_t[part] @ result.u).ravel()
         gap = result.gap[part]
         force = result.state.normal_force[part]
-        found = track.drift(closed, slip, gap, force, drift.approach, result.case, i, part)
+        tool = tool_motion(result.system, contact, track, result.u)
+        found = track.drift(closed, slip, gap, force, drift.approach, result.case, i, part, tool)
         drift = replace(drift, **found)
     else:
         drift = replace(drift, approach=max(drift.approach, elastic_approach(result, i, closed)))
@@ -268,7 +270,10 @@ def _contact(result: Answer, i: int, outlines: dict[str, Outline]) -> ContactVal
     if isinstance(contact.primary, Obstacle):
         # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
         chords = sagitta(secondary, secondary.facet_node_normals)
-        obstacle = contact.primary.moved(result.case.motion[i].as_argument())
+        motion = result.case.motion[i].as_argument()
+        if contact.rigid_body is not None:
+            motion = as_motion(result.system, contact.rigid_body, result.u)
+        obstacle = contact.primary.moved(motion)
         meeting = at_obstacle(obstacle, secondary, chords, *args)
     elif contact.primary.body is secondary.body:
         chords, meeting = 0.0, Meeting()

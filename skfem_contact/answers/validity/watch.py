@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import GAP, LARGE, TILT
-from skfem_contact.answers.validity.drift import Drift, Track
+from skfem_contact.answers.validity.drift import Drift, Track, tool_motion
 from skfem_contact.answers.validity.intrusion import Intrusions, elastic_approach
 from skfem_contact.answers.validity.rotation import rigid_rotations, rotation_words
 from skfem_contact.answers.validity.support import Support
@@ -55,7 +55,7 @@ class Watch:
             return
         self.intrusions = Intrusions(geometry, self.contacts)
         self.supports = [
-            Support.of(body, int(start))
+            Support.of(body, int(start), arm=self.system.extent)
             for body, start in zip(self.system.bodies, self.system.offsets[:-1], strict=True)
         ]
         self.tracks, self.bodies, self.held, self.extent, self.soft = [], [], [], [], []
@@ -69,13 +69,13 @@ class Watch:
         ):
             track = Track(contact, pairing, kin.gap0[part])
             self.tracks.append(track)
-            sides = [contact.secondary] if contact.rigid else [contact.secondary, contact.primary]
-            bodies = [self.system.index(side.body) for side in sides]  # type: ignore[union-attr]
+            sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
+            bodies = [self.system.index(side.body) for side in sides]
             # the diagonal of K at a surface is of the order of the modulus, whatever the mesh
-            stiff = [
-                diagonals[b][side.dofs]  # type: ignore[union-attr]
-                for b, side in zip(bodies, sides, strict=True)
-            ]
+            stiff = [diagonals[b][side.dofs] for b, side in zip(bodies, sides, strict=True)]
+            self.extent.append(sum(self.supports[b].arm for b in bodies))
+            if contact.rigid_body is not None:  # it takes up nothing, but it moves
+                bodies.append(self.system.index(contact.rigid_body))
             self.soft.append(sum(1 / np.median(d[d > 0]) for d in stiff if (d > 0).any()))
             at = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
             self.bodies.append(bodies)
@@ -87,14 +87,14 @@ class Watch:
             slides = contact.sliding == "small" and contact.friction is None and not contact.tied
             loose = slides and not all(support.holds(*along) for support in supports)
             self.loose.append([self._free(b, known()) for b in bodies] if loose else None)
-            self.extent.append(sum(support.arm for support in supports))
+        self.follows_tools = any(c.rigid_body and c.sliding == "small" for c in self.contacts)
 
     def _free(self, b: int, known: Index) -> Support:
         """How a body moves as a whole, by what is known of its displacements."""
         start, end = self.system.offsets[b : b + 2]
         known = known[(known >= start) & (known < end)] - start
         body = self.system.bodies[b]
-        return Support.of(body, int(start), np.union1d(known, body.D))
+        return Support.of(body, int(start), np.union1d(known, body.D), self.system.extent)
 
     def look(
         self,
@@ -115,19 +115,20 @@ class Watch:
             What has been warned of before in its history.
         displacement : callable
             Gives displacements (n,) that are right at the contact DOFs; called only where bodies
-            that nothing holds along a frictionless contact may slide on it.
+            that nothing holds along a frictionless contact may slide on it, and for rigid bodies.
         mismatch : float
             Of the pairing, see `intrusion`.
         """
         if not self.plane:
             return Watched(said=said)
-        u = displacement() if any(loose is not None for loose in self.loose) else np.zeros(0)
+        wanted = self.follows_tools or any(loose is not None for loose in self.loose)
+        u = displacement() if wanted else np.zeros(0)
         motions = [support.motion(case.x) for support in self.supports]
         drifts = tuple(self._drift(i, motions, state, gap, case, u) for i in range(len(self.contacts)))
         turns = {
             name: float(motion[2] / support.arm)
             for name, support, motion in zip(self.system.names, self.supports, motions, strict=True)
-            if len(support.dofs)
+            if len(support.dofs) and name in self.system.solids  # rigid bodies may turn
         }
         turns |= rigid_rotations(self.system, self.contacts, state.surface)
         overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
@@ -175,7 +176,8 @@ class Watch:
                 moved = [body.motion(u) for body in loose]
             slip = relative(self.tangential_rows[i], moved)
         force = state.normal_force[part]
-        found = track.drift(closed, slip, gap, force, approach, case, i, part)
+        tool = tool_motion(self.system, contact, track, u)
+        found = track.drift(closed, slip, gap, force, approach, case, i, part, tool)
         return Drift(count, approach=approach, strain=strain, sagitta=sagitta, **found)
 
     def _sagitta(self, i: int, state: State) -> float:

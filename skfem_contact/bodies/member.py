@@ -1,0 +1,91 @@
+"""`Member`: what a `System` knows of each of its bodies, whether it has a mesh or not."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+Index = np.ndarray
+
+
+class Member(ABC):
+    """One of the bodies of a contact problem: its equations, and what its DOFs move.
+
+    A `Body` has a mesh; a rigid body has the DOFs of its motion alone.
+
+    Attributes
+    ----------
+    name : str or None
+    K : csr_matrix, shape (n, n)
+    f : ndarray, shape (n,)
+    D : ndarray of int
+        Prescribed DOFs, sorted.
+    x : ndarray, shape (n,)
+        Prescribed values; zero where not prescribed.
+    """
+
+    name: str | None
+    K: csr_matrix
+    f: np.ndarray
+    D: np.ndarray
+    x: np.ndarray
+
+    @property
+    @abstractmethod
+    def n(self) -> int:
+        """Number of DOFs."""
+
+    @property
+    @abstractmethod
+    def dim(self) -> int:
+        """Dimension of space."""
+
+    @property
+    @abstractmethod
+    def components(self) -> int:
+        """Components of a displacement: `dim`, or 1 for a scalar field."""
+
+    @property
+    @abstractmethod
+    def dof_points(self) -> np.ndarray:
+        """Position of every DOF, shape (n, d)."""
+
+    @property
+    @abstractmethod
+    def dof_component(self) -> np.ndarray:
+        """What every DOF stands for, shape (n,): a component, 0 for x; from `dim` on, a rotation."""
+
+    @property
+    @abstractmethod
+    def rigid_modes(self) -> np.ndarray:
+        """Motions without strain, shape (n, k)."""
+
+    @property
+    @abstractmethod
+    def rigid_mode_names(self) -> tuple[str, ...]:
+        """The motions of `rigid_modes` in words."""
+
+    @property
+    def rotations(self) -> np.ndarray:
+        """DOFs that are rotations: angles, loaded by moments; none of a body with a mesh."""
+        return np.flatnonzero(self.dof_component >= self.components)
+
+    @abstractmethod
+    def linearize(self, u: np.ndarray | None = None) -> tuple[csr_matrix, np.ndarray]:
+        """The equations ``K v = f`` of the body's displacements v near u, see `Linearizable`."""
+
+    @abstractmethod
+    def stiffness(self, K: Any, what: str) -> csr_matrix:
+        """The stiffness (n, n) that a user means."""
+
+    @abstractmethod
+    def load(self, f: Any, what: str) -> np.ndarray:
+        """The load (n,) that a user means: a vector, or a dict by what it acts on."""
+
+    @abstractmethod
+    def displaced(self, x: Mapping[str, Any], before: np.ndarray, what: str) -> np.ndarray:
+        """Prescribed values (n,) with those that a dict names replaced."""

@@ -1,0 +1,334 @@
+"""`RigidBody`: an obstacle with the DOFs of its motion, under force and moment control."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_matrix, issparse
+
+from skfem_contact.arguments import (
+    check_kind,
+    check_name,
+    number,
+    numbers,
+    shown,
+    suggest,
+    with_known_keywords,
+)
+from skfem_contact.bodies.inputs import csr32
+from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.thresholds import UNSYMMETRIC
+from skfem_contact.errors import InputError
+from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.sealed import seal, sealed, sealed_matrix
+
+#: Names of the DOFs, by the dimension of space.
+DIRECTIONS = {
+    2: ("x", "y", "rotation"),
+    3: ("x", "y", "z", "rotation x", "rotation y", "rotation z"),
+}
+
+
+@with_known_keywords(f="write force and moment", motion="write D and x", load="write force and moment")
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class RigidBody(Member, Obstacle):
+    """A rigid tool that moves by its loads and contacts: a die under a force, a roller, a lever.
+
+    An obstacle with the DOFs of its motion, 3 in the plane (``x``, ``y``, ``rotation``) and 6 in space
+    (``x``, ``y``, ``z``, ``rotation x``, ``rotation y``, ``rotation z``): the translation of the point
+    `about` [length], and the rotation about it [rad]. It is one of the bodies of the solver, and the
+    primary side of its contacts::
+
+        die = sc.RigidBody(sc.RigidCylinder((0, 1), 1.0), force=(0, -5e3), D=("x", "rotation"))
+        solver = sc.ContactSolver([block, die], [sc.Contact(block.surface("top"), die)])
+
+    Parameters
+    ----------
+    obstacle : obstacle
+        Its shape.
+    force : array, shape (d,), optional
+        Load at `about`, fixed in space, and carried along by the motion [force].
+    moment : float, or array (3,) in 3-D, optional
+        Counterclockwise, or about the axes [force length].
+    about : array, shape (d,), optional
+        The point; by default the centre of a round obstacle, or the point of a plane.
+    D : (tuple of) names of DOFs, or their numbers, optional
+        Motions that are prescribed; a rigid body is free in the others.
+    x : dict by name of DOF, or array (3,) or (6,), optional
+        Their values; zero if not given [length] [rad].
+    K : array (3,) or (3, 3), (6,) or (6, 6), optional
+        Springs of its supports, to the ground: stiffness of every DOF, or a symmetric matrix
+        [force/length], [force length/rad].
+    name : str, optional
+        That of the obstacle if not given.
+
+    Attributes
+    ----------
+    f, x : ndarray, shape (n,)
+        Loads (force and moment), prescribed values.
+
+    Raises
+    ------
+    InputError
+        What is no obstacle, shapes, unknown DOFs, stiffness that is not symmetric or negative.
+
+    Notes
+    -----
+    In load steps its loads and prescribed motions are named by DOF,
+    ``{"f": {"die": {"y": -5e3}}, "x": {"die": {"rotation": 0.1}}}``, or given as vectors. Where it is
+    after a step says ``result.motion("die")``.
+
+    With ``sliding="small"`` points move by ``v + w x r`` with the arms `r` of the undeformed place:
+    right for small rotations. With ``sliding="finite"`` the obstacle is turned by the whole angle.
+
+    Examples
+    --------
+    A roller pressed upon a block by a force of one:
+
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> basis = fem.Basis(
+    ...     fem.MeshQuad().refined(3).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+    ... )
+    >>> block = sc.Body(basis, linear_elasticity(0.0, 50.0), D="bottom", name="block")
+    >>> shape = sc.RigidCylinder((0.5, 2.0), 1.0)
+    >>> roller = sc.RigidBody(shape, force=(0, -1), D=("x", "rotation"), name="roller")
+    >>> result = sc.ContactSolver([block, roller], [sc.Contact(block.surface("top"), roller)]).solve()
+    >>> result.force_on_primary.round(12).tolist()
+    [0.0, 1.0]
+    >>> translation, angle, centre = result.motion("roller")
+    >>> bool(-0.03 < translation[1] < -0.01), angle
+    (True, 0.0)
+    """
+
+    obstacle: Obstacle
+    f: np.ndarray
+    about: np.ndarray
+    D: np.ndarray
+    x: np.ndarray
+    K: csr_matrix
+    name: str | None
+
+    def __init__(
+        self,
+        obstacle: Obstacle,
+        *,
+        force: Any = None,
+        moment: Any = None,
+        about: Any = None,
+        D: Any = None,
+        x: Any = None,
+        K: Any = None,
+        name: str | None = None,
+    ) -> None:
+        check_name(name, "name of a RigidBody")
+        usage = "give its shape, such as RigidCylinder((0, 1), 1.0)"
+        check_kind(obstacle, Obstacle, "obstacle of a RigidBody", usage)
+        if isinstance(obstacle, RigidBody):
+            raise InputError(f"obstacle of a RigidBody is {obstacle!r}; {usage}")
+        name = name or obstacle.name
+        self._set(obstacle=obstacle, name=name, about=_about(about, obstacle, self._whose(name)))
+        whose = self._whose(name)
+        load = np.zeros(self.n)
+        load[: self.dim] = _vector(force, self.dim, f"force of {whose}")
+        turns = self.n - self.dim
+        if moment is not None:
+            given = moment if turns > 1 else [number(moment, f"moment of {whose}", "give one number")]
+            load[self.dim :] = _vector(given, turns, f"moment of {whose}")
+        self._set(f=load, D=self._held(D, f"D of {whose}"), K=self.stiffness(K, f"K of {whose}"))
+        self._set(x=self._prescribed(x, f"x of {whose}"))
+        seal(self)
+
+    def _set(self, **values: Any) -> None:
+        for key, value in values.items():
+            object.__setattr__(self, key, value)
+
+    def __setstate__(self, known: dict[str, Any]) -> None:
+        vars(self).update(known)
+        seal(self)
+
+    @staticmethod
+    def _whose(name: str | None) -> str:
+        return f"rigid body {name!r}" if name else "a rigid body"
+
+    def __repr__(self) -> str:
+        free = [word for i, word in enumerate(self.directions) if i not in self.D]
+        return f"<RigidBody {self.name or '(no name)'}: {self.obstacle!r}, free: {', '.join(free)}>"
+
+    @property
+    def label(self) -> str:
+        """Name for messages."""
+        return self.name or "rigid body"
+
+    # -- an obstacle ----------------------------------------------------------------------------
+
+    def moved(self, motion: Any) -> Obstacle:
+        """The obstacle after a rigid motion, see `Obstacle.moved`."""
+        return self.obstacle.moved(motion)
+
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Signed distances, normals and partners where it was made, see `Obstacle.distance`."""
+        return self.obstacle.distance(surface)
+
+    def motion(self, u: np.ndarray) -> tuple[np.ndarray, Any, np.ndarray]:
+        """Its displacements (n,) as a motion of the obstacle: translation, angle, centre."""
+        turn = u[self.dim :]
+        return np.array(u[: self.dim]), float(turn[0]) if len(turn) == 1 else turn, self.about
+
+    # -- a body ---------------------------------------------------------------------------------
+
+    @property
+    def directions(self) -> tuple[str, ...]:
+        """Names of its DOFs."""
+        return DIRECTIONS[self.dim]
+
+    @property
+    def n(self) -> int:
+        """Number of DOFs: 3 or 6."""
+        return len(self.directions)
+
+    @property
+    def dim(self) -> int:
+        """Dimension of space."""
+        return len(self.about)
+
+    @property
+    def components(self) -> int:
+        """Components of a displacement."""
+        return self.dim
+
+    @property
+    def dof_points(self) -> np.ndarray:
+        """The point `about`, for every DOF, shape (n, d)."""
+        return np.tile(self.about, (self.n, 1))
+
+    @property
+    def dof_component(self) -> np.ndarray:
+        """Components of the translation, then rotations, shape (n,)."""
+        return np.arange(self.n, dtype=np.int32)
+
+    @property
+    def rigid_modes(self) -> np.ndarray:
+        """All that it can do, shape (n, n)."""
+        return np.eye(self.n)
+
+    @property
+    def rigid_mode_names(self) -> tuple[str, ...]:
+        """The motions in words."""
+        words = [f"translation along {axis}" for axis in "xyz"[: self.dim]]
+        turns = ["rotation"] if self.dim == 2 else [f"rotation about {axis}" for axis in "xyz"]
+        return (*words, *turns)
+
+    def linearize(self, u: np.ndarray | None = None) -> tuple[csr_matrix, np.ndarray]:
+        """Its springs and loads, see `Linearizable`."""
+        return self.K, self.f
+
+    def stiffness(self, K: Any, what: str) -> csr_matrix:
+        """Springs (n, n) that a user means: a stiffness for every DOF, a matrix, or none."""
+        n, usage = self.n, f"give {self.n} numbers, or a symmetric ({self.n}, {self.n}) matrix"
+        given = np.zeros(n) if K is None else numbers(K.toarray() if issparse(K) else K, what, usage)
+        matrix = np.diag(given) if given.shape == (n,) else given
+        if matrix.shape != (n, n) or not np.isfinite(matrix).all():
+            raise InputError(f"{what} has shape {given.shape}, or is not finite; {usage}")
+        # each entry against the two springs that it couples: forces and moments have other units
+        diagonal = np.diag(matrix)
+        scale = np.sqrt(np.abs(np.outer(diagonal, diagonal)))
+        if np.any(np.abs(matrix - matrix.T) > UNSYMMETRIC * scale):
+            raise InputError(f"{what} is not symmetric; {usage}")
+        root = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+        if np.linalg.eigvalsh(matrix / np.outer(root, root))[0] < -UNSYMMETRIC:
+            raise InputError(f"{what} pushes along some motion: springs have a stiffness >= 0")
+        return sealed_matrix(csr32(csr_matrix(0.5 * (matrix + matrix.T))))
+
+    def load(self, f: Any, what: str) -> np.ndarray:
+        """The load (n,) that a user means: forces and moments by name of DOF, or all of them."""
+        if f is None:
+            return np.zeros(self.n)
+        if not isinstance(f, Mapping):
+            return _vector(f, self.n, what)
+        return self.displaced(f, np.zeros(self.n), what)
+
+    def displaced(self, x: Mapping[str, Any], before: np.ndarray, what: str) -> np.ndarray:
+        """Values (n,) with those of some DOFs replaced, by name."""
+        out = np.array(before)
+        for i, (name, value) in zip(self.numbers(x, what), x.items(), strict=True):
+            out[i] = number(value, f"{what}: {name!r}", "give one number")
+        if not np.isfinite(out).all():
+            raise InputError(f"{what} is {shown(dict(x))}, which is not finite")
+        return out
+
+    def _prescribed(self, x: Any, what: str) -> np.ndarray:
+        if x is None:
+            return np.zeros(self.n)
+        given = self.load(x, what)
+        self.check_held(self.numbers(x, what) if isinstance(x, Mapping) else self.D, what)
+        return np.where(np.isin(np.arange(self.n), self.D), given, 0.0)
+
+    def numbers(self, named: Mapping[str, Any], what: str) -> list[int]:
+        """Numbers of the DOFs that a dict names."""
+        return [self._number(name, what) for name in named]
+
+    def check_held(self, dofs: Iterable[int], what: str) -> None:
+        """Refuse values of DOFs that are not prescribed."""
+        free = [self.directions[i] for i in dofs if i not in self.D]
+        if free or not len(self.D):
+            listed = f"{', '.join(map(repr, free))} " if free else ""
+            raise InputError(
+                f"{what} prescribes values {listed}that D does not have: name these DOFs in "
+                "D=(...) of the RigidBody, or give it a force"
+            )
+
+    def _held(self, D: Any, what: str) -> np.ndarray:
+        if D is None:
+            return np.zeros(0, dtype=np.int64)
+        try:
+            given = [D] if isinstance(D, str) or np.ndim(D) == 0 else list(D)
+        except (TypeError, ValueError):
+            raise InputError(f"{what} is {shown(D)}; give names of DOFs") from None
+        return np.array(sorted({self._number(entry, what) for entry in given}), dtype=np.int64)
+
+    def _number(self, entry: Any, what: str) -> int:
+        if isinstance(entry, str):
+            if entry not in self.directions:
+                raise InputError(f"{what}: {entry!r} is none{suggest(entry, self.directions, 'DOFs')}")
+            return self.directions.index(entry)
+        if (
+            not isinstance(entry, int | np.integer)
+            or isinstance(entry, bool)
+            or not 0 <= entry < self.n
+        ):
+            known = ", ".join(map(repr, self.directions))
+            raise InputError(f"{what} is {shown(entry)}, no DOF of a rigid body; it has {known}")
+        return int(entry)
+
+
+def _about(about: Any, obstacle: Obstacle, whose: str) -> np.ndarray:
+    if about is None:
+        about = obstacle.reference
+    if about is None:
+        raise InputError(
+            f"{whose} needs the point that its force acts at and its rotation is counted about: "
+            f"{obstacle.label!r} has no centre of its own, give about=(...)"
+        )
+    point = numbers(about, f"about of {whose}", "give 2 or 3 finite coordinates")
+    own = obstacle.reference
+    if point.shape not in ((2,), (3,)) or not np.isfinite(point).all():
+        raise InputError(f"about of {whose} is {shown(about)}; give 2 or 3 finite coordinates")
+    if own is not None and len(own) != len(point):
+        raise InputError(f"about of {whose} is {shown(about)}, but its obstacle is {len(own)}-D")
+    return sealed(point)
+
+
+def _vector(value: Any, size: int, what: str) -> np.ndarray:
+    if value is None:
+        return np.zeros(size)
+    usage = f"give {size} finite numbers"
+    array = numbers(value, what, usage)
+    if array.shape != (size,) or not np.isfinite(array).all():
+        raise InputError(f"{what} is {shown(value)}; {usage}")
+    return array
