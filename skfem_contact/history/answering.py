@@ -21,7 +21,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.errors import ContactWarning, InputError
 from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.failure import failure
-from skfem_contact.history.finding import Finder, Found, Known
+from skfem_contact.history.finding import Finding, Known
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import LoadStep
 from skfem_contact.history.read import StepReader
@@ -61,8 +61,9 @@ class Answering:
             state, before = start.state, start.case
         warm = guess or start
         step = LoadStep(state, before, target, None if warm is None else warm.state, callback)
-        found = Finder(self.stepper, step, start).find()
-        result = self._answer(found, start, target, time.perf_counter() - begin)
+        found = Finding(self.stepper, step, start)
+        found.find()
+        result = self._answer(found, time.perf_counter() - begin)
         if result.converged:
             watched = self.watch.look(
                 result.state,
@@ -77,7 +78,7 @@ class Answering:
             _warn(result)
         if result.converged or not throw:
             return result
-        raise failure(self.stepper, found, result)
+        raise failure(found, result)
 
     @cached_property
     def watch(self) -> Watch:
@@ -108,10 +109,11 @@ class Answering:
                 warnings.warn(words, ContactWarning, stacklevel=3)
         return start
 
-    def _answer(self, found: Found, start: Known, target: LoadCase, seconds: float) -> Answer:
+    def _answer(self, found: Finding, seconds: float) -> Answer:
         model, rest, way = self.stepper.model, found.settled, found.advance
         interface, attempt = model.interface, way.attempt
         before = np.zeros(len(interface.contacts))
+        start = found.start
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
         message = attempt.failure or attempt.outcome.message
@@ -141,11 +143,11 @@ class Answering:
             dissipation_before=before,
             recover=Recovery.of(attempt) if rest is None else rest.recover,
             conditions=attempt.outcome.iterate.conditions,
-            factor=target.factor,
+            factor=found.step.target.factor,
             indifferent=self._places(found),
         )
 
-    def _places(self, found: Found) -> tuple[str, ...]:
+    def _places(self, found: Finding) -> tuple[str, ...]:
         """What is to be said of bodies that may stand elsewhere."""
         model, rest, grip = self.stepper.model, found.settled, found.grip
         if rest is not None and rest.free.shape[1]:

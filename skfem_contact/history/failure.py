@@ -9,8 +9,7 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.motions import no_equilibrium
 from skfem_contact.errors import NoEquilibrium, NotConverged
 from skfem_contact.history.energy import rough_at_rest
-from skfem_contact.history.finding import CAN_CARRY, Found
-from skfem_contact.history.stepper import Stepper
+from skfem_contact.history.finding import CAN_CARRY, Finding
 from skfem_contact.pairing.corners import Corners
 
 USUALLY = (
@@ -31,9 +30,10 @@ CORNERS = (
 )
 
 
-def failure(by: Stepper, found: Found, answer: Answer) -> NoEquilibrium | NotConverged:
+def failure(found: Finding, answer: Answer) -> NoEquilibrium | NotConverged:
     """The exception for a load step that did not arrive, with the last state."""
-    attempt, result, interface = found.advance.attempt, ContactResult(answer), by.model.interface
+    by, attempt, result = found.stepper, found.advance.attempt, ContactResult(answer)
+    interface = by.model.interface
     motions, free = attempt.problem.motions, attempt.outcome.free
     if found.rest is not None:
         driven = found.rest

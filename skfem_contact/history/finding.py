@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +26,16 @@ Known = Answer | SavedState | None
 CAN_CARRY = "with the forces that contact can carry"
 
 
-@dataclass(frozen=True, eq=False)
-class Found:
-    """What a load step has come to.
+@dataclass(eq=False)
+class Finding:
+    """Looks for the answer to one load step, and has what it came to.
 
     Attributes
     ----------
+    stepper : Stepper
+    step : LoadStep
+    start : Answer, SavedState or None
+        What the step goes on from; None where nothing was before.
     advance : Advance
     rest : Rest or None
         Where the answer leaves motions free, that of `advance`; or, with a `pull`, what it would take
@@ -42,7 +46,10 @@ class Found:
         What holds the bodies of an attempt that was good, where supports do not.
     """
 
-    advance: Advance
+    stepper: Stepper
+    step: LoadStep
+    start: Known
+    advance: Advance = field(init=False)
     rest: Rest | None = None
     refuted: Array | None = None
     grip: Grip | None = None
@@ -52,78 +59,68 @@ class Found:
         """The answer that leaves motions free, where it is one."""
         return None if self.rest is None or self.rest.pull else self.rest
 
-
-@dataclass(eq=False)
-class Finder:
-    """Looks for the answer to one load step from a result or a file; none is the start of all."""
-
-    stepper: Stepper
-    step: LoadStep
-    start: Known
-    _rest: Rest | None = None
-    _refuted: Array | None = None
-
-    def find(self) -> Found:
-        """The answer; where it leaves motions free, at the place that moves least."""
+    def find(self) -> None:
+        """Find the answer; where it leaves motions free, at the place that moves least."""
         model, f = self.stepper.model, self.step.target.f
         if model.loose.shape[1] and drives(model.motions, f, model.loose):
             raise no_equilibrium(model.motions, model.loose, EVEN_CLOSED, f, shown=True)
         may_float = bool(model.motions.k)
         try:
-            found = advance(self.stepper.held, self.step, self._doubt if may_float else None)
+            self.advance = advance(self.stepper.held, self.step, self._doubt if may_float else None)
         except SingularMatrix as error:  # round-off decides whether a free motion makes it so
             if not may_float:
                 raise
-            return self._freed(error)
-        grip = Grip.of(model, found.attempt) if found.attempt.good and may_float else None
-        if grip is not None and grip.idles:
-            other = self._pressed()
-            if other is not None:
-                trace, (found, grip) = found.trace, other
-                found.trace[:0] = trace
-        if grip is not None and (model.loose.shape[1] or grip.idles):
-            self._rest = self._try_settle()
-        if self._rest is not None and not self._rest.pull:
-            self._rest.advance.trace[:0] = found.trace
-            return Found(self._rest.advance, self._rest)
-        return Found(found, self._rest, self._refuted, grip)
+            self._free(error)
+            return
+        if may_float and self.advance.attempt.good:
+            self.grip = Grip.of(model, self.advance.attempt)
+            if self.grip.idles:
+                self._press()
+            if model.loose.shape[1] or self.grip.idles:
+                self.rest = self._try_settle()
+        rest = self.settled
+        if rest is not None:
+            rest.advance.trace[:0] = self.advance.trace
+            self.advance = rest.advance
 
     def _doubt(self, last: bool) -> bool:
         """After a failure: is there no equilibrium, or one that leaves a motion free?"""
         model = self.stepper.model
         if not model.geometry.follows:  # other points may meet
-            self._refuted = escape(model.motions, model.interface, model.kin.paired, self.step.target.f)
-        if self._refuted is not None:
+            self.refuted = escape(model.motions, model.interface, model.kin.paired, self.step.target.f)
+        if self.refuted is not None:
             return True
-        self._rest = self._try_settle(last)
-        return self._rest is not None and not self._rest.pull
+        self.rest = self._try_settle(last)
+        return self.settled is not None
 
-    def _pressed(self) -> tuple[Advance, Grip] | None:
-        """An answer that holds all bodies where they were pressed before; None if there is none.
+    def _press(self) -> None:
+        """Take an answer that holds all bodies where they were pressed before, if there is one.
 
         A block between inclined sides may stand loose as well as squeezed by friction. From squeezed it
         comes to loose by no small step, but iterations may jump there: pivoting has no such jumps.
         """
         by = self.stepper.held
         if "pivoting" not in by.starts() or not np.any(self.step.state.normal_force > 0):
-            return None
+            return
         once = replace(by, options=replace(by.options, max_cuts=0))
         try:
             found = advance(once, self.step, begin=["pivoting"])
         except SingularMatrix:  # where it leads leaves a motion free as well
-            return None
+            return
         if not found.attempt.good:
-            return None
+            return
         grip = Grip.of(self.stepper.model, found.attempt)
-        return None if grip.idles else (found, grip)
+        if not grip.idles:
+            found.trace[:0] = self.advance.trace
+            self.advance, self.grip = found, grip
 
-    def _freed(self, error: SingularMatrix) -> Found:
-        """The answer where a set of points left a motion free; no answer is no equilibrium.
+    def _free(self, error: SingularMatrix) -> None:
+        """Take the answer where a set of points left a motion free; none is no equilibrium.
 
         Where DOFs that hold the motion do not help, the matrix is singular of itself: `error`.
         """
         try:
-            rest = self._settle(True)
+            self.rest = rest = self._settle(True)
         except SingularMatrix:
             raise error from None
         model = self.stepper.model
@@ -131,7 +128,8 @@ class Finder:
         if rest is not None and rest.pull:
             raise no_equilibrium(motions, rest.free, CAN_CARRY, pull=rest.pull) from error
         if rest is not None:
-            return Found(rest.advance, rest)
+            self.advance = rest.advance
+            return
         free = motions.free(kin.paired, kin.paired & model.interface.slipping)
         free = free if free.shape[1] else np.eye(motions.k)
         raise no_equilibrium(motions, free, CAN_CARRY, self.step.target.f) from error
