@@ -34,7 +34,7 @@ from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.dual import WHOLE, dual_basis
 from skfem_contact.pairing.facing import mortar_normals
@@ -134,17 +134,17 @@ def dual_mortar(
     bulge = _bulge_matrix(secondary, primary, quadrature, A)
     of_secondary, of_primary = mortar_normals(secondary, primary, quadrature, A, normal)
     M = M + exchange
-    paired = (covered_area > 0) & ~_shared(secondary, primary)
-    W_s = _divide(D, covered_area, paired)
+    paired = (covered_area > 0) & ~shared_nodes(secondary, primary)
+    W_s = divided(D, covered_area, paired)
     sums = np.asarray(M.sum(axis=1), dtype=float).ravel()
-    W_m = _divide(M, sums, paired)
+    W_m = divided(M, sums, paired)
     W_m.data[np.abs(W_m.data) < NO_WEIGHT] = 0.0
     W_m.eliminate_zeros()
     handed = np.zeros(len(paired), dtype=bool)
     if supports is not None:
         handed[secondary.facets[supports.rank != FREE]] = True
-    miss, nearest = _overhang(secondary, primary, paired | handed, reach)
-    bulge = None if bulge is None else _divide(bulge, sums, paired)
+    miss, nearest = overhang(secondary, primary, paired | handed, reach)
+    bulge = None if bulge is None else divided(bulge, sums, paired)
     gap = np.sum(normal * gap_vectors(secondary, primary, W_s, W_m, bulge), axis=1)
     least = least_gaps(secondary, primary, quadrature, A) if bulge is None else None
     if least is not None:
@@ -309,7 +309,7 @@ def _bulge_matrix(
     return csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=shape)
 
 
-def _divide(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:
+def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:
     """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
     rows = matrix.tocoo()
     keep = paired[rows.row]
@@ -319,7 +319,7 @@ def _divide(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_mat
     return out
 
 
-def _shared(secondary: CurveSurface, primary: CurveSurface) -> NDArray[np.bool_]:
+def shared_nodes(secondary: ContactSurface, primary: ContactSurface) -> NDArray[np.bool_]:
     """Nodes that are on both surfaces (the tip of a slit) and can not meet themselves."""
     if secondary.body is not primary.body:
         return np.zeros(len(secondary.points), dtype=bool)
@@ -334,9 +334,9 @@ def _nominal_area(surface: CurveSurface) -> Array:
     return np.where(surface.area > NO_WEIGHT * share, surface.area, share)
 
 
-def _overhang(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+def overhang(
+    secondary: ContactSurface,
+    primary: ContactSurface,
     paired: NDArray[np.bool_],
     reach: float | None,
 ) -> tuple[Array, Index]:

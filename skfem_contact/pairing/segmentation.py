@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.pairing.search import normal_candidates
 from skfem_contact.pairing.thresholds import FACING, SLIVER
 from skfem_contact.pairing.vectors import dot, facet_normal_field, ragged, turned
@@ -76,7 +76,7 @@ def interface_quadrature(
         Longest distance along the normal [length]. Without it gaps are unlimited, and overlaps go
         up to half the diagonal of the box around the smaller surface, as in `node_to_segment`.
     """
-    limits = (np.inf, _half(secondary, primary)) if reach is None else (float(reach),) * 2
+    limits = (np.inf, half_extent(secondary, primary)) if reach is None else (float(reach),) * 2
     e, f = normal_candidates(secondary, primary, max(limits))
     e, f, start, stop = _segments(secondary, primary, e, f, limits)
     at, w = _segment_rule(secondary, primary)
@@ -106,7 +106,7 @@ def points_per_segment(secondary: CurveSurface, primary: CurveSurface) -> Array:
     return _segment_rule(secondary, primary)[0]
 
 
-def _half(*surfaces: CurveSurface) -> float:
+def half_extent(*surfaces: ContactSurface) -> float:
     """Half the diagonal of the box around the smallest of the surfaces."""
     return 0.5 * float(min(np.linalg.norm(np.ptp(s.points, axis=0)) for s in surfaces))
 

@@ -111,3 +111,43 @@ MOVING_SHARE = 0.5
 
 # The primary lies opposite to a node if it ends no farther from it than this part of a facet.
 OVERHANG = 0.25
+
+# -- faces.cells -------------------------------------------------
+
+# A face whose corners are off a plane by no more than this part of its size is plane, as far as its
+# area is concerned, which then is wrong by the square of it.
+PLANE_FACE = 1e-9
+
+# Normals whose part in the plane of a cell is no more than this are that of the plane, but for
+# round-off.
+PARALLEL = 1e-12
+
+# Steps to the image of a point along interpolated normals, and the change, in sizes of a cell, at which
+# they end: each step gains the square of the angle between the normals of a cell, two digits and more.
+IMAGE_STEPS, SETTLED = 12, 1e-13
+
+# -- faces.meeting, faces.segmentation ---------------------------
+
+# Newton steps on a curved face, and the change of its coordinates at which they end: they square
+# the error, so that what is left after such a change is round-off.
+NEWTON_STEPS, SQUARED = 12, 1e-7
+
+# Pieces that cover less of a cell than this are round-off of coinciding edges; left out.
+SLIVER_AREA = 1e-12
+
+# Quadrature points worked on at once: some 500 bytes for each.
+POINTS_AT_ONCE = 1 << 17
+
+# -- faces.dual --------------------------------------------------
+
+# Shares, and distances of nodes on a face, are equal if they differ by less than this part.
+EQUAL_SHARE = 1e-6
+
+# The weights of a row are bounded by this times those of whole faces: the number at which two
+# multipliers on the middle of a line become one, as there (`COVER_KEPT`).
+WEIGHTS_KEPT = float(0.5 * np.sqrt(1 + 3 / COVER_KEPT**2))
+
+# Faces on whose covered part the mass matrix has a worse condition have one multiplier: what it
+# would do to the rows is round-off times this, times the part of the area that is covered, which
+# then is small.
+WORST_CONDITION = 1e8

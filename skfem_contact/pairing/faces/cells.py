@@ -1,0 +1,285 @@
+r"""Cells: nearly plane parts of faces, each with a plane of its own and the normal field over it.
+
+A plane face with straight edges is one cell, a curved one four (in its reference coordinates: cut
+between the middles of its edges). A cell is a triangle or a quadrilateral, and its *plane* goes
+through the mean of its corners. The points x of a surface meet what lies on the lines
+
+    y = x + alpha n(x),        n = sum_k N_k n_k,
+
+along the normals at the corners, interpolated over the cell. `Cells.images` answers where in the plane
+the lines begin that go through given points y: with ``v`` and ``c``, the parts of n in the plane and
+across it, as functions of the place X in the plane, and ``w`` the height of the surface above
+it (zero but for warped quadrilaterals), that is
+
+    X + alpha v(X) = Y,      w(X) + alpha c(X) = H
+
+for y at the place Y and the height H. Where normals are parallel this is the projection itself. The
+functions are linear on triangles. On quadrilaterals they are bilinear like the faces; beyond the
+edges they go on linearly, as fitted to the corners: only where edges of the primary enter a cell
+matters there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
+from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.pairing.faces.clipping import signed_areas
+from skfem_contact.pairing.thresholds import FACING, IMAGE_STEPS, PARALLEL, PLANE_FACE, SETTLED
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+# With these signs the corners of a parallelogram add up to zero.
+SADDLE = np.array([1.0, -1.0, 1.0, -1.0])
+
+
+# Shapes of cells; of a pair the larger counts.
+AFFINE, PART, SKEW = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Cells of a surface, corners counter-clockwise seen from outside.
+
+    Attributes
+    ----------
+    kind : FacetKind
+        That of a linear face with the corners of a cell, "tri3" or "quad4".
+    facet : ndarray of int, shape (nc,)
+        The face that each cell is part of.
+    reference : ndarray, shape (nc, c, 2)
+        Corners in the reference coordinates of the face.
+    origin, axes : ndarray, shapes (nc, 3) and (nc, 3, 3)
+        Of each cell's coordinates: two axes in its plane, and its outward normal.
+    corners, normals : ndarray, shape (nc, c, 3)
+        Positions of the corners and outward unit normals there, both in the cell's coordinates.
+    plane : ndarray of bool, shape (nc,)
+        Whether the face is plane with straight edges.
+    shape : ndarray of int, shape (nc,)
+        `AFFINE`: a plane triangle or parallelogram, on which shape functions are polynomials; `PART` of
+        a curved face; or `SKEW`: another quadrilateral.
+    """
+
+    kind: FacetKind
+    facet: Index
+    reference: Array
+    origin: Array
+    axes: Array
+    corners: Array
+    normals: Array
+    plane: Mask
+    shape: Index
+
+    @classmethod
+    def of(cls, surface: FaceSurface) -> Cells:
+        """Cut the faces of a surface into cells."""
+        kind = surface.kind
+        straight = _straight(surface)
+        whole, cut, parts = np.flatnonzero(straight), np.flatnonzero(~straight), quarters(kind)
+        facet = np.concatenate([whole, np.repeat(cut, len(parts))])
+        reference = np.concatenate(
+            [
+                np.broadcast_to(kind.locations[: kind.corners], (len(whole), kind.corners, 2)),
+                np.tile(parts, (len(cut), 1, 1)),
+            ]
+        )
+        N, _ = kind.shapes(reference)
+        x = N @ surface.points[surface.facets[facet]]
+        normals = N @ surface.facet_node_normals[facet]
+        normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+        origin, axes = _planes(x)
+        turn = np.swapaxes(axes, 1, 2)
+        corners = (x - origin[:, None]) @ turn
+        round_off = PLANE_FACE * np.linalg.norm(corners, axis=2).max(axis=1)
+        plane = straight[facet] & (np.abs(corners[:, :, 2]).max(axis=1) <= round_off)
+        shape = np.where(straight[facet], AFFINE, PART)
+        if kind.corners == 4:
+            skew = np.linalg.norm(np.einsum("c,ncd->nd", SADDLE, corners), axis=1) > round_off
+            shape[straight[facet] & skew] = SKEW
+        linear = KINDS["tri3" if kind.corners == 3 else "quad4"]
+        return cls(linear, facet, reference, origin, axes, corners, normals @ turn, plane, shape)
+
+    @cached_property
+    def positions(self) -> Array:
+        """Corners in space, shape (nc, c, 3)."""
+        return self.origin[:, None] + self.corners @ self.axes
+
+    def local(self, cell: Index, y: Array) -> Array:
+        """Points (p, ..., 3) in the coordinates of cells (p,)."""
+        shape = (len(cell), int(np.prod(y.shape[1:-1])), 3)
+        away = y.reshape(shape) - self.origin[cell][:, None]
+        return (away @ np.swapaxes(self.axes[cell], 1, 2)).reshape(y.shape)
+
+    @cached_property
+    def areas(self) -> Array:
+        """Areas in the planes, shape (nc,)."""
+        return signed_areas(self.corners[..., :2])
+
+    @cached_property
+    def parallel(self) -> Mask:
+        """Cells whose normals are all that of their plane, shape (nc,)."""
+        return np.asarray(np.abs(self.normals[..., :2]).max(axis=(1, 2)) <= PARALLEL)
+
+    @cached_property
+    def _fields(self) -> tuple[Array, Array]:
+        """v, c and w: values at the origin and slopes (nc, 3, 4); what corners have more (nc, c, 4)."""
+        at = self.corners[:, :, :2]
+        design = np.concatenate([np.ones_like(at[:, :, :1]), at], axis=2)
+        values = np.concatenate([self.normals, self.corners[:, :, 2:]], axis=2)
+        scale = np.sqrt(self.areas)[:, None, None] ** np.array([0.0, 1.0, 1.0])
+        across = np.swapaxes(design / scale, 1, 2)
+        linear = np.linalg.solve(across @ design, across @ values)
+        return linear, values - design @ linear
+
+    def images(self, cell: Index, local: Array) -> Array:
+        """Where lines along the normals begin that go through points.
+
+        Parameters
+        ----------
+        cell : ndarray of int, shape (p,)
+        local : ndarray, shape (p, n, 3)
+            Points in the coordinates of the cells.
+
+        Returns
+        -------
+        ndarray, shape (p, n, 2)
+            Places in the planes; ``nan`` beyond the focus of a hollow surface, where normals have
+            crossed.
+        """
+        Y, H = local[..., :2], local[..., 2]
+        linear, more = (field[cell] for field in self._fields)
+        at_zero, slope = linear[:, None, 0], linear[:, None, 1:]
+        least, most = self._limits[cell, None, 0], self._limits[cell, None, 1]
+        size = np.sqrt(self.areas[cell, None])
+        bent = self.kind.corners == 4 and np.abs(more).max(initial=0.0) > PARALLEL
+        alpha, X = H, Y
+        for _ in range(IMAGE_STEPS):
+            field = at_zero
+            if bent:
+                inside = np.clip(local_coordinates(self.corners[cell, None, :, :2], X), 0.0, 1.0)
+                field = at_zero + self.kind.shapes(inside)[0] @ more
+            turn = alpha[..., None, None] * np.swapaxes(slope[..., :2], 2, 3)
+            new_X = _solve(np.eye(2) + turn, Y - alpha[..., None] * field[..., :2])
+            # beyond a cell only its own lines matter: their slopes and heights are no others there
+            there = np.clip(
+                field[..., 2:] + (new_X[..., None, :] @ slope[..., 2:])[..., 0, :], least, most
+            )
+            new = (H - there[..., 1]) / there[..., 0]
+            change = np.abs(new - alpha) + np.linalg.norm(new_X - X, axis=-1)
+            alpha, X = new, new_X
+            if not np.any(change > SETTLED * size):  # nan is beyond the focus
+                break
+        return X
+
+    @cached_property
+    def _limits(self) -> Array:
+        """Least and largest c and w at the corners, shape (nc, 2, 2)."""
+        values = np.stack([self.normals[..., 2], self.corners[..., 2]], axis=2)
+        values[..., 0] = np.maximum(values[..., 0], FACING)
+        return np.stack([values.min(axis=1), values.max(axis=1)], axis=1)
+
+
+def _straight(surface: FaceSurface) -> Mask:
+    """Faces whose edges are straight, with the other nodes and their normals in the middles, (nf,)."""
+    kind = surface.kind
+    if not kind.quadratic:
+        return np.ones(len(surface.facets), dtype=bool)
+    linear = KINDS["tri3" if kind.corners == 3 else "quad4"]
+    N, _ = linear.shapes(kind.locations)
+    x, normals = surface.points[surface.facets], surface.facet_node_normals
+    off = np.linalg.norm(x - N @ x[:, : kind.corners], axis=2).max(axis=1)
+    mean = N @ normals[:, : kind.corners]
+    mean /= np.linalg.norm(mean, axis=2, keepdims=True)
+    bend = np.linalg.norm(normals - mean, axis=2).max(axis=1)
+    return np.asarray((off <= PLANE_FACE * surface.lengths) & (bend <= PLANE_FACE))
+
+
+def quarters(kind: FacetKind) -> Array:
+    """Reference coordinates of the corners of the four parts of a face, (4, c, 2).
+
+    >>> quarters(KINDS["tri6"])[3].tolist()
+    [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
+    """
+    corner = kind.locations[: kind.corners]
+    middle = 0.5 * (corner + np.roll(corner, -1, axis=0))
+    if kind.corners == 3:
+        return np.array([*([corner[i], middle[i], middle[i - 1]] for i in range(3)), middle])
+    centre = corner.mean(axis=0)
+    return np.array([[corner[i], middle[i], centre, middle[i - 1]] for i in range(4)])
+
+
+def _solve(matrix: Array, right: Array) -> Array:
+    """Solve equations with matrices (..., 2, 2); ``nan`` unless both eigenvalues are positive."""
+    a, b, c, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 0], matrix[..., 1, 1]
+    size = a * d - b * c
+    size = np.where((size > 0) & (a + d > 0), size, np.nan)
+    x, y = right[..., 0], right[..., 1]
+    return np.stack([(d * x - b * y) / size, (a * y - c * x) / size], axis=-1)
+
+
+def _planes(corners: Array) -> tuple[Array, Array]:
+    """Means of corners (nc, c, 3), and two axes and the normal of the plane there, (nc, 3, 3)."""
+    x = corners - corners[:, :1]
+    first, last = x[:, 2], x[:, -1] - x[:, 1]
+    if x.shape[1] == 3:
+        first, last = x[:, 1], x[:, 2]
+    normal = np.cross(first, last)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    along = first - np.sum(first * normal, axis=1, keepdims=True) * normal
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    axes = np.stack([along, np.cross(normal, along), normal], axis=1)
+    return corners.mean(axis=1), axes
+
+
+def local_coordinates(corners: Array, points: Array) -> Array:
+    """Reference coordinates of points in plane triangles and quadrilaterals.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (..., c, 2)
+        Three corners, or four; in either direction.
+    points : ndarray, shape (..., 2)
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        Of the linear or bilinear shape functions; beyond the corners they are continued.
+
+    Examples
+    --------
+    >>> corners = np.array([[0.0, 0.0], [2.0, 0.0], [3.0, 2.0], [0.0, 1.0]])
+    >>> local_coordinates(corners, np.array([1.25, 0.75])).tolist()
+    [0.5, 0.5]
+    """
+    x, y = np.moveaxis(corners, -1, 0)
+    r = points[..., 0] - x[..., 0], points[..., 1] - y[..., 0]
+    a = x[..., 1] - x[..., 0], y[..., 1] - y[..., 0]
+    b = x[..., -1] - x[..., 0], y[..., -1] - y[..., 0]
+
+    def cross(v: tuple[Array, Array], w: tuple[Array, Array]) -> Array:
+        return v[0] * w[1] - v[1] * w[0]
+
+    if corners.shape[-2] == 3:
+        area = cross(a, b)
+        return np.stack([cross(r, b) / area, cross(a, r) / area], axis=-1)
+    d = x[..., 2] - x[..., 1] - b[0], y[..., 2] - y[..., 1] - b[1]
+    # r = s a + t b + s t d: with r - t b along a + t d, a quadratic equation for t. Of its roots
+    # the one where the area element, its slope, has the sign of the face's
+    constant, linear, square = cross(r, a), cross(r, d) + cross(a, b), -cross(b, d)
+    turn = np.where(cross(a, b) + 0.5 * (cross(a, d) + cross(d, b)) < 0, -1.0, 1.0)
+    root = turn * np.sqrt(np.maximum(linear**2 - 4 * square * constant, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = -2 * constant / (linear + root)
+        other = turn * linear < 0
+        if other.any():
+            t = np.where(other, (root - linear) / (2 * square), t)
+    ahead = a[0] + t * d[0], a[1] + t * d[1]
+    over = (r[0] - t * b[0]) * ahead[0] + (r[1] - t * b[1]) * ahead[1]
+    return np.stack([over / (ahead[0] ** 2 + ahead[1] ** 2), t], axis=-1)

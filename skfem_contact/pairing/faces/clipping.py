@@ -1,0 +1,186 @@
+r"""Convex polygons cut with convex polygons, all pairs at once, and their triangles.
+
+Sutherland and Hodgman cut a polygon by the half-planes of the edges of another one, one after the
+other. Here a cut works on all pairs of polygons together, whatever their numbers of corners: arrays
+are as wide as the polygon with the most corners, and shorter ones repeat their last corner. Areas of
+padded polygons need no mask, as edges without length add nothing.
+
+References
+----------
+I. E. Sutherland, G. W. Hodgman, Comm. ACM 17 (1974) 32-42.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.pairing.vectors import ragged
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Polygons:
+    """Polygons in the plane, corners counter-clockwise.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (p, n, 2)
+        The last corner is repeated where a polygon has fewer than n.
+    count : ndarray of int, shape (p,)
+        Numbers of corners; 0 where nothing is left.
+    """
+
+    corners: Array
+    count: Index
+
+    @property
+    def areas(self) -> Array:
+        """Areas, shape (p,); negative where corners run clockwise."""
+        return signed_areas(self.corners)
+
+    @property
+    def middles(self) -> Array:
+        """Means of the corners, shape (p, 2)."""
+        there = np.arange(self.corners.shape[1]) < self.count[:, None]
+        total = (self.corners * there[..., None]).sum(axis=1)
+        return np.asarray(total / np.maximum(self.count, 1)[:, None])
+
+    def distances(self, points: Array) -> Array:
+        """Distances of convex polygons from points (p, n, 2), zero inside; shape (p, n) [length]."""
+        start = self.corners[:, None]
+        end = np.roll(start, -1, axis=2)
+        along, away = end - start, points[:, :, None] - start
+        size = np.sum(along**2, axis=-1)
+        share = np.sum(away * along, axis=-1) / np.where(size > 0, size, 1.0)
+        foot = np.clip(share, 0.0, 1.0)[..., None] * along
+        distance = np.linalg.norm(away - foot, axis=-1).min(axis=2)
+        inside = np.all(cross(along, away) >= 0, axis=2)
+        return np.asarray(np.where(inside, 0.0, distance))
+
+    def some(self, which: Index) -> Polygons:
+        """These polygons, in this order."""
+        return Polygons(self.corners[which], self.count[which])
+
+    def where(self, condition: NDArray[np.bool_], other: Polygons) -> Polygons:
+        """These polygons where a condition (p,) holds, else others."""
+        n = len(self.count)
+        both = stacked([self, other])
+        return both.some(np.where(condition, np.arange(n), n + np.arange(n)))
+
+    def fans(self, round_middle: bool = False) -> tuple[Index, Array]:
+        """Triangles of the polygons: whose they are (t,), and their corners (t, 3, 2).
+
+        They have the first corner of the polygon in common, or its middle: these are more, but
+        smaller and of a better shape, for integrands that are no polynomials.
+        """
+        whole = self.count == 3 if round_middle else self.count < 0
+        number = np.where(whole, 1, self.count if round_middle else np.maximum(self.count - 2, 0))
+        whose = np.repeat(np.arange(len(number)), number)
+        place = ragged(np.zeros(len(number), dtype=np.intp), number)
+        last = self.count[whose] - 1
+        if not round_middle:
+            at = np.stack([np.zeros_like(place), place + 1, place + 2], axis=1)
+            return whose, self.corners[whose[:, None], at]
+        at = np.stack([place, np.where(place < last, place + 1, 0), last], axis=1)
+        corners = self.corners[whose[:, None], at]
+        cut = ~whole[whose]
+        corners[cut, 2] = self.middles[whose[cut]]
+        return whose, corners
+
+
+def signed_areas(corners: Array) -> Array:
+    """Areas of polygons (..., n, 2), shape (...); negative where corners run clockwise.
+
+    >>> float(signed_areas(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])))
+    2.0
+    """
+    arm = corners[..., 1:, :] - corners[..., :1, :]  # from a corner: far from the origin, too
+    return np.asarray(0.5 * np.sum(cross(arm[..., :-1, :], arm[..., 1:, :]), axis=-1))
+
+
+def cross(v: Array, w: Array) -> Array:
+    """The component out of the plane of the cross product of plane vectors."""
+    return np.asarray(v[..., 0] * w[..., 1] - v[..., 1] * w[..., 0])
+
+
+def clip(subject: Array, window: Array) -> Polygons:
+    """Parts of polygons inside other polygons, pair by pair.
+
+    Parameters
+    ----------
+    subject : ndarray, shape (p, n, 2)
+        Corners of polygons.
+    window : ndarray, shape (p, k, 2)
+        Corners of convex polygons, counter-clockwise.
+
+    Returns
+    -------
+    Polygons
+        In the order of the pairs, corners in the direction of `subject`.
+
+    Examples
+    --------
+    A unit square moved by (1/2, 1/2), in a unit square:
+
+    >>> square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
+    >>> part = clip(square + 0.5, square)
+    >>> part.corners[0].tolist(), part.areas.tolist()
+    ([[0.5, 0.5], [1.0, 0.5], [1.0, 1.0], [0.5, 1.0]], [0.25])
+    """
+    p, n = subject.shape[:2]
+    alive, rest = np.arange(p), Polygons(subject, np.full(p, n))
+    for k in range(window.shape[1]):
+        start = window[alive, k]
+        rest = cut(rest, start, window[alive, (k + 1) % window.shape[1]] - start)
+        left = np.flatnonzero(rest.count > 2)
+        alive, rest = alive[left], rest.some(left)
+    parts = Polygons(np.zeros((p, rest.corners.shape[1], 2)), np.zeros(p, dtype=np.intp))
+    parts.corners[alive], parts.count[alive] = rest.corners, rest.count
+    return parts
+
+
+def cut(polygons: Polygons, start: Array, along: Array) -> Polygons:
+    """What is on the left of lines through `start` (p, 2) in the directions `along` (p, 2)."""
+    corners, count = polygons.corners, polygons.count
+    p, n = corners.shape[:2]
+    side = cross(along[:, None], corners - start[:, None])
+    place = np.arange(n)
+    following = np.where(place + 1 < count[:, None], place + 1, 0)
+    side_next = np.take_along_axis(side, following, axis=1)
+    there = place < count[:, None]
+    inside, inside_next = side >= 0, side_next >= 0
+    # each edge gives its first corner, if inside, and then where it crosses the line
+    given = np.empty((p, n, 2), dtype=bool)
+    given[:, :, 0], given[:, :, 1] = there & inside, there & (inside != inside_next)
+    rank = np.cumsum(given.reshape(p, 2 * n), axis=1)
+    which, edge = np.nonzero(given[:, :, 1])
+    here, ahead = corners[which, edge], corners[which, following[which, edge]]
+    share = side[which, edge] / (side[which, edge] - side_next[which, edge])
+    both = np.empty((p, n, 2, 2))
+    both[:, :, 0] = corners
+    both[which, edge, 1] = here + share[:, None] * (ahead - here)
+    whose, slot = np.nonzero(given.reshape(p, 2 * n))
+    out = np.zeros((p, max(3, int(rank[:, -1:].max(initial=0))), 2))
+    out[whose, rank[whose, slot] - 1] = both.reshape(p, 2 * n, 2)[whose, slot]
+    return _padded(out, rank[:, -1])
+
+
+def stacked(parts: Sequence[Polygons]) -> Polygons:
+    """All polygons of several groups, one after the other."""
+    width = max(part.corners.shape[1] for part in parts)
+    corners = [np.zeros((len(part.count), width, 2)) for part in parts]
+    for out, part in zip(corners, parts, strict=True):
+        out[:, : part.corners.shape[1]] = part.corners
+    return _padded(np.concatenate(corners), np.concatenate([part.count for part in parts]))
+
+
+def _padded(corners: Array, count: Index) -> Polygons:
+    """Polygons whose last corner fills the places behind it."""
+    last = np.minimum(np.arange(corners.shape[1]), np.maximum(count - 1, 0)[:, None])
+    return Polygons(np.take_along_axis(corners, last[:, :, None], axis=1), count)

@@ -1,0 +1,146 @@
+"""Where points of one surface of faces meet another: shape functions on both sides, gaps, areas."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.facet_kinds import FacetKind
+from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.pairing.faces.cells import Cells, local_coordinates
+from skfem_contact.pairing.faces.clipping import cross
+from skfem_contact.pairing.thresholds import NEWTON_STEPS, SQUARED
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """Points of the secondary and what their normals meet: n points for each of p pairs of cells.
+
+    Attributes
+    ----------
+    e, f : ndarray of int, shape (p,)
+        Faces of the secondary and of the primary.
+    N, M : ndarray, shapes (p, n, k) and (p, n, k')
+        Shape functions of their nodes; beyond the edges of a face they are continued.
+    normal : ndarray, shape (p, n, 3), or (p, 1, 3)
+        The normal field of the secondary, not of unit length, in the coordinates of its cells.
+    nodes : (ndarray, ndarray), shapes (p, k, 3) and (p, k', 3)
+        Positions of the nodes of both in these coordinates [length].
+    """
+
+    e: Index
+    f: Index
+    N: Array
+    M: Array
+    normal: Array
+    nodes: tuple[Array, Array]
+
+    @property
+    def gap(self) -> Array:
+        """Distance along the normal, > 0 open, shape (p, n) [length]."""
+        away = self.M @ self.nodes[1] - self.N @ self.nodes[0]
+        return np.asarray(np.sum(away * self.normal, axis=-1) / np.linalg.norm(self.normal, axis=-1))
+
+
+def meet(
+    secondary: FaceSurface, primary: FaceSurface, cells: Sequence[Cells], e: Index, f: Index, X: Array
+) -> Meeting:
+    """Points of the secondary's cells on the primary, along the normal field.
+
+    Parameters
+    ----------
+    secondary, primary : FaceSurface
+    cells : (Cells, Cells)
+        Of both.
+    e, f : ndarray of int, shape (p,)
+        Cells of each.
+    X : ndarray, shape (p, n, 2)
+        Places in the planes of the cells e.
+    """
+    own, other = cells
+    faces = own.facet[e], other.facet[f]
+    nodes, opposite = (
+        own.local(e, surface.points[surface.facets[face]])
+        for surface, face in zip((secondary, primary), faces, strict=True)
+    )
+    at = own.kind.shapes(local_coordinates(own.corners[e, None, :, :2], X))[0]
+    N, x = at, X
+    if secondary.kind.quadratic:
+        N = secondary.kind.shapes(at @ own.reference[e])[0]
+        x = N @ nodes
+    # in the plane of the cell, as seen along the normal
+    normal, slope = own.normals[e, :1], None
+    if not own.parallel[e].all():
+        normal = at @ own.normals[e]
+        slope = normal[..., :2] / normal[..., 2:]
+        x = N @ nodes
+        x = x[..., :2] - x[..., 2:] * slope
+    seen = _seen(opposite, slope)
+    corners = _seen(own.local(e, other.positions[f]), slope) if primary.kind.quadratic else seen
+    M = other.kind.shapes(local_coordinates(corners, x[..., :2]))[0]
+    if primary.kind.quadratic:
+        eta = _solve(primary.kind, seen, x[..., :2], M @ other.reference[f])
+        M = primary.kind.shapes(eta)[0]
+    return Meeting(*faces, N, M, normal, (nodes, opposite))
+
+
+def _seen(points: Array, slope: Array | None) -> Array:
+    """Points (p, k, 3) moved into the plane along directions of slopes (p, n, 2); (p, n, k, 2)."""
+    flat = points[:, None, :, :2]
+    return flat if slope is None else flat - points[:, None, :, 2:] * slope[:, :, None]
+
+
+def _solve(kind: FacetKind, seen: Array, target: Array, eta: Array) -> Array:
+    """Reference coordinates where faces with nodes ``seen`` (p, n, k, 2) are at ``target``."""
+    for _ in range(NEWTON_STEPS):
+        M, dM = kind.shapes(eta)
+        away = target - (M[..., None, :] @ seen)[..., 0, :]
+        first, second = np.moveaxis(np.swapaxes(dM, -1, -2) @ seen, -2, 0)
+        area = cross(first, second)
+        step = np.stack([cross(away, second), cross(first, away)], axis=-1) / area[..., None]
+        # curved faces end where they fold; half a face beyond the edge nothing is asked for
+        new = np.clip(eta + step, -0.5, 1.5)
+        change, eta = np.abs(new - eta).max(initial=0.0), new
+        if change <= SQUARED:
+            break
+    return eta
+
+
+def stretch(surface: FaceSurface, cells: Cells, cell: Index, X: Array) -> Array:
+    """Area of faces, times the body's ``measure``, for the area in the planes of cells, (p, n).
+
+    Parameters
+    ----------
+    surface : FaceSurface
+    cells : Cells
+        Of the surface.
+    cell : ndarray of int, shape (p,)
+    X : ndarray, shape (p, n, 2)
+        Places in the planes of these cells.
+    """
+    out = np.ones(X.shape[:2])
+    bent, measure = np.flatnonzero(~cells.plane[cell]), surface.body.measure
+    if measure is not None:
+        bent = np.arange(len(cell))
+    if not len(bent):
+        return out
+    of = cell[bent]
+    at, slopes = cells.kind.shapes(local_coordinates(cells.corners[of, None, :, :2], X[bent]))
+    N, dN = surface.kind.shapes(at @ cells.reference[of])
+    nodes = surface.points[surface.facets[cells.facet[of]]]
+    along = np.swapaxes(dN, -1, -2) @ nodes[:, None]
+    area = np.linalg.norm(np.cross(along[..., 0, :], along[..., 1, :]), axis=-1)
+    reference, plane = (
+        cross(*np.moveaxis(np.swapaxes(slopes, -1, -2) @ corners[of, None], -2, 0))
+        for corners in (cells.reference, cells.corners[..., :2])
+    )
+    out[bent] = area * reference / plane
+    if measure is not None:
+        out *= measure(np.moveaxis(N @ nodes, -1, 0))
+    return out
