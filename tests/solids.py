@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 import skfem as fem
+from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import mesh_edges
@@ -73,3 +74,48 @@ def body(mesh: Any, kind: str, **options: Any) -> Body:
     """A body whose stiffness is the identity, for what only needs its surfaces."""
     basis = fem.Basis(mesh, fem.ElementVector(KINDS[kind][2]()), intorder=2)
     return Body(basis, sp.eye(basis.N), **options)
+
+
+def elastic(
+    mesh: Any,
+    kind: str,
+    name: str,
+    *,
+    E: float = 1.0,
+    nu: float = 0.3,
+    held: tuple[tuple[Any, tuple[int, ...]], ...] = (),
+    push: tuple[Any, tuple[float, ...]] | None = None,
+    press: tuple[Any, tuple[float, ...]] | None = None,
+) -> Body:
+    """An elastic body.
+
+    `held` pairs a function of position with components that are prescribed where it holds; `push` one
+    with the displacement of all of them there, `press` one with a traction.
+    """
+    order = 2 if kind in ("tri3", "quad4") else 4
+    basis = fem.Basis(mesh, fem.ElementVector(KINDS[kind][2]()), intorder=order)
+    parts = basis.split_indices()
+    D = [
+        dofs[where(basis.doflocs[:, dofs])] for where, axes in held for dofs in (parts[i] for i in axes)
+    ]
+    x, f = np.zeros(basis.N), None
+    if push is not None:
+        for i, value in enumerate(push[1]):
+            x[parts[i][push[0](basis.doflocs[:, parts[i]])]] = value
+    if press is not None:
+        side = fem.FacetBasis(mesh, basis.elem, facets=mesh.facets_satisfying(press[0]), intorder=6)
+        f = fem.LinearForm(lambda v, w: sum(t * v[i] for i, t in enumerate(press[1]))).assemble(side)
+    stiffness = linear_elasticity(*lame_parameters(E, nu))
+    return Body(
+        basis,
+        stiffness,
+        f,
+        D=np.unique(np.concatenate(D)) if D else None,
+        x=x if D else None,
+        name=name,
+    )
+
+
+def at(axis: int, value: float) -> Any:
+    """A function of position: on the plane where a coordinate has a value."""
+    return lambda x: np.isclose(x[axis], value, rtol=0, atol=1e-9)

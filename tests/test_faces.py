@@ -370,15 +370,3 @@ def test_serendipity_bodies_and_measures():
     one = body(cube("quad8"), "quad8", measure=lambda x: 2 * np.pi * x[0])
     assert not one.axisymmetric and one.rigid_modes.shape == (one.n, 6)
     assert sc.stack([one]).n == one.n
-
-
-def test_contact_of_solids_says_that_it_is_not_there_yet():
-    """Surfaces can be taken, contact between them is refused in words."""
-    low, high = body(cube("quad4"), "quad4", name="low"), body(cube("quad4"), "quad4", name="high")
-    sides = (
-        high.surface(lambda x: x[2] == 0.0, name="foot"),
-        low.surface(lambda x: x[2] == 1.0, name="top"),
-    )
-    for primary in (sides[1], sc.RigidPlane((0, 0, 0), (0, 0, 1))):
-        with pytest.raises(InputError, match=r"high/foot on .* in 3-D is not implemented yet"):
-            sc.ContactSolver([low, high], [sc.Contact(sides[0], primary)])

@@ -23,8 +23,9 @@ from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.projection import project
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.faces import projection as faces
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -53,7 +54,10 @@ class Segments:
     def of(cls, surface: ContactSurface) -> Segments:
         """The segments of a surface, in the order of its facets."""
         if surface.points.shape[1] != 2:
-            raise InputError(f"surface {surface.label!r}: edges of contact are located in 2-D only")
+            raise InputError(
+                f"surface {surface.label!r}: edges of contact, and estimates of errors that go by "
+                "them, are not implemented in 3-D yet"
+            )
         chain = surface.facets[:, [0, 1] if surface.facets.shape[1] == 2 else [0, 2, 1]]
         start, end = chain[:, :-1], chain[:, 1:]
         chord = np.linalg.norm(surface.points[end] - surface.points[start], axis=2)
@@ -180,11 +184,16 @@ def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:
     few = min(4, len(surface.facets))
     middle = surface.points[surface.facets].mean(axis=1)
     near = np.asarray(cKDTree(middle).query(points, k=few)[1]).reshape(len(points), few)
-    xi, foot, _ = project(surface, near.ravel(), np.repeat(points, few, axis=0))
-    distance = np.linalg.norm(np.repeat(points, few, axis=0) - foot, axis=1)
+    several = np.repeat(points, few, axis=0)
+    if isinstance(surface, FaceSurface):
+        feet = faces.project(surface, near.ravel(), several)
+        N, foot = feet.shape, feet.foot
+    else:
+        xi, foot, _ = project(surface, near.ravel(), several)
+        N, _ = facet_shapes(xi, surface.facets.shape[1])
+    distance = np.linalg.norm(several - foot, axis=1)
     best = np.arange(len(points)) * few + distance.reshape(-1, few).argmin(axis=1)
-    facet, xi = near.ravel()[best], xi[best]
-    N, _ = facet_shapes(xi, surface.facets.shape[1])
+    facet, N = near.ravel()[best], N[best]
     return np.einsum("pk,pk...->p...", N, np.asarray(values)[surface.facets[facet]])
 
 

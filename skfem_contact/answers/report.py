@@ -66,7 +66,8 @@ def table(result: ContactResult) -> str:
 def validity_lines(result: ContactResult) -> list[str]:
     """Whether the model holds at the answer, and what to change where it does not."""
     validity = result.validity
-    lines = [f"Validity of the model: {'holds' if validity.holds else 'DOES NOT HOLD'}"]
+    words = {True: "holds", False: "DOES NOT HOLD", None: "what is measured of it holds"}
+    lines = [f"Validity of the model: {words[validity.holds]}"]
     lines += str(validity).splitlines()
     for text in validity.problems.values():
         lines += [f"  ! {textwrap.fill(text, 96, subsequent_indent='    ')}"]
@@ -98,6 +99,8 @@ def _last_lines(result: ContactResult) -> list[str]:
 def _watched_line(answer: Answer) -> str:
     """What the watch of every step has warned of, in this step or before."""
     beyond = answer.watched.beyond
+    if not beyond and answer.kin.points.shape[1] == 3:
+        return "Validity of the model: not watched in 3-D yet"
     if not beyond:
         return "Validity of the model: nothing that a step looks at is beyond its bound"
     listed = ", ".join(f"{kind} of {name!r}" for kind, name in beyond)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.error.sources import ErrorEstimate
 from skfem_contact.answers.fields import closed_area, displaced, edge_positions, interpolate
+from skfem_contact.arguments import numbers
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
@@ -168,17 +169,23 @@ class ContactValues:
         """Resultant on the other side, a body or a rigid obstacle, shape (d,) [force]."""
         return -self.force
 
-    def moment(self, about: ArrayLike = (0.0, 0.0)) -> float | Array:
-        """Moment of the forces on the secondary about a point [force length]."""
-        arm = self.action - np.asarray(about, dtype=float)
-        F = self.forces
-        if self.points.shape[1] == 2:
+    def moment(self, about: ArrayLike | None = None) -> float | Array:
+        """Moment of the forces on the secondary about a point, the origin if none is given.
+
+        A number in 2-D, shape (3,) in 3-D [force length].
+        """
+        d, F = self.points.shape[1], self.forces
+        centre = np.zeros(d) if about is None else numbers(about, "about", f"give {d} coordinates")
+        if centre.shape != (d,):
+            raise InputError(f"about has shape {centre.shape}; give a point of {d} coordinates")
+        arm = self.action - centre
+        if d == 2:
             return float(np.sum(arm[:, 0] * F[:, 1] - arm[:, 1] * F[:, 0]))
         return np.cross(arm, F).sum(axis=0)
 
     @cached_property
     def contact_edges(self) -> Array:
-        """Where contact ends, located within a facet, shape (k, d) [length]; in 2-D.
+        """Where contact ends, located within a facet, shape (k, d) [length]; in 2-D only.
 
         There ``gap**(2/3)``, extrapolated from the open side, vanishes; see `fields`. In the order
         of the points; ends of the surface that are closed are no edges.

@@ -115,6 +115,24 @@ class FacetKind:
                 dN[..., i, j] = slope[j]
         return N, dN
 
+    def second(self, xi: Array) -> Array:
+        """Second derivatives of the shape functions, shape (..., k, d-1, d-1).
+
+        Central differences of the first ones, exact for polynomials of their degree.
+        """
+        xi = np.asarray(xi, dtype=float)
+        columns = [
+            self.shapes(xi + half)[1] - self.shapes(xi - half)[1] for half in 0.5 * np.eye(self.dim)
+        ]
+        return np.stack(columns, axis=-1)
+
+    @cached_property
+    def curvatures(self) -> Array | None:
+        """The second derivatives (k, d-1, d-1) where they are the same everywhere, else None."""
+        at = self.locations
+        second = self.second(at)
+        return second[0] if np.allclose(second, second[0], rtol=0, atol=1e-12) else None
+
     def quadrature(self, degree: int | None = None) -> tuple[Array, Array]:
         """Gauss points (q, d-1) and weights (q,), for polynomials up to `degree` at least."""
         points, weights = get_quadrature(self.element, self.degree if degree is None else degree)

@@ -1,4 +1,4 @@
-"""Each contact paired by its discretisation: node-to-segment, dual mortar, or a rigid obstacle."""
+"""Each contact paired by its discretisation: node by node, dual mortar, or a rigid obstacle."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corners import CornerContacts, Names, corner_contacts
+from skfem_contact.pairing.faces.control import at_control_points
+from skfem_contact.pairing.faces.node import node_to_face
+from skfem_contact.pairing.faces.rollers import along_supports
 from skfem_contact.pairing.frames import loaded_frames
 from skfem_contact.pairing.mortar import dual_mortar
-from skfem_contact.pairing.node import Pairing, node_to_segment
+from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
 
 Array = NDArray[np.float64]
 
@@ -36,33 +39,73 @@ def pair(
     moved : pair of ndarray, optional
         Displacements of the secondary and the primary body, for the deformed geometry [length].
     motion : optional
-        Motion of a rigid obstacle: translation (d,), or (translation, angle, centre).
+        Motion of a rigid obstacle: translation (d,), or in 2-D (translation, angle, centre).
     known : frozenset
         Vertices that carried in a round before, `Pairing.corners`.
     """
     secondary, primary = contact.secondary, contact.primary
-    if not isinstance(secondary, CurveSurface):
-        raise _not_yet(contact)
+    if isinstance(secondary, FaceSurface):
+        return _pair_faces(contact, secondary, motion)
     if len(moved):
         secondary = secondary.moved(moved[0])
     if isinstance(primary, Obstacle):
-        pairing = primary.pair(secondary, motion=motion)
-        if contact.reach is not None:
-            pairing = _without(pairing, ~(np.abs(pairing.gap) <= contact.reach))
-        return _without_idle(contact, pairing)
+        return _without_idle(contact, _on_obstacle(contact, secondary, primary, motion))
     if len(moved):
         primary = primary.moved(moved[1])
-    if isinstance(secondary, CurveSurface) and isinstance(primary, CurveSurface):
-        fixed = contact.sliding == "small" and not contact.tied and not len(moved)
-        return _pair_curves(contact, secondary, primary, known, fixed)
-    raise _not_yet(contact)
+    if not (isinstance(secondary, CurveSurface) and isinstance(primary, CurveSurface)):
+        raise _unlike(contact)
+    fixed = contact.sliding == "small" and not contact.tied and not len(moved)
+    return _pair_curves(contact, secondary, primary, known, fixed)
 
 
-def _not_yet(contact: Contact) -> InputError:
+def _unlike(contact: Contact) -> InputError:
+    """The error for a plane body and a solid."""
+    dims = [side.dim for side in (contact.secondary, contact.primary) if not isinstance(side, Obstacle)]
     return InputError(
-        f"contact {contact.label}: contact in 3-D is not implemented yet; surfaces of solids can be "
-        "taken (areas, normals), but not brought into contact"
+        f"contact {contact.label}: surface {contact.secondary.label!r} is {dims[0]}-D, surface "
+        f"{contact.primary.label!r} {dims[-1]}-D"
     )
+
+
+def _on_obstacle(
+    contact: Contact, secondary: ContactSurface, primary: Obstacle, motion: object
+) -> Pairing:
+    pairing = primary.pair(secondary, motion=motion)
+    if contact.reach is not None:
+        pairing = _without(pairing, ~(np.abs(pairing.gap) <= contact.reach))
+    return pairing
+
+
+def _pair_faces(contact: Contact, secondary: FaceSurface, motion: object) -> Pairing:
+    """Pair faces of solids, node by node."""
+    primary = contact.primary
+    for wrong, what in (
+        (contact.sliding == "finite", 'sliding="finite"'),
+        (contact.friction is not None, "friction"),
+    ):
+        if wrong:
+            raise InputError(f"contact {contact.label}: {what} in 3-D is not implemented yet")
+    if isinstance(primary, Obstacle):
+        pairing = _on_obstacle(contact, secondary, primary, motion)
+        away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
+    elif not isinstance(primary, FaceSurface):
+        raise _unlike(contact)
+    elif contact.method == "mortar":
+        raise InputError(
+            f"contact {contact.label}: method='mortar' in 3-D is not implemented yet; use "
+            "method='node', with the finer surface as the secondary one"
+        )
+    else:
+        pairing = node_to_face(secondary, primary, reach=contact.reach)
+        weights = pairing.secondary_weights, pairing.primary_weights
+        away = gap_vectors(secondary, primary, *weights)
+    if not contact.tied:
+        pairing = at_control_points(secondary, pairing, away)
+        pairing = _without_idle(contact, pairing)
+        if isinstance(primary, FaceSurface):
+            pairing = loaded_frames(secondary, primary, pairing)
+    tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
+    return replace(pairing, tangent=tangent)
 
 
 def _pair_curves(
@@ -100,7 +143,7 @@ def _without_idle(contact: Contact, pairing: Pairing) -> Pairing:
     The end of a quadratic facet on the axis of symmetry has no area: its force vanishes with any
     constant pressure, and the sign of what is left is not that of the pressure. Glued, it may stay.
     """
-    idle = _idle_points(contact.secondary)
+    idle = _idle_points(contact.secondary, pairing.area)
     if contact.tied or not (idle & pairing.paired).any():
         return pairing
     return _without(pairing, idle)
@@ -112,11 +155,11 @@ def _without(pairing: Pairing, left_out: NDArray[np.bool_]) -> Pairing:
     return replace(pairing, paired=pairing.paired & ~left_out, gap=gap)
 
 
-def _idle_points(surface: ContactSurface) -> NDArray[np.bool_]:
+def _idle_points(surface: ContactSurface, area: Array) -> NDArray[np.bool_]:
     """Points whose shape function has integral zero, shape (m,)."""
     middle = np.zeros(len(surface.points))
-    np.maximum.at(middle, surface.facets, surface.area[surface.facets].max(axis=1)[:, None])
-    return np.asarray(surface.area <= 1e-10 * middle)
+    np.maximum.at(middle, surface.facets, area[surface.facets].max(axis=1)[:, None])
+    return np.asarray(area <= 1e-10 * middle)
 
 
 def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
@@ -126,11 +169,10 @@ def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
     one without area that of the middle of its facet.
     """
     heir: NDArray[np.intp] = np.arange(len(pairing.gap))
-    at = surface.facets
-    if at.shape[1] == 3:
-        middle = heir.copy()
+    if surface.kind.name == "line3":
+        at, middle = surface.facets, heir.copy()
         middle[at[:, :2]] = at[:, 2:]
-        lonely = _idle_points(surface) & ~pairing.paired
+        lonely = _idle_points(surface, surface.area) & ~pairing.paired
         heir = np.where(lonely, middle, heir)
     weights = csr_matrix(pairing.secondary_weights).tocoo()
     lent = ~pairing.paired[weights.col] & (weights.row != weights.col)

@@ -73,7 +73,7 @@ class LevelSet(Obstacle):
 
     def moved(self, motion: Any) -> LevelSet:
         """Return the obstacle after a rigid motion, see `Obstacle.moved`."""
-        turn, shift = rigid_motion(motion, 2)
+        turn, shift = rigid_motion(motion, _dimension(motion))
         function, gradient = self.function, self.gradient
 
         def back(x: np.ndarray) -> np.ndarray:
@@ -193,6 +193,12 @@ class LevelSet(Obstacle):
         # central differences give normals with some nine digits
         stationary = np.linalg.norm(across, axis=1) <= 1e-7 * (size + np.linalg.norm(y - x, axis=1))
         return y, on_surface & stationary
+
+
+def _dimension(motion: Any) -> int:
+    """Of space, by the translation of a motion: a level set itself has none."""
+    several = isinstance(motion, tuple | list) and len(motion) > 0 and np.ndim(motion[0]) > 0
+    return 3 if np.shape(motion[0] if several else motion) == (3,) else 2
 
 
 def _central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float) -> np.ndarray:

@@ -37,6 +37,7 @@ CELLS = {
     skfem.ElementTetP1: "tetra",
     skfem.ElementTetP2: "tetra10",
     skfem.ElementHex1: "hexahedron",
+    skfem.ElementHexS2: "hexahedron20",
     skfem.ElementHex2: "hexahedron27",
 }
 #: The same for facets, by dimension of space and number of nodes.
@@ -46,6 +47,7 @@ FACETS = {
     (3, 3): "triangle",
     (3, 4): "quad",
     (3, 6): "triangle6",
+    (3, 8): "quad8",
     (3, 9): "quad9",
 }
 EXTENSIONS = (".vtu", ".vtk")

@@ -6,5 +6,6 @@
 * `faces`: the same in 3-D;
 * `facing`, `frames`: normals of both sides, and the frames of small sliding;
 * `diagnosis`: what looks wrong with a pairing, in sentences;
+* `faces`: the same for faces of solids;
 * `thresholds`: numbers, and where they come from.
 """

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.projection import interpolated_normals, project
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.search import FacetTree, closest_candidates
@@ -15,7 +15,7 @@ from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, FACING, TIE
 
 
 def search_range(
-    secondary: CurveSurface, primary: CurveSurface, reach: float | None
+    secondary: ContactSurface, primary: ContactSurface, reach: float | None
 ) -> tuple[float, float]:
     """Largest distances at which partners are looked for: of open points, of overlapping ones."""
     if reach is None:

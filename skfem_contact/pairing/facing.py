@@ -118,5 +118,7 @@ def _long(vectors: Array) -> NDArray[np.bool_]:
 
 def angle_between(one: Array, other: Array) -> Array:
     """Angles between unit vectors, shape (m,) [rad]; exact also where they are small."""
-    along, across = dot(one, other), dot(turned(one), other)
-    return np.abs(np.arctan2(across, along))
+    along = dot(one, other)
+    if one.shape[-1] == 3:
+        return np.asarray(np.arctan2(np.linalg.norm(np.cross(one, other), axis=-1), along))
+    return np.abs(np.arctan2(dot(turned(one), other), along))

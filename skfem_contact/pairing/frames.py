@@ -25,21 +25,23 @@ from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.normals import GAUSS, normals_at, tangents, unit
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.pairing.faces.joints import rim_points
+from skfem_contact.pairing.faces.moduli import area_vectors, strained
 from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.node import Pairing, gap_vectors
-from skfem_contact.pairing.thresholds import ALONG, SAME_NORMAL
+from skfem_contact.pairing.thresholds import ALONG, NO_NORMAL, SAME_NORMAL
 from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
 
 
-def loaded_frames(secondary: CurveSurface, primary: CurveSurface, pairing: Pairing) -> Pairing:
+def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
     """The pairing in the frames of the loaded interface, its gaps measured along the new normals.
 
     Parameters
     ----------
-    secondary, primary : CurveSurface
+    secondary, primary : ContactSurface
     pairing : Pairing
         With the normals of both sides.
 
@@ -52,14 +54,19 @@ def loaded_frames(secondary: CurveSurface, primary: CurveSurface, pairing: Pairi
     if of_secondary is None or of_primary is None or secondary.dofs.shape[1] != secondary.dim:
         return pairing
     apart = [angle_between(pairing.normal, side) for side in (of_secondary, of_primary)]
-    turns = pairing.paired & (np.maximum(*apart) > SAME_NORMAL) & ~_mirrored(secondary)
+    turns = pairing.paired & (np.maximum(*apart) > SAME_NORMAL)
+    if secondary.dim == 2:
+        turns &= ~_mirrored(secondary)
     if not turns.any():
         return pairing
     soft_s = _mean(pairing.secondary_weights, compliances(secondary))
     soft_p = _mean(pairing.primary_weights, compliances(primary))
     both = soft_s + soft_p
     share = np.divide(soft_p, both, out=np.full_like(both, 0.5), where=both > 0)[:, None]
-    mean = unit(share * of_secondary + (1 - share) * of_primary)
+    mean = share * of_secondary + (1 - share) * of_primary
+    if secondary.dim == 3:  # what stands across a plane of symmetry stays there
+        mean = np.where(secondary.held & (np.abs(of_secondary) <= SAME_NORMAL), 0.0, mean)
+    mean = unit(mean)
     normal = np.where(turns[:, None], mean, pairing.normal)
     weights = pairing.secondary_weights, pairing.primary_weights, pairing.primary_bulge
     away = gap_vectors(secondary, primary, *weights)
@@ -70,7 +77,7 @@ def loaded_frames(secondary: CurveSurface, primary: CurveSurface, pairing: Pairi
     return replace(pairing, normal=normal, tangent=tangents(normal), gap=gap)
 
 
-def _mirrored(surface: CurveSurface) -> NDArray[np.bool_]:
+def _mirrored(surface: ContactSurface) -> NDArray[np.bool_]:
     """Nodes on a line of symmetry, whose own normal lies in it exactly, shape (m,)."""
     across = np.abs(np.sum(surface.normals * surface.held, axis=1))
     return np.asarray((surface.held.sum(axis=1) == 1) & (across <= SAME_NORMAL))
@@ -83,21 +90,22 @@ def _mean(weights: object, values: Array) -> Array:
     return np.divide(size @ values, total, out=np.zeros_like(total), where=total > 0)
 
 
-def compliances(surface: CurveSurface) -> Array:
+def compliances(surface: ContactSurface) -> Array:
     """One over `plane_moduli`, and zero at nodes that are prescribed altogether, shape (m,)."""
     soft = 1.0 / plane_moduli(surface)
     return np.where(surface.held.all(axis=1), 0.0, soft)
 
 
-def plane_moduli(surface: CurveSurface) -> Array:
+def plane_moduli(surface: ContactSurface) -> Array:
     r"""Plane modulus ``E* = E / (1 - nu^2)`` of the body at the nodes of a surface, shape (m,).
 
     Read off the stiffness, whatever mesh and element: under a displacement linear in the position
     the stress is uniform around a node, and its nodal force is ``sigma a`` with the vector
     ``a = int N n dA`` of the boundary. A dilatation gives ``P = 2 (lambda + mu) |a|``, shears
-    ``Q = 2 mu |a|``, and the plane modulus is ``4 mu (lambda + mu) / (lambda + 2 mu)``. For plane
-    stress lambda is the one of plane stress, as it stands in K. Bodies need not be homogeneous but
-    around a node; springs to the ground do not matter.
+    ``Q = 2 mu |a|``, and the plane modulus is ``4 mu (lambda + mu) / (lambda + 2 mu)``. (Of solids P is
+    ``(3 lambda + 2 mu) |a|``, see `faces.moduli`.) For plane stress lambda is the one of plane stress,
+    as it stands in K. Bodies need not be homogeneous but around a node; springs to the ground do not
+    matter.
 
     Where K is not that of an elastic body, its diagonal stands in for the modulus, which it is but
     for a factor of the order of one. The ends of a surface, whose nodes have other boundaries too,
@@ -115,28 +123,44 @@ def plane_moduli(surface: CurveSurface) -> Array:
     >>> bool(abs(plane_moduli(top) - 1.0).max() < 1e-12)
     True
     """
-    dilated, stretched, sheared = _strained(surface)
-    area, length = _area_vectors(surface)
-    size = np.linalg.norm(area, axis=1)
-    P = np.linalg.norm(dilated, axis=1)
-    Q = np.sqrt(0.5 * np.sum(stretched**2 + sheared**2, axis=1))
+    if isinstance(surface, FaceSurface):
+        area, length = area_vectors(surface)
+        dilated, Q = strained(surface)
+    else:
+        area, length = _area_vectors(surface)
+        dilated, stretched, sheared = _strained(surface)
+        Q = np.sqrt(0.5 * np.sum(stretched**2 + sheared**2, axis=1))
+    size, P = np.linalg.norm(area, axis=1), np.linalg.norm(dilated, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        modulus = 2 * P * Q / ((P + Q) * size)
+        if surface.dim == 3:
+            modulus = Q * (2 * P + Q) / ((P + 2 * Q) * size)
+        else:
+            modulus = 2 * P * Q / ((P + Q) * size)
         diagonal = surface.body.K.diagonal()[surface.dofs].mean(axis=1) * length / size
     elastic = (dot(dilated, area) > ALONG * P * size) & np.isfinite(modulus) & (modulus > 0)
-    facets = np.bincount(surface.facets[:, :2].ravel(), minlength=len(size))
-    facets[surface.facets[:, 2:]] = 2
-    known = elastic & (facets == 2)
+    if surface.dim == 3:  # at corners of quadratic triangles a is round-off
+        elastic &= size > NO_NORMAL * length**2
+    inner = _inner(surface)
+    known = elastic & inner
     if not known.any():
         return np.where(np.isfinite(diagonal) & (diagonal > 0), diagonal, 1.0)
     modulus = np.where(elastic, modulus, diagonal)
-    borrowed = (facets != 2) | ~np.isfinite(modulus) | ~(modulus > 0)
+    borrowed = ~inner | ~np.isfinite(modulus) | ~(modulus > 0)
     _, nearest = cKDTree(surface.points[known]).query(surface.points[borrowed])
     modulus[borrowed] = modulus[known][nearest]
     return modulus
 
 
-def _strained(surface: CurveSurface) -> tuple[Array, Array, Array]:
+def _inner(surface: ContactSurface) -> NDArray[np.bool_]:
+    """Nodes that have no other boundaries than those of the surface, shape (m,)."""
+    if isinstance(surface, FaceSurface):
+        return ~rim_points(surface)
+    facets = np.bincount(surface.facets[:, :2].ravel(), minlength=len(surface.points))
+    facets[surface.facets[:, 2:]] = 2
+    return np.asarray(facets == 2)
+
+
+def _strained(surface: ContactSurface) -> tuple[Array, Array, Array]:
     """Nodal forces of K under a dilatation, a stretch and a shear around each node, each (m, 2)."""
     body, centre = surface.body, surface.points.mean(axis=0)
     unit_x = (np.arange(2) == body.dof_component[:, None]).astype(float)
@@ -155,7 +179,7 @@ def _strained(surface: CurveSurface) -> tuple[Array, Array, Array]:
     )
 
 
-def _area_vectors(surface: CurveSurface) -> tuple[Array, Array]:
+def _area_vectors(surface: ContactSurface) -> tuple[Array, Array]:
     """``int N n dA`` with the body's measure, (m, 2), and ``int |N| ds`` without, (m,)."""
     at, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
     N, _ = facet_shapes(at, surface.facets.shape[1])

@@ -15,8 +15,9 @@ D. Johnson, E. Cohen: Spatialized normal cone hierarchies. Proc. I3D (2001) 129-
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,13 +61,13 @@ class FacetTree:
         """Build the hierarchy over the facets of a surface."""
         lower, upper = _boxes(surface)
         angle, spread = _cones(surface)
-        levels = [Nodes(*_ball(lower, upper), angle, spread)]
+        levels = [Nodes(*ball_of(lower, upper), angle, spread)]
         while len(lower) > 1:
-            left, right = _children(len(lower))
+            left, right = children(len(lower))
             lower = np.minimum(lower[left], lower[right])
             upper = np.maximum(upper[left], upper[right])
             angle, spread = _merge(angle[left], spread[left], angle[right], spread[right])
-            levels.append(Nodes(*_ball(lower, upper), angle, spread))
+            levels.append(Nodes(*ball_of(lower, upper), angle, spread))
         return cls(tuple(levels))
 
     def descend(
@@ -85,24 +86,55 @@ class FacetTree:
         ------
         item, facet : ndarray of int
         """
-        top = len(self.levels) - 1
-        items = np.split(np.arange(count), range(PAIRS_AT_ONCE, count, PAIRS_AT_ONCE))
-        stack = [(top, some, np.zeros(len(some), dtype=np.intp)) for some in items]
-        while stack:
-            level, item, node = stack.pop()
-            keep = meets(item, self.levels[level].at(node))
-            item, node = item[keep], node[keep]
-            if level == 0:
-                yield item, node
-                continue
-            item, node = np.repeat(item, 2), np.stack([2 * node, 2 * node + 1], axis=1).ravel()
-            there = node < len(self.levels[level - 1].radius)
-            item, node = item[there], node[there]
-            pieces = max(1, -(-len(item) // PAIRS_AT_ONCE))
-            stack.extend(
-                (level - 1, i, n)
-                for i, n in zip(np.array_split(item, pieces), np.array_split(node, pieces), strict=True)
-            )
+        yield from descend(self.levels, count, meets)
+
+
+class Level(Protocol):
+    """Nodes of one level of a tree; those of the next level have the numbers ``2 i``, ``2 i + 1``."""
+
+    @property
+    def radius(self) -> Array:
+        """Of the balls, (n,) [length]."""
+        ...
+
+    def at(self: L, node: Index) -> L:
+        """These nodes, in this order."""
+        ...
+
+
+L = TypeVar("L", bound=Level)
+
+
+def descend(
+    levels: Sequence[L], count: int, meets: Callable[[Index, L], Mask]
+) -> Iterator[tuple[Index, Index]]:
+    """Yield pairs (item, leaf) all of whose nodes are met; `FacetTree.descend` for any tree.
+
+    Parameters
+    ----------
+    levels : sequence
+        Leaves first, the root last.
+    count : int
+    meets : callable
+    """
+    top = len(levels) - 1
+    items = np.split(np.arange(count), range(PAIRS_AT_ONCE, count, PAIRS_AT_ONCE))
+    stack = [(top, some, np.zeros(len(some), dtype=np.intp)) for some in items]
+    while stack:
+        level, item, node = stack.pop()
+        keep = meets(item, levels[level].at(node))
+        item, node = item[keep], node[keep]
+        if level == 0:
+            yield item, node
+            continue
+        item, node = np.repeat(item, 2), np.stack([2 * node, 2 * node + 1], axis=1).ravel()
+        there = node < len(levels[level - 1].radius)
+        item, node = item[there], node[there]
+        pieces = max(1, -(-len(item) // PAIRS_AT_ONCE))
+        stack.extend(
+            (level - 1, i, n)
+            for i, n in zip(np.array_split(item, pieces), np.array_split(node, pieces), strict=True)
+        )
 
 
 def closest_candidates(
@@ -162,7 +194,7 @@ def normal_candidates(
     e, f : ndarray of int
         Secondary and primary facets, ordered by both.
     """
-    centre, radius = _ball(*_boxes(secondary))
+    centre, radius = ball_of(*_boxes(secondary))
     ends = secondary.points[secondary.facets[:, :2]]
     along = turned(facet_normal_field(secondary)[:, :2])
     along = along / np.linalg.norm(along, axis=2, keepdims=True)
@@ -179,7 +211,7 @@ def normal_candidates(
     return e[order], f[order]
 
 
-def _children(count: int) -> tuple[np.ndarray, np.ndarray]:
+def children(count: int) -> tuple[np.ndarray, np.ndarray]:
     left = np.arange(0, count, 2)
     return left, np.minimum(left + 1, count - 1)
 
@@ -193,7 +225,7 @@ def _boxes(surface: CurveSurface) -> tuple[np.ndarray, np.ndarray]:
     return corners.min(axis=1), corners.max(axis=1)
 
 
-def _ball(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def ball_of(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     radius = 0.5 * np.linalg.norm(upper - lower, axis=1)
     return 0.5 * (lower + upper), radius * (1 + MARGIN)
 

@@ -124,7 +124,7 @@ def sagitta(surface: ContactSurface, normals: Array) -> float:
 
 
 def strains(body: Body, u: Array) -> tuple[float, float, float]:
-    """Strain and rotation of a plane or axisymmetric body.
+    """Strain and rotation of a body.
 
     Parameters
     ----------
@@ -142,6 +142,8 @@ def strains(body: Body, u: Array) -> tuple[float, float, float]:
         Root of the mean square over the body [rad].
     """
     gradient = np.asarray(body.basis.interpolate(u).grad)
+    if body.dim == 3:
+        return _strains_of_solid(gradient, body.basis.dx)
     (a, b), (c, d) = gradient
     middle, radius = 0.5 * (a + d), np.sqrt(0.25 * (a - d) ** 2 + 0.25 * (b + c) ** 2)
     size = np.abs(middle) + radius
@@ -154,3 +156,15 @@ def strains(body: Body, u: Array) -> tuple[float, float, float]:
     mean = float(np.sum(size**3 * volume) / square) if square > 0 else 0.0
     rotation = np.sqrt(np.sum(0.25 * (c - b) ** 2 * volume) / np.sum(volume))
     return mean, float(size.max()), float(rotation)
+
+
+def _strains_of_solid(gradient: Array, volume: Array) -> tuple[float, float, float]:
+    """`strains` by the gradient (3, 3, elements, q) of the displacements."""
+    G = np.moveaxis(gradient, (0, 1), (2, 3))
+    other = np.swapaxes(G, 2, 3)
+    size = np.abs(np.linalg.eigvalsh(0.5 * (G + other))).max(axis=2)
+    square = np.sum(size**2 * volume)
+    mean = float(np.sum(size**3 * volume) / square) if square > 0 else 0.0
+    # half of the squares of a skew matrix are those of its vector
+    turn = np.sum((0.5 * (G - other)) ** 2, axis=(2, 3)) / 2
+    return mean, float(size.max()), float(np.sqrt(np.sum(turn * volume) / np.sum(volume)))

@@ -105,6 +105,8 @@ class Validity:
     problems : dict
         Sentences, by kind ("sliding", "overlap", "facets", "chords",
         "strain", "rotation") and name of the contact or body.
+    left_out : str
+        What was not measured, in words: of contact in 3-D nothing is yet.
 
     Examples
     --------
@@ -138,10 +140,13 @@ class Validity:
     largest_strain: dict[str, float]
     rotation: dict[str, float]
     problems: dict[tuple[str, str], str]
+    left_out: str = ""
 
     @property
-    def holds(self) -> bool:
-        """Whether everything is within its bound."""
+    def holds(self) -> bool | None:
+        """Whether everything is within its bound; None where the rest is, but something `left_out`."""
+        if self.left_out and not self.problems:
+            return None
         return not self.problems
 
     @property
@@ -158,7 +163,7 @@ class Validity:
         return float(np.nanmax(found))
 
     def __str__(self) -> str:
-        lines = []
+        lines = [f"  {self.left_out}"] if self.left_out else []
         for name, part in self.contacts.items():
             lines += [f"  {name}: {line}" for line in _contact_lines(part)]
         for name, strain in self.strain.items():
@@ -203,6 +208,11 @@ def _contact_lines(part: ContactValidity) -> list[str]:
     return words
 
 
+LEFT_OUT = (
+    "in 3-D slip, overlaps and the heights of chords are not measured yet, only strains and turns"
+)
+
+
 def assess(result: Answer) -> Validity:
     """Measure the validity of a result; needs the displacements of all bodies.
 
@@ -212,13 +222,13 @@ def assess(result: Answer) -> Validity:
         What is beyond its bound, unless its history has said so before.
     """
     system = result.system
-    solids = {name: body for name, body in system.solids.items() if body.components == 2}
+    solids = {name: body for name, body in system.solids.items() if body.components > 1}
     found = {name: strains(body, result.displacement(body)) for name, body in solids.items()}
-    outlines = {name: outline(body, result.displacement(body)) for name, body in solids.items()}
+    outlines = {n: outline(b, result.displacement(b)) for n, b in solids.items() if b.dim == 2}
     contacts: dict[str, ContactValidity] = {}
     problems: dict[tuple[str, str], str] = {}
     for i, (contact, name) in enumerate(zip(result.contacts, result.names, strict=True)):
-        if not result.watched.tracks:  # scalar fields
+        if not result.watched.tracks:  # scalar fields, and solids
             break
         part = contacts[name] = _contact(result, i, outlines)
         label = f"Contact {name!r} ({contact.label}): "
@@ -246,7 +256,8 @@ def assess(result: Answer) -> Validity:
     for key, text in problems.items():
         if result.converged and key not in result.watched.said:
             warnings.warn(text, ContactWarning, stacklevel=4)
-    return Validity(contacts, strain, largest, rotation, problems)
+    left_out = LEFT_OUT if solids and not outlines else ""
+    return Validity(contacts, strain, largest, rotation, problems, left_out)
 
 
 def _contact(result: Answer, i: int, outlines: dict[str, Outline]) -> ContactValidity:

@@ -1,5 +1,10 @@
 """Faces of solids: what meets what in 3-D.
 
+* `joints`: sharp edges, corners, and what leads along a surface there;
+* `search`: which faces can hold the closest point to a node;
+* `control`: rows of quadratic faces whose nodal forces have no sign; `rollers`: tangents at supports;
+* `moduli`: stiffness of solids at their nodes, for the frames of small sliding;
+* `projection`, `closest`, `node`: closest points of faces and of surfaces, node-to-face contact;
 * `cells`, `clipping`, `candidates`, `layers`: plane parts of faces, and what two have in common;
 * `meeting`, `segmentation`: pieces of an interface, and points on both of its sides;
 * `dual`, `supports`, `mortar`: multipliers, what supports leave of them, and the rows.

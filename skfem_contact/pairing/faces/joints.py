@@ -1,0 +1,157 @@
+"""Where faces meet: sharp edges and corners, and the directions that lead along the surface there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.thresholds import CORNER
+from skfem_contact.pairing.vectors import dot, ragged
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+def sharp_edges(surface: FaceSurface) -> Mask:
+    """Edges (nf, c) where faces meet at more than 45 degrees, at one end at least."""
+    c = surface.kind.corners
+    own = surface.own_normals[:, :c].reshape(-1, 3)
+    here = np.arange(surface.twins.size).reshape(-1, c)
+    there = surface.twins
+    ahead = np.roll(here, -1, axis=1)
+    # the edge across starts where this one ends
+    begin, end = _following(there, c), there
+    sharp = (dot(own[here], own[begin]) < CORNER) | (dot(own[ahead], own[end]) < CORNER)
+    return np.asarray(sharp & (there >= 0))
+
+
+def sharp_points(surface: FaceSurface) -> Mask:
+    """Nodes on sharp edges, shape (m,)."""
+    sharp = np.zeros(len(surface.points), dtype=bool)
+    sharp[surface.facets[:, surface.kind.edges][sharp_edges(surface)]] = True
+    return sharp
+
+
+def rim_points(surface: FaceSurface) -> Mask:
+    """Nodes on edges where the surface ends, shape (m,)."""
+    rim = np.zeros(len(surface.points), dtype=bool)
+    rim[surface.facets[:, surface.kind.edges][surface.twins < 0]] = True
+    return rim
+
+
+def _following(number: Index, c: int) -> Index:
+    """The number ``c f + i`` of the corner after that with a number, on the same face."""
+    return np.asarray(number // c * c + (number + 1) % c)
+
+
+@dataclass(frozen=True, eq=False)
+class Joints:
+    """What stands at the corners of faces, to tell whether a corner is the closest point of all.
+
+    Attributes
+    ----------
+    first : ndarray of int, shape (m + 1,)
+        Point i has the rows ``first[i]`` to ``first[i + 1]`` of `row`.
+    row : ndarray of int, shape (nf c,)
+        Numbers ``c f + i`` of the corners of faces at each point.
+    leaving, arriving : ndarray, shape (nf c, 3)
+        Unit vectors from the corner along the edges that start and that end there.
+    outward : ndarray, shape (nf c, 2, 3)
+        Across the edges that start and end there, out of the surface where it ends; else zero.
+    """
+
+    first: Index
+    row: Index
+    leaving: Array
+    arriving: Array
+    outward: Array
+
+    @classmethod
+    def of(cls, surface: FaceSurface) -> Joints:
+        """Collect the corners of a surface by its points."""
+        c = surface.kind.corners
+        corners = surface.facets[:, :c]
+        row = np.argsort(corners.ravel(), kind="stable")
+        count = np.bincount(corners.ravel(), minlength=len(surface.points))
+        start, end = edge_tangents(surface)
+        leaving, arriving = start, -np.roll(end, 1, axis=1)
+        normal = surface.own_normals[:, :c]
+        rim = (surface.twins < 0)[..., None]
+        before = np.where(np.roll(rim, 1, axis=1), np.cross(-arriving, normal), 0.0)
+        outward = np.stack([np.where(rim, np.cross(leaving, normal), 0.0), before], axis=2)
+        return cls(
+            np.concatenate([[0], np.cumsum(count)]),
+            row,
+            leaving.reshape(-1, 3),
+            arriving.reshape(-1, 3),
+            outward.reshape(-1, 2, 3),
+        )
+
+    def leads_off(self, point: Index, apart: Array, least: Array) -> Mask:
+        """Whether some face at points comes nearer than the points, or the surface ends on the way.
+
+        Parameters
+        ----------
+        point : ndarray of int, shape (p,)
+            Points of the surface.
+        apart : ndarray, shape (p, 3)
+            From there to what they are the closest point to [length].
+        least : ndarray, shape (p,)
+            What counts as round-off [length].
+        """
+        count = self.first[point + 1] - self.first[point]
+        row = self.row[ragged(self.first[point], count)]
+        item = np.repeat(np.arange(len(point)), count)
+        away = apart[item]
+        along = np.maximum(dot(self.leaving[row], away), dot(self.arriving[row], away))
+        beyond = np.einsum("rsd,rd->rs", self.outward[row], away).max(axis=1)
+        off = np.zeros(len(point), dtype=bool)
+        off[item[np.maximum(along, beyond) > least[item]]] = True
+        return off
+
+
+def edge_tangents(surface: FaceSurface) -> tuple[Array, Array]:
+    """Unit vectors along each edge at its start and its end, each (nf, c, 3)."""
+    kind, c = surface.kind, surface.kind.corners
+    at = kind.locations[:c]
+    way = np.roll(at, -1, axis=0) - at
+    _, dN = kind.shapes(at)
+    x = surface.points[surface.facets]
+    start = np.einsum("cki,ci,fkd->fcd", dN, way, x)
+    end = np.einsum("cki,ci,fkd->fcd", np.roll(dN, -1, axis=0), way, x)
+    return _unit(start), _unit(end)
+
+
+def across_edges(surface: FaceSurface, number: Index, part: Array) -> tuple[Array, Array]:
+    """Out of faces across their edges, and their own normals, at parts of the way along the edges.
+
+    Parameters
+    ----------
+    surface : FaceSurface
+    number : ndarray of int, shape (p,)
+        ``c f + i`` of edge i of face f.
+    part : ndarray, shape (p,)
+        0 at the start of the edge, 1 at its end.
+
+    Returns
+    -------
+    outward, normal : ndarray, shape (p, 3)
+        Unit vectors.
+    """
+    kind, c = surface.kind, surface.kind.corners
+    facet, edge = number // c, number % c
+    at = kind.locations[:c]
+    way = (np.roll(at, -1, axis=0) - at)[edge]
+    _, dN = kind.shapes(at[edge] + part[:, None] * way)
+    along = np.einsum("pki,pkd->pid", dN, surface.points[surface.facets[facet]])
+    normal = _unit(np.cross(along[:, 0], along[:, 1]))
+    tangent = _unit(np.einsum("pi,pid->pd", way, along))
+    return np.cross(tangent, normal), normal
+
+
+def _unit(vectors: Array) -> Array:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

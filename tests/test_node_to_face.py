@@ -1,0 +1,287 @@
+"""Node-to-face pairing: closest points, convex edges and corners, rims, ties, and the search."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import skfem as fem
+from scipy.spatial.transform import Rotation
+from solids import KINDS, body, cube, onto_ball, shuffled
+
+from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.pairing.faces.closest import closest_faces
+from skfem_contact.pairing.faces.joints import rim_points, sharp_points
+from skfem_contact.pairing.faces.node import node_to_face
+from skfem_contact.pairing.faces.projection import interpolated_normals, project
+from skfem_contact.pairing.faces.search import FaceTree, closest_candidates
+
+every_kind = pytest.mark.parametrize("kind", KINDS)
+
+
+def warped(x):
+    """A smooth map of the cube that bends all of its faces and edges."""
+    return x + 0.15 * np.sin(2.0 * x[[1, 2, 0]] + 1.0) * np.cos(3.0 * x[[2, 0, 1]])
+
+
+def grid(kind, n):
+    """Reference coordinates all over a face."""
+    t = np.linspace(0, 1, n)
+    xi = np.stack(np.meshgrid(t, t), axis=-1).reshape(-1, 2)
+    return xi[xi.sum(axis=1) <= 1 + 1e-12] if kind.triangle else xi
+
+
+@every_kind
+def test_projection_finds_the_least_distance(kind):
+    """No point of a fine grid over the face, curved and warped as it is, is nearer than the foot."""
+    surface = body(cube(kind, 2, warped), kind).surface(None)
+    rng = np.random.default_rng(0)
+    facet = rng.integers(0, len(surface.facets), 400)
+    x = surface.points[surface.facets[facet]].mean(axis=1) + 0.3 * rng.standard_normal((400, 3))
+    feet = project(surface, facet, x)
+    N, _ = surface.kind.shapes(grid(surface.kind, 41))
+    where = np.einsum("qk,pkd->pqd", N, surface.points[surface.facets[facet]])
+    nearest = np.linalg.norm(where - x[:, None], axis=2).min(axis=1)
+    assert np.all(np.linalg.norm(feet.foot - x, axis=1) <= nearest + 1e-12)
+    assert set(range(-1, 2 * surface.kind.corners)) == set(feet.place)  # inside, all edges, all corners
+    # inside the line of sight is the normal, and nothing is beyond
+    inside = feet.place < 0
+    apart = (x - feet.foot)[inside]
+    along = apart - np.sum(apart * feet.own[inside], axis=1)[:, None] * feet.own[inside]
+    # beyond centres of curvature, where the model is flattened, steps converge linearly
+    np.testing.assert_allclose(along, 0.0, rtol=0, atol=1e-9)
+    assert np.all(feet.over[inside] == 0.0) and np.all(feet.over[~inside] > 0.0)
+
+
+@every_kind
+def test_projection_of_points_on_the_face(kind):
+    """Points that lie on a face are their own feet, and their coordinates are found."""
+    surface = body(cube(kind, 2, warped), kind).surface(None)
+    xi = grid(surface.kind, 6)
+    N, _ = surface.kind.shapes(xi)
+    for facet in (0, 5):
+        x = N @ surface.points[surface.facets[facet]]
+        feet = project(surface, np.full(len(x), facet), x)
+        np.testing.assert_allclose(feet.foot, x, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(feet.xi, xi, rtol=0, atol=1e-11)
+
+
+def brute(secondary: FaceSurface, primary: FaceSurface) -> np.ndarray:
+    """The least distance of each point to any face that faces it, by projection on all of them."""
+    m, nf = len(secondary.points), len(primary.facets)
+    point, facet = np.repeat(np.arange(m), nf), np.tile(np.arange(nf), m)
+    feet = project(primary, facet, secondary.points[point])
+    distance = np.linalg.norm(secondary.points[point] - feet.foot, axis=1)
+    facing = np.sum(secondary.normals[point] * primary.facet_normals[facet], axis=1) < -0.1
+    return np.where(facing, distance, np.inf).reshape(m, nf).min(axis=1)
+
+
+@every_kind
+@pytest.mark.parametrize("seed", [0, 1])
+def test_nodes_round_a_closed_surface_are_paired_with_its_nearest_point(kind, seed):
+    """On a ball in a larger hollow ball no partner but the nearest can be right; all nodes have one."""
+    turn = Rotation.random(random_state=seed).as_matrix()
+    small = cube(kind, 3, onto_ball)
+    small = type(small)(turn @ small.doflocs + np.array([[0.05], [-0.1], [0.08]]), small.t)
+    primary = body(small, kind).surface(None)
+
+    def shell(x):
+        """Two walls of a hollow ball, from the radius 1.2 to 2."""
+        y = onto_ball(x)
+        return 1.2 * y
+
+    # the inner wall of a hollow ball: a ball whose surface is looked at from inside
+    outer = body(cube(kind, 4, shell), kind).surface(None)
+    inside_out = type(outer)(**{**vars_of(outer), "normals": -outer.normals})
+    pairing = node_to_face(inside_out, primary)
+    assert pairing.paired.all()
+    foot = pairing.primary_weights @ primary.points
+    distance = np.linalg.norm(inside_out.points - foot, axis=1)
+    np.testing.assert_allclose(distance, brute(inside_out, primary), rtol=0, atol=1e-9)
+    # gap = n . (x_s - x_p); the normal is interpolated, so it is a little shorter than the distance
+    gap = np.sum(pairing.normal * (inside_out.points - foot), axis=1)
+    np.testing.assert_allclose(pairing.gap, gap, rtol=0, atol=1e-14)
+    assert np.all(pairing.gap <= distance + 1e-14) and np.all(pairing.gap > 0.9 * distance)
+
+
+def vars_of(surface):
+    """The fields of a surface by name."""
+    return {name: getattr(surface, name) for name in type(surface).__dataclass_fields__}
+
+
+@every_kind
+def test_the_search_leaves_no_face_out(kind):
+    """The tree gives every face that holds the nearest point to any of many points far and near."""
+    rng = np.random.default_rng(3)
+    surface = body(cube(kind, 3, warped), kind).surface(None)
+    x = rng.uniform(-1.0, 2.0, (300, 3))
+    facet = np.tile(np.arange(len(surface.facets)), len(x))
+    point = np.repeat(np.arange(len(x)), len(surface.facets))
+    feet = project(surface, facet, x[point])
+    apart = x[point] - feet.foot
+    distance = np.linalg.norm(apart, axis=1).reshape(len(x), -1)
+    looks = -apart.reshape(len(x), -1, 3)[np.arange(len(x)), distance.argmin(axis=1)]
+    looks /= np.linalg.norm(looks, axis=1, keepdims=True)
+    found = np.zeros((len(x), len(surface.facets)), dtype=bool)
+    blocks = closest_candidates(
+        FaceTree.build(surface),
+        x,
+        looks,
+        facing=np.pi,
+        bound=np.full(len(x), np.inf),
+        outside=np.inf,
+        inside=np.inf,
+    )
+    for item, face in blocks:
+        found[item, face] = True
+    nearest = distance <= distance.min(axis=1, keepdims=True) + 1e-12
+    # a sharp edge of the body is the nearest point of points that lie beyond 45 degrees, too
+    inner = np.abs(np.sum(apart * feet.own, axis=1)).reshape(distance.shape) > 0.75 * distance
+    assert np.all(found[nearest & inner])
+    assert found.sum() < 0.7 * found.size  # of 54 faces, with sharp edges that open cones by 45 degrees
+
+
+def plate(kind, n, z, low=0.0, high=1.0):
+    """A flat plate over the square from `low` to `high`, its lower side at z."""
+
+    def place(x):
+        return np.stack([low + (high - low) * x[0], low + (high - low) * x[1], z + 0.5 * x[2]])
+
+    return body(cube(kind, n, place), kind)
+
+
+def lower(z):
+    return lambda x: np.isclose(x[2], z)
+
+
+@every_kind
+def test_nodes_beyond_the_rim_have_no_partner(kind):
+    """A plate that is larger by a tenth all around misses by a tenth, at its corners by a diagonal."""
+    primary = plate(kind, 3, 0.0).surface(lower(0.5))
+    secondary = plate(kind, 4, 0.7, -0.1, 1.1).surface(lower(0.7))
+    pairing = node_to_face(secondary, primary)
+    x, y = secondary.points[:, 0], secondary.points[:, 1]
+    beyond = np.hypot(np.maximum(np.maximum(-x, x - 1), 0), np.maximum(np.maximum(-y, y - 1), 0))
+    assert np.array_equal(pairing.paired, beyond < 1e-9)
+    np.testing.assert_allclose(pairing.miss, beyond, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(pairing.gap[pairing.paired], 0.2, rtol=0, atol=1e-12)
+    linear = primary.points @ [1.0, 2.0, 0.0]
+    own = secondary.points @ [1.0, 2.0, 0.0]
+    np.testing.assert_allclose((pairing.primary_weights @ linear)[pairing.paired], own[pairing.paired])
+
+
+@every_kind
+def test_nodes_at_the_rim_are_paired(kind):
+    """Plates of one size: nodes on the common rim have partners, round-off or not."""
+    primary = plate(kind, 3, 0.0).surface(lower(0.5))
+    for noise in (0.0, 1e-12, -1e-12):
+        secondary = plate(kind, 4, 0.5, noise, 1.0 - noise).surface(lower(0.5))
+        pairing = node_to_face(secondary, primary)
+        assert pairing.paired.all() and np.all(pairing.miss == 0.0)
+        np.testing.assert_allclose(pairing.gap, 0.0, rtol=0, atol=1e-14)
+
+
+@every_kind
+def test_reach_and_overlaps(kind):
+    """Gaps and overlaps beyond the reach have no partner; without it the far side is none."""
+    primary = plate(kind, 2, 0.0).surface(lower(0.5))
+    for z in (0.6, 0.4):
+        secondary = plate(kind, 3, z).surface(lower(z))
+        assert node_to_face(secondary, primary).paired.all()
+        np.testing.assert_allclose(node_to_face(secondary, primary).gap, z - 0.5, rtol=0, atol=1e-12)
+        assert not node_to_face(secondary, primary, reach=0.05).paired.any()
+        assert node_to_face(secondary, primary, reach=0.2).paired.all()
+    deep = plate(kind, 3, 0.5 - 0.8).surface(lower(-0.3))
+    assert not node_to_face(deep, primary).paired.any()
+
+
+def test_convex_edges_and_corners_take_nodes_up_to_45_degrees():
+    """Round the edge of a cube a node is paired along the normal of its side, at 45 degrees at most."""
+    cube_ = body(cube("quad4", 2), "quad4").surface(None)
+    assert sharp_points(cube_).sum() == 8 + 12 and not rim_points(cube_).any()
+    for angle, expected in ((10, True), (44, True), (46, False)):
+        # the tip of a small tetrahedron that looks down, beyond the edge x = 1 of the top z = 1
+        tan = np.tan(np.radians(angle))
+        tip = np.array([1.0 + 0.2 * tan, 0.3, 1.2])
+        p = tip[:, None] + 0.1 * np.array([[0, 1, -1, 0], [0, -0.5, -0.5, 1], [0, 0.05, 0.05, 0.05]])
+        p = np.hstack([p, tip[:, None] + [[0], [0], [1.0]]])
+        mesh = fem.MeshTet(p, np.array([[0, 1, 2, 4], [0, 2, 3, 4], [0, 3, 1, 4]]).T)
+        foot = body(mesh, "tri3").surface(lambda x: x[2] < 1.23)
+        node = int(np.argmin(foot.points[:, 2]))
+        pairing = node_to_face(foot, cube_)
+        assert pairing.paired[node] == expected, angle
+        if expected:
+            np.testing.assert_allclose(pairing.normal[node], [0, 0, 1], atol=1e-12)
+            assert pairing.gap[node] == pytest.approx(0.2)
+        else:
+            assert pairing.miss[node] == pytest.approx(0.2 * tan)
+
+
+def test_nodes_slide_over_joints_without_a_jump():
+    """Over a ball of few faces the normal and the foot change with the place of a node, never more."""
+    ball = body(cube("quad4", 4, onto_ball), "quad4").surface(None)
+    t = np.linspace(0.0, 1.0, 400)
+    way = np.stack(
+        [np.cos(2 * t) * np.sin(1 + t), np.sin(2 * t) * np.sin(1 + t), np.cos(1 + t)], axis=1
+    )
+    other = body(cube("quad4", 4, onto_ball), "quad4").surface(None)
+    probe = type(ball)(**{**vars_of(other), "points": 1.05 * way, "normals": -way})
+    point, facet = closest_faces(probe, ball, np.inf, 1.0)
+    assert np.array_equal(point, np.arange(len(t)))
+    feet = project(ball, facet, probe.points)
+    for values in (interpolated_normals(ball, facet, feet.shape), feet.foot):
+        jump = np.abs(np.diff(values, axis=0)).max()
+        assert jump < 3 * np.abs(np.diff(way, axis=0)).max()
+
+
+@every_kind
+def test_pairing_does_not_depend_on_numbering_or_place(kind):
+    """Meshes with other numbers, and all turned and moved, give the same partners, frames and gaps."""
+    # touching meshes with many ties: nodes over nodes, edges and the middles of faces
+    base, top = cube(kind, 4, lambda x: x - [[0], [0], [1]]), cube(kind, 2)
+
+    def pair(low, high, turn):
+        sides = []
+        for mesh, look in ((high, lambda x: np.isclose(x[2], 0)), (low, lambda x: np.isclose(x[2], 0))):
+            turned = type(mesh)(turn @ mesh.doflocs, mesh.t)
+            back = body(turned, kind)
+            sides.append(back.surface(lambda x, look=look: look(np.einsum("ji,j...->i...", turn, x))))
+        return sides, node_to_face(*sides)
+
+    (secondary, primary), first = pair(base, top, np.eye(3))
+    turn = Rotation.random(random_state=5).as_matrix()
+    (other, opposite), second = pair(shuffled(base, 1), shuffled(top, 2), turn)
+    own = np.lexsort(np.round(secondary.points, 9).T)
+    there = np.lexsort(np.round(other.points @ turn, 9).T)
+    np.testing.assert_allclose(other.points[there] @ turn, secondary.points[own], atol=1e-12)
+    np.testing.assert_allclose(second.gap[there], first.gap[own], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(second.normal[there] @ turn, first.normal[own], atol=1e-12)
+    feet = (first.primary_weights @ primary.points)[own]
+    np.testing.assert_allclose(
+        (second.primary_weights @ opposite.points)[there] @ turn, feet, atol=1e-12
+    )
+
+
+def test_the_tip_of_a_crack_is_no_partner_of_itself():
+    """Nodes on the front of a crack belong to both lips and have no partner on the other."""
+    t = np.linspace(0, 1, 3)
+    low = fem.MeshHex.init_tensor(t, t, np.array([0.0, 1.0]))
+    high = fem.MeshHex.init_tensor(t, t, np.array([1.0, 2.0]))
+    p = np.hstack([low.p, high.p])
+    shared = (p[2] == 1.0) & (p[0] == 0.0)  # the two halves hang together along one edge
+    number = np.arange(p.shape[1])
+    for i in np.flatnonzero(shared & (number >= low.nvertices)):
+        same = np.flatnonzero(shared & (number < low.nvertices) & np.all(p[:, [i]] == p, axis=0))
+        number[i] = same[0]
+    t_all = number[np.hstack([low.t, high.t + low.nvertices])]
+    used, t_all = np.unique(t_all, return_inverse=True)
+    mesh = fem.MeshHex(p[:, used], t_all.reshape(8, -1))
+    one = body(mesh, "quad4")
+    centre = mesh.p[:, mesh.t[:, mesh.f2t[0]]].mean(axis=1)[2]
+    level = np.isclose(mesh.p[2, mesh.facets].min(axis=0), 1) & np.isclose(
+        mesh.p[2, mesh.facets].max(axis=0), 1
+    )
+    upper = one.surface(np.flatnonzero(level & (centre > 1)), name="upper")
+    under = one.surface(np.flatnonzero(level & (centre < 1)), name="under")
+    pairing = node_to_face(upper, under)
+    np.testing.assert_array_equal(pairing.paired, upper.points[:, 0] > 0)
+    np.testing.assert_allclose(pairing.gap[pairing.paired], 0.0, atol=1e-14)
