@@ -35,8 +35,14 @@ def forgotten_answers() -> Iterator[None]:
     """Answers that a module keeps for its tests are forgotten when it ends: all are 8 GB together."""
     yield
     for module in list(sys.modules.values()):
-        if HERE in Path(getattr(module, "__file__", None) or "/").parents:
+        if (getattr(module, "__file__", None) or "").startswith(str(HERE)):
             for kept in list(vars(module).values()):
                 if hasattr(kept, "cache_clear"):
                     kept.cache_clear()
     gc.collect()
+
+
+def pytest_collection_finish() -> None:
+    """What is imported by now stays: the collection of garbage need not look at it again."""
+    gc.collect()
+    gc.freeze()

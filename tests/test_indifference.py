@@ -209,7 +209,7 @@ def stack(order=(0, 1, 2), linear="auto", sliding="finite"):
     return sc.ContactSolver([bodies[i] for i in order], contacts, linear=LINEAR[linear])
 
 
-@pytest.mark.parametrize("linear", LINEAR)
+@pytest.mark.parametrize("linear", [pytest.param("auto", marks=pytest.mark.slow), "sparse"])
 def test_a_smooth_joint_beside_one_that_slides_far(linear):
     """Two blocks that friction holds together rest anywhere along a smooth joint: they move least
     together, whatever the order of bodies, and with the forces of small sliding."""
@@ -235,7 +235,7 @@ def test_a_smooth_joint_beside_one_that_slides_far(linear):
             assert_allclose(first.displacement(name), answer.displacement(name), atol=1e-12)
 
 
-@pytest.mark.parametrize("linear", LINEAR)
+@pytest.mark.parametrize("linear", ["auto", pytest.param("sparse", marks=pytest.mark.slow)])
 def test_a_smooth_pad_that_slides_far(linear):
     """In the middle of a base a pad rests by symmetry, also on a joint that slides far; pushed along
     it by a thousandth of its load nothing holds it there."""
@@ -254,7 +254,7 @@ def test_a_smooth_pad_that_slides_far(linear):
         quiet(solver.solve, f={"pad": pushed})
 
 
-@pytest.mark.parametrize("off", [0.05, 0.3])
+@pytest.mark.parametrize("off", [0.05, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_what_strains_drive_is_said(off):
     """Beside the middle of its base, which dishes under it, a smooth pad slides: no load works along
     that motion. The refusal says what it takes to hold it, and that is what a support takes."""

@@ -180,11 +180,29 @@ def test_prescribed_nodes_have_no_multiplier(k, without):
 # --- rows -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kinds", [("Q1", "Q1"), ("Q2", "Q2"), ("Q1", "Q2"), ("P2", "Q1")])
-@given(lines=overlapping(), angle=st.floats(0, 6.3), gap=st.floats(0, 0.3))
-@settings(max_examples=25, deadline=None)
+UNLIKE = [("Q1", "Q1"), ("Q2", "Q2"), ("Q1", "Q2"), ("P2", "Q1")]
+FLAT = {"lines": overlapping(), "angle": st.floats(0, 6.3), "gap": st.floats(0, 0.3)}
+
+
+@pytest.mark.parametrize("kinds", UNLIKE)
+@given(**FLAT)
+@settings(max_examples=8, deadline=None)
 def test_rows_reproduce_linear_fields(kinds, lines, angle, gap):
     """Any flat overlap: rows sum to 1, agree on linear fields, areas add up to what is covered."""
+    reproduce(kinds, lines, angle, gap)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kinds", UNLIKE)
+@given(**FLAT)
+@settings(max_examples=50, deadline=None)
+def test_rows_reproduce_linear_fields_on_many_meshes(kinds, lines, angle, gap):
+    """The same over more of them."""
+    reproduce(kinds, lines, angle, gap)
+
+
+def reproduce(kinds, lines, angle, gap):
+    """Check the rows of one flat overlap."""
     x_s, x_m = lines
     s, p = pair_of_blocks(kinds[0], x_m, x_s, gap=gap, angle=angle, both=kinds[1])
     pairing = dual_mortar(s, p)
@@ -208,11 +226,29 @@ def test_rows_reproduce_linear_fields(kinds, lines, angle, gap):
     assert np.array_equal(pairing.miss > 0, ~paired)
 
 
-@pytest.mark.parametrize("kinds", [("Q1", "Q1"), ("Q2", "Q2"), ("P2", "Q1")])
-@given(lines=overlapping(), data=st.data(), angle=st.sampled_from([0.0, 0.4, np.pi / 2]))
-@settings(max_examples=25, deadline=None)
+SUPPORTED = [("Q1", "Q1"), ("Q2", "Q2"), ("P2", "Q1")]
+HELD = {"lines": overlapping(), "data": st.data(), "angle": st.sampled_from([0.0, 0.4, np.pi / 2])}
+
+
+@pytest.mark.parametrize("kinds", SUPPORTED)
+@given(**HELD)
+@settings(max_examples=8, deadline=None)
 def test_rows_at_supports_reproduce_linear_fields(kinds, lines, data, angle):
     """Wherever nodes are prescribed, rows agree on linear fields and take all that is covered."""
+    reproduce_at_supports(kinds, lines, data, angle)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kinds", SUPPORTED)
+@given(**HELD)
+@settings(max_examples=50, deadline=None)
+def test_rows_at_many_supports_reproduce_linear_fields(kinds, lines, data, angle):
+    """The same over more of them."""
+    reproduce_at_supports(kinds, lines, data, angle)
+
+
+def reproduce_at_supports(kinds, lines, data, angle):
+    """Check the rows of one flat overlap, nodes of which are prescribed by chance."""
     x_s, x_m = lines
 
     def held(surface):

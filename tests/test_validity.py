@@ -417,22 +417,87 @@ def test_a_new_history_says_it_again():
             dragged(3.0)
 
 
+def turned(angle):
+    """A block on a plane, the support of which turns it."""
+    block = rectangle(np.linspace(0, 1, 5), np.linspace(0, 1, 5), D="top", name="block")
+    x = block.basis.project(lambda x: np.stack([-angle * (x[1] - 1), angle * (x[0] - 0.5) - 0.001]))
+    contact = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), name="joint")
+    return sc.ContactSolver([block], [contact]).solve(x={"block": x})
+
+
 def test_prescribed_turn_is_a_rotation():
     """Supports that turn a body by 0.3 say so, also with small sliding."""
-    grid = np.linspace(0, 1, 5)
     for angle in (0.3, 0.05):
-        block = rectangle(grid, grid, D="top", name="block")
-        x = block.basis.project(
-            lambda x, a=angle: np.stack([-a * (x[1] - 1), a * (x[0] - 0.5) - 0.001])
-        )
-        contact = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), name="joint")
-        solver = sc.ContactSolver([block], [contact])
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            result = solver.solve(x={"block": x})
+            result = turned(angle)
         said = [str(w.message) for w in caught if "has turned by" in str(w.message)]
         assert len(said) == (angle > 0.1)
         assert_allclose(answer_of(result).watched.turns["block"], angle, rtol=1e-9)
+
+
+# -- the line of print(result) ------------------------------------------------------------------
+
+
+def judged(result):
+    """What `print` says of the validity of the model, in one line that costs nothing."""
+    (line,) = [line for line in str(result).splitlines() if line.startswith("Validity of the model")]
+    return line.removeprefix("Validity of the model: ")
+
+
+WITHIN = "nothing that a step looks at is beyond its bound"
+
+
+@pytest.mark.parametrize(
+    "key, beyond, within",
+    [
+        ("sliding of 'joint'", lambda: dragged(3.5), lambda: dragged(0.02)),
+        ("overlap of 'joint'", lambda: at_a_wall(0.6), lambda: at_a_wall(0.4)),
+        ("strain of 'joint'", lambda: squeezed(0.9), lambda: squeezed(0.05)),
+        ("rotation of 'block'", lambda: turned(0.3), lambda: turned(0.05)),
+        # `facets` needs two curves that hardly touch, see verification/test_light_contact.py
+    ],
+)
+def test_printed_result_says_what_was_warned_of(key, beyond, within):
+    """Each bound that a step looks at, by its kind and whose it is; and that all are kept."""
+    with pytest.warns(sc.ContactWarning):
+        result = beyond()
+    words, found = judged(result).split(": ")
+    assert words == "beyond its bounds in this history"
+    assert key in found.split(", ")
+    assert judged(within()) == WITHIN
+
+
+def test_what_was_said_stays_in_the_line_of_its_history():
+    """Also where the block is back, and the bound kept again; a new history knows nothing of it."""
+    block = rectangle(np.linspace(0, 1, 5), np.linspace(0, 1, 5), nu=0.0, D="top", name="block")
+    press = block.basis.project(lambda x: np.stack([0 * x[0], -0.05 + 0 * x[0]]))
+    contact = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), name="joint")
+    solver = sc.ContactSolver([block], [contact])
+    with pytest.warns(sc.ContactWarning, match="strain or rotation"):
+        steps = list(solver.history([{"x": {"block": a * press}} for a in (1, 10, 1)]))
+    lines = [judged(result) for result in steps]
+    assert lines == [WITHIN, *["beyond its bounds in this history: strain of 'joint'"] * 2]
+    assert judged(solver.solve(x={"block": press}, start=steps[-1])) == lines[-1]
+    assert judged(solver.solve(x={"block": press})) == WITHIN
+
+
+def test_what_is_no_bound_is_not_in_the_line():
+    """Places that nothing decides, and overlaps that supports prescribe, say nothing of the model."""
+    low = rectangle(np.linspace(-1, 2, 7), np.linspace(-1, 0, 3), D=["bottom", "top"], name="low")
+    top = rectangle(
+        np.linspace(0, 1, 5), np.linspace(0, 1, 5), D="bottom", move=(0.0, -1e-3), name="top"
+    )
+    contact = sc.Contact(top.surface("bottom"), low.surface("top"), name="joint")
+    with pytest.warns(sc.ContactWarning, match="prescribed displacements push"):
+        assert judged(sc.ContactSolver([low, top], [contact]).solve()) == WITHIN
+
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 5), np.linspace(0, 1, 5)).with_defaults()
+    loose = sc.Body(fem.Basis(mesh, QUAD), linear_elasticity(0.0, E / 2), {"top": (0.0, -1.0)})
+    solver = sc.ContactSolver(loose, sc.Contact(loose.surface("bottom"), sc.RigidPlane((0, 0), (0, 1))))
+    with pytest.warns(sc.ContactWarning, match="is indifferent"):
+        result = solver.solve()
+    assert result.indifferent and judged(result) == WITHIN
 
 
 # -- the numbers grow when an answer is spoiled ------------------------------------------------

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import skfem as fem
 from enumeration import Problem, Solution
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from scenes import elastic
 
 import skfem_contact as sc
 
@@ -69,7 +69,7 @@ def random_scene(seed: int, mu: float, most: int = 5, floating: bool = False, fe
     for i, basis in enumerate(blocks):
         E, nu = 10 ** rng.uniform(-1, 1), rng.uniform(0.0, 0.48)
         D = _supported(basis, turn, support if i == 0 else "top")
-        form = linear_elasticity(*lame_parameters(E, nu))
+        form = elastic(E, nu)
         bodies.append(sc.Body(basis, form, D=D, name=f"block {i}"))
         base = u_base if i == 0 else l_base
         nodes.append(offset + basis.nodal_dofs[:, base])

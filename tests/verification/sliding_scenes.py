@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import skfem as fem
+from scenes import elastic as elastic_form
 from scipy.sparse import csr_matrix
-from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
 
@@ -19,7 +19,7 @@ def rectangle(x, y):
 
 
 def elastic(E, nu=0.3):
-    return linear_elasticity(*lame_parameters(E, nu))
+    return elastic_form(E, nu)
 
 
 def dragged_block(

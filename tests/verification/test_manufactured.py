@@ -267,7 +267,10 @@ def without_contact(exact, n, y, free):
     return np.linalg.norm(fem.solve(*system) - true) / np.linalg.norm(true)
 
 
-@pytest.mark.parametrize(("method", "share"), [("node", 1.0), ("mortar", 1.0), ("mortar", 0.75)])
+@pytest.mark.parametrize(
+    ("method", "share"),
+    [("node", 1.0), pytest.param("mortar", 1.0, marks=pytest.mark.slow), ("mortar", 0.75)],
+)
 def test_M1_on_a_deformable_square(method, share):
     """Against a softer square, matching or (mortar) 3 elements to 4, the orders are the same."""
     results = [on_square(n, round(n * share), method) for n in MESHES]

@@ -140,7 +140,7 @@ def test_n1_single_equilibria(
 
 
 @pytest.mark.parametrize("loop", LOOPS)
-@pytest.mark.parametrize("share", [0.2, 0.9, 0.999])
+@pytest.mark.parametrize("share", [0.2, pytest.param(0.9, marks=pytest.mark.slow), 0.999])
 def test_n1_every_load_below_the_critical_friction(loop: str, share: float) -> None:
     """Below the critical friction every load has one answer and the solver finds it."""
     mu = share * critical_friction(K)

@@ -105,8 +105,15 @@ def test_L1_matching_rings(method):
     assert rising(errors).min() >= 1.95
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.1234, 2.0])
-@pytest.mark.parametrize("share", [0.75, 1.0, 1.25])
+@pytest.mark.parametrize(
+    ("share", "turn"),
+    # a square of which each share and each turn is in the default run
+    [
+        pytest.param(share, turn, marks=() if (i + k) % 3 == 1 else pytest.mark.slow)
+        for i, share in enumerate((0.75, 1.0, 1.25))
+        for k, turn in enumerate((0.0, 0.1234, 2.0))
+    ],
+)
 def test_L1_meshes_that_do_not_match(share, turn):
     """The mortar method transmits the pressure between any two polygons, at any angle."""
     exact, errors, off = exact_L1(), [], []
@@ -168,12 +175,19 @@ def press_fit(n, outer=STEEL, plane="strain", delta=DELTA, f=None, K=None, mu=No
     return sc.ContactSolver(bodies, [contact])
 
 
-@pytest.mark.parametrize(("plane", "pressure"), [("strain", 51.510989), ("stress", 46.875)])
-@pytest.mark.parametrize("outer", [STEEL, ALUMINIUM], ids=["steel", "aluminium"])
+@pytest.mark.parametrize(
+    ("outer", "plane", "pressure"),
+    [
+        (STEEL, "stress", 46.875),
+        (ALUMINIUM, "strain", None),
+        pytest.param(STEEL, "strain", 51.510989, marks=pytest.mark.slow),
+        pytest.param(ALUMINIUM, "stress", None, marks=pytest.mark.slow),
+    ],
+)
 def test_L2_press_fit(outer, plane, pressure):
     """Pressure and displacements of a press fit are Lamé's, for equal and different materials."""
     exact = lame_rings(1, 2, 3, STEEL, outer, interference=DELTA, plane=plane)
-    if outer == STEEL:
+    if pressure is not None:
         assert_allclose(exact.pressure, pressure, rtol=1e-7)
     errors = []
     for n in (48, 96, 192):

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from scenes import elastic
 from skfem.models.poisson import laplace
 from unlike_meshes import KINDS, named_sides, rectangle
 
 import skfem_contact as sc
 
-FORM = linear_elasticity(*lame_parameters(1.0, 0.3))
+FORM = elastic(1.0, 0.3)
 DEEP = 1e-3  # interference, and by how much blocks are pushed together
 ENDS = r"prescribed displacements push"
 ALL = tuple(KINDS)
@@ -218,7 +218,7 @@ def layers(kind, facets, *, whole=False, slope=0.0):
         if y == 1:
             load = fem.LinearForm(lambda v, w: -1e-3 * (1 + w.x[0] ** 2) * v[1])
             f = load.assemble(basis.boundary("top"))
-        form = linear_elasticity(*lame_parameters(modulus, 0.3))
+        form = elastic(modulus, 0.3)
         bodies.append(sc.Body(basis, form, f=f, D=D, name=name))
     return bodies, (bodies[0].surface("top"), bodies[1].surface("bottom"))
 

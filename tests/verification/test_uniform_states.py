@@ -20,7 +20,10 @@ from scenes import (
     in_axes,
     stress_load,
 )
+from scipy.sparse import bmat, csr_matrix
+from scipy.sparse.linalg import spsolve
 from skfem.helpers import ddot, sym_grad
+from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.reference import uniform_shear
@@ -269,10 +272,10 @@ def point_to_line_forces(system, contact):
             hat = np.interp(x, low.points[order, 0], np.eye(len(order))[j])
             rows[i, low.dofs[node, 1]] -= hat
     free = np.setdiff1d(np.arange(system.n), system.D)
-    K, C = system.K.toarray(), rows[:, free]
-    f = system.f - K @ system.x
-    saddle = np.block([[K[np.ix_(free, free)], -C.T], [C, np.zeros((len(C), len(C)))]])
-    solution = np.linalg.solve(saddle, np.concatenate([f[free], -rows @ system.x]))
+    C = csr_matrix(rows[:, free])
+    f = system.f - system.K @ system.x
+    saddle = bmat([[system.K[free][:, free], -C.T], [C, None]]).tocsc()
+    solution = spsolve(saddle, np.concatenate([f[free], -rows @ system.x]))
     return solution[len(free) :]
 
 
@@ -314,6 +317,21 @@ def test_P1_node_to_segment_is_exact_on_nested_meshes(n, kind):
     """Where every primary node meets a secondary one node-to-segment passes the patch test."""
     result = loaded_blocks(n, kind, 0.3, 1e-3)[0].solve()
     assert_allclose(result.pressure, 1e-3, rtol=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "element"),
+    [
+        (fem.MeshQuad, fem.ElementQuad2),
+        (fem.MeshTri, fem.ElementTriP1),
+        (fem.MeshTet, fem.ElementTetP1),
+    ],
+)
+def test_stiffness_of_these_tests_is_that_of_scikit_fem(mesh, element):
+    """The form that all scenes here are made with, against the library's own."""
+    basis = fem.Basis(mesh().refined(1), fem.ElementVector(element()))
+    K = linear_elasticity(*lame_parameters(2.0, 0.3)).assemble(basis)
+    assert abs(elastic(2.0, 0.3).assemble(basis) - K).max() < 1e-14 * abs(K).max()
 
 
 # -- P2: uniform shear ----------------------------------------------------------------------------
