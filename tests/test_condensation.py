@@ -11,7 +11,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
+from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.problem.condensed import PointProblem, SurfaceProblem
+from skfem_contact.problem.response import Conditions
 from skfem_contact.problem.substructure import Substructure
 
 MESH = {"Q1": (fem.MeshQuad, fem.ElementQuad1), "P1": (fem.MeshTri, fem.ElementTriP1)}
@@ -60,6 +63,30 @@ def test_condensed_and_sparse_routes_agree(kind, floating, method, mu):
         assert_allclose(a.forces, b.forces, rtol=0, atol=1e-9 * np.abs(b.forces).max())
         assert_array_equal(a.status, b.status)
         assert a.certificate.worst < 1e-10
+
+
+@pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["points", "displacements"])
+def test_laws_of_points_that_stick_or_are_open_are_not_heard(linear):
+    """Only a point that slides has a spring, a force and a share of the pressure, whatever is said."""
+    solver = scene(linear=linear)
+    result = solver.solve()
+    problem = solver.linear_model.problem_on(None, None)
+    load = problem.load(answer_of(result).case)
+    closed, stick = result.status != OPEN, result.status == STICK
+    slides = closed & ~stick
+    assert stick.any() and slides.any() and not closed.all()
+    rng = np.random.default_rng(5)
+    m = len(closed)
+    law = rng.random((m, 1, 1)), 1e-3 * rng.random((m, 1)), 0.3 * rng.random((m, 1))
+    anchor = 1e-3 * rng.random((m, 1))
+    own = [
+        np.where(slides[:, None, None], law[0], 0),
+        *(np.where(slides[:, None], v, 0) for v in law[1:]),
+    ]
+    said, meant = (problem.solve(Conditions(closed, stick, anchor, *v), load) for v in (law, own))
+    for key in ("gap", "slip", "normal_force", "tangential_force", "solution"):
+        wanted = getattr(meant, key)
+        assert_allclose(getattr(said, key), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
 
 def test_update_of_one_body_is_a_new_solver():

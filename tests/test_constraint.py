@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
+import skfem_contact as sc
 from skfem_contact.elimination.condense import condense
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.eliminate import eliminate
@@ -248,6 +249,26 @@ def test_units_do_not_matter(unit):
         eliminate(C, unit * np.array([1.0, 1.0 + 1e-7]))
 
 
+def test_round_off_of_many_rows_adds_up():
+    """Rows round a ring that are each as good as their numbers say are no contradiction."""
+    n = 400
+    C = sp.eye(n, format="csr") - sp.csr_matrix(np.roll(np.eye(n), 1, axis=1))
+    b = np.where(np.arange(n) % 2, 1.0, -1.0)  # around the ring they add up to zero
+    assert len(eliminate(C, b).redundant) == 1
+    # every value is good to some 1e-10 of the largest, and the last row adds them all up
+    assert len(eliminate(C, b + 5e-11).redundant) == 1
+    with pytest.raises(ConstraintError):
+        eliminate(C, b + 1e-8)
+
+
+def test_a_column_of_few_rows_is_given_up():
+    """Of coefficients alike, that one which no other row has: nothing is coupled that need not be."""
+    star = [[1.0, 1, 0, 0], [1.0, 0, 1, 0], [1.0, 0, 0, 1]]
+    a = check(star, [0.0, 0.1, 0.2])
+    assert a.independent.tolist() == [0]
+    assert set(find_pivots(sp.csr_matrix(np.array(star)), None).columns) == {1, 2, 3}
+
+
 def test_partly_prescribed_rows():
     """Prescribed DOFs are no pivots and their values move to the right-hand side."""
     x = np.array([3.0, 0, 0, -1.0, 0])
@@ -355,6 +376,24 @@ def test_petrov_galerkin_needs_equal_ranks():
     trial, test = eliminate([[1, -1, 0]], [0]), eliminate([[1, -1, 0], [0, 1, -1]], [0, 0])
     with pytest.raises(InputError, match="would not be square"):
         trial.reduce(np.eye(3), test=test)
+
+
+def test_contact_rows_of_closed_points_only():
+    """Points that are open have no row, whether the mask is of bools or of zeros and ones."""
+    e = fem.ElementVector(fem.ElementQuad1())
+    low = fem.Basis(fem.MeshQuad().refined(2).with_defaults(), e)
+    top = fem.Basis(fem.MeshQuad().refined(2).translated((0.0, 1.25)).with_defaults(), e)
+    a, b = (sc.Body(basis, linear_elasticity(), name=n) for basis, n in ((low, "low"), (top, "top")))
+    system, contact = sc.stack([a, b]), sc.Contact(b.surface("bottom"), a.surface("top"))
+    every = sc.contact_rows(system, contact)
+    closed = np.array([True, False, True, True, False])
+    for mask in (closed, closed.astype(int)):
+        rows = sc.contact_rows(system, contact, mask)
+        assert_allclose(rows.C.toarray(), every.C.toarray()[closed], atol=0)
+        assert_allclose(rows.b, -0.25, rtol=1e-12)
+        assert list(rows.labels) == [
+            label for label, on in zip(every.labels, closed, strict=True) if on
+        ]
 
 
 # -------------------------------------------------------------------------------- scikit-fem

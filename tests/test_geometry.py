@@ -79,3 +79,10 @@ def test_friction_and_pressure_are_the_parts_of_one_force():
     for friction in (0.5, -0.5):
         found = geometry.mismatch(old, new, state([1.0, 0.0], [friction, 0.0]))
         assert_allclose(found, 0.2 * np.abs(normal - friction * tangent).max(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("friction, worst", [(0.5, 0), (3.0, 1)])
+def test_the_point_whose_force_moves_most_is_named(slid, friction, worst):
+    """One point carries pressure, the other friction, and 0.2 of each go to the next node."""
+    geometry, old, new = slid
+    assert geometry.least_settled(old, new, state([1.0, 0.0], [0.0, friction])) == worst

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import _holds_all, null_space
 from skfem_contact.conditions.thresholds import RESISTS
 
@@ -47,3 +50,19 @@ def test_no_rows_and_no_motions() -> None:
     """Without rows everything is free; of no motions none is."""
     assert_allclose(null_space(np.zeros((0, 2))), np.eye(2))
     assert null_space(np.zeros((3, 0))).shape == (0, 0)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_part_of_the_way_between_two_loads(share: float) -> None:
+    """All that a step prescribes goes straight from one load to the next, slips of obstacles too."""
+    rng = np.random.default_rng(4)
+    sizes = {"f": 6, "x": 6, "gap0": 3, "slip0": (3, 1), "interference": 3}
+    one, other = (LoadCase(**{k: rng.random(n) for k, n in sizes.items()}, motion=()) for _ in "ab")
+    # a point that has no partner at the end has none on the way
+    other = replace(other, gap0=np.append(other.gap0[:2], np.inf))
+    found = one.towards(other, share)
+    for key in sizes:
+        here, there = getattr(one, key), getattr(other, key)
+        with np.errstate(invalid="ignore"):  # of zero times infinity
+            wanted = np.where(np.isinf(there), np.inf, (1 - share) * here + share * there)
+        assert_allclose(getattr(found, key), wanted, rtol=1e-14)

@@ -97,7 +97,8 @@ class LevelSet(Obstacle):
         normal = gradient / np.where(steep > 0, steep, 1.0)[:, None]
         gap = np.einsum("md,md->m", normal, x - y)
         facing = np.einsum("md,md->m", normal, surface.normals) < -FACING
-        return gap, normal, converged & (steep > 0) & facing & (gap >= -0.5 * size)
+        # where nothing is steep the normal is zero, and faces nothing
+        return gap, normal, converged & facing & (gap >= -0.5 * size)
 
     def first_order(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What `distance` gives, by the value over the gradient: right near the obstacle."""
