@@ -63,6 +63,7 @@ from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.level_set import LevelSet
+from skfem_contact.obstacles.polyline import RigidPolyline
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.output.plot_bodies import plot_deformed
@@ -102,6 +103,7 @@ __all__ = [
     "RigidBody",
     "RigidCylinder",
     "RigidPlane",
+    "RigidPolyline",
     "RigidSphere",
     "SavedState",
     "SingularMatrix",

@@ -4,7 +4,8 @@
 * `boundaries`: tractions and displacements by the names of boundaries;
 * `member`, `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked
   of them;
-* `surface`: a boundary as contact sees it; `facet_kinds`: the shape functions of its facets;
+* `surface`: a boundary as contact sees it; `bare`: one without a body;
+* `facet_kinds`: the shape functions of facets;
 * `curves`, `facets`, `normals`, `projection`: boundaries of plane bodies, normals, closest points;
 * `faces`, `face_normals`: boundaries of solids;
 * `thresholds`: numbers, and where they come from.

@@ -46,16 +46,17 @@ def pair(
     secondary, primary = contact.secondary, contact.primary
     if isinstance(secondary, FaceSurface):
         return _pair_faces(contact, secondary, motion)
+    assert isinstance(secondary, CurveSurface)
     if len(moved):
         secondary = secondary.moved(moved[0])
     if isinstance(primary, Obstacle):
-        return _without_idle(contact, _on_obstacle(contact, secondary, primary, motion))
+        return _on_obstacle(contact, secondary, primary, motion, known, follows=bool(len(moved)))
     if len(moved):
         primary = primary.moved(moved[1])
-    if not (isinstance(secondary, CurveSurface) and isinstance(primary, CurveSurface)):
+    if not isinstance(primary, CurveSurface):
         raise _unlike(contact)
     fixed = contact.sliding == "small" and not contact.tied and not len(moved)
-    return _pair_curves(contact, secondary, primary, known, fixed)
+    return _pair_curves(contact, secondary, primary, known, fixed, contact.method)
 
 
 def _unlike(contact: Contact) -> InputError:
@@ -68,12 +69,27 @@ def _unlike(contact: Contact) -> InputError:
 
 
 def _on_obstacle(
-    contact: Contact, secondary: ContactSurface, primary: Obstacle, motion: object
+    contact: Contact,
+    secondary: CurveSurface,
+    primary: Obstacle,
+    motion: object,
+    known: Names,
+    follows: bool,
 ) -> Pairing:
-    pairing = primary.pair(secondary, motion=motion)
-    if contact.reach is not None:
-        pairing = _without(pairing, ~(np.abs(pairing.gap) <= contact.reach))
-    return pairing
+    """Pair the boundary of a plane body with an obstacle, point by point or edge by edge."""
+    placed = primary if motion is None else primary.moved(motion)
+    outline = placed.outline
+    if outline is None:
+        return _without_idle(contact, _near(contact, placed.pair(secondary)))
+    fixed = contact.sliding == "small" and not contact.tied and not follows
+    return _without_nodes(_pair_curves(contact, secondary, outline, known, fixed, "node"))
+
+
+def _near(contact: Contact, pairing: Pairing) -> Pairing:
+    """The pairing less points whose partner is out of reach."""
+    if contact.reach is None:
+        return pairing
+    return _without(pairing, ~(np.abs(pairing.gap) <= contact.reach))
 
 
 def _pair_faces(contact: Contact, secondary: FaceSurface, motion: object) -> Pairing:
@@ -86,7 +102,7 @@ def _pair_faces(contact: Contact, secondary: FaceSurface, motion: object) -> Pai
         if wrong:
             raise InputError(f"contact {contact.label}: {what} in 3-D is not implemented yet")
     if isinstance(primary, Obstacle):
-        pairing = _on_obstacle(contact, secondary, primary, motion)
+        pairing = _near(contact, primary.pair(secondary, motion=motion))
         away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
     elif not isinstance(primary, FaceSurface):
         raise _unlike(contact)
@@ -109,11 +125,16 @@ def _pair_faces(contact: Contact, secondary: FaceSurface, motion: object) -> Pai
 
 
 def _pair_curves(
-    contact: Contact, secondary: CurveSurface, primary: CurveSurface, known: Names, fixed: bool
+    contact: Contact,
+    secondary: CurveSurface,
+    primary: CurveSurface,
+    known: Names,
+    fixed: bool,
+    method: str,
 ) -> Pairing:
     """Pair two boundaries of plane bodies; `fixed` is whether the frames stay what they are now."""
     corners = None if contact.tied else _corners(contact, secondary, primary, known)
-    if contact.method == "mortar":
+    if method == "mortar":
         pressed = None if corners is None else corners.pressed
         pairing = dual_mortar(secondary, primary, reach=contact.reach, pressed=pressed)
         pairing = pairing if corners is None else corners.rows(pairing, every=True)
@@ -122,6 +143,18 @@ def _pair_curves(
         pairing = pairing if corners is None else corners.rows(pairing, every=False)
         pairing = _without_idle(contact, pairing)
     return loaded_frames(secondary, primary, pairing) if fixed else pairing
+
+
+def _without_nodes(pairing: Pairing) -> Pairing:
+    """The pairing with edges of a rigid obstacle, which has no nodes that move."""
+    m = len(pairing.gap)
+    return replace(
+        pairing,
+        primary_weights=csr_matrix((m, 0)),
+        facet=np.full(m, -1),
+        secondary_normal=None,
+        primary_normal=None,
+    )
 
 
 def _corners(

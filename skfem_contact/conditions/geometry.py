@@ -143,7 +143,7 @@ class Geometry:
         slip0 = last.slip - (kin.B_t @ u_n).reshape(last.slip.shape)
         for i, part in enumerate(self.point_slices):
             if self.contacts[i].rigid:
-                step = case.motion[i].slid(before.motion[i], kin.points[part])
+                step = case.motion[i].slid(before.motion[i], kin.action[part])
                 slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], step)
         slip0 = np.where(finite[:, None], slip0, case.slip0)
         return replace(case, gap0=gap0, slip0=slip0)

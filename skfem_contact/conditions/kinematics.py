@@ -172,7 +172,7 @@ def kinematics(
         paired=np.array(pairing.paired),
         tied=np.full(len(pairing.gap), contact.tied),
         heir=carriers(secondary, pairing),
-        action=_action(pairing),
+        action=pairing.action,
         offset=_offset(contact, pairing, lever),
         tilt=pairing.tilt,
         vertex=np.full(len(pairing.gap), -1) if pairing.vertex is None else pairing.vertex,
@@ -194,12 +194,6 @@ def _held(sides: Sequence[Side], direction: Array, tied: bool, lever: Lever | No
         return np.zeros(len(direction), dtype=bool)
     held = held_rows(sides, direction)
     return held if lever is None else held & lever.holds(direction)
-
-
-def _action(pairing: Pairing) -> Array:
-    """Where forces act: the weighted position of merged nodes, the point itself else."""
-    mean = pairing.secondary_weights @ pairing.points
-    return np.where(pairing.paired[:, None], mean, pairing.points)
 
 
 def _offset(contact: Contact, pairing: Pairing, lever: Lever | None) -> Array:

@@ -57,7 +57,7 @@ class Lever:
         body = contact.rigid_body
         if body is None:
             return None
-        at = pairing.points
+        at = pairing.action
         if not contact.tied:  # glue holds the points where they are
             gap = np.where(pairing.paired, pairing.gap, 0.0)
             at = at - gap[:, None] * pairing.normal

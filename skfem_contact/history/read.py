@@ -99,7 +99,7 @@ class StepReader:
         for part, own, moved in zip(self.point_slices, self._own, motion, strict=True):
             gap0[part] += own - interference[part]
             if moved is not self._still[0]:
-                shift = moved.shift(kin.points[part])
+                shift = moved.shift(kin.action[part])
                 gap0[part] -= np.einsum("id,id->i", kin.normal[part], shift)
                 slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], shift)
         nothing = np.zeros(self.system.n)

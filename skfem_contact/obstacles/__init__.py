@@ -1,6 +1,6 @@
 """Rigid obstacles: they are paired and they move, as they are told or by their loads.
 
 * `obstacle`, `motion`: what every obstacle does, and how its motions are written;
-* `shapes`, `level_set`: planes, cylinders, spheres, and a function of position;
+* `shapes`, `level_set`, `polyline`: planes, cylinders, spheres; a function of position; an outline;
 * `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
 """

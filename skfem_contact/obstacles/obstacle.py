@@ -10,7 +10,7 @@ from scipy.sparse import csr_matrix, identity
 
 from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, numbers
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.sealed import sealed
@@ -31,11 +31,17 @@ class Obstacle(PrintedAsCall, ABC):
             "RigidPlane": "rigid plane",
             "RigidCylinder": "rigid cylinder",
             "RigidSphere": "rigid sphere",
+            "RigidPolyline": "rigid polyline",
         }.get(type(self).__name__, "rigid obstacle")
 
     @property
     def reference(self) -> np.ndarray | None:
         """A point of its own (d,), about which a rigid body of this shape turns [length]."""
+        return None
+
+    @property
+    def outline(self) -> CurveSurface | None:
+        """Its edges, where it is given by those: it is then paired as a surface of a body is."""
         return None
 
     def turns_in_itself(self, about: np.ndarray) -> bool:

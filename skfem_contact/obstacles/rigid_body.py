@@ -20,7 +20,7 @@ from skfem_contact.arguments import (
 )
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.bodies.thresholds import UNSYMMETRIC
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -170,6 +170,11 @@ class RigidBody(Member, Obstacle):
     def moved(self, motion: Any) -> Obstacle:
         """The obstacle after a rigid motion, see `Obstacle.moved`."""
         return self.obstacle.moved(motion)
+
+    @property
+    def outline(self) -> CurveSurface | None:
+        """The edges of its obstacle where it was made, see `Obstacle.outline`."""
+        return self.obstacle.outline
 
     def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distances, normals and partners where it was made, see `Obstacle.distance`."""

@@ -10,7 +10,7 @@ from skfem_contact.bodies.projection import interpolated_normals, project
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.search import FacetTree, closest_candidates
+from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
 from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, FACING, TIE
 
 
@@ -116,6 +116,36 @@ def _slopes(turn: np.ndarray) -> np.ndarray:
     """
     steep = np.abs(turn - 0.5 * np.pi) <= 0.25 * np.pi + COINCIDENT
     return np.where(steep, -1.0 / np.tan(np.where(steep, turn, 0.5 * np.pi)), 0.0)
+
+
+def signed_distances(surface: CurveSurface, points: np.ndarray) -> np.ndarray:
+    """Distances of points (p, 2) from a surface, negative where its body is, shape (p,) [length].
+
+    The closest of all facets counts, whichever way anything looks.
+    """
+    middles = cKDTree(surface.points[surface.facets].mean(axis=1))
+    guess = middles.query(points)[1]
+    bound = np.linalg.norm(points - project(surface, guess, points)[1], axis=1)
+
+    def in_reach(point: np.ndarray, nodes: Nodes) -> np.ndarray:
+        away = np.linalg.norm(points[point] - nodes.centre, axis=1)
+        return np.asarray(away - nodes.radius <= bound[point])
+
+    found = FacetTree.build(surface).descend(len(points), in_reach)
+    point, facet = (np.concatenate(column) for column in zip(*found, strict=True))
+    xi, foot, _ = project(surface, facet, points[point])
+    distance = np.linalg.norm(points[point] - foot, axis=1)
+    order = np.lexsort((facet, distance, point))
+    first = order[np.unique(point[order], return_index=True)[1]]
+    facet, xi, foot = facet[first], xi[first], foot[first]
+    # at a vertex the sum of both normals tells the sides apart, on an edge its own
+    side = (xi >= 0.5).astype(int)
+    other = surface.neighbours[facet, side]
+    at_vertex = (other >= 0) & (np.abs(xi - side) <= COINCIDENT)
+    there = surface.end_normals[other, 1 - side]
+    normal = surface.end_normals[facet, side] + np.where(at_vertex[:, None], there, 0.0)
+    sign = np.where(np.einsum("pd,pd->p", points - foot, normal) < 0, -1.0, 1.0)
+    return np.asarray(sign * distance[first])
 
 
 def overhang(

@@ -92,8 +92,10 @@ def _mean(weights: object, values: Array) -> Array:
 
 def compliances(surface: ContactSurface) -> Array:
     """One over `plane_moduli`, and zero at nodes that are prescribed altogether, shape (m,)."""
-    soft = 1.0 / plane_moduli(surface)
-    return np.where(surface.held.all(axis=1), 0.0, soft)
+    held: NDArray[np.bool_] = np.asarray(surface.held.all(axis=1))
+    if held.all():  # or rigid
+        return np.zeros(len(held))
+    return np.where(held, 0.0, 1.0 / plane_moduli(surface))
 
 
 def plane_moduli(surface: ContactSurface) -> Array:

@@ -86,6 +86,12 @@ class Pairing:
     vertex: np.ndarray | None = None
 
     @property
+    def action(self) -> np.ndarray:
+        """Where forces act, shape (m, d): the weighted position of nodes that share a row."""
+        mean = self.secondary_weights @ self.points
+        return np.where(self.paired[:, None], mean, self.points)
+
+    @property
     def tilt(self) -> np.ndarray:
         """Angle between the normals of the two sides, shape (m,) [rad]; zero where not paired.
 

@@ -144,6 +144,11 @@ class Track:
         self.points, self.paired = secondary.points, pairing.paired
         self.normal, self.tangent = pairing.normal, pairing.tangent[:, 0]
         gap = np.where(pairing.paired, pairing.gap, 0.0)
+        # rows of corners are not of the nodes that they stand for
+        self.by_node = np.ones(len(gap), dtype=bool)
+        self.by_node[[node for side, node in pairing.corners if side == 0]] = False
+        if pairing.vertex is not None:
+            self.by_node &= pairing.vertex < 0
         self.feet = self.points - gap[:, None] * pairing.normal  # on the primary
         self.spacing = node_lengths(secondary)
         # of an end node the surface has only half of the share
@@ -290,14 +295,14 @@ class Track:
         at = replace(self.secondary, points=self.points + u)
         distance, normal, facing = distances(obstacle.moved(motion.as_argument()), at)
         true = distance + added
-        error = np.abs(true - gap)[closed]
+        error = np.abs(true - gap)[closed & self.by_node]
         deepest = np.max(-true[~closed & facing & self.paired], initial=0.0)
         worst = float(max(np.max(error, initial=0.0), deepest))
         if worst <= NO_LENGTH * float(np.max(np.abs(at.points))):
             worst = 0.0
         cross = self.normal[:, 0] * normal[:, 1] - self.normal[:, 1] * normal[:, 0]
         angle = np.arctan2(np.abs(cross), np.einsum("md,md->m", self.normal, normal))
-        found["tilt"] = float(np.max(angle[closed], initial=0.0))
+        found["tilt"] = float(np.max(angle[closed & self.by_node], initial=0.0))
         found["gap_error"] = worst
         # where nothing touches any more all of the force is lost
         found["gap_share"] = worst / max(approach, worst) if worst else 0.0

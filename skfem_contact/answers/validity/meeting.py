@@ -14,6 +14,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.pairing.closest import signed_distances
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -104,6 +105,8 @@ def at_obstacle(
 
 def _distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
     """Signed distances of any points, whether they face the obstacle or not."""
+    if obstacle.outline is not None:
+        return signed_distances(obstacle.outline, points)
     at = replace(surface, points=points, normals=np.zeros_like(points))
     found = obstacle.first_order(at) if isinstance(obstacle, LevelSet) else obstacle.distance(at)
     return found[0]

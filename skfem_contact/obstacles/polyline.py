@@ -1,0 +1,217 @@
+"""`RigidPolyline`: a rigid obstacle in the plane given by the points of its outline."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skfem_contact.arguments import check_name, check_switch, numbers, with_known_keywords
+from skfem_contact.bodies.bare import bare_curve
+from skfem_contact.bodies.selection import written
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.errors import InputError
+from skfem_contact.obstacles.motion import rigid_motion
+from skfem_contact.obstacles.obstacle import Obstacle, check_dimension
+from skfem_contact.pairing.closest import signed_distances
+from skfem_contact.pairing.node import node_to_segment
+from skfem_contact.sealed import sealed
+
+Array = NDArray[np.float64]
+
+#: Edges shorter than this part of the extent have no direction: coordinates have 16 digits.
+NO_LENGTH = 1e-12
+
+
+@with_known_keywords()
+@dataclass(frozen=True, eq=False)
+class RigidPolyline(Obstacle):
+    """A rigid obstacle in the plane with straight edges between points.
+
+    Surfaces find their partners on it as they do on meshes: normals are continuous where edges meet
+    at less than 45 degrees, which stands for a curve; where they meet at more there is a corner, which
+    also presses between two nodes. Corners of the body meet its edges.
+
+    Parameters
+    ----------
+    points : array, shape (n, 2)
+        In order along the outline, with the solid on the left; of a closed one in either direction.
+        It is closed if the first point is repeated at the end [length].
+    closed : bool, optional
+        Whether it goes back from the last point to the first.
+    hollow : bool, optional
+        Of a closed one: the body is inside.
+    name : str, optional
+
+    Raises
+    ------
+    InputError
+        Too few points, edges without length, outlines that cross themselves.
+
+    Notes
+    -----
+    Beyond the ends of an open polyline there is nothing to meet: where its end may touch, close it.
+
+    Examples
+    --------
+    A wedge that points downwards:
+
+    >>> wedge = RigidPolyline([(0, 0), (1, 2), (-1, 2)], closed=True, name="wedge")
+    >>> wedge.moved((0.0, -0.5)).points.tolist()
+    [[0.0, -0.5], [1.0, 1.5], [-1.0, 1.5]]
+    >>> wedge.signed_distance([(0.0, 1.5), (0.0, -1.0)]).round(6).tolist()
+    [-0.5, 1.0]
+    """
+
+    points: np.ndarray
+    closed: bool = False
+    hollow: bool = False
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        check_name(self.name, "name of a RigidPolyline")
+        for key in ("closed", "hollow"):
+            check_switch(getattr(self, key), f"RigidPolyline: {key}")
+        points, closed = _points(self.points, self.closed, self.label)
+        if self.hollow and not closed:
+            raise InputError(
+                f"hollow=True of {self.label!r}: an open polyline has no inside; list its points with "
+                "the solid on the left"
+            )
+        _check_edges(points, closed, self.label)
+        if closed and (_area(points) < 0) != self.hollow:
+            points = points[::-1].copy()
+        for key, value in (("points", sealed(points)), ("closed", closed)):
+            object.__setattr__(self, key, value)
+
+    @cached_property
+    def outline(self) -> CurveSurface:
+        """Its edges with their normals, as surfaces of bodies have them."""
+        count = len(self.points)
+        start = np.arange(count if self.closed else count - 1)
+        return bare_curve(self.points, np.column_stack([start, (start + 1) % count]), self.label)
+
+    @property
+    def reference(self) -> np.ndarray:
+        """The centroid of its area; of an open one, of the curve."""
+        start, end = self._ends
+        if self.closed:
+            twice = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
+            return np.asarray((start + end).T @ twice / (3 * twice.sum()))
+        length = np.linalg.norm(end - start, axis=1)
+        return np.asarray(0.5 * (start + end).T @ length / length.sum())
+
+    @property
+    def _ends(self) -> tuple[Array, Array]:
+        return self.points[self.outline.facets[:, 0]], self.points[self.outline.facets[:, 1]]
+
+    def moved(self, motion: Any) -> RigidPolyline:
+        """Return the polyline after a rigid motion, see `Obstacle.moved`."""
+        turn, shift = rigid_motion(motion, 2)
+        twin = object.__new__(RigidPolyline)  # as good as it was: nothing is checked again
+        known = {f.name: getattr(self, f.name) for f in fields(self)}
+        vars(twin).update(known | {"points": sealed(self.points @ turn.T + shift)})
+        return twin
+
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Signed distances, normals and partners, see `Obstacle.distance`."""
+        check_dimension(surface, 2, self)
+        assert isinstance(surface, CurveSurface)
+        pairing = node_to_segment(surface, self.outline)
+        gap = np.where(pairing.paired, pairing.gap, self.signed_distance(surface.points))
+        return gap, pairing.normal, pairing.paired
+
+    def signed_distance(self, points: Any) -> np.ndarray:
+        """Distances of points (p, 2) from it, negative inside, shape (p,) [length]."""
+        usage = "give positions of shape (p, 2)"
+        x = numbers(points, f"points for {self.label!r}", usage)
+        if x.ndim != 2 or x.shape[1] != 2:
+            raise InputError(f"points for {self.label!r} have shape {x.shape}; {usage}")
+        return signed_distances(self.outline, x)
+
+
+def _points(given: Any, closed: bool, label: str) -> tuple[Array, bool]:
+    usage = "give at least 2 finite points (n, 2), 3 of a closed polyline"
+    points = numbers(given, f"points of {label!r}", usage)
+    if points.ndim == 2 and len(points) > 1 and np.array_equal(points[0], points[-1]):
+        points, closed = points[:-1], True
+    shape = points.ndim == 2 and points.shape[1:] == (2,) and len(points) >= (3 if closed else 2)
+    if not shape or not np.isfinite(points).all():
+        raise InputError(f"points of {label!r} have shape {points.shape}, or are not finite; {usage}")
+    return points, closed
+
+
+def _check_edges(points: Array, closed: bool, label: str) -> None:
+    end = np.roll(points, -1, axis=0) if closed else points[1:]
+    start = points if closed else points[:-1]
+    length = np.linalg.norm(end - start, axis=1)
+    short = np.flatnonzero(length <= NO_LENGTH * np.max(np.ptp(points, axis=0)))
+    if len(short):
+        raise InputError(
+            f"{len(short)} edges of {label!r} have no length, the first from point {short[0]} at "
+            f"{written(points[short[0]])}; leave out points that are given twice"
+        )
+    i, j = _near_edges(start, end)
+    apart = (j - i > 1) & ~(closed & (i == 0) & (j == len(start) - 1))
+    i, j = i[apart], j[apart]
+    crossing = np.flatnonzero(_cross(start[i], end[i], start[j], end[j]))
+    if len(crossing):
+        k = crossing[0]
+        raise InputError(
+            f"{label!r} crosses itself: the edge from point {i[k]} at {written(start[i[k]])} and the "
+            f"one from point {j[k]} at {written(start[j[k]])}; an outline has one inside. List the "
+            "points in their order along it."
+        )
+    back = _turned_back(start, end, closed)
+    if len(back):
+        raise InputError(
+            f"{label!r} goes back on itself at point {back[0]} at {written(points[back[0]])}: there it "
+            "has no inside"
+        )
+
+
+def _near_edges(start: Array, end: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Pairs of edges whose circles meet, each once, the smaller number first."""
+    radius = 0.5 * np.linalg.norm(end - start, axis=1)
+    middle = 0.5 * (start + end)
+    # long edges are asked one by one: their circle is no guide for the short ones
+    tree = cKDTree(middle)
+    found = tree.query_ball_point(middle, radius + radius.max())
+    i = np.repeat(np.arange(len(middle)), [len(some) for some in found])
+    j = np.concatenate([np.asarray(some, dtype=np.intp) for some in found])
+    near = (i < j) & (np.linalg.norm(middle[i] - middle[j], axis=1) <= radius[i] + radius[j])
+    return i[near], j[near]
+
+
+def _cross(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:
+    """Whether the edges from a to b and from c to d have a point in common, shape (p,)."""
+
+    def side(p: Array, q: Array, r: Array) -> Array:
+        return np.sign(
+            (q[:, 0] - p[:, 0]) * (r[:, 1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (r[:, 0] - p[:, 0])
+        )
+
+    boxes = np.all(
+        (np.minimum(a, b) <= np.maximum(c, d)) & (np.minimum(c, d) <= np.maximum(a, b)), axis=1
+    )
+    apart = side(a, b, c) * side(a, b, d) > 0
+    return np.asarray(boxes & ~apart & ~(side(c, d, a) * side(c, d, b) > 0))
+
+
+def _turned_back(start: Array, end: Array, closed: bool) -> NDArray[np.intp]:
+    """Points at which an edge returns along the one before."""
+    along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
+    before = np.roll(along, 1, axis=0)
+    across = before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0]
+    back = (np.abs(across) <= NO_LENGTH) & (np.einsum("ed,ed->e", before, along) < 0)
+    back[0] &= closed
+    return np.flatnonzero(back)
+
+
+def _area(points: Array) -> float:
+    x, y = points.T
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
