@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
 from skfem_contact.conditions.statics import escape
 from skfem_contact.history.nearest import nearest
 
@@ -331,3 +332,41 @@ def test_an_overlap_of_prescribed_points_is_said_once_in_a_history():
     assert words.count("push 4 of 4 points") == 2
     # said, but no bound of the model
     assert "Validity of the model: nothing" in str(results[-1]), str(results[-1])
+
+
+@pytest.mark.parametrize("order", [1, -1], ids=["block first", "pad first"])
+def test_a_place_is_said_where_weak_springs_find_no_answer(order):
+    """A smooth pad, off the middle of a stiff block that tilts on a cylinder, may slide along it.
+
+    On weak springs the block rolls off, and what remains is the answer with a DOF of the pad held: seen
+    with that DOF held nothing is free, and yet nothing but the hold is against sliding.
+    """
+    stiff, soft = (linear_elasticity(*lame_parameters(E, 0.3)) for E in (1e3, 1.0))
+    lower = fem.MeshQuad.init_tensor(np.linspace(-0.5, 0.5, 3), np.array([0.0, 0.7])).with_defaults()
+    upper = fem.MeshQuad.init_tensor(np.array([-0.4, 0.45]), np.array([0.7, 1.3])).with_defaults()
+    element = fem.ElementVector(fem.ElementQuad1())
+    base = sc.Body(fem.Basis(lower, element), stiff, name="base")
+    pad = sc.Body(fem.Basis(upper, element), soft, {"top": (0.0, -3e-5)}, name="pad")
+    contacts = [
+        sc.Contact(
+            base.surface("bottom"),
+            sc.RigidCylinder((0, -4.5), 4.5),
+            friction=sc.Coulomb(0.1),
+            name="floor",
+        ),
+        sc.Contact(pad.surface("bottom"), base.surface("top"), name="joint"),
+    ]
+    solver = sc.ContactSolver([base, pad][::order], contacts[::order])
+    result, words = quiet(solver.solve)
+    assert result.converged
+    # by K and f alone: no spring and no load is against the pad's translation
+    along = np.zeros(pad.n)
+    along[pad.basis.nodal_dofs[0]] = 1.0
+    assert np.abs(pad.K @ along).max() < 1e-15
+    assert abs(along @ pad.f) < 1e-20
+    assert_allclose(result["joint"].force, [0.0, 0.85 * 3e-5], atol=1e-15)  # nor the joint's force
+    assert len(result.indifferent) == 1
+    assert "'pad' is indifferent (translation along x): nothing holds it there" in result.indifferent[0]
+    assert result.indifferent[0] in words
+    # the scene is still one where the answer is found with a DOF held
+    assert answer_of(result).recover.model is not solver.linear_model
