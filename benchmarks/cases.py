@@ -60,7 +60,8 @@ class Case:
 
 
 CASES = [
-    Case("Q1 20k", 20e3),
+    Case("Q1 4k", 4e3, rounds=7),
+    Case("Q1 20k", 20e3, rounds=5),
     Case("Q1 100k", 100e3),
     Case("P2 100k", 100e3, kind="P2"),
     Case("mortar 100k", 100e3, method="mortar", mismatch=0.83),

@@ -36,6 +36,7 @@ RESULTS = HERE / "results"
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # one for each worker
 BEGIN, END = "<!-- benchmark table: begin -->", "<!-- benchmark table: end -->"
 TIME_LIMIT = 3600  # seconds per process
+PYTHON_COUNTS = 10_000  # DOFs below which times are Python's, and do not grow
 
 
 class Clock:
@@ -152,11 +153,16 @@ def worker(what: str, case: Case) -> dict[str, Any]:
 # -- the runner -------------------------------------------------------------------------------
 
 
-def measure(what: str, case: Case) -> dict[str, Any]:
-    """Run a worker in a process of its own; a failure is an answer too."""
+def measure(what: str, case: Case, library: str | None = None) -> dict[str, Any]:
+    """Run a worker in a process of its own; a failure is an answer too.
+
+    `library`: a checkout whose library is measured in place of this one.
+    """
     command = [sys.executable, __file__, "--worker", what, case.name]
     try:
         pinned = os.environ | dict.fromkeys(THREADS, "1")
+        if library is not None:
+            pinned |= {"PYTHONPATH": library}
         done = subprocess.run(command, capture_output=True, text=True, timeout=TIME_LIMIT, env=pinned)
     except subprocess.TimeoutExpired:
         return {"failed": f"more than {TIME_LIMIT} s"}
@@ -166,12 +172,15 @@ def measure(what: str, case: Case) -> dict[str, Any]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def run(case: Case) -> dict[str, Any]:
-    """All measurements of a case, interleaved."""
+def run(case: Case, beside: str | None = None) -> dict[str, Any]:
+    """All measurements of a case, interleaved; with the history of the library of another checkout."""
     runs: dict[str, list[dict[str, Any]]] = {"history": [], "own": [], "plain": []}
+    if beside is not None:
+        runs["beside"] = []
     for _ in range(case.rounds):
         for what, done in runs.items():
-            done.append(measure(what, case))
+            other = what == "beside"
+            done.append(measure("history" if other else what, case, beside if other else None))
             note = done[-1].get("failed") or f"{done[-1]['memory']:.0f} MB"
             print(f"  {case.name:12s} {what:8s} {note}", file=sys.stderr, flush=True)
     row: dict[str, Any] = {"case": case.name, "kind": case.kind, "method": case.method}
@@ -229,6 +238,19 @@ def ratio(seconds: float, other: dict[str, Any], *, percent: bool = False) -> st
     return f"{100 * value:.2f} %" if percent else f"{value:.2f}"
 
 
+def compared(row: dict[str, Any]) -> str:
+    """Times of the history over those of the other checkout, medians and smallest."""
+    here, there = row["history"], row.get("beside", {})
+    if "loop" not in here or "loop" not in there:
+        return f"{row['case']}: not compared"
+    shares = []
+    for stage in ("loop", "total"):
+        median_share = here[stage] / there[stage]
+        least = [r.get(stage + " spread", [r[stage]])[0] for r in (here, there)]
+        shares.append(f"{stage} {median_share:.2f} (smallest {least[0] / least[1]:.2f})")
+    return f"{row['case']}: {', '.join(shares)} of the other checkout's"
+
+
 def table(rows: list[dict[str, Any]], columns: Iterable[str] = tuple(COLUMNS)) -> str:
     """The table in Markdown."""
     columns = list(columns)
@@ -246,6 +268,7 @@ def growth(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Exponents of the growth of the times over the DOFs, for the Q1 cases."""
     plain_rows = [r for r in rows if r["kind"] == "Q1" and r["method"] == "node"]
     good = [r for r in plain_rows if all("failed" not in r[k] for k in ("history", "own", "plain"))]
+    good = [r for r in good if r["history"]["dofs"] > PYTHON_COUNTS]
     if len(good) < 2:
         return {}
     n = np.log([r["history"]["dofs"] for r in good])
@@ -305,6 +328,7 @@ def main() -> None:
     parser.add_argument("--all", action="store_true", help="the case of a million DOFs as well")
     parser.add_argument("--only", nargs="*", help="names of cases; others stay")
     parser.add_argument("--write", action="store_true", help="put the table into the documents")
+    parser.add_argument("--beside", metavar="CHECKOUT", help="measure its library in turn with this")
     parser.add_argument("--worker", nargs=2, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.worker:
@@ -325,7 +349,7 @@ def main() -> None:
     record = list(stored(path).values())
     for case in chosen:
         rows = stored(path) if args.only is not None or case is not chosen[0] else {}
-        rows[case.name] = run(case) | {"machine": machine()}
+        rows[case.name] = run(case, args.beside) | {"machine": machine()}
         order = [c.name for c in CASES if c.name in rows]
         record = [rows[name] for name in order]
         path.write_text(
@@ -335,6 +359,8 @@ def main() -> None:
     print(text)
     for what, exponent in growth(record).items():
         print(f"time of {what} grows as DOFs^{exponent:.2f}")
+    for row in record if args.beside else ():
+        print(compared(row))
     if args.write:
         write_into(HERE.parent / "docs" / "performance.md", text)
         write_into(HERE.parent / "README.md", table(record, SHORT))
