@@ -1,10 +1,11 @@
 """Times every case, checks its answer, and prints the table that stands in the README.
 
-    python benchmarks/run.py [--quick] [--all] [--only NAME ...] [--write]
+    python benchmarks/run.py [--quick] [--all] [--only NAME ...] [--beside CHECKOUT] [--write]
 
 Every measurement is a process of its own with one BLAS thread, so that its peak memory is its own.
 The processes of one case are interleaved, and the medians over several rounds are compared: the times
-are CPU seconds, which other users of the machine disturb less than the wall clock.
+are CPU seconds, which other users of the machine disturb less than the wall clock. With `--beside` the
+library of another checkout does the same history in turn with this one, and the ratios are printed.
 """
 
 from __future__ import annotations
@@ -60,7 +61,8 @@ def history(scene: Scene) -> dict[str, Any]:
     clock = Clock()
     contact = clock("surfaces", scene.contact)
     solver = clock("setup", lambda: sc.ContactSolver(scene.bodies, [contact]))
-    clock("condensation", lambda: solver.model)
+    # `--beside`: earlier versions have other names, and condense all bodies at once
+    clock("condensation", lambda: [part.S for part in getattr(solver.model, "substructures", ())])
     clock("contact problem", solver.prepare)
     results = clock("loop", lambda: list(scene.run(solver)))
     clock("recovery", lambda: solver.recover(results))

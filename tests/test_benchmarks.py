@@ -44,6 +44,15 @@ def test_table_names_what_failed(run: Any) -> None:
     assert "| large | failed: MemoryError |" in text
 
 
+def test_two_checkouts_are_compared_by_medians_and_smallest_times(run: Any) -> None:
+    """2 s and 4 s in the middle, 1.5 s and 2 s at the least; what failed is named."""
+    here = {"loop": 2.0, "loop spread": [1.5, 9.0], "total": 3.0}
+    there = {"loop": 4.0, "loop spread": [2.0, 5.0], "total": 3.0}
+    words = run.compared({"case": "Q1", "history": here, "beside": there})
+    assert words.startswith("Q1: loop 0.50 (smallest 0.75), total 1.00 (smallest 1.00)")
+    assert run.compared({"case": "Q1", "history": here, "beside": {"failed": ""}}) == "Q1: not compared"
+
+
 TRADE = ("trade", "trade_tables", "trade_plot", "problems")
 
 
