@@ -1,7 +1,7 @@
 """What an answer is and what can be said of it.
 
-* `answer`: all numbers of a load step, for the modules of this library; `fields`, `values`, `split`:
-  those of each contact; `reaction`: forces of supports;
+* `answer`: all numbers of a load step, for the modules of this library; `fields`, `contours`,
+  `values`, `split`: those of each contact; `reaction`: forces of supports;
 * `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers;
 * `validity`: whether the model holds; `error`: how far the mesh may be off;
 * `result`, `single`: all of it as users see it, and of the contact where there is one;

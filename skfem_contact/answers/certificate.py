@@ -18,6 +18,7 @@ from skfem_contact.answers.thresholds import NO_LOAD, SCALE_FLOOR
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
+from skfem_contact.pairing.vectors import cross
 
 Array = NDArray[np.float64]
 
@@ -42,8 +43,8 @@ class Certificate:
     force_balance : float
         Resultant of all loads, reactions and obstacle forces, over the sum of their sizes.
     moment_balance : float
-        The same for moments about the centre, less the two known terms below. NaN for axisymmetric
-        and scalar problems, which have no moments.
+        The same for moments about the centre, less the two known terms below; in 3-D the largest
+        about the three axes. NaN for axisymmetric and scalar problems, which have no moments.
     moment_gap : float
         Moment of friction acting across initial gaps: small-sliding kinematics moves it along the
         normal. Over the sum of the forces times the extent.
@@ -169,28 +170,33 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     kept = [k for k in axes if k not in skip]
     rigid = np.array([on_obstacles[:, k].sum() for k in axes])
     resultant = float(np.max(np.abs((F + rigid)[kept]), initial=0.0))
-    if d != 2 or len(axes) < 2 or skip:
+    if len(axes) < d or skip:
         return resultant, np.nan, np.nan, np.nan
     centre = points.mean(axis=0)
-    arm = points - centre
-    M = np.sum(arm[component == 1, 0] * external[component == 1])
-    M -= np.sum(arm[component == 0, 1] * external[component == 0])
-    turn = np.where(component == 1, arm[:, 0], 0.0) - np.where(component == 0, arm[:, 1], 0.0)
-    rotations = component == d  # of rigid bodies: here lengths, and their moments are forces
-    M += system.extent * np.sum(external[rotations])
-    turn[rotations] = system.extent
-    M -= _ground(result, turn)
+    turns = _turns(points - centre, component, system.extent)
+    M = turns @ external - np.array([_ground(result, turn) for turn in turns])
     offset, rigid_points = _offsets(result)
-    M += np.sum(_cross(rigid_points - centre, on_obstacles))
+    M += cross(rigid_points - centre, on_obstacles).sum(axis=0)
     along = np.einsum("ik,ikd->id", -result.local.tangential_force, kin.tangent)
-    across = np.sum(_cross(offset, along))
-    normal = np.sum(_cross(offset, result.state.normal_force[:, None] * kin.normal))
+    across = cross(offset, along).sum(axis=0)
+    normal = cross(offset, result.state.normal_force[:, None] * kin.normal).sum(axis=0)
     return (
         resultant,
-        _ratio(abs(M + across + normal), scale),
-        _ratio(abs(across), scale),
-        _ratio(abs(normal), scale),
+        _ratio(_largest(M + across + normal), scale),
+        _ratio(_largest(across), scale),
+        _ratio(_largest(normal), scale),
     )
+
+
+def _turns(arm: Array, component: NDArray[np.int32], extent: float) -> Array:
+    """Unit turns about each axis, in 2-D the one, at DOFs with these arms (n, d): rows (1 or 3, n)."""
+    d = arm.shape[1]
+    axis = np.where(component < d, component, 0)
+    along = np.where((component < d)[:, None], np.eye(d)[axis], 0.0)
+    turns = cross(arm, along).T
+    for i, turn in enumerate(turns):
+        turn[component == d + i] = extent  # of rigid bodies: here lengths, and their moments are forces
+    return turns
 
 
 def _ground(result: Answer, mode: Array) -> float:
@@ -232,10 +238,6 @@ def _offsets(result: Answer) -> tuple[Array, Array]:
 def _moves(contact: Contact) -> bool:
     """Whether the primary side is one of the bodies, so that forces on it are none from outside."""
     return not contact.rigid or contact.rigid_body is not None
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def _largest(*arrays: Array) -> float:

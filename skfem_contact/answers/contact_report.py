@@ -27,7 +27,7 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
         lines.append(f"  {f'largest {what}':<24s} {size[peak]:.6g} at {where}")
     if contact.friction is not None:
         lines += _friction_lines(values)
-    if estimate and values.points.shape[1] == 2 and np.any(values.status != OPEN):
+    if estimate and np.any(values.status != OPEN):
         lines += _error_lines(values)
     open_gaps = values.gap[(values.status == OPEN) & np.isfinite(values.gap)]
     if len(open_gaps):
@@ -38,7 +38,7 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
 def _friction_lines(values: ContactValues) -> list[str]:
     size = np.linalg.norm(values.tangential_force, axis=1)
     lines = [
-        f"  largest slip             {np.max(np.abs(values.slip), initial=0.0):.6g}",
+        f"  largest slip             {np.max(np.linalg.norm(values.slip, axis=1), initial=0.0):.6g}",
         f"  friction force / normal  {_share(size.sum(), values.normal_force.sum())}",
         f"  energy lost by friction  {values.dissipation:.6g} in this step, "
         f"{values.dissipation_total:.6g} in all",
@@ -53,6 +53,9 @@ def _friction_lines(values: ContactValues) -> list[str]:
 
 def _error_lines(values: ContactValues) -> list[str]:
     error = values.error_estimate
+    if np.isnan(error.traction.total):  # in 3-D only a part is known
+        lines = [f"  estimated error          at least {percent(error.traction.at_least)} in L2"]
+        return lines + [f"    {line}" for line in textwrap.wrap(error.advice, 92)]
     found = f"pressure {percent(error.pressure.total)}"
     if values.friction_stress.any():
         found += f", with friction {percent(error.traction.total)}"

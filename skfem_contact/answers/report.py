@@ -110,7 +110,11 @@ def _watched_line(answer: Answer) -> str:
 def _uniqueness_lines(result: ContactResult) -> list[str]:
     """What a report says of other answers: nothing where none are to be feared."""
     answer = result._answer
-    if answer.kin.tangents != 1 or not any(contact.friction for contact in result.contacts):
+    if not any(contact.friction for contact in result.contacts):
+        return []
+    if answer.kin.tangents == 2:
+        return ["whether this load has other answers is not looked at in 3-D"]
+    if answer.kin.tangents != 1:
         return []
     if not 0 < answer.recover.unknowns <= MOST_ROWS:
         return []

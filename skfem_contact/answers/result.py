@@ -306,6 +306,6 @@ class ContactResult(OfTheContact):
         """All that reports and pictures need, computed before the functions stay behind."""
         for values in self.values:
             values.contact_area  # noqa: B018
-            if values.points.shape[1] == 2 and np.any(values.status != OPEN):
+            if np.any(values.status != OPEN):
                 values.error_estimate  # noqa: B018
         return dict(vars(self))

@@ -117,17 +117,17 @@ class OfTheContact(ABC):
 
     @property
     def contact_area(self) -> float:
-        """Area in contact, in 2-D up to the edges between nodes [area]."""
+        """Area in contact, up to the edges between nodes [area]."""
         return self._only("contact_area").contact_area
 
     @property
     def contact_edges(self) -> Array:
-        """Where contact ends, located within a facet, shape (k, d) [length]; in 2-D."""
+        """Where contact ends, within a facet: points (k, 2), in 3-D segments (s, 2, 3) [length]."""
         return self._only("contact_edges").contact_edges
 
     @property
     def error_estimate(self) -> ErrorEstimate:
-        """Estimated error of pressure and friction by the mesh, in 2-D; computed when asked for."""
+        """Estimated error of pressure and friction, in 3-D a part of it; computed when asked for."""
         return self._only("error_estimate").error_estimate
 
     @property

@@ -16,10 +16,24 @@ NO_LOAD = 1e-10
 # the README's scene, pressed and released, is then wrong by a third of that.
 COARSE = 0.05
 
+# -- contours ----------------------------------------------------
+
+# Open nodes up to so many faces away tell where contact ends: two beyond those next to closed ones.
+REACH = 3
+
+# Smallest eigenvalue, of a matrix with a diagonal of ones, from which on points span a plane. Those of
+# unlike layers of regular faces have 1e-2 or more, points on a line round-off.
+FLAT_FIT = 1e-6
+
 # -- error.body --------------------------------------------------
 
 # Elements beyond so many half widths of contact count for less than a percent.
 FARTHEST = 10.0
+
+# -- error.estimate ----------------------------------------------
+
+# Normals that differ by less are those of one plane: round-off of coordinates far from the origin.
+FLAT = 1e-6
 
 # -- error.sources -----------------------------------------------
 

@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skfem_contact.answers.contours import Contour, contour
 from skfem_contact.answers.error.sources import ErrorEstimate
 from skfem_contact.answers.fields import closed_area, displaced, edge_positions, interpolate
 from skfem_contact.arguments import numbers
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.errors import InputError
@@ -185,23 +186,32 @@ class ContactValues:
 
     @cached_property
     def contact_edges(self) -> Array:
-        """Where contact ends, located within a facet, shape (k, d) [length]; in 2-D only.
+        """Where contact ends, within a facet: points (k, 2), in 3-D segments (s, 2, 3) [length].
 
-        There ``gap**(2/3)``, extrapolated from the open side, vanishes; see `fields`. In the order
-        of the points; ends of the surface that are closed are no edges.
+        There ``gap**(2/3)``, extrapolated from the open side, vanishes; see `fields` and `contours`.
+        In the order of the points or faces; ends of the surface that are closed are no edges.
         """
+        if isinstance(self._placed, FaceSurface):
+            return sealed(self._contour.segments)
         return sealed(edge_positions(self._placed, self.status != OPEN, self.gap))
 
     @cached_property
     def contact_area(self) -> float:
-        """Area in contact, in 2-D up to `contact_edges`; else that of the closed points [area]."""
-        if self.points.shape[1] != 2:
-            return float(self.area[self.status != OPEN].sum())
+        """Area in contact, up to `contact_edges` [area]."""
+        if isinstance(self._placed, FaceSurface):
+            return self._contour.area
         return closed_area(self._placed, self.status != OPEN, self.gap)
 
     @cached_property
+    def _contour(self) -> Contour:
+        """The edge of contact on faces."""
+        surface = self._placed
+        assert isinstance(surface, FaceSurface)
+        return contour(surface, self.status != OPEN, self.gap)
+
+    @cached_property
     def error_estimate(self) -> ErrorEstimate:
-        """Estimated discretisation error of pressure and friction; see `estimate`. In 2-D."""
+        """Estimated error of pressure and friction by the mesh, in 3-D a part; see `estimate`."""
         return self.assess(self)
 
     def interpolate(self, values: ArrayLike, points: ArrayLike) -> Array:

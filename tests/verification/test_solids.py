@@ -338,6 +338,37 @@ def test_what_is_not_there_yet_is_refused():
         pair(sc.Contact(foot, flat, method="node"))
 
 
+def test_error_estimates_are_lower_bounds_that_say_so():
+    """The bodies' part falls with the mesh; what is not estimated has no number, nor has the total."""
+    found = []
+    for n in (4, 8):
+        block = half_space("quad4", n, 1.0, 0.9 / n, E=1.0)
+        ball = sc.RigidSphere((0, 0, 2.0), 2.0, name="ball")
+        contact = sc.Contact(block.surface(at(2, 0.0), name="top"), ball, name="joint")
+        (result,) = sc.ContactSolver([block], [contact]).history([{"motion": {"joint": (0, 0, -0.1)}}])
+        estimate = result.error_estimate
+        for part in (estimate.pressure, estimate.traction):
+            assert part.missing == ("edges", "facets", "scatter") and np.isnan(part.total)
+            assert part.at_least == part.bodies > 0
+        assert np.all(np.isnan(estimate.indicator)) and estimate.points_across is None
+        shares = estimate.elements["block"][1]
+        np.testing.assert_allclose(shares.sum(), 1.0)
+        assert "at least" in str(estimate) and "edges not known" in str(estimate)
+        assert "estimated error          at least" in result.report()
+        assert "not estimated in 3-D" in result.report()
+        found.append(estimate.traction.bodies)
+    assert found[1] < 0.5 * found[0]  # the square of an energy error of order one: a fourth, in the end
+
+
+def test_straight_faces_on_curved_sides_are_an_unknown_part():
+    """Of linear faces on a ball; not of the flat block, nor of quadratic faces."""
+    for kind, unknown in (("quad4", True), ("tri6", False)):
+        _, result = pressed_dome(kind, np.eye(3))
+        estimate = result.error_estimate
+        assert ("chords" in estimate.traction.missing) is unknown
+        assert ("curved sides" in estimate.advice) is unknown
+
+
 def test_results_say_what_is_not_measured():
     """Validity of contact in 3-D is not watched: None, and in words; moments are vectors."""
     _, result = pressed_dome("quad4", np.eye(3))
@@ -345,8 +376,6 @@ def test_results_say_what_is_not_measured():
     assert result.validity.strain["slab"] > 0
     assert "not watched in 3-D yet" in str(result)
     assert "what is measured of it holds" in str(result.report())
-    with pytest.raises(InputError, match="not implemented in 3-D yet"):
-        _ = result.error_estimate
     values = result["joint"]
     assert values.moment().shape == (3,)
     about = np.array([0.1, -0.2, 0.3])

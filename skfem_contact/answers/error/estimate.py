@@ -19,7 +19,8 @@ from that of the continuous problem, in the L2 norm over the contact, from six s
     On curves of straight facets nodal forces act along normals of the curve, pressures along the
     facets'.
 
-The first three are in `surface`, the last in `chords`, the others in `body`.
+The first three are in `surface`, the last in `chords`, the others in `body`. In 3-D only the others are
+estimated yet: the total is NaN, and the advice names what is missing.
 
 What no answer shows of itself is not in it: what else curved bodies lose with straight facets, load
 steps too long for a history that depends on the path, the limits of the linear theory.
@@ -36,8 +37,9 @@ from skfem_contact.answers.error.chords import chords_error, net
 from skfem_contact.answers.error.misfit import Line
 from skfem_contact.answers.error.sources import Elements, ErrorEstimate, ErrorSources
 from skfem_contact.answers.error.surface import points_across, surface_error
-from skfem_contact.answers.thresholds import NO_MISFIT
+from skfem_contact.answers.thresholds import FLAT, NO_MISFIT
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
 
@@ -52,6 +54,8 @@ def estimate(result: Answer, values: ContactValues) -> ErrorEstimate:
     if not closed.any():
         none = ErrorSources()
         return ErrorEstimate(none, none, np.zeros(len(closed)), {}, 0, "nothing touches")
+    if isinstance(surface, FaceSurface):
+        return _of_faces(result, values, contact)
     # at prescribed nodes the support bears what contact would, and nobody knows how much of it
     line = Line.of(surface, np.asarray(~surface.held.all(axis=1)))
     p = values.pressure[:, None]
@@ -66,6 +70,38 @@ def estimate(result: Answer, values: ContactValues) -> ErrorEstimate:
     across = points_across(line, values.status)
     advice = _advice(contact, values, line, traction, share, elements, across)
     return ErrorEstimate(pressure, traction, share, elements, across, advice)
+
+
+def _of_faces(result: Answer, values: ContactValues, contact: Contact) -> ErrorEstimate:
+    """What is known in 3-D: the parts of the bodies and of sticking points."""
+    both = np.hstack([values.pressure[:, None], values.friction_stress])
+    bodies, elements = bodies_error(result, values)
+    stiffness = stiffness_error(result, contact, values, both)
+    curved = any(
+        isinstance(side, FaceSurface) and side.kind.corners == side.kind.nodes and _bends(side)
+        for side in (contact.secondary, contact.primary)
+    )
+    chords = np.nan if curved else 0.0
+    missing = np.nan, np.nan, np.nan
+    pressure = ErrorSources(*missing, bodies, 0.0, chords)
+    traction = ErrorSources(*missing, bodies, stiffness, chords)
+    unknown = np.full(len(values.points), np.nan)
+    advice = (
+        "not estimated in 3-D: what the surface mesh loses where contact or sticking ends, between its "
+        "points and by scatter"
+    )
+    advice += ", and by straight faces on curved sides; " if curved else "; "
+    advice += "compare with a finer mesh"
+    if elements and bodies > NO_MISFIT:
+        coarse = max(elements, key=lambda body: elements[body][1].sum())
+        advice += f". Of what is known, the mesh of {coarse} around the contact has most"
+    return ErrorEstimate(pressure, traction, unknown, elements, None, advice)
+
+
+def _bends(side: FaceSurface) -> bool:
+    """Whether normals at nodes are not those of the faces: whether the surface is a curved one."""
+    turn = side.facet_node_normals - side.facet_normals[:, None]
+    return bool(np.max(np.abs(turn)) > FLAT)
 
 
 def _advice(

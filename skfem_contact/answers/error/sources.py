@@ -21,7 +21,8 @@ class ErrorSources:
     ----------
     edges, facets, scatter, bodies, stiffness, chords : float
         See the top of the module `estimate`. `bodies` is NaN where a body was given a matrix instead
-        of a `BilinearForm`: then there is no measure of energy, and it is left out.
+        of a `BilinearForm`: then there is no measure of energy, and it is left out. In 3-D `edges`,
+        `facets` and `scatter` are NaN, and so is `total`: they are not estimated yet.
     """
 
     edges: float = 0.0
@@ -33,8 +34,20 @@ class ErrorSources:
 
     @property
     def total(self) -> float:
-        """Root of the sum of squares."""
+        """Root of the sum of squares; NaN where more is missing than `bodies`."""
         return float(np.sqrt(sum(size**2 for size in self._known().values())))
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Names of the parts that are not estimated."""
+        return tuple(f.name for f in fields(self) if np.isnan(getattr(self, f.name)))
+
+    @property
+    def at_least(self) -> float:
+        """Root of the sum of the squares that are known; NaN where none is."""
+        found = [getattr(self, f.name) for f in fields(self) if f.name not in self.missing]
+        known = "bodies" not in self.missing or any(found)
+        return float(np.sqrt(sum(size**2 for size in found))) if known else np.nan
 
     @property
     def largest(self) -> str:
@@ -58,11 +71,12 @@ class ErrorEstimate:
         Of the pressure, over the L2 norm of the pressure; and of pressure and friction together.
     indicator : ndarray, shape (m,)
         Share of every point in the squared error of the traction that comes from the surface (edges,
-        facets, scatter); adds up to one where there is any.
+        facets, scatter); adds up to one where there is any. NaN in 3-D.
     elements : dict of (ndarray of int, ndarray)
         By name of the body: elements around the contact, and the share of each in the energy error.
-    points_across : int
+    points_across : int or None
         Points across the narrowest zone of contact, or of sticking, that has edges; 0 without edges.
+        None in 3-D.
     advice : str
         What would improve the answer most.
     """
@@ -71,7 +85,7 @@ class ErrorEstimate:
     traction: ErrorSources
     indicator: Array = field(repr=False)
     elements: dict[str, Elements] = field(repr=False)
-    points_across: int
+    points_across: int | None
     advice: str
 
     def __str__(self) -> str:
@@ -80,6 +94,11 @@ class ErrorEstimate:
             for f in fields(self.traction)
             if getattr(self.traction, f.name) != 0
         )
+        if np.isnan(self.traction.total):
+            return (
+                f"at least {percent(self.traction.at_least)} of the L2 norm of the traction ({parts}); "
+                f"{self.advice}"
+            )
         return (
             f"pressure {percent(self.pressure.total)}, traction {percent(self.traction.total)} "
             f"of its L2 norm ({parts or 'no part'}); {self.advice}"
