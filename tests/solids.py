@@ -31,11 +31,15 @@ def cube(kind: str, n: int = 2, place: Any = None) -> Any:
     if place is None:
         return mesh
     p = np.ascontiguousarray(place(mesh.doflocs))
-    if kind == "quad8":  # middles of faces stand where 8 nodes have them, so that the mesh is the body
-        edges = mesh_edges(mesh, mesh.facets, np.roll(mesh.facets, -1, axis=0))
-        middles = p[:, mesh.dofs.edge_dofs[0, edges]].sum(axis=1)
-        p[:, mesh.dofs.facet_dofs[0]] = 0.5 * middles - 0.25 * p[:, mesh.facets].sum(axis=1)
-    return type(mesh)(p, mesh.t)
+    return type(mesh)(as_eight_nodes(mesh, p) if kind == "quad8" else p, mesh.t)
+
+
+def as_eight_nodes(mesh: Any, p: np.ndarray) -> np.ndarray:
+    """Middles of faces where the 8 nodes round them have them, so that the mesh is the body."""
+    edges = mesh_edges(mesh, mesh.facets, np.roll(mesh.facets, -1, axis=0))
+    middles = p[:, mesh.dofs.edge_dofs[0, edges]].sum(axis=1)
+    p[:, mesh.dofs.facet_dofs[0]] = 0.5 * middles - 0.25 * p[:, mesh.facets].sum(axis=1)
+    return p
 
 
 def onto_ball(x: np.ndarray) -> np.ndarray:
@@ -49,6 +53,59 @@ def onto_octant(x: np.ndarray) -> np.ndarray:
     """The unit cube onto the part of the unit ball with positive coordinates."""
     largest, length = np.abs(x).max(axis=0), np.linalg.norm(x, axis=0)
     return x * largest / np.where(length > 0, length, 1.0)
+
+
+def in_tetrahedra(mesh: Any) -> Any:
+    """Hexahedra cut into 24 tetrahedra each about the middles of cells and faces: alike on all sides.
+
+    scikit-fem's own cut goes by the numbers of vertices: neighbours may cut their face in two ways.
+    """
+    faces, cells = mesh.p[:, mesh.facets].mean(axis=1), mesh.p[:, mesh.t].mean(axis=1)
+    first, last = mesh.nvertices, mesh.nvertices + mesh.nfacets
+    t = [
+        np.stack([mesh.t[a], mesh.t[b], first + mesh.t2f[i], last + np.arange(mesh.nelements)])
+        for i, corners in enumerate(mesh.elem.refdom.facets)
+        for a, b in zip(corners, np.roll(corners, -1), strict=True)
+    ]
+    return fem.MeshTet(np.hstack([mesh.p, faces, cells]), np.hstack(t))
+
+
+def octant_shell(kind: str, n: int, layers: int, inner: float, outer: float) -> Any:
+    """An eighth of a hollow ball about the origin: 3 n^2 faces on each sphere, or 12 n^2 triangles."""
+    linear, curved, _ = KINDS[kind]
+    number: dict[tuple[float, ...], int] = {}
+    points, cells = [], []
+    radii, slope = (
+        np.linspace(inner, outer, layers + 1),
+        np.tan(0.25 * np.pi * np.linspace(0, 1, n + 1)),
+    )
+    corners = [(0, 0, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 0), (1, 1, 1)]
+    for side, i, j, k in np.ndindex(3, n, n, layers):
+        cell = []
+        for di, dj, dk in corners:
+            way = np.roll([1.0, slope[i + di], slope[j + dj]], side)
+            x = way / np.linalg.norm(way) * radii[k + dk]
+            key = tuple(np.round(x, 9))
+            if key not in number:
+                number[key] = len(points)
+                points.append(x)
+            cell.append(number[key])
+        cells.append(cell)
+    mesh = fem.MeshHex(np.array(points).T, np.array(cells).T)
+    if linear is fem.MeshTet:
+        size = np.linalg.norm(mesh.p, axis=0)
+        radius = np.concatenate([size, size[mesh.facets].mean(axis=0), size[mesh.t].mean(axis=0)])
+        mesh = in_tetrahedra(mesh)
+        mesh = fem.MeshTet(mesh.p / np.linalg.norm(mesh.p, axis=0) * radius, mesh.t)
+    if curved is linear:
+        return mesh
+    size = np.linalg.norm(mesh.p, axis=0)
+    mesh = curved.from_mesh(mesh)
+    parts = [size, size[mesh.edges].mean(axis=0)]
+    if mesh.dofs.facet_dofs.size:
+        parts += [size[mesh.facets].mean(axis=0), size[mesh.t].mean(axis=0)]
+    p = mesh.doflocs / np.linalg.norm(mesh.doflocs, axis=0) * np.concatenate(parts)
+    return type(mesh)(as_eight_nodes(mesh, p) if kind == "quad8" else p, mesh.t)
 
 
 def shuffled(mesh: Any, seed: int = 0) -> Any:

@@ -228,7 +228,7 @@ def test_nodes_slide_over_joints_without_a_jump():
     point, facet = closest_faces(probe, ball, np.inf, 1.0)
     assert np.array_equal(point, np.arange(len(t)))
     feet = project(ball, facet, probe.points)
-    for values in (interpolated_normals(ball, facet, feet.shape), feet.foot):
+    for values in (interpolated_normals(ball, facet, feet.xi), feet.foot):
         jump = np.abs(np.diff(values, axis=0)).max()
         assert jump < 3 * np.abs(np.diff(way, axis=0)).max()
 

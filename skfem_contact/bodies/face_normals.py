@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import unit, weights_of
-from skfem_contact.bodies.thresholds import CORNER
+from skfem_contact.bodies.thresholds import CORNER, SAME_PLACE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -149,15 +149,18 @@ def _on_symmetry(
 ) -> Mask:
     """Components that a smooth surface loses at its edges on planes of symmetry, (nf, c, 3).
 
-    One component of both ends of such an edge is prescribed, and the normals of its face have less of
-    it the nearer they are to the edge: in proportion to the distance, as on a curve that goes on as its
-    mirror image. A plane face that meets a roller at an angle is not meant: its normal stays as it is.
+    Such an edge lies in a plane across an axis, that component of its ends is prescribed, and the
+    normals of its face have less of it the nearer they are to the edge: in proportion to the distance,
+    as on a curve that goes on as its mirror image. A plane face that meets a roller at an angle is not
+    meant: its normal stays as it is.
     """
     c = kind.corners
     mirrored = np.zeros((*twins.shape, 3), dtype=bool)
     facet, edge = np.nonzero(twins < 0)
     ends = corners[facet, edge], corners[facet, (edge + 1) % c]
-    both: Mask = np.asarray(held[ends[0]] & held[ends[1]])
+    way = np.abs(points[ends[1]] - points[ends[0]])
+    in_plane = way <= SAME_PLACE * np.linalg.norm(way, axis=1, keepdims=True)
+    both: Mask = np.asarray(held[ends[0]] & held[ends[1]] & in_plane)
     both &= ~np.all(both, axis=1)[:, None]
     some = np.any(both, axis=1)
     if not some.any():

@@ -70,6 +70,11 @@ class FacetKind:
         """Whether facets are straight or plane whatever their nodes are: lines and triangles."""
         return self.nodes == self.dim + 1
 
+    @property
+    def linear(self) -> FacetKind:
+        """The kind that has the corners only."""
+        return _BY_SIZE[self.dim + 1, self.corners]
+
     @cached_property
     def edges(self) -> Index:
         """Nodes of each edge of a face: start, end, and the middle if there is one, (c, 2 or 3)."""

@@ -16,6 +16,9 @@ UNSYMMETRIC, SYMMETRIC = 1e-6, 1e-13
 # it.
 CORNER = np.cos(np.pi / 4)
 
+# An edge lies in a plane if its ends differ by less than this part of its length across it.
+SAME_PLACE = 1e-6
+
 # A facet stands for a piece of a curve if the smooth boundary leaves it by no more than 11.25 degrees:
 # 16 facets to the circle. With fewer the polygon is meant, as it is of a chamfer of 30 degrees.
 STEEPEST = np.tan(np.pi / 16)

@@ -17,7 +17,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags, vstack
+from scipy.sparse import block_diag, csr_matrix, diags, identity, vstack
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
@@ -25,6 +25,7 @@ from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import carriers
 from skfem_contact.conditions.lever import Lever
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.faces.control import gap_weights
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.supports import held_rows
 from skfem_contact.pairing.vectors import turned
@@ -68,6 +69,8 @@ class Kinematics:
         For each contact the vertices that carry by themselves, `Pairing.corners`.
     vertex : ndarray of int, shape (m,)
         The primary node whose row a point carries in place of its own; -1 where none.
+    gap_weights : csr_matrix, shape (m, m), or None
+        Gaps given at the points in those of the rows (`faces.control`); None where they are the same.
     """
 
     B_n: csr_matrix
@@ -86,6 +89,11 @@ class Kinematics:
     tilt: Array
     vertex: NDArray[np.intp]
     corners: tuple[frozenset[tuple[int, int]], ...] = ()
+    gap_weights: csr_matrix | None = None
+
+    def of_rows(self, given: Array) -> Array:
+        """Gaps (m,) that are given at the points, as those of the rows."""
+        return given if self.gap_weights is None else np.asarray(self.gap_weights @ given)
 
     @property
     def m(self) -> int:
@@ -103,15 +111,18 @@ class Kinematics:
 
 def initial_gap(contact: Contact, pairing: Pairing, interference: object = None) -> Array:
     """``gap0`` of every point: geometry or as given, adjusted, less the interference."""
-    gap = np.array(pairing.gap)
+    gap, weights = np.array(pairing.gap), gap_weights(pairing)
     if contact.gap is not None:
         given = field_values(contact.gap, pairing.points, f"gap of contact {contact.label}")
+        given = given if weights is None else weights @ given
         gap = np.where(pairing.paired, given, np.inf)
     if contact.tied and contact.gap is None:
         gap = np.where(pairing.paired, 0.0, np.inf)  # glued as meshed
     gap = np.where(np.abs(gap) <= contact.adjust, 0.0, gap)
     delta = contact.interference if interference is None else interference
-    return gap - field_values(delta, pairing.points, f"interference of contact {contact.label}")  # type: ignore[arg-type]
+    what = f"interference of contact {contact.label}"
+    overlap = field_values(delta, pairing.points, what)  # type: ignore[arg-type]
+    return gap - (overlap if weights is None else weights @ overlap)
 
 
 def kinematics(
@@ -177,6 +188,7 @@ def kinematics(
         tilt=pairing.tilt,
         vertex=np.full(len(pairing.gap), -1) if pairing.vertex is None else pairing.vertex,
         corners=(pairing.corners,),
+        gap_weights=gap_weights(pairing),
     )
 
 
@@ -220,8 +232,16 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
         tangents=parts[0].tangents,
         heir=heir,
         corners=tuple(found for part in parts for found in part.corners),
+        gap_weights=_joined_weights(parts),
         **stacked,
     )
+
+
+def _joined_weights(parts: Sequence[Kinematics]) -> csr_matrix | None:
+    if all(part.gap_weights is None for part in parts):
+        return None
+    blocks = [identity(p.m) if p.gap_weights is None else p.gap_weights for p in parts]
+    return csr_matrix(block_diag(blocks))
 
 
 def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:

@@ -96,8 +96,8 @@ class StepReader:
         """Gaps and slips with interferences (m,) and obstacles that have moved; no loads."""
         kin = self.kin
         gap0, slip0 = np.array(kin.gap0), np.zeros((kin.m, kin.tangents))
-        for part, own, moved in zip(self.point_slices, self._own, motion, strict=True):
-            gap0[part] += own - interference[part]
+        gap0 += kin.of_rows(np.concatenate(self._own) - interference)
+        for part, moved in zip(self.point_slices, motion, strict=True):
             if moved is not self._still[0]:
                 shift = moved.shift(kin.action[part])
                 gap0[part] -= np.einsum("id,id->i", kin.normal[part], shift)

@@ -135,7 +135,9 @@ def plane_moduli(surface: ContactSurface) -> Array:
     size, P = np.linalg.norm(area, axis=1), np.linalg.norm(dilated, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         if surface.dim == 3:
-            modulus = Q * (2 * P + Q) / ((P + 2 * Q) * size)
+            # on a plane of symmetry the force has a part across that plane, from the boundary there
+            p, ratio = dot(dilated, area) / size**2, Q / P
+            modulus = ratio * (2 + ratio) / (1 + 2 * ratio) * p
         else:
             modulus = 2 * P * Q / ((P + Q) * size)
         diagonal = surface.body.K.diagonal()[surface.dofs].mean(axis=1) * length / size
@@ -154,9 +156,9 @@ def plane_moduli(surface: ContactSurface) -> Array:
 
 
 def _inner(surface: ContactSurface) -> NDArray[np.bool_]:
-    """Nodes that have no other boundaries than those of the surface, shape (m,)."""
+    """Nodes that have no other boundaries than the surface, planes of symmetry apart, shape (m,)."""
     if isinstance(surface, FaceSurface):
-        return ~rim_points(surface)
+        return ~rim_points(surface, mirrored=False)
     facets = np.bincount(surface.facets[:, :2].ravel(), minlength=len(surface.points))
     facets[surface.facets[:, 2:]] = 2
     return np.asarray(facets == 2)

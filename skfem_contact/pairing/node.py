@@ -64,6 +64,8 @@ class Pairing:
     vertex : ndarray of int, shape (m,), optional
         The primary node whose row a point carries in place of its own (`corners`); -1 where it
         carries its own. None where all do.
+    control : bool
+        Whether rows are at control points (`faces.control`), combined of those at the nodes.
     """
 
     points: np.ndarray
@@ -84,6 +86,7 @@ class Pairing:
     least_gap: np.ndarray | None = None
     corners: frozenset[tuple[int, int]] = frozenset()
     vertex: np.ndarray | None = None
+    control: bool = False
 
     @property
     def action(self) -> np.ndarray:

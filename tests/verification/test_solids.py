@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import KINDS, at, cube, elastic, onto_ball, shuffled
+from solids import KINDS, at, cube, elastic, in_tetrahedra, onto_ball, shuffled
 
 import skfem_contact as sc
 from skfem_contact.errors import InputError
@@ -234,7 +234,7 @@ def test_a_quarter_with_rollers_is_a_quarter_of_the_whole(kind):
         nx, ny = (2 * n if low_x < 0 else n), (2 * n if low_y < 0 else n)
         mesh = fem.MeshHex.init_tensor(*(np.linspace(0, 1, k + 1) for k in (nx, ny, 2)))
         if linear is fem.MeshTet:  # cut alike on both sides of the planes
-            mesh = mirrored_tets(mesh, low_x, low_y)
+            mesh = in_tetrahedra(mesh)
         mesh = mesh if curved is linear else curved.from_mesh(mesh)
         mesh = type(mesh)(np.ascontiguousarray(place(mesh.doflocs)), mesh.t)
         held = [(at(2, 1.0), (0, 1, 2))]
@@ -260,20 +260,6 @@ def test_a_quarter_with_rollers_is_a_quarter_of_the_whole(kind):
         np.testing.assert_allclose(found[key][0], whole[0], atol=1e-12)
         np.testing.assert_allclose(found[key][1], whole[1], rtol=0, atol=1e-9 * whole[1].max())
         assert parts * found[key][2] == pytest.approx(whole[2], rel=1e-10)
-
-
-def mirrored_tets(mesh, low_x, low_y):
-    """Hexahedra cut into 24 tetrahedra each, about the middles of cells and faces: in no direction."""
-    hexa, p, t = mesh, [mesh.p], []
-    middle = hexa.p[:, hexa.t].mean(axis=1)
-    faces = hexa.p[:, hexa.facets].mean(axis=1)
-    p += [faces, middle]
-    first, last = hexa.nvertices, hexa.nvertices + hexa.nfacets
-    for local, corners in enumerate(hexa.elem.refdom.facets):
-        for a, b in zip(corners, np.roll(corners, -1), strict=True):
-            rows = hexa.t[a], hexa.t[b], first + hexa.t2f[local], last + np.arange(hexa.nelements)
-            t.append(np.stack(rows))
-    return fem.MeshTet(np.hstack(p), np.hstack(t))
 
 
 def test_obstacles_of_all_shapes():

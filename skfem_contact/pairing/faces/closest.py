@@ -58,7 +58,7 @@ class Side:
         feet = project(primary, facet, secondary.points[point])
         apart = secondary.points[point] - feet.foot
         length = np.linalg.norm(apart, axis=1)
-        height = dot(apart, interpolated_normals(primary, facet, feet.shape))
+        height = dot(apart, interpolated_normals(primary, facet, feet.xi))
         within = np.where(height >= 0, length <= self.outside, length <= self.inside)
         above = feet.over <= COINCIDENT * primary.lengths[facet]
         beyond = np.flatnonzero(within & ~above)

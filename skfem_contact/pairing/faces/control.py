@@ -10,8 +10,9 @@ in place of the gaps at the nodes the same displacements have the forces of Bern
 of whose integrals are positive: 1/6 of a triangle each; of an 8-node face 1/12 at corners, 1/6 else.
 Where all points of a face are closed the conditions are those at the nodes, combined, and the forces on
 the bodies are what they were. At the rim of a contact the control polygon touches a little earlier than
-the parabola under it, by the square of the size of a face. Faces with 9 nodes need none of this: the
-integrals are 1/36, 1/9 and 4/9.
+the parabola under it, by the square of the size of a face. Gaps that users give (an interference) are
+lengths along the normals of the nodes: `gap_weights` combines them as the rows combine displacements.
+Faces with 9 nodes need none of this: the integrals are 1/36, 1/9 and 4/9.
 """
 
 from __future__ import annotations
@@ -65,7 +66,21 @@ def at_control_points(surface: FaceSurface, pairing: Pairing, away: Array) -> Pa
         area=area,
         secondary_weights=W,
         primary_weights=csr_matrix(W @ pairing.primary_weights),
+        control=True,
     )
+
+
+def gap_weights(pairing: Pairing) -> csr_matrix | None:
+    """Gaps that are given at the nodes in those of the rows, (m, m); None where rows are at nodes.
+
+    They are lengths along the nodes' own normals: with the angles between these a body that swells
+    evenly closes an even gap in all rows at once, on curved surfaces too.
+    """
+    if not pairing.control:
+        return None
+    W = pairing.secondary_weights.tocoo()
+    turned = dot(pairing.normal[W.row], pairing.normal[W.col])
+    return csr_matrix((W.data * turned, (W.row, W.col)), shape=W.shape)
 
 
 def control_weights(surface: FaceSurface, paired: Mask) -> csr_matrix:

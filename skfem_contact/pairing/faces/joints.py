@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.bodies.thresholds import CORNER
+from skfem_contact.pairing.thresholds import COINCIDENT, SAME_NORMAL
 from skfem_contact.pairing.vectors import dot, ragged
 
 Array = NDArray[np.float64]
@@ -36,10 +37,20 @@ def sharp_points(surface: FaceSurface) -> Mask:
     return sharp
 
 
-def rim_points(surface: FaceSurface) -> Mask:
-    """Nodes on edges where the surface ends, shape (m,)."""
+def rim_points(surface: FaceSurface, mirrored: bool = True) -> Mask:
+    """Nodes on edges where the surface ends, shape (m,).
+
+    `mirrored`: also where it only ends on a plane of symmetry, square to it: the edge lies in a plane
+    across an axis, that component of its nodes is prescribed, and their normals have none of it.
+    """
+    edges = surface.facets[:, surface.kind.edges][surface.twins < 0]
+    if not mirrored:
+        square = surface.held & (np.abs(surface.normals) <= SAME_NORMAL)
+        way = np.abs(surface.points[edges[:, 1]] - surface.points[edges[:, 0]])
+        in_plane = way <= COINCIDENT * np.linalg.norm(way, axis=1, keepdims=True)
+        edges = edges[~(square[edges].all(axis=1) & in_plane).any(axis=1)]
     rim = np.zeros(len(surface.points), dtype=bool)
-    rim[surface.facets[:, surface.kind.edges][surface.twins < 0]] = True
+    rim[edges] = True
     return rim
 
 

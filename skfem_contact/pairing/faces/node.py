@@ -47,7 +47,7 @@ def node_to_face(
     farther out it overhangs. Of equally near faces (a concave edge) the most opposite one is taken;
     ties do not depend on the numbering.
 
-    The normal is interpolated between the averaged normals at the nodes of the face
+    The normal is interpolated between the averaged normals at the corners of the face
     (`bodies.face_normals`), ``gap = normal . (x_s - x_p)``.
 
     Examples
@@ -77,7 +77,7 @@ def node_to_face(
     paired[point] = True
     # where there is no partner the frame is the node's own, turned round
     normal = -secondary.normals
-    normal[point] = interpolated_normals(primary, facet, feet.shape)
+    normal[point] = interpolated_normals(primary, facet, feet.xi)
     gap = np.full(m, np.inf)
     gap[point] = dot(normal[point], secondary.points[point] - feet.foot)
     N, nodes = feet.shape, primary.facets[facet]

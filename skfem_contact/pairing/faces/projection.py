@@ -7,7 +7,7 @@ the middle of the face. Plane triangles take one step, warped and curved faces s
 
 The closest point is taken, and not the point that the normal field looks along: that is one only in a
 neighbourhood of the surface, and is none or several around corners. The normal *at* the closest point
-is interpolated between the averaged normals of the nodes, which is what keeps it continuous, as in 2-D
+is interpolated between the averaged normals at corners, which is what keeps it continuous, as in 2-D
 (`pairing.node`). Both agree on smooth surfaces up to the square of the size of a face.
 """
 
@@ -87,9 +87,13 @@ def project(surface: FaceSurface, facet: Index, points: Array) -> Feet:
     return Feet(xi, N, foot, own, place, over)
 
 
-def interpolated_normals(surface: FaceSurface, facet: Index, shape: Array) -> Array:
-    """The continuous unit normal field on faces by shape functions (p, k), shape (p, 3)."""
-    normal = np.einsum("pk,pkd->pd", shape, surface.facet_node_normals[facet])
+def interpolated_normals(surface: FaceSurface, facet: Index, xi: Array) -> Array:
+    """The continuous unit normal field on faces at reference coordinates (p, 2), shape (p, 3).
+
+    Between the normals at the corners, also on quadratic faces, as in 2-D.
+    """
+    corner = surface.facet_node_normals[facet, : surface.kind.corners]
+    normal = np.einsum("pk,pkd->pd", surface.kind.linear.shapes(xi)[0], corner)
     return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
