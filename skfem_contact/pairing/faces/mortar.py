@@ -15,16 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
-from skfem_contact.bodies.normals import tangents
+from skfem_contact.bodies.normals import tangents, unit
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.dual import DualBasis, dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.faces.segmentation import Segmentation, segment
 from skfem_contact.pairing.faces.supports import Supports, find_supports
+from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.mortar import divided, overhang, shared_nodes
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.supports import FREE, MET, without_multiplier
-from skfem_contact.pairing.thresholds import NO_WEIGHT, SHARE_KEPT
+from skfem_contact.pairing.thresholds import NO_WEIGHT, SAME_NORMAL, SHARE_KEPT, SPREAD
+from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -95,6 +97,7 @@ def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | 
     owner, exchange = _own_rows(secondary, primary, supports, basis)
     D, area, normal = _secondary_matrix(secondary, basis.share, owner)
     M, facet = _primary_matrix(secondary, primary, moments, basis.A)
+    of_secondary, of_primary = normals_of_sides(secondary, primary, moments, basis.A, normal)
     M = M + exchange
     paired = (area > 0) & ~shared_nodes(secondary, primary)
     W_s = divided(D, area, paired)
@@ -121,7 +124,49 @@ def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | 
         paired=paired,
         miss=miss,
         facet=np.where(paired, facet, nearest),
+        secondary_normal=of_secondary,
+        primary_normal=of_primary,
     )
+
+
+def normals_of_sides(
+    secondary: FaceSurface, primary: FaceSurface, moments: Moments, A: Array, own: Array
+) -> tuple[Array, Array]:
+    """Normals of both sides in the weighted mean of the multipliers, as `facing.mortar_normals`.
+
+    On a sharp edge or corner a side has no normal: there that of the other side stands for both.
+
+    Parameters
+    ----------
+    secondary, primary : FaceSurface
+    moments : Moments
+    A : ndarray, shape (nf, k, k)
+        The multipliers in the shape functions of the secondary's faces.
+    own : ndarray, shape (m, 3)
+        Normals at the nodes of the secondary, turned round.
+
+    Returns
+    -------
+    of_secondary, of_primary : ndarray, shape (m, 3)
+    """
+    node, field = secondary.facets[moments.e], primary.facet_node_normals[moments.f]
+    total = np.zeros_like(own)
+    np.add.at(total, node, A[moments.e] @ moments.cross @ field)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    there = length > 1e-9 * length.max(initial=0.0)
+    of_primary = np.where(there, total / np.where(there, length, 1.0), own)
+    # a corner of the primary, if the mean normals of its pieces spread about theirs
+    mean = unit(moments.cross.sum(axis=1)[:, None] @ field)[:, 0]
+    along = np.ones(len(own))
+    np.minimum.at(along, node, dot(of_primary[node], mean[:, None]))
+    corner = (along < np.cos(0.5 * SPREAD))[:, None]
+    of_primary = np.where(corner, own, of_primary)
+    # an edge of the secondary, if its covered faces have several normals there
+    covered = np.unique(moments.e)
+    turned, node = np.zeros(len(own)), secondary.facets[covered]
+    np.maximum.at(turned, node, angle_between(secondary.facet_node_normals[covered], -own[node]))
+    sharp = (turned > SAME_NORMAL)[:, None]
+    return np.where(sharp & ~corner, of_primary, own), of_primary
 
 
 def whole_shares(surface: FaceSurface) -> Array:
