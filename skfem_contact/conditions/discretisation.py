@@ -15,8 +15,10 @@ from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corners import CornerContacts, Names, corner_contacts
 from skfem_contact.pairing.faces.control import at_control_points
+from skfem_contact.pairing.faces.mortar import dual_mortar as mortar_of_faces
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.faces.rollers import along_supports
+from skfem_contact.pairing.faces.supports import held_tangents
 from skfem_contact.pairing.frames import loaded_frames
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
@@ -93,7 +95,7 @@ def _near(contact: Contact, pairing: Pairing) -> Pairing:
 
 
 def _pair_faces(contact: Contact, secondary: FaceSurface, motion: object) -> Pairing:
-    """Pair faces of solids, node by node."""
+    """Pair faces of solids, or faces and an obstacle."""
     primary = contact.primary
     for wrong, what in (
         (contact.sliding == "finite", 'sliding="finite"'),
@@ -101,27 +103,32 @@ def _pair_faces(contact: Contact, secondary: FaceSurface, motion: object) -> Pai
     ):
         if wrong:
             raise InputError(f"contact {contact.label}: {what} in 3-D is not implemented yet")
-    if isinstance(primary, Obstacle):
+    if not isinstance(primary, Obstacle | FaceSurface):
+        raise _unlike(contact)
+    if isinstance(primary, FaceSurface) and contact.method == "mortar":
+        pairing = mortar_of_faces(secondary, primary, reach=contact.reach)
+    elif isinstance(primary, FaceSurface):
+        pairing = node_to_face(secondary, primary, reach=contact.reach)
+        away = gap_vectors(secondary, primary, pairing.secondary_weights, pairing.primary_weights)
+        pairing = _with_control_points(contact, secondary, pairing, away)
+    else:
         pairing = _near(contact, primary.pair(secondary, motion=motion))
         away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
-    elif not isinstance(primary, FaceSurface):
-        raise _unlike(contact)
-    elif contact.method == "mortar":
-        raise InputError(
-            f"contact {contact.label}: method='mortar' in 3-D is not implemented yet; use "
-            "method='node', with the finer surface as the secondary one"
-        )
-    else:
-        pairing = node_to_face(secondary, primary, reach=contact.reach)
-        weights = pairing.secondary_weights, pairing.primary_weights
-        away = gap_vectors(secondary, primary, *weights)
-    if not contact.tied:
-        pairing = at_control_points(secondary, pairing, away)
-        pairing = _without_idle(contact, pairing)
-        if isinstance(primary, FaceSurface):
-            pairing = loaded_frames(secondary, primary, pairing)
+        pairing = _with_control_points(contact, secondary, pairing, away)
+    if isinstance(primary, FaceSurface) and not contact.tied:
+        pairing = loaded_frames(secondary, primary, pairing)
     tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
-    return replace(pairing, tangent=tangent)
+    pairing = replace(pairing, tangent=tangent)
+    return held_tangents(secondary, primary, pairing) if isinstance(primary, FaceSurface) else pairing
+
+
+def _with_control_points(
+    contact: Contact, secondary: FaceSurface, pairing: Pairing, away: Array
+) -> Pairing:
+    """The pairing of nodes with rows whose forces are as pressures are; glued, nodes will do."""
+    if contact.tied:
+        return pairing
+    return _without_idle(contact, at_control_points(secondary, pairing, away))
 
 
 def _pair_curves(

@@ -150,14 +150,15 @@ def kinematics(
     if scalar:  # a field with one component: the row of the value itself, no direction
         frame = np.ones((len(pairing.gap), 1, 1))
     sides = _sides(contact, pairing.secondary_weights, pairing.primary_weights)
-    slip_sides = _sides(contact, *pairing.slip_weights) if pairing.slip_weights else sides
-    still = np.zeros(len(pairing.gap), dtype=bool) if pairing.still is None else pairing.still
+    still = np.zeros(frame[:, 1:, 0].shape, dtype=bool)
+    if pairing.still is not None:
+        still |= pairing.still.reshape(len(still), -1)
     bulge = None
     if pairing.primary_bulge is not None and isinstance(contact.primary, ContactSurface) and not scalar:
         bulge = (pairing.primary_bulge, contact.primary, -1.0)
     slip_bulge = bulge
     if bulge is not None and still.any():  # rows of node-to-segment contact stand on the nodes
-        slip_bulge = (diags((~still).astype(float)) @ bulge[0], *bulge[1:])
+        slip_bulge = (diags((~still[:, 0]).astype(float)) @ bulge[0], *bulge[1:])
     lever = Lever.of(system, contact, pairing, moved)
     held = _held(sides, frame[:, 0], contact.tied, lever)
     B_n = _spread(system, sides, frame[:, 0], pairing.paired, held, bulge, lever)
@@ -166,7 +167,7 @@ def kinematics(
         tangential=partial(
             tangential_rows,
             system,
-            slip_sides,
+            _slip_sides(contact, pairing, sides, still),
             frame[:, 1:],
             pairing.paired,
             still,
@@ -198,6 +199,19 @@ def _sides(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> list
     if isinstance(contact.primary, ContactSurface):
         sides.append((primary, contact.primary, -1.0))
     return sides
+
+
+def _slip_sides(contact: Contact, pairing: Pairing, sides: list[Side], still: Mask) -> list[list[Side]]:
+    """Both sides of the rows of each tangent: other weights where supports make the slip."""
+    if pairing.slip_weights is None:
+        return [sides] * still.shape[1]
+    found = []
+    for along in still.T:
+        own, others = diags(along.astype(float)), diags((~along).astype(float))
+        weights = pairing.secondary_weights, pairing.primary_weights
+        both = zip(weights, pairing.slip_weights, strict=True)
+        found.append(_sides(contact, *(csr_matrix(others @ W + own @ slip) for W, slip in both)))
+    return found
 
 
 def _held(sides: Sequence[Side], direction: Array, tied: bool, lever: Lever | None) -> Mask:
@@ -313,7 +327,7 @@ def _spread(
 
 def tangential_rows(
     system: System,
-    sides: Sequence[Side],
+    sides: Sequence[Sequence[Side]],
     tangent: Array,
     paired: Mask,
     still: Mask,
@@ -322,10 +336,10 @@ def tangential_rows(
     lever: Lever | None = None,
 ) -> csr_matrix:
     """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems."""
-    blocks = [
-        _spread(system, sides, along, paired, still | _held(sides, along, tied, lever), bulge, lever)
-        for along in np.moveaxis(tangent, 1, 0)
-    ]
+    blocks = []
+    for own, along, at_rest in zip(sides, np.moveaxis(tangent, 1, 0), still.T, strict=True):
+        held = at_rest | _held(own, along, tied, lever)
+        blocks.append(_spread(system, own, along, paired, held, bulge, lever))
     return _interleave(blocks) if blocks else csr_matrix((0, system.n))
 
 

@@ -48,11 +48,10 @@ class Pairing:
         Unit normals of the two sides at the points, both from primary to secondary; None where one
         side has the frame for itself (rigid obstacles).
     slip_weights : (csr_matrix, csr_matrix), optional
-        In place of `secondary_weights` and `primary_weights` in the tangential rows, where they
-        are others, see `supports`.
-    still : ndarray of bool, shape (m,), optional
-        Points whose slip is what supports make it: their tangential rows have only what is
-        prescribed.
+        In place of `secondary_weights` and `primary_weights` in the tangential rows that are `still`.
+    still : ndarray of bool, shape (m,), or (m, d-1), optional
+        Points, or tangents of points, along which the slip is what supports make it: their
+        tangential rows have only what is prescribed, see `supports`.
     primary_bulge : csr_matrix, shape (m, number of primary nodes), optional
         Weights of the primary nodes turned by -90 degrees, by which the smooth boundaries stand above
         their chords (`smooth`); they sum to zero in each row. None where facets are straight or curved

@@ -305,12 +305,11 @@ def test_glued_cubes_are_one_body():
 
 
 def test_what_is_not_there_yet_is_refused():
-    """Friction, mortar and finite sliding of solids are refused in words, and mixed dimensions too."""
+    """Friction and finite sliding of solids are refused in words, and mixed dimensions too."""
     low, high = elastic(cube("quad4", 1), "quad4", "low"), raised("quad4", 1, 1.0)
     foot, top = high.surface(at(2, 1.0), name="foot"), low.surface(at(2, 1.0), name="top")
     for settings, words in (
         ({"friction": sc.Coulomb(0.3), "method": "node"}, "friction in 3-D is not implemented yet"),
-        ({}, "use method='node'"),
         ({"method": "node", "sliding": "finite"}, 'sliding="finite" in 3-D is not implemented yet'),
     ):
         with pytest.raises(InputError, match=words):

@@ -20,7 +20,7 @@ from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.dual import DualBasis, dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.faces.segmentation import Segmentation, segment
-from skfem_contact.pairing.faces.supports import Supports, find_supports
+from skfem_contact.pairing.faces.supports import Supports, find_supports, slip_rows
 from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.mortar import divided, overhang, shared_nodes
 from skfem_contact.pairing.node import Pairing, gap_vectors
@@ -126,6 +126,7 @@ def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | 
         facet=np.where(paired, facet, nearest),
         secondary_normal=of_secondary,
         primary_normal=of_primary,
+        slip_weights=None if supports is None else slip_rows(parts, supports),
     )
 
 

@@ -132,7 +132,7 @@ def segment(secondary: FaceSurface, primary: FaceSurface, reach: float | None = 
     """
     limits = (np.inf, half_extent(secondary, primary)) if reach is None else (float(reach),) * 2
     cells = own, other = Cells.of(secondary), Cells.of(primary)
-    e, f = cells_along_normals(own, other, max(limits))
+    e, f = cells_along_normals(own, primary, other, max(limits))
     # clockwise, as what faces the secondary is seen from there, turned round
     images = own.images(e, own.local(e, other.positions[f][:, ::-1]))
     windows = own.corners[e][:, :, :2]

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
+from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.faces.meeting import meet
 from skfem_contact.pairing.faces.segmentation import Segmentation
-from skfem_contact.pairing.supports import FREE, HELD, MET, can_move
+from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.supports import FREE, HELD, MET, can_move, held_rows
 from skfem_contact.pairing.thresholds import MOVING_SHARE, OVERHANG
 
 Array = NDArray[np.float64]
@@ -60,6 +63,35 @@ def find_supports(parts: Segmentation) -> Supports | None:
     rank = np.full(secondary.facets.shape, FREE)
     rank[facet] = np.where(own & other, MET, np.where(here.all(axis=2), HELD, FREE))
     return Supports(rank, facet, opposite, weight)
+
+
+def slip_rows(parts: Segmentation, supports: Supports) -> tuple[csr_matrix, csr_matrix]:
+    """Rows of node-to-segment contact for the nodes with prescribed components, over both surfaces."""
+    secondary, primary = parts.secondary, parts.primary
+    fixed: Mask = np.asarray(np.isin(secondary.dofs, secondary.body.D).any(axis=1))
+    nodes = secondary.facets[supports.facet]
+    facet, local = np.nonzero(fixed[nodes])
+    node, first = np.unique(nodes[facet, local], return_index=True)
+    facet, local = facet[first], local[first]
+    m, weight = len(secondary.points), supports.weight[facet, local]
+    own = csr_matrix((np.ones(len(node)), (node, node)), shape=(m, m))
+    at = np.repeat(node, weight.shape[1]), supports.opposite[facet, local].ravel()
+    return own, csr_matrix((weight.ravel(), at), shape=(m, len(primary.points)))
+
+
+def held_tangents(secondary: FaceSurface, primary: FaceSurface, pairing: Pairing) -> Pairing:
+    """The pairing with its tangents that supports hold on both sides as `Pairing.still`.
+
+    On a plane of symmetry, and at a wall that guides both bodies, the mortar row across it has some
+    nodes of the primary that are not on it. The shear there is zero, the multiplier vanishes, and the
+    neighbours keep theirs (rule 3 of `pairing.supports`).
+    """
+    if pairing.slip_weights is None:
+        return pairing
+    sides = list(zip(pairing.slip_weights, (secondary, primary), (1.0, -1.0), strict=True))
+    some = np.diff(pairing.slip_weights[0].indptr) > 0
+    still = [some & held_rows(sides, along) for along in np.moveaxis(pairing.tangent, 1, 0)]
+    return replace(pairing, still=np.stack(still, axis=1))
 
 
 def _opposite(parts: Segmentation, facet: Index) -> tuple[Index, Array, Mask]:
