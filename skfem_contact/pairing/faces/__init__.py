@@ -7,5 +7,5 @@
 * `projection`, `closest`, `node`: closest points of faces and of surfaces, node-to-face contact;
 * `cells`, `clipping`, `candidates`, `layers`: plane parts of faces, and what two have in common;
 * `meeting`, `segmentation`: pieces of an interface, and points on both of its sides;
-* `dual`, `supports`, `mortar`: multipliers, what supports leave of them, and the rows.
+* `dual`, `supports`, `kinks`, `mortar`: multipliers, what supports and kinks change of them, the rows.
 """

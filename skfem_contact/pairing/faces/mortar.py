@@ -19,13 +19,14 @@ from skfem_contact.bodies.normals import tangents, unit
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.dual import DualBasis, dual_basis, node_rows, positive_functions
+from skfem_contact.pairing.faces.kinks import kink_angles, least_gaps
 from skfem_contact.pairing.faces.segmentation import Segmentation, segment
 from skfem_contact.pairing.faces.supports import Supports, find_supports, slip_rows
 from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.mortar import divided, overhang, shared_nodes
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.supports import FREE, MET, without_multiplier
-from skfem_contact.pairing.thresholds import NO_WEIGHT, SAME_NORMAL, SHARE_KEPT, SPREAD
+from skfem_contact.pairing.thresholds import KINK, NO_WEIGHT, SAME_NORMAL, SHARE_KEPT, SPREAD
 from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
@@ -97,7 +98,8 @@ def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | 
     owner, exchange = _own_rows(secondary, primary, supports, basis)
     D, area, normal = _secondary_matrix(secondary, basis.share, owner)
     M, facet = _primary_matrix(secondary, primary, moments, basis.A)
-    of_secondary, of_primary = normals_of_sides(secondary, primary, moments, basis.A, normal)
+    kinks = kink_angles(secondary), kink_angles(primary)
+    of_secondary, of_primary = normals_of_sides(secondary, primary, moments, basis.A, normal, kinks)
     M = M + exchange
     paired = (area > 0) & ~shared_nodes(secondary, primary)
     W_s = divided(D, area, paired)
@@ -106,6 +108,9 @@ def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | 
         W.data[np.abs(W.data) < NO_WEIGHT] = 0.0
     W_m.eliminate_zeros()
     gap = np.sum(normal * gap_vectors(secondary, primary, W_s, W_m), axis=1)
+    least = least_gaps(parts, kinks, np.asarray(basis.A.any(axis=2)))
+    if least is not None:
+        gap = np.maximum(gap, least)
     scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
     gap[np.abs(gap) <= NO_WEIGHT * scale] = 0.0
     handed = np.zeros(len(paired), dtype=bool)
@@ -126,16 +131,23 @@ def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | 
         facet=np.where(paired, facet, nearest),
         secondary_normal=of_secondary,
         primary_normal=of_primary,
+        least_gap=least,
         slip_weights=None if supports is None else slip_rows(parts, supports),
     )
 
 
 def normals_of_sides(
-    secondary: FaceSurface, primary: FaceSurface, moments: Moments, A: Array, own: Array
+    secondary: FaceSurface,
+    primary: FaceSurface,
+    moments: Moments,
+    A: Array,
+    own: Array,
+    kinks: tuple[Array, Array],
 ) -> tuple[Array, Array]:
     """Normals of both sides in the weighted mean of the multipliers, as `facing.mortar_normals`.
 
-    On a sharp edge or corner a side has no normal: there that of the other side stands for both.
+    On a sharp edge or corner, and at a kink, a side has no normal: there that of the other side stands
+    for both.
 
     Parameters
     ----------
@@ -145,6 +157,8 @@ def normals_of_sides(
         The multipliers in the shape functions of the secondary's faces.
     own : ndarray, shape (m, 3)
         Normals at the nodes of the secondary, turned round.
+    kinks : (ndarray, ndarray)
+        `kinks.kink_angles` of both.
 
     Returns
     -------
@@ -160,13 +174,16 @@ def normals_of_sides(
     mean = unit(moments.cross.sum(axis=1)[:, None] @ field)[:, 0]
     along = np.ones(len(own))
     np.minimum.at(along, node, dot(of_primary[node], mean[:, None]))
-    corner = (along < np.cos(0.5 * SPREAD))[:, None]
+    corner = along < np.cos(0.5 * SPREAD)
+    beside = np.any(kinks[1][primary.facets[moments.f]] > KINK, axis=1)
+    corner[node[beside]] = True
+    corner = corner[:, None]
     of_primary = np.where(corner, own, of_primary)
     # an edge of the secondary, if its covered faces have several normals there
     covered = np.unique(moments.e)
     turned, node = np.zeros(len(own)), secondary.facets[covered]
     np.maximum.at(turned, node, angle_between(secondary.facet_node_normals[covered], -own[node]))
-    sharp = (turned > SAME_NORMAL)[:, None]
+    sharp = ((turned > SAME_NORMAL) | (kinks[0] > KINK))[:, None]
     return np.where(sharp & ~corner, of_primary, own), of_primary
 
 
