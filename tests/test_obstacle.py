@@ -175,7 +175,7 @@ def test_moving_the_obstacle_is_moving_the_body_back(obstacle):
         (lambda: PLANE.moved((np.inf, 0)), "translation of 2 numbers.*: finite"),
         (
             lambda: RigidPlane((0, 0, 0), (0, 0, 1)).moved(((1, 0, 0), 0.1, (0, 0, 0))),
-            "give a translation of 3 numbers: finite",
+            "give a translation of 3 numbers, or .translation, rotation vector, centre.*: finite",
         ),
     ],
 )

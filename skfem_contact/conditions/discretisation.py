@@ -41,7 +41,7 @@ def pair(
     moved : pair of ndarray, optional
         Displacements of the secondary and the primary body, for the deformed geometry [length].
     motion : optional
-        Motion of a rigid obstacle: translation (d,), or in 2-D (translation, angle, centre).
+        Motion of a rigid obstacle: translation (d,), or (translation, angle, centre).
     known : frozenset
         Vertices that carried in a round before, `Pairing.corners`.
     """

@@ -4,23 +4,47 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from skfem_contact.obstacles.rotation import rotation_matrix, spin
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of a rigid obstacle since the start: a turn about a centre, then a translation."""
+    """Motion of a rigid obstacle since the start: a turn about a centre, then a translation.
+
+    Attributes
+    ----------
+    translation, centre : ndarray, shape (d,)
+        [length]
+    angle : float, or ndarray (3,) in space
+        Counterclockwise; a rotation vector [rad].
+    """
 
     translation: Array
-    angle: float
+    angle: Any
     centre: Array
 
+    @classmethod
+    def none(cls, d: int) -> Motion:
+        """No motion in d dimensions."""
+        return cls(np.zeros(d), np.zeros(3) if d == 3 else 0.0, np.zeros(d))
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is more than a translation."""
+        return bool(np.any(self.angle))
+
     def towards(self, other: Motion, share: float) -> Motion:
-        """The motion on the straight way to another one: steady turn, steady path of its centre."""
+        """The motion on the straight way to another one: steady turn, steady path of its centre.
+
+        In space rotation vectors go straight: about a fixed axis that is a steady turn.
+        """
         here = self.about(other.centre)
         return Motion(
             here.translation + share * (other.translation - here.translation),
@@ -36,25 +60,30 @@ class Motion:
         """How far the obstacle's surface has moved along at points where it is now, (m, d).
 
         Linear in the turn: over a point of contact the surface of a spinning roller passes with the
-        length of the arc.
+        length of the arc. In space the turn is the spin on the way between both.
         """
         step = np.tile(self.translation - before.about(self.centre).translation, (len(points), 1))
         turn = self.angle - before.angle
-        if turn:
-            arm = points - self.centre - self.translation
-            step += turn * np.column_stack([-arm[:, 1], arm[:, 0]])
+        if not np.any(turn):
+            return step
+        arm = points - self.centre - self.translation
+        if np.ndim(turn):
+            return np.asarray(step + np.cross(spin(before.angle, self.angle), arm))
+        step += turn * np.column_stack([-arm[:, 1], arm[:, 0]])
         return step
 
     def shift(self, points: Array) -> Array:
         """Displacement of the obstacle at some points, shape (m, d)."""
         moved = np.tile(self.translation, (len(points), 1))
-        if self.angle:
+        if self.turns:
             arm = points - self.centre
+            if np.ndim(self.angle):
+                return np.asarray(moved + arm @ (rotation_matrix(self.angle).T - np.eye(3)))
             cos, sin = np.cos(self.angle), np.sin(self.angle)
             moved += arm @ np.array([[cos, sin], [-sin, cos]]) - arm
         return moved
 
-    def as_argument(self) -> tuple[Array, float, Array]:
+    def as_argument(self) -> tuple[Array, Any, Array]:
         """In the form that obstacles take."""
         return self.translation, self.angle, self.centre
 

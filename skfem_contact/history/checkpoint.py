@@ -168,7 +168,7 @@ def _state(path: Path, data: dict[str, Any], identity: Identity) -> SavedState:
     own = Identity(**{f.name: data[f"identity_{f.name}"] for f in fields(Identity)})
     identity.refuse(own, repr(str(path)))
     motion = tuple(
-        Motion(shift, float(angle), centre)
+        Motion(shift, angle if np.ndim(angle) else float(angle), centre)
         for shift, angle, centre in zip(
             data["motion_translation"], data["motion_angle"], data["motion_centre"], strict=True
         )

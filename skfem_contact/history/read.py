@@ -44,7 +44,7 @@ class StepReader:
             for contact, part, name in zip(contacts, self.point_slices, names, strict=True)
         ]
         d = kin.points.shape[1]
-        self._still = (Motion(np.zeros(d), 0.0, np.zeros(d)),) * len(contacts)
+        self._still = (Motion.none(d),) * len(contacts)
 
     def initial(self) -> LoadCase:
         """The bodies' own loads and the contacts' own interference."""

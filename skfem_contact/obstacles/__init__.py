@@ -1,6 +1,7 @@
 """Rigid obstacles: they are paired and they move, as they are told or by their loads.
 
-* `obstacle`, `motion`: what every obstacle does, and how its motions are written;
+* `obstacle`, `motion`, `rotation`: what every obstacle does, how its motions are written, and turns in
+  space;
 * `shapes`, `level_set`, `polyline`: planes, cylinders, spheres; a function of position; an outline;
 * `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
 """

@@ -90,9 +90,9 @@ class Obstacle(PrintedAsCall, ABC):
         Parameters
         ----------
         motion : array, shape (d,), or (translation, angle, centre)
-            A translation [length]; or in 2-D a rotation by `angle` [rad, counterclockwise] about
-            `centre`, followed by the translation. Motions are total, from the obstacle as it was
-            made.
+            A translation [length]; or a rotation by `angle` [rad] about `centre`, followed by the
+            translation. The angle is counterclockwise in 2-D, and a rotation vector (3,) in 3-D: along
+            the axis, as long as the angle. Motions are total, from the obstacle as it was made.
         """
 
     @abstractmethod

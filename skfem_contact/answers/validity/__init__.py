@@ -2,6 +2,7 @@
 
 * `watched`, `watch`: what every step measures and warns of;
 * `drift`, `rotation`, `support`: how far small sliding and linear bodies have been left;
+* `solids`: the same of solids on obstacles;
 * `chords`: facets that are too long for what presses on a curve;
 * `overlap`, `meeting`, `skin`, `intrusion`: deformed boundaries against each other;
 * `validity`: all of it, on request.

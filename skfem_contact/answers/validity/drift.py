@@ -290,7 +290,7 @@ class Track:
         found = {}
         moved = np.linalg.norm(motion.shift(self.points), axis=1)
         found["motion"] = float(np.max(moved[closed], initial=0.0))
-        if not self.follows or (isinstance(obstacle, RigidPlane) and not motion.angle):
+        if not self.follows or (isinstance(obstacle, RigidPlane) and not motion.turns):
             return found
         at = replace(self.secondary, points=self.points + u)
         distance, normal, facing = distances(obstacle.moved(motion.as_argument()), at)
@@ -334,7 +334,7 @@ def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array
 
 def slid(motion: Motion, points: Array) -> Array:
     """How far an obstacle's surface has come along under points, the whole turn counted, (m, d)."""
-    return motion.slid(Motion(np.zeros_like(motion.translation), 0.0, motion.centre), points)
+    return motion.slid(Motion.none(len(motion.centre)), points)
 
 
 def node_lengths(surface: ContactSurface) -> Array:

@@ -14,6 +14,7 @@ from skfem_contact.answers.thresholds import GAP, LARGE, TILT
 from skfem_contact.answers.validity.drift import Drift, Track, tool_motion
 from skfem_contact.answers.validity.intrusion import Intrusions, elastic_approach
 from skfem_contact.answers.validity.rotation import rigid_rotations, rotation_words
+from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.watched import Said, Watched
 from skfem_contact.bodies.surface import ContactSurface
@@ -51,6 +52,7 @@ class Watch:
         self.interface, self.contacts, self.geometry = interface, interface.contacts, geometry
         self.system, kin = geometry.system, geometry.kin
         self.plane = kin.points.shape[1] == 2 and kin.tangents == 1
+        self.on_obstacles = [i for i, contact in enumerate(self.contacts) if looked_at(contact)]
         if not self.plane:  # a scalar field moves nothing
             return
         self.intrusions = Intrusions(geometry, self.contacts)
@@ -120,7 +122,7 @@ class Watch:
             Of the pairing, see `intrusion`.
         """
         if not self.plane:
-            return Watched(said=said)
+            return Watched(self._solids(state, gap, case, displacement), said=said)
         wanted = self.follows_tools or any(loose is not None for loose in self.loose)
         u = displacement() if wanted else np.zeros(0)
         motions = [support.motion(case.x) for support in self.supports]
@@ -133,6 +135,16 @@ class Watch:
         turns |= rigid_rotations(self.system, self.contacts, state.surface)
         overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
         return Watched(drifts, turns, said, tuple(self.tracks), overlaps)
+
+    def _solids(
+        self, state: State, gap: Array, case: LoadCase, displacement: Callable[[], Array]
+    ) -> tuple[Drift, ...]:
+        """Of contacts in space, as far as they are looked at."""
+        drifts = [Drift()] * len(self.contacts)
+        u = displacement() if self.on_obstacles else np.zeros(0)
+        for i in self.on_obstacles:
+            drifts[i] = obstacle_drift(self.geometry, i, state, gap, case, u)
+        return tuple(drifts)
 
     def _drift(
         self,
@@ -224,7 +236,7 @@ class Watch:
                     lines.append(overlap.words(self.intrusions.reasons(i, result.state)))
             if not drift.small_sliding_holds and ("sliding", name) not in watched.said:
                 new.add(("sliding", name))
-                lines.append(sliding_words(drift))
+                lines.append(sliding_words(drift, contact.secondary.dim))
             if ("facets", name) not in watched.said:
                 sure = self._sure(i, result, drift)
                 if sure.facets_too_long:
@@ -256,8 +268,14 @@ def relative(rows: list[Array], motions: list[Array]) -> Array:
 ONCE = " (Said once in a history, at the first step beyond the bound; result.validity has the numbers.)"
 
 
-def sliding_words(drift: Drift) -> str:
-    """What small sliding does wrong, and what to do."""
+def sliding_words(drift: Drift, d: int = 2) -> str:
+    """What small sliding does wrong, and what to do, in d dimensions."""
+    way = ". Give the contact sliding='finite'."
+    if d == 3:
+        way = (
+            ". In 3-D there is no other sliding yet: place the obstacle close to where it ends, and "
+            "move or turn it less."
+        )
     found = []
     if drift.slides_far:
         found.append(
@@ -285,7 +303,7 @@ def sliding_words(drift: Drift) -> str:
         found.append(f"the obstacle has moved by {drift.motion:.3g}")
     return (
         "small sliding, which keeps partners, normals and gaps of the undeformed bodies, does not "
-        "follow: " + "; ".join(found) + ". Give the contact sliding='finite'."
+        "follow: " + "; ".join(found) + way
     )
 
 

@@ -1,0 +1,79 @@
+"""What small sliding does not follow where solids meet obstacles: measured at the obstacle itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.thresholds import NO_LENGTH
+from skfem_contact.answers.validity.drift import Drift, distances
+from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.conditions.contact import Contact, field_values
+from skfem_contact.conditions.geometry import Geometry
+from skfem_contact.conditions.lever import as_motion
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.obstacles.obstacle import Obstacle
+
+Array = NDArray[np.float64]
+
+
+def looked_at(contact: Contact) -> bool:
+    """Whether it is a solid on an obstacle whose partners stay what they are."""
+    solid = isinstance(contact.secondary, FaceSurface) and contact.rigid
+    return solid and contact.sliding == "small" and not contact.tied
+
+
+def obstacle_drift(
+    geometry: Geometry, i: int, state: State, gap: Array, case: LoadCase, u: Array
+) -> Drift:
+    """Normals and gaps of one contact against those at the obstacle, where it and the points are.
+
+    Gaps are compared at nodes that have a row of their own.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    i : int
+        The contact.
+    state, gap, case
+        Of the answer.
+    u : ndarray, shape (n,)
+        Displacements, right at the contact DOFs [length].
+    """
+    contact, part, pairing = geometry.contacts[i], geometry.point_slices[i], geometry.pairings[i]
+    surface, obstacle = contact.secondary, contact.primary
+    assert isinstance(obstacle, Obstacle)
+    motion = case.motion[i].as_argument()
+    if contact.rigid_body is not None:
+        motion = as_motion(geometry.system, contact.rigid_body, u)
+    moved = u[geometry.system.slice(surface.body)][surface.dofs]
+    at = replace(surface, points=surface.points + moved)
+    distance, normal, facing = distances(obstacle.moved(motion), at)
+    closed = (state.status[part] != OPEN) & pairing.paired
+    # what a given or adjusted gap adds to the measured one, and an interference takes away
+    own = field_values(contact.interference, surface.points, "interference")
+    first = np.where(pairing.paired, geometry.kin.gap0[part], 0.0)
+    added = first + own - np.where(pairing.paired, pairing.gap, 0.0) - case.interference[part]
+    rows = np.diff(pairing.secondary_weights.tocsr().indptr) == 1
+    true = distance + added
+    error = np.abs(true - np.where(pairing.paired, gap[part], 0.0))[closed & rows]
+    sunk = -true[~closed & facing & pairing.paired & rows]  # where nothing presses
+    worst = max(float(np.max(error, initial=0.0)), float(np.max(sunk, initial=0.0)))
+    if worst <= NO_LENGTH * float(np.max(np.abs(at.points))):
+        worst = 0.0
+    cosine = np.einsum("md,md->m", pairing.normal, normal)
+    across = np.linalg.norm(np.cross(pairing.normal, normal), axis=1)
+    lifted = np.abs(np.einsum("md,md->m", pairing.normal, moved)[closed])
+    approach = float(np.max(lifted, initial=0.0))
+    shift = np.linalg.norm(case.motion[i].shift(surface.points)[closed], axis=1)
+    return Drift(
+        closed=int(closed.sum()),
+        tilt=float(np.max(np.arctan2(across, cosine)[closed], initial=0.0)),
+        gap_error=worst,
+        gap_share=worst / max(approach, worst) if worst else 0.0,
+        motion=float(np.max(shift, initial=0.0)),
+        approach=approach,
+    )
