@@ -162,6 +162,23 @@ def test_holding_keeps_just_enough_points():
     assert held.motion.shape == (2, 2)
 
 
+def test_holding_passes_points_that_do_not_resist():
+    """A body free to turn about one of its sliding points is not held by the friction of that one."""
+    one = step([1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
+    points = SimpleNamespace(m=3, tangents=1, B_n=np.zeros((3, 1)), B_t=np.array([[0.0], [1.0], [2.0]]))
+    one = replace(one, motions=RigidMotions(np.eye(1), points, None))
+    # by its friction, which is far below its limit, the first point is asked before the others
+    sliding = replace(
+        cold(one),
+        status=np.full(3, SLIP),
+        normal_force=np.array([3.0, 2.0, 1.0]),
+        tangential_force=np.zeros((3, 1)),
+    )
+    status, held = hold(one, sliding)
+    assert_array_equal(status, [SLIP, STICK, SLIP])
+    assert_array_equal(held.points, [False, True, False])
+
+
 def test_driver_counts_and_stops():
     """The driver stops at its limit, and at the word of the callback, and says which."""
     one = step([2.0], [3.0])

@@ -28,7 +28,7 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
     nothing = max(ROUND_OFF * force_scale, step.noise)
     penetrates = was_open & (response.gap < -ROUND_OFF * gap_scale) & step.paired
-    pulls = ~was_open & (response.normal_force < -nothing) & ~step.tied
+    pulls = ~was_open & (response.normal_force < -nothing)
 
     slips, direction = np.zeros_like(was_open), np.zeros_like(response.slip)
     if step.laws:

@@ -60,7 +60,7 @@ class SparseSpace:
     frictional: Mask
     points: Array | None = None
     modes: Array | None = None
-    _key: bytes = field(default=b"", repr=False)
+    _key: bytes | None = field(default=None, repr=False)
     _factor: Any = field(default=None, repr=False)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
@@ -89,7 +89,7 @@ class SparseSpace:
         K = self.K + tangential_matrix(kin.B_t, spring) if spring.any() else self.K
         K_r, f_r = trial.reduce(K, f, test=test)
         key = conditions.matrix_key()
-        if key != self._key or self._factor is None:
+        if key != self._key:
             self._factor = self._factorize(K_r, trial, spd=test is trial)
             self._key = key
         u = trial.expand(self._factor.solve(f_r))
