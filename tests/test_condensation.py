@@ -89,6 +89,35 @@ def test_laws_of_points_that_stick_or_are_open_are_not_heard(linear):
         assert_allclose(getattr(said, key), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
 
+@pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["points", "displacements"])
+def test_a_gap_that_supports_prescribe_is_what_it_is(linear):
+    """Asked to close a point both sides of which are prescribed, a problem leaves its gap alone."""
+    low, up = block("low", (0, 1), (-1, 0), (4, 4)), block("up", (0, 1), (0, 1), (4, 4))
+    end = {}
+    for body, side in ((low, "top"), (up, "bottom")):
+        surface = body.surface(side)
+        end[body] = surface.dofs[surface.points[:, 0] < 0.1].ravel()
+    x = np.zeros(up.n)
+    x[end[up][1]] = -0.001  # pushed in by a thousandth
+    held = [
+        sc.Body(low.basis, low.K, D=[low.basis.get_dofs("bottom"), end[low]], name="low"),
+        sc.Body(up.basis, up.K, D=[up.basis.get_dofs("top"), end[up]], x=x, name="up"),
+    ]
+    contact = sc.Contact(held[1].surface("bottom"), held[0].surface("top"), method="node")
+    solver = sc.ContactSolver(held, [contact], linear=linear)
+    problem = solver.linear_model.problem_on(None, None)
+    with pytest.warns(sc.ContactWarning, match="prescribed displacements push"):
+        load = problem.load(answer_of(solver.solve()).case)
+    there = contact.secondary.points[:, 0] < 0.1
+    nothing = np.zeros((5, 1))
+    conditions = Conditions(
+        np.ones(5, bool), np.zeros(5, bool), nothing, nothing[..., None], nothing, nothing
+    )
+    found = problem.solve(conditions, load)
+    assert_allclose(found.gap, np.where(there, -0.001, 0.0), rtol=1e-12, atol=1e-15)
+    assert_array_equal(found.normal_force != 0, ~there)
+
+
 def test_update_of_one_body_is_a_new_solver():
     """A new stiffness and load of one body give what a solver made with them gives."""
     solver = scene(floating=True)

@@ -75,9 +75,8 @@ class Grip:
         rows = motions.rows(carrying, self.stick)
         if null_space(rows, self.firmly).shape[1]:
             return True
-        tied = motions.kin.tied & motions.kin.paired
-        share = np.where(tied, 1.0, self.attempt.local.normal_force / self.largest)[carrying]
-        rows[: len(share)] *= share[:, None]
+        share = np.where(motions.kin.tied, 1.0, self.attempt.local.normal_force / self.largest)
+        rows[: carrying.sum()] *= share[carrying, None]
         return null_space(rows, FAINT).shape[1] > 0
 
     def adrift(self, interface: Interface) -> tuple[str, ...]:
