@@ -14,6 +14,8 @@ import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.problem.condensed import PointProblem, SurfaceProblem
+from skfem_contact.problem.full import FullProblem
+from skfem_contact.problem.iterated import IteratedProblem
 from skfem_contact.problem.response import Conditions
 from skfem_contact.problem.substructure import Substructure
 
@@ -49,14 +51,16 @@ def scene(kind="Q1", floating=False, linear="auto", method="node", mu=0.3):
     return sc.ContactSolver([low, up], [contact], linear=linear)
 
 
+@pytest.mark.parametrize("route", ["condensed", "iterated"])
 @pytest.mark.parametrize("kind", MESH)
 @pytest.mark.parametrize("floating", [False, True], ids=["held", "floating"])
 @pytest.mark.parametrize(("method", "mu"), [("node", 0.3), ("mortar", 0.3)])
-def test_condensed_and_sparse_routes_agree(kind, floating, method, mu):
-    """Gaps and slips, or all DOFs as unknowns: the same displacements and forces along a path."""
+def test_routes_agree(kind, floating, method, mu, route):
+    """Gaps and slips, forces, or all DOFs as unknowns: the same displacements and forces on a path."""
     settings = {"kind": kind, "floating": floating, "method": method, "mu": mu}
-    dense, sparse = scene(**settings), scene(**settings, linear=sc.Direct())
-    assert isinstance(dense.linear_model.problem_on(None, None), PointProblem)
+    dense, sparse = scene(**settings, linear=route), scene(**settings, linear=sc.Direct())
+    problem = dense.linear_model.problem_on(None, None)
+    assert isinstance(problem, PointProblem if route == "condensed" else IteratedProblem)
     for a, b in zip(dense.history([0.5, 1.0, 0.3]), sparse.history([0.5, 1.0, 0.3]), strict=True):
         # round-off times the condition number of the bodies
         assert_allclose(a.u, b.u, rtol=0, atol=1e-9 * np.abs(b.u).max())
@@ -220,6 +224,15 @@ def test_rows_that_depend_on_each_other(make, mu, monkeypatch):
     assert a.certificate.worst < 1e-10
 
 
+def test_iterated_problems_hand_over_dependent_rows():
+    """Rows that depend on each other are solved with all DOFs; condensed ones go to contact DOFs."""
+    solver, sparse = corner(mu=0.3, linear="iterated"), corner(mu=0.3, linear=sc.Direct())
+    assert isinstance(solver.linear_model.problem_on(None, None), FullProblem)
+    a, b = solver.solve(), sparse.solve()
+    assert_allclose(a.u, b.u, rtol=0, atol=1e-12 * np.abs(b.u).max())
+    assert_allclose(solver.recover([a])[0], a.u, rtol=0, atol=0)
+
+
 def test_frictionless_corners():
     """Without friction a corner node has one row per direction, and both walls their force."""
     held = corner(D=True)
@@ -231,17 +244,19 @@ def test_frictionless_corners():
 
 
 def test_the_route_follows_the_memory_of_dense_matrices():
-    """Above max_dense_bytes "auto" takes the sparse route; "condensed" never does. Both are said."""
+    """Above max_dense_bytes "auto" iterates; "condensed" never does. Both are said."""
     plain = scene()
     bodies, contacts, few = plain.system.bodies, plain.contacts, sc.Options(max_dense_bytes=3000)
     many = sc.ContactSolver(bodies, contacts, options=few, linear="auto")
-    assert plain.linear_model.condensed and not many.linear_model.condensed
+    assert (plain.linear_model.route, many.linear_model.route) == ("condensed", "iterated")
     forced = sc.ContactSolver(bodies, contacts, options=few, linear="condensed")
-    assert forced.linear_model.condensed
+    assert forced.linear_model.route == "condensed"
     # on either side 16 contact DOFs, 16 gaps and slips: 8 (2 2 16^2 + 2.5 16^2)
     assert plain.linear_model.dense_bytes == 13312
     assert "at most 13.3 kB of dense matrices (max_dense_bytes allows 3 GB)" in str(plain)
-    assert "dense matrices of 8 points would take 13.3 kB: max_dense_bytes allows 3 kB" in str(many)
+    assert "forces by GMRES, dense matrices would take 13.3 kB, max_dense_bytes allows 3 kB" in str(
+        many
+    )
     assert "at most 13.3 kB of dense matrices\n" in str(forced)
     with pytest.raises(sc.UnknownKeyword, match=r"max_candidates.*write max_dense_bytes"):
         sc.Options(max_candidates=3)

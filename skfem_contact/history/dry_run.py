@@ -41,17 +41,19 @@ def _linear_words(solver: ContactSolver) -> str:
     model, points = solver.linear_model, int(solver.kin.paired.sum())
     dofs = len(np.setdiff1d(model.touched(), solver.system.D))
     dense, most = written_bytes(model.dense_bytes), written_bytes(solver.options.max_dense_bytes)
-    if model.condensed:
+    if model.route != "full":
         factors = written_bytes(sum(size.memory for size in solver.sizes().values()))
-        limit = "" if solver.linear == "condensed" else f" (max_dense_bytes allows {most})"
-        return (
-            f"condensed: {solver.system.n} DOFs -> {dofs} contact DOFs -> {model.rows} gaps and slips "
-            f"of {points} points; {factors} for the factors, at most {dense} of dense matrices{limit}"
+        sizes = (
+            f"{model.route}: {solver.system.n} DOFs -> {dofs} contact DOFs -> {model.rows} gaps and "
+            f"slips of {points} points; {factors} for the factors"
         )
+        limit = f"max_dense_bytes allows {most}"
+        if model.route == "condensed":
+            limit = f" ({limit})" if solver.linear == "auto" else ""
+            return f"{sizes}, at most {dense} of dense matrices{limit}"
+        why = f"dense matrices would take {dense}, {limit}" if solver.linear == "auto" else "as chosen"
+        return f"{sizes}; forces by GMRES, {why}"
     why = "as chosen"
-    if isinstance(solver.linear, str):
-        why = f"because dense matrices of {points} points would take {dense}: "
-        why += f"max_dense_bytes allows {most}"
     backend = solver.linear_model.backend
     return f"linear solver {backend!r} on all {solver.system.n} DOFs in every iteration, {why}"
 

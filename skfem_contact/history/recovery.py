@@ -84,11 +84,7 @@ class Recovery:
 
     def at_contact(self) -> Array:
         """Displacements (n,) known without the interior: contact DOFs and prescribed ones."""
-        bodies, u = self.model.bodies, np.array(self.case.x)
-        if isinstance(bodies, Condensed):
-            u[bodies.columns] = bodies.contact_dofs(self.source)
-        else:
-            u = self.source.values
+        u = self.model.bodies.surface(self.source, self.case)
         return u if self.shift is None else u + self.shift
 
     def space(self, kin: Any) -> tuple[PointSpace, bool] | None:

@@ -33,13 +33,14 @@ from skfem_contact.history.read import StepReader
 from skfem_contact.history.recovery import recover_all
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.yielded import Yielded
-from skfem_contact.linalg.multifrontal.factor import FactorSize
+from skfem_contact.linalg.multifrontal.size import FactorSize
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
 from skfem_contact.loops.table import LOOPS
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
+from skfem_contact.problem.iterated import IteratedBodies
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.substructure import Substructure
 from skfem_contact.sealed import sealed
@@ -77,10 +78,11 @@ class ContactSolver:
     contacts : sequence of Contact
     loop : {"newton", "direct", "fictitious"}
         How friction is iterated; all reach the same solution.
-    linear : "auto", "condensed", a backend such as `Direct()` or `AMG()`, or a solver callable
+    linear : "auto", "condensed", "iterated", a backend such as `AMG()`, or a solver callable
         Where the linear problems are solved. "condensed" eliminates everything but the contact
-        points once; a backend solves ``T'KT`` with all DOFs in every iteration. A callable is
-        anything that scikit-fem takes as ``solver(A, b)``.
+        points once; "iterated", for more points than dense matrices have room for, finds their forces
+        by GMRES, with products through the factors of the bodies; a backend solves ``T'KT`` with all
+        DOFs in every iteration. A callable is anything that scikit-fem takes as ``solver(A, b)``.
     options : Options
 
     Raises
@@ -173,7 +175,7 @@ class ContactSolver:
         return Answering(Stepper(self.linear_model, self.loop, self.options), self._reader)
 
     @property
-    def model(self) -> Condensed | FullSystem:
+    def model(self) -> Condensed | IteratedBodies | FullSystem:
         """The linear problem of the bodies without contact; condensed when first asked for."""
         return self.linear_model.bodies
 

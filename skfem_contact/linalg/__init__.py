@@ -3,6 +3,7 @@
 * `backend`: the interface of a solver; `direct`, `amg`: the ones that come with the library;
 * `multifrontal`: Cholesky factorisation that leaves a Schur complement;
 * `dense_factors`: factors of dense matrices, the one place that calls LAPACK for them;
+* `krylov`: iterations for unsymmetric equations;
 * `in_place`: large dense matrices changed in place;
 * `singular`, `threads`: singular matrices recognised; one BLAS thread for small blocks;
 * `memory`: bytes in words;

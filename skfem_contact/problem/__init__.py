@@ -4,6 +4,7 @@
 * `points`: the problem on gaps and slips; `sparse`: on displacements;
 * `substructure`, `condensed`: bodies condensed onto their contact DOFs; `delassus`: the dense matrix of
   their gaps and slips, and its size;
+* `whole`, `held`, `layer`, `iterated`: the same without dense matrices, for very many points;
 * `full`: all DOFs, for any linear solver;
 * `model`: the problem on one pairing, made from the bodies;
 * `thresholds`: numbers, and where they come from.

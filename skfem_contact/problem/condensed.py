@@ -18,13 +18,13 @@ singular exactly where free motion is.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, block_diag
 from scipy.sparse import csr_matrix, vstack
 
-from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
@@ -36,8 +36,9 @@ from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Response, Source
 from skfem_contact.problem.seam import ContactProblem, Posed, PosedOn
 from skfem_contact.problem.sparse import OnDisplacements, SparseSpace
-from skfem_contact.problem.substructure import Components, Substructure
+from skfem_contact.problem.substructure import Components, Substructure, firmness
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE
+from skfem_contact.problem.whole import Whole
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -114,6 +115,13 @@ class Condensed:
         """Displacements of the contact DOFs, (n_c,) or (n_c, r)."""
         return self.flexibility(source.values) if source.forces else source.values
 
+    def surface(self, source: Source, case: LoadCase) -> Array:
+        """Displacements (n,) known without the interior: contact DOFs and prescribed ones."""
+        u = np.zeros(self.system.n)
+        u[self.system.D] = case.x[self.system.D]
+        u[self.columns] = self.contact_dofs(source)
+        return u
+
     def recover(
         self,
         sources: Source,
@@ -145,14 +153,35 @@ class Condensed:
             return SurfaceProblem(self, on, prefer, labels)
 
 
-class CondensedProblem(Posed):
-    """What both kinds of contact problem share: the rows on contact DOFs and on prescribed ones."""
+B = TypeVar("B", bound=Condensed | Whole)
 
-    def __init__(self, bodies: Condensed, on: PosedOn) -> None:
+
+class CondensedProblem(Posed, Generic[B]):
+    """What contact problems on contact DOFs share: the rows on these, and on prescribed ones."""
+
+    def __init__(self, bodies: B, on: PosedOn) -> None:
         super().__init__(on)
-        self.bodies, self.slips = bodies, bool(on.slipping.any())
+        self.bodies: B = bodies
+        self.slips = bool(on.slipping.any())
         self.rows = without_columns(on.kin, bodies.columns)
         self.prescribed = without_columns(on.kin, bodies.system.D)
+
+    def changing_rows(self, on: PosedOn) -> tuple[csr_matrix, Index, Index]:
+        """Rows (q, n_c) of gaps and slips that can change, and where in them each point has its own.
+
+        Those of gaps first; -1 where a point has none, (m,) and (m, d-1).
+        """
+        kin, t = self.rows, on.kin.tangents
+        normal = np.flatnonzero(kin.paired & (_row_size(kin.B_n) > FIXED))
+        tangential, rows = np.zeros(0, dtype=np.intp), [kin.B_n[normal]]
+        if self.slips:
+            may_slip = np.repeat(kin.paired & on.slipping, t)
+            tangential = np.flatnonzero(may_slip & (_row_size(kin.B_t) > FIXED))
+            rows.append(kin.B_t[tangential])
+        normal_rows, tangential_rows = np.full(kin.m, -1), np.full(kin.m * t, -1)
+        normal_rows[normal] = np.arange(len(normal))
+        tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
+        return csr_matrix(vstack(rows)), normal_rows, tangential_rows.reshape(kin.m, t)
 
     def constant(self, case: LoadCase) -> tuple[Array, Array]:
         """Initial gaps and slips with what prescribed displacements add."""
@@ -165,37 +194,24 @@ class CondensedProblem(Posed):
         return gap0, slip0
 
     def surface(self, source: Source, case: LoadCase) -> Array:
-        """Displacements (n,) known without the interior: contact DOFs and prescribed ones."""
-        u = np.zeros(self.bodies.system.n)
-        u[self.bodies.system.D] = case.x[self.bodies.system.D]
-        u[self.bodies.columns] = self.bodies.contact_dofs(source)
-        return u
+        """Displacements (n,) known without the interior."""
+        return self.bodies.surface(source, case)
 
 
-class PointProblem(CondensedProblem):
+class PointProblem(CondensedProblem[Condensed]):
     """The contact problem on gaps and slips, see `PointSpace`."""
 
     def __init__(self, bodies: Condensed, on: PosedOn) -> None:
         super().__init__(bodies, on)
-        kin, slipping, t = self.rows, on.slipping, on.kin.tangents
-        normal = np.flatnonzero(kin.paired & (_row_size(kin.B_n) > FIXED))
-        tangential, rows = np.zeros(0, dtype=np.intp), [kin.B_n[normal]]
-        if self.slips:
-            may_slip = np.repeat(kin.paired & slipping, t)
-            tangential = np.flatnonzero(may_slip & (_row_size(kin.B_t) > FIXED))
-            rows.append(kin.B_t[tangential])
+        B, normal_rows, tangential_rows = self.changing_rows(on)
         # of the dense matrices S alone is kept, in the place of A; G F follows from G
-        self.G = G = csr_matrix(vstack([*rows, csr_matrix(bodies.P.T)]))
-        self.q = q = len(normal) + len(tangential)
+        self.G = G = csr_matrix(vstack([B, csr_matrix(bodies.P.T)]))
+        self.q = q = B.shape[0]
         A = delassus.inverse(delassus.row_flexibility(G, bodies.row_flexibility))
         self.A_zq, self.A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         self.rigid = lu(self.A_qq - np.eye(len(A) - q))
         S = delassus.without_anchors(A, self.A_zq, self.rigid)
-        normal_rows = np.full(kin.m, -1)
-        normal_rows[normal] = np.arange(len(normal))
-        tangential_rows = np.full(kin.m * t, -1)
-        tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
-        self.points = PointSpace(S, normal_rows, tangential_rows.reshape(kin.m, t))
+        self.points = PointSpace(S, normal_rows, tangential_rows)
 
     def load(self, case: LoadCase) -> Load:
         """A load case on gaps and slips."""
@@ -223,7 +239,7 @@ class PointProblem(CondensedProblem):
         return Source(force, forces=True)
 
 
-class SurfaceProblem(OnDisplacements, CondensedProblem):
+class SurfaceProblem(OnDisplacements, CondensedProblem[Condensed]):
     """The contact problem on contact DOFs, ``T'S T``: for rows that depend on each other."""
 
     def __init__(self, bodies: Condensed, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> None:
@@ -244,13 +260,6 @@ class SurfaceProblem(OnDisplacements, CondensedProblem):
         f_c, components = self.bodies.load(case.f, case.x)
         gap0, slip0 = self.constant(case)
         return Load(f_c, gap0, slip0, np.zeros(len(f_c)), components)
-
-
-def firmness(system: System, stiffness: Sequence[csr_matrix], wanted: Index) -> float:
-    """Stiffness that rigid bodies meet: the median over contact DOFs of the other bodies."""
-    solid = np.concatenate([np.full(body.n, isinstance(body, Body)) for body in system.bodies])
-    diagonal = np.concatenate([K.diagonal() for K in stiffness])
-    return float(np.median(diagonal[wanted[solid[wanted]]]))
 
 
 def _row_size(B: csr_matrix) -> Array:

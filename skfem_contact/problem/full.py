@@ -33,6 +33,10 @@ class FullSystem:
         if self.backend.uses_modes:
             self.modes = dense_block_diag(*(body.rigid_modes for body in system.bodies))
 
+    def surface(self, source: Source, case: LoadCase) -> Array:
+        """Displacements of all DOFs (n,)."""
+        return source.values
+
     def recover(
         self, sources: Source, components: Sequence[Any], cases: Sequence[LoadCase]
     ) -> list[Array]:

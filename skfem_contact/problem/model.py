@@ -20,13 +20,14 @@ from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid
 from skfem_contact.elimination.rows import point_labels, secondary_dofs
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.direct import Direct, as_linear_solver
-from skfem_contact.linalg.multifrontal.factor import FactorSize
+from skfem_contact.linalg.multifrontal.size import FactorSize
 from skfem_contact.linalg.threads import single_threaded
-from skfem_contact.problem.condensed import Condensed, firmness
+from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.delassus import dense_bytes
 from skfem_contact.problem.full import FullSystem
+from skfem_contact.problem.iterated import IteratedBodies
 from skfem_contact.problem.seam import Bodies, ContactProblem, PosedOn
-from skfem_contact.problem.substructure import Substructure
+from skfem_contact.problem.substructure import Substructure, firmness
 from skfem_contact.problem.thresholds import MOST_TWINS
 from skfem_contact.sealed import seal
 
@@ -37,9 +38,9 @@ EVEN_CLOSED = "even with every contact point closed"
 
 def checked_linear(linear: Any) -> Any:
     """The argument `linear` of a solver, refused at once where it is nothing that solves."""
-    if isinstance(linear, str) and linear not in ("auto", "condensed"):
+    if isinstance(linear, str) and linear not in ("auto", "condensed", "iterated"):
         raise InputError(
-            f"linear = {linear!r} is neither 'auto' nor 'condensed'; a backend is "
+            f"linear = {linear!r} is neither 'auto' nor 'condensed' nor 'iterated'; a backend is "
             "given as an object, Direct() or AMG(), or as a callable solver(A, b)."
         )
     if not isinstance(linear, str):
@@ -59,7 +60,7 @@ class LinearModel:
         Of each body.
     motions : RigidMotions
         Those that supports and stiffness leave free.
-    linear : "auto", "condensed", a backend or a solver callable
+    linear : "auto", "condensed", "iterated", a backend or a solver callable
         As for `ContactSolver`.
     max_dense_bytes : int
         Memory up to which "auto" condenses [bytes].
@@ -87,7 +88,7 @@ class LinearModel:
         self.linear, self.max_dense_bytes = checked_linear(linear), max_dense_bytes
         self.timings = timings
         self._reuse = list(reuse)
-        self._bodies: Condensed | FullSystem | None = None
+        self._bodies: Condensed | IteratedBodies | FullSystem | None = None
         self._base: ContactProblem | None = None
         self._for_pivoting: Condensed | None = None
         self._on_points: tuple[ContactProblem, ContactProblem] | None = None
@@ -170,14 +171,15 @@ class LinearModel:
             self.problem_on(None, None)
 
     @property
-    def bodies(self) -> Condensed | FullSystem:
+    def bodies(self) -> Condensed | IteratedBodies | FullSystem:
         """The linear problem of the bodies without contact, made when first asked for."""
         if self._bodies is None:
             self._check_support()
             start = time.perf_counter()
             with single_threaded():
-                if self.condensed:
-                    self._bodies = Condensed(self.system, self.stiffness, self._wanted(), self._reuse)
+                if self.route != "full":
+                    kind = Condensed if self.route == "condensed" else IteratedBodies
+                    self._bodies = kind(self.system, self.stiffness, self._wanted(), self._reuse)
                 else:
                     self._bodies = FullSystem(self.system, self.stiffness, self.backend)
             self.timings["condensation"] = time.perf_counter() - start
@@ -186,23 +188,29 @@ class LinearModel:
     @property
     def known(self) -> np.ndarray:
         """DOFs whose displacements a load step knows without the interior, supports apart."""
-        return self._wanted() if self.condensed else np.arange(self.system.n)
+        return self._wanted() if self.route == "condensed" else np.arange(self.system.n)
 
     @property
     def substructures(self) -> list[Substructure | None]:
         """The bodies as condensed so far; empty where they are not."""
         return (
             list(self._bodies.substructures)
-            if isinstance(self._bodies, Condensed)
+            if isinstance(self._bodies, Condensed | IteratedBodies)
             else list(self._reuse)
         )
 
     @property
-    def condensed(self) -> bool:
-        """Whether the bodies are condensed to their contact DOFs, or solved with all of them."""
+    def route(self) -> str:
+        """How the bodies enter the contact problem.
+
+        "condensed" to their contact DOFs, "iterated" by products with their factors, or "full", with
+        all of their DOFs.
+        """
         if not isinstance(self.linear, str):
-            return False
-        return self.linear == "condensed" or self.dense_bytes <= self.max_dense_bytes
+            return "full"
+        if self.linear != "auto":
+            return self.linear
+        return "condensed" if self.dense_bytes <= self.max_dense_bytes else "iterated"
 
     @cached_property
     def dense_bytes(self) -> int:
@@ -220,7 +228,7 @@ class LinearModel:
 
     @property
     def backend(self) -> Any:
-        """The solver of the sparse route; "auto" has come to it by the memory of the other."""
+        """The solver of the sparse route."""
         return Direct() if isinstance(self.linear, str) else self.linear
 
     def sizes(self) -> dict[str, FactorSize]:
@@ -261,7 +269,7 @@ class LinearModel:
 
         Not in place of an iterative solver, which is chosen where a factorisation is too much.
         """
-        if self.condensed or not isinstance(self.backend, Direct):
+        if self.route != "full" or not isinstance(self.backend, Direct):
             return problem
         if self._for_pivoting is None:
             self._for_pivoting = Condensed(self.system, self.stiffness, self._wanted())

@@ -5,7 +5,7 @@ is put to a problem (`load`); an iteration asks for gaps, slips and forces under
 (`solve`); at its end the problem says what the displacements follow from (`source`), those of the
 surfaces at once (`surface`), those of the bodies by ``model.bodies.recover`` when somebody asks.
 
-Three problems answer them, each exactly:
+Four problems answer them, each exactly:
 
 =================  =====================  ==========================================================
 problem            unknowns               in
@@ -13,6 +13,8 @@ problem            unknowns               in
 `PointProblem`     gaps and slips         `condensed`: small and dense; rows that do not depend on
                                           each other
 `SurfaceProblem`   contact DOFs           `condensed`: rows that do, at corners and in chains
+`IteratedProblem`  forces on points       `iterated`: the same where there are very many, by products
+                                          with the factors of the bodies
 `FullProblem`      all DOFs               `full`: sparse, with any linear solver
 =================  =====================  ==========================================================
 """
@@ -107,6 +109,10 @@ class Bodies(Protocol):
         labels : sequence of str
             Names of the m points.
         """
+        ...
+
+    def surface(self, source: Source, case: LoadCase) -> Array:
+        """Displacements (n,) as far as they are known without the interior [length]."""
         ...
 
     def recover(

@@ -17,6 +17,20 @@ PER_ROWS = 2.5
 # the inverse loses of its digits, six here. A beam 20 times as long as high is at 1e-2.
 DEPENDENT = 1e-3
 
+# -- iterated ----------------------------------------------------
+
+# Residual over the motion by loads to which forces are iterated: round-off of the factors. Above the
+# second there is no answer. A solve takes 15 to 30 products, up to 60 where most points slip.
+ITERATED, STAGNANT, MOST_PRODUCTS = 1e-13, 1e-9, 400
+
+# Pivot over the largest one below which held rows leave a motion of a body free.
+UNHELD = 1e-10
+
+# -- layer -------------------------------------------------------
+
+# Couplings of K from the surface to the bottom of its layer: elements, in effect.
+LAYERS = 4
+
 # -- model -------------------------------------------------------
 
 # Sets of springs whose twins are kept: two weak ones, and some of single DOFs.

@@ -2,5 +2,6 @@
 
 * `ordering`: nested dissection from positions;
 * `fronts`: what every front holds; `assembly`: how fronts add up;
-* `factor`: the factorisation.
+* `factor`: the factorisation; `size`: how large it will be;
+* `response`: what forces on some DOFs move there.
 """

@@ -25,7 +25,6 @@ References
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -45,55 +44,6 @@ from skfem_contact.linalg.multifrontal.fronts import analyse, find_runs
 from skfem_contact.linalg.singular import NotPositiveDefinite, smallest_eigenvalue
 from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, SUSPICIOUS
-
-
-@dataclass(frozen=True)
-class FactorSize:
-    """Size of a factorisation, known before it is computed.
-
-    Attributes
-    ----------
-    n, kept, fronts, largest : int
-        DOFs in all and kept; number of fronts; order of the largest one.
-    memory, peak : int
-        What the factors and S take, and what is needed at most meanwhile [bytes].
-    flops : float
-        Multiplications and additions.
-    """
-
-    n: int
-    kept: int
-    fronts: int
-    largest: int
-    memory: int
-    peak: int
-    flops: float
-
-
-def factor_size(K: Any, points: np.ndarray, keep: Any = (), *, leaf: int = LEAF) -> FactorSize:
-    """Size of ``MultifrontalCholesky(K, points, keep)``, at a fraction of its cost.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import scipy.sparse as sp
-    >>> K = sp.diags_array([-np.ones(6), np.full(7, 2.0), -np.ones(6)], offsets=[-1, 0, 1])
-    >>> size = factor_size(K, np.arange(7.0)[:, None], keep=[0], leaf=1)
-    >>> size.n, size.kept, size.fronts, size.largest
-    (7, 1, 7, 3)
-    """
-    fronts = analyse(*checked_matrix(K, points, keep), leaf)
-    sizes = np.diff(fronts.start) + np.diff(fronts.first)
-    kept = int(fronts.start[-1] - fronts.start[-2])
-    return FactorSize(
-        n=fronts.order.size,
-        kept=kept,
-        fronts=sizes.size,
-        largest=int(sizes.max()),
-        memory=8 * int(fronts.panel[-1]) + fronts.nbytes,
-        peak=fronts.peak,
-        flops=fronts.flops,
-    )
 
 
 class MultifrontalCholesky:
@@ -121,6 +71,11 @@ class MultifrontalCholesky:
         Smallest pivot divided by its diagonal entry of `K`; 1 where nothing is eliminated.
     memory : int
         What the factors take [bytes].
+    fronts : Fronts
+    panels : list of pairs of ndarray
+        ``L11`` and ``L21`` of each front, transposed.
+    borders : list of ndarray of int
+        Positions of the border of each front.
 
     Raises
     ------
@@ -153,8 +108,8 @@ class MultifrontalCholesky:
         self.interior = np.sort(fronts.order[: fronts.start[-2]])
         self.S = K[self.keep][:, self.keep].toarray()
         self._data = gather(K, fronts)
-        self._panels = panels(self._data, fronts)
-        self._borders = np.split(fronts.border, fronts.first[1:-1])
+        self.panels = panels(self._data, fronts)
+        self.borders = np.split(fronts.border, fronts.first[1:-1])
         diagonal = K.diagonal()
         with single_threaded():
             self._factorise(diagonal[fronts.order], points)
@@ -270,7 +225,7 @@ class MultifrontalCholesky:
         return f.reshape(len(f), math.prod(f.shape[1:]))[self.fronts.order]
 
     def _factorise(self, diagonal: np.ndarray, points: np.ndarray) -> None:
-        fronts, panels = self.fronts, [*self._panels, (self.S, self.S[:, :0])]
+        fronts, panels = self.fronts, [*self.panels, (self.S, self.S[:, :0])]
         order, start, first = fronts.order, fronts.start.tolist(), fronts.first.tolist()
         children, runs = fronts.children, find_runs(fronts)
         left, leftovers = dict[int, np.ndarray](), Leftovers(fronts)
@@ -312,18 +267,18 @@ class MultifrontalCholesky:
     def _forward(self, x: np.ndarray) -> None:
         """Eliminate: pivots become ``L11^-1 x``, borders lose ``L21`` times that. In place."""
         start = self.fronts.start.tolist()
-        for f, (L11, L21) in enumerate(self._panels):
+        for f, (L11, L21) in enumerate(self.panels):
             y = x[start[f] : start[f + 1]]
             if y.size:
                 y[:] = dtrsm(1.0, L11.T, y.T, side=1, lower=1, trans_a=1, overwrite_b=1).T
-                x[self._borders[f]] -= L21.T @ y
+                x[self.borders[f]] -= L21.T @ y
 
     def _backward(self, x: np.ndarray) -> None:
         """Substitute back: pivots become ``L11^-T (x - L21' x_border)``. In place."""
         start = self.fronts.start.tolist()
-        for f in range(len(self._panels) - 1, -1, -1):
-            L11, L21 = self._panels[f]
+        for f in range(len(self.panels) - 1, -1, -1):
+            L11, L21 = self.panels[f]
             y = x[start[f] : start[f + 1]]
             if y.size:
-                y -= L21 @ x[self._borders[f]]
+                y -= L21 @ x[self.borders[f]]
                 y[:] = dtrsm(1.0, L11.T, y.T, side=1, lower=1, overwrite_b=1).T

@@ -1,0 +1,105 @@
+"""GMRES with a preconditioner from the right: its residual is that of the equations themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Operator = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Iterated:
+    """What an iteration has come to.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+    iterations : int
+        Products with the matrix, those that measure the residual apart.
+    residual : float
+        ``|b - A x|``, measured.
+    """
+
+    x: Array
+    iterations: int
+    residual: float
+
+
+def gmres(
+    product: Operator,
+    b: Array,
+    precondition: Operator,
+    x: Array,
+    tolerance: float,
+    most: int,
+    restart: int = 100,
+) -> Iterated:
+    """Solve ``A x = b`` until ``|b - A x|`` is below a tolerance, which is absolute.
+
+    It ends after `most` iterations, or where a restart no longer halves the residual: what is left is
+    for the caller to judge.
+
+    Examples
+    --------
+    >>> A = np.array([[2.0, 1.0], [0.0, 3.0]])
+    >>> found = gmres(lambda x: A @ x, np.array([3.0, 6.0]), lambda r: r / 2, np.zeros(2), 1e-12, 10)
+    >>> found.x.round(12).tolist(), found.iterations
+    ([0.5, 2.0], 2)
+    """
+    r = b - product(x)
+    size, iterations = float(np.linalg.norm(r)), 0
+    while size > tolerance and iterations < most:
+        correction, spent = _cycle(product, precondition, r, tolerance, min(restart, most - iterations))
+        iterations += spent
+        better = x + correction
+        r = b - product(better)
+        before, size = size, float(np.linalg.norm(r))
+        if not size < before:  # a NaN as well
+            return Iterated(x, iterations, before)
+        x = better
+        if size > 0.5 * before:
+            break
+    return Iterated(x, iterations, size)
+
+
+def _cycle(
+    product: Operator, precondition: Operator, r: Array, tolerance: float, most: int
+) -> tuple[Array, int]:
+    """The correction that leaves least of a residual, from a Krylov space of some directions."""
+    size = float(np.linalg.norm(r))
+    V = np.empty((most + 1, len(r)))
+    V[0] = r / size
+    H = np.zeros((most + 1, most))
+    left = np.zeros(most + 1)  # the residual in the coordinates of the rotated space
+    left[0] = size
+    turns: list[tuple[float, float]] = []
+    count = 0
+    for k in range(most):
+        w = product(precondition(V[k]))
+        for _ in range(2):  # once more, as the first pass leaves round-off of what it has taken away
+            along = V[: k + 1] @ w
+            w = w - along @ V[: k + 1]
+            H[: k + 1, k] += along
+        beyond = float(np.linalg.norm(w))
+        for i, (c, s) in enumerate(turns):
+            H[i, k], H[i + 1, k] = c * H[i, k] + s * H[i + 1, k], c * H[i + 1, k] - s * H[i, k]
+        length = float(np.hypot(H[k, k], beyond))
+        if length == 0.0 or not np.isfinite(length):  # a singular matrix: nothing more to gain
+            break
+        c, s = H[k, k] / length, beyond / length
+        turns.append((c, s))
+        H[k, k] = length
+        left[k], left[k + 1] = c * left[k], -s * left[k]
+        count = k + 1
+        if abs(left[k + 1]) <= tolerance or beyond <= np.finfo(float).eps * length:
+            break
+        V[k + 1] = w / beyond
+    weights = np.zeros(count)
+    for i in range(count - 1, -1, -1):
+        weights[i] = (left[i] - H[i, i + 1 : count] @ weights[i + 1 :]) / H[i, i]
+    return precondition(weights @ V[:count]) if count else np.zeros_like(r), count

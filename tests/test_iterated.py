@@ -1,0 +1,170 @@
+"""The iterated contact problem: the answers of the dense one, without its matrices."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from solid_blocks import Blocks, two_blocks
+
+from skfem_contact.linalg.krylov import gmres
+from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
+from skfem_contact.linalg.multifrontal.response import Response
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.problem.condensed import Condensed, PointProblem
+from skfem_contact.problem.iterated import IteratedBodies, IteratedProblem
+from skfem_contact.problem.response import Conditions
+
+
+def conditions(blocks: Blocks, seed: int = 0, *, mu: float = 0.4) -> Conditions:
+    """A disc of closed points: the middle sticks, the others slip, most of them on springs."""
+    rng = np.random.default_rng(seed)
+    m, rho = blocks.kin.m, np.linalg.norm(blocks.kin.points[:, :2] - 0.5, axis=1)
+    closed, stick = rho < 0.45, rho < 0.2
+    slides = closed & ~stick
+    angle = rng.uniform(0, 2 * np.pi, m)
+    along = np.column_stack([np.cos(angle), np.sin(angle)])
+    across = np.eye(2) - along[:, :, None] * along[:, None, :]
+    size = np.where(slides & (rho < 0.4), 10.0 ** rng.uniform(-3, 3, m), 0.0)
+    return Conditions(
+        closed,
+        stick,
+        1e-3 * rng.standard_normal((m, 2)),
+        size[:, None, None] * across,
+        np.where(slides[:, None], 1e-3 * rng.standard_normal((m, 2)), 0.0),
+        np.where(slides[:, None], mu * along, 0.0),
+    )
+
+
+def both(blocks: Blocks) -> tuple[PointProblem, IteratedProblem]:
+    dense = Condensed(blocks.system, blocks.stiffness, blocks.wanted)
+    whole = IteratedBodies(blocks.system, blocks.stiffness, blocks.wanted)
+    return PointProblem(dense, blocks.on()), IteratedProblem(whole, blocks.on())
+
+
+@pytest.mark.parametrize("E", [1.0, 1e4])
+@pytest.mark.parametrize("floating", [False, True], ids=["held", "floating"])
+def test_forces_are_those_of_the_dense_problem(floating, E):
+    """Sticking, slipping and open points of solids: the same forces, gaps, slips and displacements."""
+    blocks = two_blocks(6, 3, floating=floating, E=E)
+    rng = np.random.default_rng(1)
+    x, f = np.zeros(blocks.system.n), 1e-4 * rng.standard_normal(blocks.system.n)
+    upper = blocks.system.bodies[1]
+    if len(upper.D):
+        x[blocks.system.offsets[1] + upper.D] = 1e-2 * rng.standard_normal(len(upper.D))
+    case = blocks.case(f, x)
+    answers = []
+    for problem in both(blocks):
+        load, of = problem.load(case), []
+        for seed in range(2):
+            found = problem.solve(conditions(blocks, seed), load)
+            source = problem.source(load, found)
+            of.append((found, problem.bodies.recover(_column(source), (load.components,), [case])[0]))
+            surface = problem.surface(source, case)[blocks.wanted]
+            assert_allclose(surface, of[-1][1][blocks.wanted], rtol=0, atol=1e-11)
+        answers.append(of)
+    for (dense, u), (iterated, v) in zip(*answers, strict=True):
+        force = np.abs(dense.normal_force).max()
+        # GMRES to 1e-13, times the condition of the points, some hundreds
+        assert_allclose(iterated.normal_force, dense.normal_force, rtol=0, atol=1e-10 * force)
+        assert_allclose(iterated.tangential_force, dense.tangential_force, rtol=0, atol=1e-10 * force)
+        for name in ("gap", "slip"):
+            a, b = getattr(iterated, name), getattr(dense, name)
+            assert_allclose(a, b, rtol=0, atol=1e-10 * np.abs(b).max())
+        assert_allclose(v, u, rtol=0, atol=1e-10 * np.abs(u).max())
+
+
+def _column(source):
+    return type(source)(source.values[:, None], source.forces)
+
+
+def test_number_of_products_hardly_grows_with_the_number_of_points():
+    """The layer takes the growth away that forces alone have, from 30 to 45 and more."""
+    counts = []
+    for n in (5, 9, 13):
+        blocks = two_blocks(n, n // 2)
+        whole = IteratedBodies(blocks.system, blocks.stiffness, blocks.wanted)
+        problem = IteratedProblem(whole, blocks.on())
+        x = np.zeros(blocks.system.n)
+        x[blocks.system.offsets[1] + blocks.system.bodies[1].D] = -0.01
+        problem.solve(conditions(blocks), problem.load(blocks.case(np.zeros_like(x), x)))
+        counts += problem.products
+    assert max(counts) <= 30
+    assert counts[2] <= counts[1] + 4
+
+
+def test_points_that_do_not_hold_a_body():
+    """A body that the closed points leave free to move is a singular problem, said so."""
+    blocks = two_blocks(4, 2, floating=True)
+    problem = both(blocks)[1]
+    load = problem.load(blocks.case(np.ones(blocks.system.n), np.zeros(blocks.system.n)))
+    few = conditions(blocks)
+    only = np.zeros(blocks.kin.m, dtype=bool)
+    only[:2] = True
+    free = Conditions(only, only & False, few.anchor, 0 * few.spring, 0 * few.offset, 0 * few.coupling)
+    with pytest.raises(SingularMatrix, match="do not hold the bodies"):
+        problem.solve(free, load)
+
+
+def test_one_load_solved_again_is_the_same_to_the_last_bit():
+    """What an iteration begins with comes from its own load alone."""
+    blocks = two_blocks(5, 3)
+    problem, case = both(blocks)[1], blocks.case(np.ones(blocks.system.n), np.zeros(blocks.system.n))
+    first, other = conditions(blocks), conditions(blocks, 5)
+    answers = []
+    for _ in range(2):
+        load = problem.load(case)
+        problem.solve(first, load)
+        answers.append(problem.solve(other, load).normal_force)
+    assert np.array_equal(*answers)
+
+
+def test_response_of_some_dofs():
+    """Displacements at forces, from the fronts above alone, are those of the whole solve."""
+    blocks = two_blocks(6, 3)
+    body, K = blocks.system.bodies[0], blocks.stiffness[0]
+    free = np.setdiff1d(np.arange(body.n), body.D)
+    factor = MultifrontalCholesky(K[free][:, free], body.dof_points[free], leaf=20)
+    dofs = np.flatnonzero(np.isclose(body.dof_points[free, 2], 0.0))
+    force = np.random.default_rng(0).standard_normal(len(dofs))
+    load = np.zeros(len(free))
+    load[dofs] = force
+    exact = factor.solve(load)[dofs]
+    assert_allclose(Response(factor, dofs)(force), exact, rtol=0, atol=1e-13 * np.abs(exact).max())
+
+
+def test_gmres():
+    """Unsymmetric equations, from any start; what has no answer ends with its residual."""
+    rng = np.random.default_rng(0)
+    A, b = rng.standard_normal((40, 40)) + 8 * np.eye(40), rng.standard_normal(40)
+    exact = np.linalg.solve(A, b)
+    for restart in (5, 100):
+        for start in (np.zeros(40), exact + 1e-3, exact):
+            found = gmres(lambda x: A @ x, b, lambda r: r / 8, start, 1e-13, 200, restart)
+            assert_allclose(found.x, exact, rtol=0, atol=1e-12)
+            assert found.residual <= 1e-13
+    singular = np.diag(np.append(np.ones(9), 0.0))
+    found = gmres(lambda x: singular @ x, np.ones(10), lambda r: r, np.zeros(10), 1e-13, 50)
+    assert found.residual >= 1.0
+    assert gmres(lambda x: x, np.zeros(3), lambda r: r, np.zeros(3), 0.0, 10).iterations == 0
+
+
+def test_memory_without_dense_matrices():
+    """Beyond the factors no matrix of the size of all gaps and slips is there at any time."""
+    blocks = two_blocks(12, 2)
+    whole = IteratedBodies(blocks.system, blocks.stiffness, blocks.wanted)
+    for part in whole.substructures:
+        part.memory  # noqa: B018 (factorises)
+    x = np.zeros(blocks.system.n)
+    x[blocks.system.offsets[1] + blocks.system.bodies[1].D] = -0.01
+    tracemalloc.start()
+    problem = IteratedProblem(whole, blocks.on())
+    problem.solve(conditions(blocks), problem.load(blocks.case(np.zeros_like(x), x)))
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert blocks.kin.m == 169
+    # layers of such thin bodies are factors as large as their own
+    layers = sum(part.memory for part in whole.substructures)
+    assert most - 2 * layers < 8 * (3 * blocks.kin.m) ** 2
