@@ -99,8 +99,6 @@ def _last_lines(result: ContactResult) -> list[str]:
 def _watched_line(answer: Answer) -> str:
     """What the watch of every step has warned of, in this step or before."""
     beyond = answer.watched.beyond
-    if not beyond and answer.kin.points.shape[1] == 3:
-        return "Validity of the model: not watched in 3-D yet"
     if not beyond:
         return "Validity of the model: nothing that a step looks at is beyond its bound"
     listed = ", ".join(f"{kind} of {name!r}" for kind, name in beyond)

@@ -355,11 +355,11 @@ def test_straight_faces_on_curved_sides_are_an_unknown_part():
 
 
 def test_results_say_what_is_not_measured():
-    """Validity of contact in 3-D is not watched: None, and in words; moments are vectors."""
+    """A part of the validity in 3-D is not measured: None, and in words; moments are vectors."""
     _, result = pressed_dome("quad4", np.eye(3))
-    assert result.validity.holds is None and "not measured yet" in result.validity.left_out
+    assert result.validity.holds is None and "not measured in 3-D" in result.validity.left_out
     assert result.validity.strain["slab"] > 0
-    assert "not watched in 3-D yet" in str(result)
+    assert "nothing that a step looks at is beyond its bound" in str(result)
     assert "what is measured of it holds" in str(result.report())
     values = result["joint"]
     assert values.moment().shape == (3,)

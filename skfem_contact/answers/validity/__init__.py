@@ -1,9 +1,10 @@
 """Is the model valid at the answer? Small sliding, small rotations, no overlaps that nobody looked for.
 
 * `watched`, `watch`: what every step measures and warns of;
-* `drift`, `rotation`, `support`: how far small sliding and linear bodies have been left;
-* `solids`: the same of solids on obstacles;
+* `drift`, `face_track` (in 3-D), `rotation`, `support`: how far small sliding and linear bodies have
+  been left;
+* `solids`: the same at obstacles in 3-D;
 * `chords`: facets that are too long for what presses on a curve;
-* `overlap`, `meeting`, `skin`, `intrusion`: deformed boundaries against each other;
+* `overlap`, `hull` (in 3-D), `meeting`, `skin`, `intrusion`: deformed boundaries against each other;
 * `validity`: all of it, on request.
 """

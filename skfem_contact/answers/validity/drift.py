@@ -200,6 +200,22 @@ class Track:
             heights = sagittas(self.secondary, self.primary, cKDTree(middles).query(moved[0])[1])
         return float(force @ heights / total)
 
+    def breadth(self, closed: Mask) -> float:
+        """Of the contact [length]."""
+        return float(self.spacing[closed].sum())
+
+    def slip(self, vectors: Array, given: Array) -> Array:
+        """Displacements along the tangents (m,) from slips (m, d), less given ones (m, d-1)."""
+        return np.asarray(np.einsum("id,id->i", vectors, self.tangent) - given[:, 0])
+
+    def tangential(self, vectors: Array) -> Array:
+        """What is along the tangents; in 2-D rows of motions are already."""
+        return vectors
+
+    def spread(self, stretch: Array) -> float:
+        """By how much slips differ from point to point [length]."""
+        return float(stretch.max() - stretch.min())
+
     def drift(
         self,
         closed: Mask,
@@ -245,8 +261,8 @@ class Track:
                 slip = slip - np.einsum("md,md->m", self.tangent, slid(motion, self.points))
         way = np.abs(slip[closed])
         if len(way):
-            found["slip"], width = float(way.max()), float(self.spacing[closed].sum())
-            found["widths"] = found["slip"] / width
+            found["slip"] = float(way.max())
+            found["widths"] = found["slip"] / self.breadth(closed)
         if isinstance(self.primary, Obstacle) or not len(way):
             return found
         found["facets"] = float((way / self.facet[closed]).max())
@@ -321,6 +337,8 @@ def tool_motion(
         return None
     motion = Motion(*as_motion(system, body, u))
     arm = np.where(track.paired[:, None], track.feet, track.points) - body.about
+    if arm.shape[1] == 3:
+        return motion, motion.translation + np.cross(motion.angle, arm)
     turned = motion.angle * np.column_stack([-arm[:, 1], arm[:, 0]])
     return motion, motion.translation + turned
 

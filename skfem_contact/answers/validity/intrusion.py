@@ -223,6 +223,7 @@ def _looked_at(contact: Contact) -> bool:
     """
     primary = contact.primary
     plane = isinstance(primary, ContactSurface) and primary.body is not contact.secondary.body
+    plane = plane and contact.secondary.dim == 2
     return plane and contact.sliding == "finite" and not contact.tied and contact.gap is None
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skfem_contact.answers.thresholds import NO_OVERLAP
+from skfem_contact.answers.validity.hull import Hull
 from skfem_contact.answers.validity.overlap import Outline
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
@@ -40,8 +41,8 @@ class Meeting:
 
 
 def between(
-    secondary: Outline,
-    primary: Outline,
+    secondary: Outline | Hull,
+    primary: Outline | Hull,
     chords: float,
     extent: float,
     nodes: Array,
@@ -53,10 +54,10 @@ def between(
 
     Parameters
     ----------
-    secondary, primary : Outline
+    secondary, primary : Outline or Hull
     chords, extent : float
         Overlap by chords, extent of the bodies [length].
-    nodes : ndarray, shape (m, 2)
+    nodes : ndarray, shape (m, d)
         Of the secondary surface, displaced [length].
     added : ndarray, shape (m,)
         What the user has the gaps be larger than the meshes say [length].
@@ -92,15 +93,26 @@ def at_obstacle(
     noise = NO_OVERLAP * float(np.max(np.ptp(surface.points, axis=0)))
     at_nodes = _distance(obstacle, surface, nodes) + added
     ends = surface.facets
-    weights = [(0.5, 0.5)] if ends.shape[1] == 2 else [(0.375, -0.125, 0.75), (-0.125, 0.375, 0.75)]
     between = [
-        _distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ np.array(w)
-        for w in weights
+        _distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ w
+        for w in _weights_between(surface)
     ]
     deepest = -float(np.min(np.concatenate([at_nodes, *between])))
     lonely = -at_nodes[~paired] > max(chords, noise)
     opening = float(np.max(at_nodes[closed], initial=0.0))
     return Meeting(deepest if deepest > noise else 0.0, int(lonely.sum()), opening)
+
+
+def _weights_between(surface: ContactSurface) -> list[Array]:
+    """Shape functions at points between the nodes of a facet."""
+    kind = surface.kind
+    if surface.dim == 3:  # halfway between any two nodes, and the middle
+        pairs = [(i, j) for i in range(kind.nodes) for j in range(i)]
+        at = [0.5 * (kind.locations[i] + kind.locations[j]) for i, j in pairs]
+        return list(kind.shapes(np.array([*at, kind.middle]))[0])
+    if not surface.quadratic:
+        return [np.array([0.5, 0.5])]
+    return [np.array([0.375, -0.125, 0.75]), np.array([-0.125, 0.375, 0.75])]
 
 
 def _distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
@@ -118,10 +130,18 @@ def sagitta(surface: ContactSurface, normals: Array) -> float:
     Parameters
     ----------
     surface : ContactSurface
-    normals : ndarray, shape (nf, 2, d)
+    normals : ndarray, shape (nf, 2, d) or (nf, k, 3)
     """
     if surface.quadratic:
         return 0.0
+    if surface.dim == 3:
+        x, n = surface.points[surface.facets], normals
+        pairs = [(i, j) for i in range(surface.kind.corners) for j in range(i)]
+        heights = [
+            np.linalg.norm(n[:, i] - n[:, j], axis=1) * np.linalg.norm(x[:, i] - x[:, j], axis=1)
+            for i, j in pairs
+        ]
+        return float(np.max(heights) / 8)
     turn = np.linalg.norm(normals[:, 1] - normals[:, 0], axis=1)
     return float(np.max(turn * surface.lengths) / 8)
 

@@ -12,6 +12,7 @@ with the displacements of the interior, and by a search over whole deformed boun
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,11 +20,13 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import FACETS, GAP, LARGE, OVERLAP, SAGITTA, TILT, WIDTH
-from skfem_contact.answers.validity.drift import Drift, tool_motion
+from skfem_contact.answers.validity.drift import Drift, Track, tool_motion
+from skfem_contact.answers.validity.hull import Hull, hull
 from skfem_contact.answers.validity.intrusion import elastic_approach
 from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, sagitta, strains
 from skfem_contact.answers.validity.overlap import Outline, outline
 from skfem_contact.answers.validity.rotation import rotation_words
+from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
 from skfem_contact.answers.validity.watch import facet_words, sliding_words, strain_words
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.lever import as_motion
@@ -106,7 +109,7 @@ class Validity:
         Sentences, by kind ("sliding", "overlap", "facets", "chords",
         "strain", "rotation") and name of the contact or body.
     left_out : str
-        What was not measured, in words: of contact in 3-D nothing is yet.
+        What was not measured, in words; in 3-D facets that are too long for a light contact.
 
     Examples
     --------
@@ -209,7 +212,8 @@ def _contact_lines(part: ContactValidity) -> list[str]:
 
 
 LEFT_OUT = (
-    "in 3-D slip, overlaps and the heights of chords are not measured yet, only strains and turns"
+    "not measured in 3-D: whether facets are too long for what presses on a curve (the height of "
+    "curves over one facet)"
 )
 
 
@@ -224,7 +228,9 @@ def assess(result: Answer) -> Validity:
     system = result.system
     solids = {name: body for name, body in system.solids.items() if body.components > 1}
     found = {name: strains(body, result.displacement(body)) for name, body in solids.items()}
-    outlines = {n: outline(b, result.displacement(b)) for n, b in solids.items() if b.dim == 2}
+    outlines = {
+        n: (outline if b.dim == 2 else hull)(b, result.displacement(b)) for n, b in solids.items()
+    }
     contacts: dict[str, ContactValidity] = {}
     problems: dict[tuple[str, str], str] = {}
     for i, (contact, name) in enumerate(zip(result.contacts, result.names, strict=True)):
@@ -233,7 +239,7 @@ def assess(result: Answer) -> Validity:
         part = contacts[name] = _contact(result, i, outlines)
         label = f"Contact {name!r} ({contact.label}): "
         if not part.drift.small_sliding_holds:
-            problems["sliding", name] = label + sliding_words(part.drift)
+            problems["sliding", name] = label + sliding_words(part.drift, contact.secondary.dim)
         elif part.excess > 1.0:  # small sliding that does not follow is the reason already
             problems["overlap", name] = label + _overlap_words(part, contact)
         if part.drift.facets_too_long:
@@ -256,20 +262,23 @@ def assess(result: Answer) -> Validity:
     for key, text in problems.items():
         if result.converged and key not in result.watched.said:
             warnings.warn(text, ContactWarning, stacklevel=4)
-    left_out = LEFT_OUT if solids and not outlines else ""
+    left_out = LEFT_OUT if result.kin.tangents == 2 else ""
     return Validity(contacts, strain, largest, rotation, problems, left_out)
 
 
-def _contact(result: Answer, i: int, outlines: dict[str, Outline]) -> ContactValidity:
+def _contact(result: Answer, i: int, outlines: Mapping[str, Outline | Hull]) -> ContactValidity:
     contact, part, track = result.contacts[i], result.slices()[i], result.watched.tracks[i]
     closed = (result.state.status[part] != 0) & result.kin.paired[part]
     drift = result.watched.drifts[i]
     if contact.sliding == "small":
-        slip = (result.kin.B_t[part] @ result.u).ravel()
+        slip = _slip(result, part, track)
         gap = result.gap[part]
         force = result.state.normal_force[part]
         tool = tool_motion(result.system, contact, track, result.u)
         found = track.drift(closed, slip, gap, force, drift.approach, result.case, i, part, tool)
+        if looked_at(contact):
+            answer = result.state, result.gap, result.case, result.u, drift.approach
+            found |= obstacle_drift(result.recover.model.geometry, i, *answer)
         drift = replace(drift, **found)
     else:
         drift = replace(drift, approach=max(drift.approach, elastic_approach(result, i, closed)))
@@ -299,6 +308,15 @@ def _contact(result: Answer, i: int, outlines: dict[str, Outline]) -> ContactVal
     return ContactValidity(
         drift, meeting.overlap, chords, meeting.unseen, meeting.opening, angle, share, chord_gaps
     )
+
+
+def _slip(result: Answer, part: slice, track: Track) -> Array:
+    """By the displacements: along the tangents (m,), in 3-D vectors (m, 3)."""
+    t = result.kin.tangents
+    slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
+    if t == 1:
+        return slip.ravel()
+    return np.asarray(np.einsum("mk,mkd->md", slip.reshape(-1, t), track.tangent))
 
 
 def _chord_words(part: ContactValidity) -> str:

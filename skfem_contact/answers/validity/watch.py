@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import GAP, LARGE, TILT
 from skfem_contact.answers.validity.drift import Drift, Track, tool_motion
+from skfem_contact.answers.validity.face_track import FaceTrack
 from skfem_contact.answers.validity.intrusion import Intrusions, elastic_approach
 from skfem_contact.answers.validity.rotation import rigid_rotations, rotation_words
 from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
-from skfem_contact.answers.validity.support import Support
+from skfem_contact.answers.validity.support import Support, unit_motions
 from skfem_contact.answers.validity.watched import Said, Watched
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
@@ -51,9 +52,10 @@ class Watch:
     ) -> None:
         self.interface, self.contacts, self.geometry = interface, interface.contacts, geometry
         self.system, kin = geometry.system, geometry.kin
-        self.plane = kin.points.shape[1] == 2 and kin.tangents == 1
-        self.on_obstacles = [i for i, contact in enumerate(self.contacts) if looked_at(contact)]
-        if not self.plane:  # a scalar field moves nothing
+        self.dim = kin.points.shape[1]
+        self.on_obstacles = {i for i, contact in enumerate(self.contacts) if looked_at(contact)}
+        self.moves = kin.tangents == self.dim - 1
+        if not self.moves:  # a scalar field
             return
         self.intrusions = Intrusions(geometry, self.contacts)
         self.supports = [
@@ -69,27 +71,40 @@ class Watch:
         for contact, pairing, part in zip(
             self.contacts, geometry.pairings, interface.point_slices, strict=True
         ):
-            track = Track(contact, pairing, kin.gap0[part])
+            make = Track if self.dim == 2 else FaceTrack
+            track = make(contact, pairing, kin.gap0[part])
             self.tracks.append(track)
             sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
             bodies = [self.system.index(side.body) for side in sides]
-            # the diagonal of K at a surface is of the order of the modulus, whatever the mesh
+            # the diagonal of K at a surface is of the order of the modulus, whatever the mesh; in 3-D
+            # of half of it times the size of a face
             stiff = [diagonals[b][side.dofs] for b, side in zip(bodies, sides, strict=True)]
             self.extent.append(sum(self.supports[b].arm for b in bodies))
             if contact.rigid_body is not None:  # it takes up nothing, but it moves
                 bodies.append(self.system.index(contact.rigid_body))
-            self.soft.append(sum(1 / np.median(d[d > 0]) for d in stiff if (d > 0).any()))
+            size = [1.0 if self.dim == 2 else 0.5 * float(np.median(side.lengths)) for side in sides]
+            self.soft.append(
+                sum(h / np.median(d[d > 0]) for h, d in zip(size, stiff, strict=True) if (d > 0).any())
+            )
             at = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
             self.bodies.append(bodies)
             supports = [self.supports[b] for b in bodies]
             self.normal_rows.append([s.along(track.points, track.normal) for s in supports])
-            self.tangential_rows.append([s.along(track.points, track.tangent) for s in supports])
+            self.tangential_rows.append([self._along(s, track) for s in supports])
             self.held.append(all(support.holds(*at) for support in supports))
-            along = at[0], pairing.tangent[pairing.paired, 0]
+            along = np.moveaxis(pairing.tangent[pairing.paired], 1, 0)
             slides = contact.sliding == "small" and contact.friction is None and not contact.tied
-            loose = slides and not all(support.holds(*along) for support in supports)
+            loose = slides and not all(
+                support.holds(at[0], way) for support in supports for way in along
+            )
             self.loose.append([self._free(b, known()) for b in bodies] if loose else None)
         self.follows_tools = any(c.rigid_body and c.sliding == "small" for c in self.contacts)
+
+    def _along(self, support: Support, track: Track) -> Array:
+        """How motions move points along their tangents, (m, 3); in 3-D all of it, (m, 3, 6)."""
+        if self.dim == 2:
+            return support.along(track.points, track.tangent)
+        return unit_motions(track.points, support.centre, support.arm)
 
     def _free(self, b: int, known: Index) -> Support:
         """How a body moves as a whole, by what is known of its displacements."""
@@ -121,30 +136,21 @@ class Watch:
         mismatch : float
             Of the pairing, see `intrusion`.
         """
-        if not self.plane:
-            return Watched(self._solids(state, gap, case, displacement), said=said)
-        wanted = self.follows_tools or any(loose is not None for loose in self.loose)
+        if not self.moves:
+            return Watched(said=said)
+        wanted = self.follows_tools or bool(self.on_obstacles)
+        wanted |= any(loose is not None for loose in self.loose)
         u = displacement() if wanted else np.zeros(0)
         motions = [support.motion(case.x) for support in self.supports]
         drifts = tuple(self._drift(i, motions, state, gap, case, u) for i in range(len(self.contacts)))
         turns = {
-            name: float(motion[2] / support.arm)
+            name: float(motion[2] if self.dim == 2 else np.linalg.norm(motion[3:])) / support.arm
             for name, support, motion in zip(self.system.names, self.supports, motions, strict=True)
             if len(support.dofs) and name in self.system.solids  # rigid bodies may turn
         }
         turns |= rigid_rotations(self.system, self.contacts, state.surface)
         overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
         return Watched(drifts, turns, said, tuple(self.tracks), overlaps)
-
-    def _solids(
-        self, state: State, gap: Array, case: LoadCase, displacement: Callable[[], Array]
-    ) -> tuple[Drift, ...]:
-        """Of contacts in space, as far as they are looked at."""
-        drifts = [Drift()] * len(self.contacts)
-        u = displacement() if self.on_obstacles else np.zeros(0)
-        for i in self.on_obstacles:
-            drifts[i] = obstacle_drift(self.geometry, i, state, gap, case, u)
-        return tuple(drifts)
 
     def _drift(
         self,
@@ -164,32 +170,35 @@ class Watch:
         sagitta = self._sagitta(i, state)
         if not count and not (small and contact.rigid):
             return Drift(sagitta=sagitta)
-        width = float(track.spacing[closed].sum())
+        width = track.breadth(closed)
         pressed = float(np.abs(state.normal_force[part][closed]).sum() * self.soft[i])
+        if self.dim == 3:  # a force over a length, where in 2-D it is one over the thickness
+            pressed = pressed / width if width else 0.0
         strain = pressed / width if width else 0.0
         if not small:
             return Drift(count, approach=pressed, strain=strain, sagitta=sagitta)
-        approach, gap = pressed, gap[part]
+        approach = pressed
         moved = [motions[b] for b in self.bodies[i]]
         if self.held[i] and count:
-            lifted = case.gap0[part][closed] - gap[closed]
+            lifted = (case.gap0[part] - gap[part])[closed]
             lifted += relative(self.normal_rows[i], moved)[closed]
             elastic = float(np.abs(lifted).max())
             approach, strain = max(approach, elastic), max(strain, elastic / self.extent[i])
         if contact.friction is not None or contact.tied:
-            along = self.geometry.kin.tangent[part, 0]
-            slip = np.einsum("id,id->i", state.slip[part], along) - case.slip0[part][:, 0]
+            slip = track.slip(state.slip[part], case.slip0[part])
             # a belt is pressed in by its stretch along the drum
-            stretch = (slip - relative(self.tangential_rows[i], moved))[closed]
-            approach = max(approach, float(stretch.max() - stretch.min()) if count else 0.0)
+            stretch = slip - track.tangential(relative(self.tangential_rows[i], moved))
+            approach = max(approach, track.spread(stretch[closed]) if count else 0.0)
         else:
             loose = self.loose[i]
             if loose is not None:
                 moved = [body.motion(u) for body in loose]
-            slip = relative(self.tangential_rows[i], moved)
+            slip = track.tangential(relative(self.tangential_rows[i], moved))
         force = state.normal_force[part]
         tool = tool_motion(self.system, contact, track, u)
-        found = track.drift(closed, slip, gap, force, approach, case, i, part, tool)
+        found = track.drift(closed, slip, gap[part], force, approach, case, i, part, tool)
+        if i in self.on_obstacles:
+            found |= obstacle_drift(self.geometry, i, state, gap, case, u, approach)
         return Drift(count, approach=approach, strain=strain, sagitta=sagitta, **found)
 
     def _sagitta(self, i: int, state: State) -> float:
@@ -260,7 +269,7 @@ class Watch:
 
 
 def relative(rows: list[Array], motions: list[Array]) -> Array:
-    """How far points move against each other, from the rows (m, 3) and motions (3,) of each side."""
+    """How far points move against each other, from the rows (m, r) or (m, d, r) and motions (r,)."""
     own, *other = (side @ motion for side, motion in zip(rows, motions, strict=True))
     return np.asarray(own - other[0] if other else own)
 
@@ -273,8 +282,8 @@ def sliding_words(drift: Drift, d: int = 2) -> str:
     way = ". Give the contact sliding='finite'."
     if d == 3:
         way = (
-            ". In 3-D there is no other sliding yet: place the obstacle close to where it ends, and "
-            "move or turn it less."
+            ". In 3-D there is no other sliding yet: place bodies and obstacles close to where they "
+            "end, and move or turn them less."
         )
     found = []
     if drift.slides_far:

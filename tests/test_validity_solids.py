@@ -1,0 +1,279 @@
+"""Validity in 3-D: what small sliding of solids does not follow is seen, and nothing else."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from solids import KINDS, at, body, cube, elastic, onto_ball
+
+import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers.validity.face_track import Rim, curvature_tensors
+from skfem_contact.answers.validity.hull import hull
+from skfem_contact.answers.validity.validity import assess
+
+every_kind = pytest.mark.parametrize("kind", KINDS)
+
+
+def brick(name, n, low, high, kind="quad4", **settings):
+    """An elastic box between two corners."""
+    low, high = np.array(low, dtype=float)[:, None], np.array(high, dtype=float)[:, None]
+    return elastic(cube(kind, n, lambda x: low + (high - low) * x), kind, name, **settings)
+
+
+def dragged(by, kind="quad4", turn=None):
+    """A block pressed on a track by 0.01 and dragged along it; both 1 high, without friction."""
+    track = brick("track", 4, (-1, 0, -1), (3, 1, 0), kind, held=((at(2, -1.0), (0, 1, 2)),))
+    top = at(2, 1.0)
+    move = (*by, -0.01)
+    block = brick(
+        "block", 2, (0, 0.2, 0), (1, 0.8, 1), kind, held=((top, (0, 1, 2)),), push=(top, move)
+    )
+    contact = sc.Contact(
+        block.surface(at(2, 0.0)), track.surface(at(2, 0.0)), method="node", name="joint"
+    )
+    return sc.ContactSolver([block, track], [contact])
+
+
+def quiet(solver, **step):
+    """The result, and what was warned of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = solver.solve(**step)
+    return result, " ".join(str(w.message) for w in caught if w.category is sc.ContactWarning)
+
+
+def test_a_block_dragged_along_its_track():
+    """By 1.5 lengths: seen in the step, with the slip, the facets and the widths that it is."""
+    result, said = quiet(dragged((1.5, 0.0)))
+    assert "small sliding" in said and "there is no other sliding yet" in said
+    drift = result.validity.contacts["joint"].drift
+    assert result.validity.holds is False and not drift.small_sliding_holds
+    assert drift.slip == pytest.approx(1.5, rel=0.02)
+    # faces of the track are 1 by 0.25, the contact 1 by 0.6
+    assert drift.facets == pytest.approx(1.5 / 0.5, rel=0.02)
+    assert drift.widths == pytest.approx(1.5 / np.sqrt(0.6), rel=0.02)
+    assert drift.beyond == 0
+
+
+def test_a_block_dragged_off_its_track():
+    """Across the track, whose rim it passes by half of its width."""
+    result, said = quiet(dragged((0.0, 0.5)))
+    assert "beyond the end of the primary" in said
+    drift = result.validity.contacts["joint"].drift
+    assert drift.beyond == 3 and drift.overhang == pytest.approx(0.3, rel=0.05)
+    # nodes at 0.2, 0.5, 0.8 with shares 0.15, 0.3, 0.15, squares of the same area: of the last all
+    # is lost, of the middle one, which is at the rim, half
+    assert 0.3 < drift.beyond_share < 0.7
+
+
+@pytest.mark.parametrize("by", [(0.0, 0.0), (0.05, 0.0), (0.0, -0.05)])
+def test_a_block_that_hardly_moves(by):
+    """No warning, and every bound of the model holds."""
+    result, said = quiet(dragged(by))
+    assert not said
+    validity = result.validity
+    assert validity.holds is None and validity.worst < 1.0 and not validity.problems
+    assert "not measured in 3-D" in str(validity)
+    part = validity.contacts["joint"]
+    assert part.overlap < 0.25 * part.drift.approach and part.unseen == 0
+    assert 0.01 <= part.drift.approach < 0.015
+    assert "what is measured of it holds" in result.report()
+
+
+def test_rolling_of_a_ball_on_a_block():
+    """A sphere moved aside by its radius of contact: gaps and normals are not what they were."""
+    block = brick("block", 8, (-1, -1, -1), (1, 1, 0), held=((at(2, -1.0), (0, 1, 2)),))
+    ball = sc.RigidSphere((0, 0, 2.0), 2.0, name="ball")
+    solver = sc.ContactSolver([block], [sc.Contact(block.surface(at(2, 0.0)), ball, name="joint")])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        steps = [{"motion": {"joint": (0, 0, -0.05)}}, {"motion": {"joint": (0.3, 0, -0.05)}}]
+        first, second = solver.history(steps)
+    assert len(caught) == 1 and "gaps are wrong by up to" in str(caught[0].message)
+    assert first.validity.holds is None and first.validity.worst < 1
+    drift = second.validity.contacts["joint"].drift
+    # the normal has turned by s / R; small sliding knows that gaps change in proportion with s, not
+    # their s² / 2 R
+    assert drift.tilt == pytest.approx(0.15, rel=0.1)
+    assert drift.gap_error == pytest.approx(0.3**2 / 4, rel=0.12)
+
+
+def test_a_rigid_body_is_followed_like_an_obstacle():
+    """The same with the ball as a body of its own: moved by its DOFs, the same drift."""
+    block = brick("block", 8, (-1, -1, -1), (1, 1, 0), held=((at(2, -1.0), (0, 1, 2)),))
+    found = []
+    shape = sc.RigidSphere((0, 0, 2.0), 2.0, name="ball")
+    names = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
+    ball = sc.RigidBody(shape, D=names, name="ball")
+    for rigid in (True, False):
+        contact = sc.Contact(block.surface(at(2, 0.0)), ball if rigid else shape, name="joint")
+        solver = sc.ContactSolver([block, ball] if rigid else [block], [contact])
+        moved = {"x": {"ball": {"x": 0.1, "z": -0.05}}}
+        (result,) = solver.history([moved if rigid else {"motion": {"joint": (0.1, 0, -0.05)}}])
+        drift = result.validity.contacts["joint"].drift
+        found.append([drift.slip, drift.tilt, drift.gap_error, drift.approach])
+    # of an obstacle the path of its surface counts, of a body the motion that the answer has
+    np.testing.assert_allclose(found[0], found[1], rtol=0.05)
+
+
+def test_an_overlap_that_no_pairing_sees():
+    """A block runs into a wall that no contact has: by 0.1, and the search from outside says so."""
+    low = brick("low", 2, (0, 0, -1), (2, 1, 0), held=((at(2, -1.0), (0, 1, 2)),))
+    top = at(2, 1.0)
+    wall = cube("quad4", 2, lambda x: np.array([[1.1], [0.0], [0.0]]) + x)
+    both = fem_join(low, wall)
+    block = brick(
+        "block", 3, (0, 0.1, 0), (1.2, 0.9, 1), held=((top, (0, 1, 2)),), push=(top, (0, 0, -0.01))
+    )
+    contact = sc.Contact(
+        block.surface(at(2, 0.0)),
+        both.surface(lambda x: np.isclose(x[2], 0) & (x[0] < 1.05)),
+        method="node",
+        name="joint",
+    )
+    result, _ = quiet(sc.ContactSolver([block, both], [contact]))
+    with pytest.warns(sc.ContactWarning, match="overlap"):
+        validity = result.validity
+    part = validity.contacts["joint"]
+    assert part.overlap == pytest.approx(0.1, rel=0.1)
+    assert ("overlap", "joint") in validity.problems and validity.holds is False
+
+
+def fem_join(low, wall):
+    """A body of two meshes that do not touch, held at its lowest and its rightmost side."""
+    import skfem as fem
+
+    plain = fem.MeshHex.init_tensor(np.linspace(0, 1, 3), np.linspace(0, 1, 3), np.linspace(0, 1, 3))
+    floor = type(plain)(np.array([[1.0], [1], [1]]) * plain.p + np.array([[0.0], [0], [-1]]), plain.t)
+    p = np.hstack([floor.p, wall.p])
+    mesh = fem.MeshHex(p, np.hstack([floor.t, wall.t + floor.p.shape[1]]))
+    held = (at(2, -1.0), (0, 1, 2)), (at(0, 2.1), (0, 1, 2))
+    return elastic(mesh, "quad4", "both", held=held)
+
+
+def test_a_closed_point_opened_and_a_body_turned():
+    """Displacements spoiled on purpose: the true gap, the strain and the rotation grow with them."""
+    result, _ = quiet(dragged((0.0, 0.0)))
+    answer = answer_of(result)
+    before = result.validity
+    block = result.system.bodies[0]
+    u = result.u.copy()
+    part = result.system.slice(block)
+    node = result.contacts[0].secondary.dofs[np.argmax(result["joint"].normal_force)]
+    u[part.start + node[2]] += 0.02
+    opened = spoiled(answer, u)
+    assert opened.contacts["joint"].opening == pytest.approx(0.02, rel=0.05)
+    assert before.contacts["joint"].opening < 1e-12
+
+    turn = Rotation.from_rotvec([0.0, 0.15, 0.0]).as_matrix() - np.eye(3)
+    x = block.dof_points
+    u = result.u.copy()
+    u[part] += np.einsum("nd,nd->n", turn[block.dof_component], x - [0.5, 0.5, 0.5])
+    turned = spoiled(answer, u)
+    # the skew part of a turn is its sine
+    assert turned.rotation["block"] == pytest.approx(np.sin(0.15), rel=0.05)
+    assert ("rotation", "block") in turned.problems
+    # the lower side, at 0.5 below the middle and 0.5 long to each side, dips into the track
+    assert turned.contacts["joint"].overlap > 0.05
+    stretched = spoiled(answer, result.u + pulled(block, part, result.u))
+    assert stretched.strain["block"] == pytest.approx(0.2, rel=0.1)
+    assert ("strain", "block") in stretched.problems
+
+
+def pulled(block, part, u):
+    """Of a stretch by 0.2 along z, about the lower side."""
+    out = np.zeros_like(u)
+    out[part] = np.where(block.dof_component == 2, 0.2 * block.dof_points[:, 2], 0.0)
+    return out
+
+
+def spoiled(answer, u):
+    wrong = replace(answer)
+    vars(wrong)["u"] = u
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return assess(wrong)
+
+
+def test_a_support_that_turns_its_body_is_a_rotation():
+    """A block whose top is turned by 0.2 rad about the vertical: said in the step."""
+    top = at(2, 1.0)
+    block = brick("block", 2, (0, 0, 0), (1, 1, 1), held=((top, (0, 1, 2)),))
+    solver = sc.ContactSolver(
+        [block], [sc.Contact(block.surface(at(2, 0.0)), sc.RigidPlane((0, 0, 0), (0, 0, 1)))]
+    )
+    turn = Rotation.from_rotvec([0, 0, 0.2]).as_matrix() - np.eye(3)
+    arm = block.dof_points - [0.5, 0.5, 0.0]
+    x = np.einsum("nd,nd->n", turn[block.dof_component], arm) - 0.01 * (block.dof_component == 2)
+    result, said = quiet(solver, x={"block": x})
+    assert "has turned by 0.199" in said  # its skew part is the sine
+    assert ("rotation", "block") in result.validity.problems
+
+
+# -- the parts ------------------------------------------------------------------------------------
+
+
+@every_kind
+@pytest.mark.parametrize("seed", [0, 1])
+def test_depths_in_a_box(kind, seed):
+    """Of a unit cube, turned in space: the distance from the nearest side, inside and outside."""
+    turn = Rotation.random(random_state=seed).as_matrix()
+    mesh = cube(kind, 2)
+    mesh = type(mesh)(turn @ mesh.doflocs, mesh.t)
+    box = hull(body(mesh, kind), np.zeros(body(mesh, kind).n))
+    x = np.random.default_rng(seed).uniform(-0.5, 1.5, (500, 3))
+    inside = np.all((x > 0) & (x < 1), axis=1)
+    outward = np.linalg.norm(np.maximum(np.maximum(-x, x - 1), 0.0), axis=1)
+    expected = np.where(inside, -np.minimum(x, 1 - x).min(axis=1), outward)
+    np.testing.assert_allclose(box.signed(x @ turn.T), expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(box.depth(x @ turn.T), np.maximum(-expected, 0.0), rtol=0, atol=1e-12)
+    assert inside.any() and not inside.all()
+
+
+def test_points_on_the_grid_of_a_mesh():
+    """Aligned with edges and corners of the triangles, where a ray along an axis would hit them."""
+    solid = body(cube("quad4", 4), "quad4")
+    shape = hull(solid, np.zeros(solid.n))
+    t = np.linspace(0.125, 0.875, 7)
+    x = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3)
+    assert shape.inside(x).all() and not shape.inside(x + [1.0, 0, 0]).any()
+    expected = np.minimum(x, 1 - x).min(axis=1)
+    np.testing.assert_allclose(shape.depth(x), expected, rtol=0, atol=1e-12)
+
+
+def test_displacements_move_the_hull():
+    """A cube shifted by its displacement."""
+    solid = body(cube("quad8", 1), "quad8")
+    u = np.where(solid.dof_component == 0, 2.0, 0.0)
+    shape = hull(solid, u)
+    assert shape.inside(np.array([[2.5, 0.5, 0.5], [0.5, 0.5, 0.5]])).tolist() == [True, False]
+
+
+@every_kind
+def test_curvature_of_a_ball_and_of_a_plane(kind):
+    """1 / R along every tangent of a ball, zero on a plane."""
+    ball = body(cube(kind, 4, lambda x: 2.0 * onto_ball(x)), kind).surface(None)
+    K = curvature_tensors(ball)
+    size = np.linalg.eigvalsh(K)
+    # along the normal nothing; edges of the mapped cube bend the grid, not the ball
+    np.testing.assert_allclose(np.abs(size).min(axis=1), 0.0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.median(size[:, 1:]), 0.5, rtol=0.03)
+    flat = body(cube(kind, 2), kind).surface(at(2, 1.0))
+    assert not curvature_tensors(flat).any()
+
+
+def test_the_way_to_the_rim():
+    """Of a square: inside negative, beyond positive, past a corner the distance from it."""
+    rim = Rim.of(body(cube("quad4", 3), "quad4").surface(at(2, 1.0)))
+    x = np.array(
+        [[0.5, 0.5, 1.0], [0.9, 0.5, 1.0], [1.25, 0.5, 1.0], [1.3, 1.4, 1.0], [0.5, -0.1, 1.0]]
+    )
+    np.testing.assert_allclose(rim.beyond(x), [-0.5, -0.1, 0.25, 0.5, 0.1], rtol=0, atol=1e-12)
+    assert np.all(rim.at_least(x) <= np.abs(rim.beyond(x)) + 1e-12)
+    ball = Rim.of(body(cube("quad4", 2, onto_ball), "quad4").surface(None))
+    assert np.all(np.isinf(ball.at_least(x)))
