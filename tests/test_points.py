@@ -90,6 +90,30 @@ def test_far_points_that_hold_nothing(space: PointSpace) -> None:
     assert Reduction(floating, few).good
 
 
+def test_a_tangent_that_supports_hold_has_no_spring() -> None:
+    """Of two tangents one may be held: springs act on the other, and on no other point's row."""
+    rng = np.random.default_rng(6)
+    n, rows = 3, np.array([[3, -1], [4, 6], [-1, 5]])
+    A = rng.standard_normal((7, 7))
+    S, spring = A @ A.T + np.eye(7), np.array([[2.0, 0.7], [0.7, 1.0]]) * np.ones((n, 1, 1))
+    gap0, slip0, offset = rng.random(n), rng.random((n, 2)), rng.random((n, 2))
+    coupling = 0.3 * rng.random((n, 2))
+    force, every = rng.standard_normal(7), np.ones(n, dtype=bool)
+    case = Conditions(every, ~every, 0 * offset, spring, offset, coupling)
+    found = PointSpace(S, np.arange(n), rows).solve(case, Load(force, gap0, slip0, np.zeros(0)))
+    # by hand: what can slip has friction offset + spring (slip0 + z) + coupling (S z - f), gaps are 0
+    K, f = S.copy(), force.copy()
+    for i, k in np.argwhere(rows >= 0):
+        f[rows[i, k]] -= offset[i, k] + spring[i, k] @ slip0[i] - coupling[i, k] * force[i]
+        K[rows[i, k]] += coupling[i, k] * S[i]
+        for j in np.flatnonzero(rows[i] >= 0):
+            K[rows[i, k], rows[i, j]] += spring[i, k, j]
+    z = np.append(-gap0, np.linalg.solve(K[n:, n:], f[n:] + K[n:, :n] @ gap0))
+    slip = slip0 + np.where(rows >= 0, z[rows], 0.0)
+    assert_allclose(found.slip, slip, rtol=1e-10)
+    assert_allclose(found.normal_force, S[:n] @ z - force[:n], rtol=1e-10)
+
+
 @pytest.mark.parametrize("shape", [(7,), (7, 3)])
 def test_dense_solves(shape: tuple[int, ...]) -> None:
     """LAPACK called directly solves what NumPy solves, and leaves its arguments as they were."""
