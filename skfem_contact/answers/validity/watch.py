@@ -180,7 +180,7 @@ class Watch:
         approach = pressed
         moved = [motions[b] for b in self.bodies[i]]
         if self.held[i] and count:
-            lifted = (case.gap0[part] - gap[part])[closed]
+            lifted = case.gap0[part][closed] - gap[part][closed]
             lifted += relative(self.normal_rows[i], moved)[closed]
             elastic = float(np.abs(lifted).max())
             approach, strain = max(approach, elastic), max(strain, elastic / self.extent[i])
