@@ -47,7 +47,7 @@ def pair(
     """
     secondary, primary = contact.secondary, contact.primary
     if isinstance(secondary, FaceSurface):
-        return _pair_faces(contact, secondary, motion)
+        return _pair_faces(contact, secondary, moved, motion)
     assert isinstance(secondary, CurveSurface)
     if len(moved):
         secondary = secondary.moved(moved[0])
@@ -94,17 +94,19 @@ def _near(contact: Contact, pairing: Pairing) -> Pairing:
     return _without(pairing, ~(np.abs(pairing.gap) <= contact.reach))
 
 
-def _pair_faces(contact: Contact, secondary: FaceSurface, motion: object) -> Pairing:
+def _pair_faces(
+    contact: Contact, secondary: FaceSurface, moved: Sequence[Array], motion: object
+) -> Pairing:
     """Pair faces of solids, or faces and an obstacle."""
     primary = contact.primary
-    for wrong, what in (
-        (contact.sliding == "finite", 'sliding="finite"'),
-        (contact.friction is not None, "friction"),
-    ):
-        if wrong:
-            raise InputError(f"contact {contact.label}: {what} in 3-D is not implemented yet")
+    if contact.friction is not None:
+        raise InputError(f"contact {contact.label}: friction in 3-D is not implemented yet")
     if not isinstance(primary, Obstacle | FaceSurface):
         raise _unlike(contact)
+    if len(moved):
+        secondary = secondary.moved(moved[0])
+    if len(moved) and isinstance(primary, FaceSurface):
+        primary = primary.moved(moved[1])
     if isinstance(primary, FaceSurface) and contact.method == "mortar":
         pairing = mortar_of_faces(secondary, primary, reach=contact.reach)
     elif isinstance(primary, FaceSurface):
@@ -115,7 +117,8 @@ def _pair_faces(contact: Contact, secondary: FaceSurface, motion: object) -> Pai
         pairing = _near(contact, primary.pair(secondary, motion=motion))
         away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
         pairing = _with_control_points(contact, secondary, pairing, away)
-    if isinstance(primary, FaceSurface) and not contact.tied:
+    fixed = contact.sliding == "small" and not contact.tied and not len(moved)
+    if isinstance(primary, FaceSurface) and fixed:
         pairing = loaded_frames(secondary, primary, pairing)
     tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
     pairing = replace(pairing, tangent=tangent)

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import KINDS, at, elastic, octant_shell
+from solids import at, elastic, extruded, octant_shell
 
 import skfem_contact as sc
 
@@ -73,29 +73,6 @@ def test_press_fit_converges(kind, order):
     sizes = ((4, 3), (8, 6)) if kind == "quad4" else ((2, 2), (4, 4))
     one, two = (press_fit(kind, *size)[1] for size in sizes)
     assert np.log2(one / two) > order
-
-
-def extruded(mesh, kind, height, E, nu, name, held, push=None):
-    """A plane body, and the same extruded by one element in plane strain."""
-    plane = {"quad4": fem.ElementQuad1, "quad9": fem.ElementQuad2}[kind]()
-    n = mesh.nvertices
-    p = np.vstack([np.hstack([mesh.p] * 2), np.repeat([0.0, height], n)])
-    low, high = mesh.t, mesh.t + n
-    t = np.stack([low[0], high[0], low[3], low[1], high[3], high[1], low[2], high[2]])
-    solid = fem.MeshHex(p, t)
-    solid = solid if kind == "quad4" else fem.MeshHex2.from_mesh(solid)
-    bodies = []
-    for m, element in ((mesh, plane), (solid, KINDS[kind][2]())):
-        basis = fem.Basis(m, fem.ElementVector(element), intorder=4)
-        parts = basis.split_indices()
-        fixed = [parts[i][held(basis.doflocs[:, parts[i]])] for i in range(2)]
-        x = np.zeros(basis.N)
-        for i, value in enumerate(push or ()):
-            x[fixed[i]] = value
-        D = np.concatenate(fixed + ([parts[2]] if m is solid else []))
-        stiffness = linear_elasticity(*lame_parameters(E, nu))
-        bodies.append(sc.Body(basis, stiffness, D=np.unique(D), x=x, name=name))
-    return bodies
 
 
 @pytest.mark.parametrize("kind", ["quad4", "quad9"])
