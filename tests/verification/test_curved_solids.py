@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import skfem as fem
 from scipy.spatial import cKDTree
-from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from solids import at, elastic, extruded, octant_shell

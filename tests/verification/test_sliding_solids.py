@@ -74,16 +74,17 @@ def test_dragged_far_is_as_pressed_there(kind, method):
     assert np.abs(near.pressure - there.pressure).max() > 0.1 * there.pressure.max()
 
 
-@pytest.mark.parametrize("method", ["node", "mortar"])
-@pytest.mark.parametrize("kind", ["quad4", "quad9"])
-def test_the_history_of_a_plane_problem_extruded(kind, method):
-    """A curved stamp that is pressed into a block and dragged over two facets: the plane answer."""
+def test_the_history_of_a_plane_problem_extruded():
+    """A stamp that is pressed into a block and dragged over two facets: the plane answer.
+
+    Point by point; in the plane mortar rows know the curves through the nodes as well.
+    """
     height = 0.3
-    grid = fem.MeshQuad.init_tensor(np.linspace(-0.6, 0.4, 5), np.linspace(0, 0.8, 4))
+    grid = fem.MeshQuad.init_tensor(np.linspace(-0.85, 0.65, 7), np.linspace(0, 0.8, 4))
     p = grid.p + [[0.0], [0.2]] * (0.8 - grid.p[1]) * grid.p[0] ** 2
-    stamp = extruded(fem.MeshQuad(p, grid.t), kind, height, 2.0, 0.3, "stamp", at(1, 0.8))
+    stamp = extruded(fem.MeshQuad(p, grid.t), "quad4", height, 2.0, 0.3, "stamp", at(1, 0.8))
     grid = fem.MeshQuad.init_tensor(np.linspace(-1.2, 1.6, 9), np.linspace(-1, 0, 4))
-    block = extruded(grid, kind, height, 1.0, 0.25, "block", at(1, -1.0))
+    block = extruded(grid, "quad4", height, 1.0, 0.25, "block", at(1, -1.0))
 
     def inside(x):
         return len(x) == 2 or (x[-1] > 0.01) & (x[-1] < height - 0.01)
@@ -92,7 +93,7 @@ def test_the_history_of_a_plane_problem_extruded(kind, method):
     for upper, lower in zip(stamp, block, strict=True):
         foot = upper.surface(lambda x: inside(x) & (x[1] < 0.2) & (np.abs(x[0] + 0.1) < 0.49))
         roof = lower.surface(lambda x: inside(x) & (x[1] > -0.1) & (x[0] > -1.19) & (x[0] < 1.59))
-        contact = sc.Contact(foot, roof, method=method, sliding="finite")
+        contact = sc.Contact(foot, roof, method="node", sliding="finite")
         solver = sc.ContactSolver([upper, lower], contact, options=EXACT)
         steps = [moved(upper, (share, -0.05, 0.0)[: upper.dim]) for share in (0.0, 0.2, 0.4, 0.65)]
         results = list(solver.history(steps))

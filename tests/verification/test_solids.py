@@ -310,7 +310,6 @@ def test_what_is_not_there_yet_is_refused():
     foot, top = high.surface(at(2, 1.0), name="foot"), low.surface(at(2, 1.0), name="top")
     for settings, words in (
         ({"friction": sc.Coulomb(0.3), "method": "node"}, "friction in 3-D is not implemented yet"),
-        ({"method": "node", "sliding": "finite"}, 'sliding="finite" in 3-D is not implemented yet'),
     ):
         with pytest.raises(InputError, match=words):
             sc.ContactSolver([low, high], [sc.Contact(foot, top, **settings)])
