@@ -215,6 +215,13 @@ def test_gap_of_blocks_apart(kind):
     assert_allclose(pairing.gap, 0.25, rtol=0, atol=ROUND_OFF)
     assert not dual_mortar(top, low, reach=0.2).paired.any()
     assert dual_mortar(top, low, reach=0.3).paired.all()
+    deep = block(kind, 3, 3, [0.7, 2], place=turned).surface("low")
+    assert_allclose(dual_mortar(deep, low).gap, -0.3, rtol=0, atol=ROUND_OFF)
+    assert not dual_mortar(deep, low, reach=0.2).paired.any()
+    far = block(kind, 3, 3, [-0.8, 2], place=turned).surface(
+        "low"
+    )  # the box has half a diagonal of 0.71
+    assert not dual_mortar(far, low).paired.any()
     with pytest.raises(InputError, match="positive length"):
         dual_mortar(top, low, reach=-1.0)
 
@@ -372,6 +379,44 @@ def test_kinks_are_found_and_curves_are_none(kind, thick):
     assert_allclose(kink_angles(surface), expected, rtol=0, atol=1e-7)
     for curved in (block(kind, 5, thick, [0, 1], place=round_), shell(kind, 4, 0.8, 1.0)):
         assert np.all(kink_angles(curved.surface("up")) == 0)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_interfaces(seed):
+    """Faces of all kinds and sizes, flat or bent, that cover each other anyhow: rows are means.
+
+    On flat interfaces they hold the area that is covered, and points of both sides at one place.
+    """
+    rng = np.random.default_rng(seed)
+    bend, turn = rng.choice([0.0, 0.0, 0.2, 0.6]), Rotation.random(random_state=seed).as_matrix()
+
+    def place(x):
+        y = x.copy()
+        y[2] += bend * ((x[0] - 0.4) ** 2 - 0.5 * (x[1] - 0.6) * x[0])
+        return turn @ y
+
+    own, other = rng.choice(FACES, 2)
+    numbers, size = rng.integers(1, 7, 4), 10 ** rng.uniform(-1, 0.5, 2)
+    start, gap = rng.uniform(-0.6, 0.6, 2), rng.choice([0.0, 0.05, -0.02])
+    lines = [np.linspace(a, a + b, n + 1) for a, b, n in zip(start, size, numbers[2:], strict=True)]
+    moved = seed if min(numbers[:2]) > 1 and bend == 0 else None
+    top = block(own, *map(int, numbers[:2]), [1 + gap, 2], moved=moved, place=place).surface("low")
+    low = block(other, *lines, [0, 1], place=place).surface("up")
+    pairing = dual_mortar(top, low)
+    there = pairing.paired
+    assert np.isfinite(pairing.gap[there]).all() and np.isfinite(pairing.normal).all()
+    assert pairing.area.min() > 0
+    for W in (pairing.secondary_weights, pairing.primary_weights):
+        assert np.isfinite(W.data).all()
+        assert_allclose(np.asarray(W.sum(axis=1)).ravel(), there, rtol=0, atol=1e-9)
+    if bend:
+        return
+    sides = np.minimum(1, start + size) - np.maximum(0, start)
+    area = np.prod(np.maximum(sides, 0))
+    assert_allclose(pairing.area[there].sum(), area, rtol=0, atol=1e-8)
+    away = pairing.secondary_weights @ top.points - pairing.primary_weights @ low.points
+    expected = np.outer(there * gap, turn[:, 2])
+    assert_allclose(away, expected, rtol=0, atol=1e-7)
 
 
 # --- several layers, edges --------------------------------------------------------------------------

@@ -239,6 +239,24 @@ def test_order_of_nodes_and_bodies_turned_do_not_matter():
         assert_allclose(other, one, rtol=0, atol=1e-9 * np.abs(one).max())
 
 
+@pytest.mark.parametrize("kinds", [("quad4", "tri3"), ("quad9", "quad8")], ids="-".join)
+def test_a_block_that_overhangs(kinds):
+    """A block that hangs over the edge of another: forces as the supports have them, none outside."""
+    floor, lid = (at(2, -1.0), (0, 1, 2)), (at(2, 1.0), (0, 1, 2))
+    low = elastic(grid(kinds[1], [-0.3, 0.1, 0.6], 3, [-1, 0]), kinds[1], "low", held=(floor,))
+    mesh = grid(kinds[0], 4, 3, [0, 0.5, 1])
+    high = elastic(mesh, kinds[0], "high", held=(lid,), push=(at(2, 1.0), (0.0, 0.0, -0.01)))
+    contact = sc.Contact(high.surface(at(2, 0.0)), low.surface(at(2, 0.0)), name="joint")
+    result = sc.ContactSolver([low, high], [contact]).solve()
+    values = result["joint"]
+    reaction = (low.K @ result.displacement(low))[low.D]
+    component = low.dof_component[low.D]
+    force = [reaction[component == k].sum() for k in range(3)]
+    assert force[2] > 1e-3
+    assert_allclose(force, values.force, rtol=0, atol=1e-12)
+    assert np.all(values.normal_force[values.points[:, 0] > 0.8] == 0)
+
+
 # --- Hertz ------------------------------------------------------------------------------------------
 
 
