@@ -88,12 +88,12 @@ def heights(surface: FaceSurface, closed: Mask, gap: Array) -> Array:
     last, first = closed & _touched(beside, opened), opened & _touched(beside, closed)
     behind = closed & ~last & _touched(beside, last)
     here = np.flatnonzero(last | first | behind)
-    far, known = _continued(surface, beside, here, opened & ~first, h)
-    near, some = _continued(surface, beside, here, opened, h)
+    far, known, _ = _continued(surface, beside, here, opened & ~first, h)
+    near, some, any_ = _continued(surface, beside, here, opened, h)
     fit = np.zeros(len(h))
     fit[here] = np.where(known, far, near)
     fitted = np.zeros(len(h), dtype=bool)
-    fitted[here] = known | some
+    fitted[here] = known | some | any_
 
     scale = float(h.max(initial=0.0)) or 1.0
     tiny = 1e-12 * scale
@@ -132,8 +132,8 @@ def triangle_areas(surface: FaceSurface, x: Array) -> Array:
 
 def _continued(
     surface: FaceSurface, beside: csr_matrix, here: Index, sample: Mask, h: Array
-) -> tuple[Array, Mask]:
-    """The plane through values at open nodes near by, at some nodes; whether there were enough.
+) -> tuple[Array, Mask, Mask]:
+    """What open nodes near by say of h at some nodes; whether enough were ahead, or on any side.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def _continued(
     parabola = np.column_stack([plane, across**2])
     bent, more = _least_squares(parabola, weight, h[node], row, len(here))
     at = np.where(more, bent[:, 0], np.where(some, straight[:, 0], fit[:, 0]))
-    return at, enough
+    return at, some, enough
 
 
 def _least_squares(

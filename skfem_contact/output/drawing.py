@@ -1,4 +1,4 @@
-"""What all pictures need: axes, the arc length along a surface, colours. 2-D, with matplotlib.
+"""What all pictures need: axes, the arc length along a surface, colours. With matplotlib.
 
 Every function draws into `ax`, or into a new figure, and returns the axes: titles, units and
 limits are the user's to add. Labels carry no units, since nothing in the library has any.
@@ -54,22 +54,39 @@ def _cut(closed: NDArray[np.bool_]) -> int:
     return int((first + where[k] + stretch[k] // 2) % len(closed))
 
 
-def require_plane(result: ContactResult) -> None:
+def is_solid(result: ContactResult) -> bool:
+    """Whether a result is of solids; refused where there are no displacements to draw."""
     body = next(iter(result.system.solids.values()))
-    if body.dim != 2 or body.components != 2:
-        what = "a scalar field" if body.components == 1 else f"{body.dim}-D"
+    if body.components != body.dim:
         raise InputError(
-            f"pictures are of plane problems, this is {what}: use write('result.vtu', ...)"
+            "pictures are of displacements, this is a scalar field: use write('result.vtu', ...)"
         )
+    return bool(body.dim == 3)
 
 
 def new_axes(ax: Any, size: tuple[float, float]) -> Any:
-    if ax is not None:
-        return ax
+    """The axes given, or those of a new figure."""
+    return ax if ax is not None else _pyplot().subplots(figsize=size, layout="compressed")[1]
+
+
+def solid_axes(ax: Any, size: tuple[float, float]) -> Any:
+    """The same in space; what is drawn later stands before what is drawn first."""
+    if ax is None:
+        ax = _pyplot().figure(figsize=size).add_subplot(projection="3d")
+    if not hasattr(ax, "zaxis"):
+        raise InputError(
+            "these axes are plane, the picture is not: take figure.add_subplot(projection='3d')"
+        )
+    ax.computed_zorder = False
+    ax.set_proj_type("ortho")
+    return ax
+
+
+def _pyplot() -> Any:
     try:
         from matplotlib import pyplot  # optional, and slow to import
     except ImportError:
         raise InputError(
             "pictures need matplotlib, which is not installed: pip install 'skfem-contact[plot]'"
         ) from None
-    return pyplot.subplots(figsize=size, layout="compressed")[1]
+    return pyplot

@@ -1,4 +1,4 @@
-"""Pictures of deformed bodies, with matplotlib (the extra ``plot``). 2-D only."""
+"""Pictures of deformed bodies, with matplotlib (the extra ``plot``)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.state import OPEN
-from skfem_contact.output.drawing import FRICTION, LINES, arc_length, new_axes, require_plane
+from skfem_contact.output.drawing import FRICTION, LINES, arc_length, is_solid, new_axes
+from skfem_contact.output.solids import draw_bodies
 from skfem_contact.output.stress import field_name
 from skfem_contact.output.thresholds import (
     ARROWS,
@@ -54,6 +55,9 @@ def plot_deformed(
 ) -> Any:
     """Draw the deformed bodies, coloured, with arrows for what the contact does to the secondary.
 
+    Of solids the outer faces, as seen from the first octant, without arrows: what touches is inside,
+    and `plot_contact` shows it.
+
     Parameters
     ----------
     result : ContactResult
@@ -64,6 +68,7 @@ def plot_deformed(
         ``stress(body, u)`` gives the colours, a number per node, such as `von_mises`; by default
         the size of the displacement.
     ax : matplotlib Axes, optional
+        Of solids with ``projection="3d"``.
     arrows : bool
         Draw the traction at closed points. The head is on the secondary surface.
     label : str, optional
@@ -77,12 +82,18 @@ def plot_deformed(
     Raises
     ------
     InputError
-        If matplotlib is missing, or the problem is not a plane one with displacements.
+        If matplotlib is missing, or the problem has no displacements.
     """
-    require_plane(result)
-    ax = new_axes(ax, _figure_size(result))
+    solid = is_solid(result)
     factor = auto_scale(result) if scale == "auto" else float(scale)
     values = [_colours(result, body, stress) for body in result.system.solids.values()]
+    if solid:
+        bodies = result.system.solids.values()
+        outside = [_on_boundary(body, v) for body, v in zip(bodies, values, strict=True)]
+        ax, image = draw_bodies(result, factor, outside, ax, cmap)
+        _label(ax, image, factor, label, stress)
+        return ax
+    ax = new_axes(ax, _figure_size(result))
     low, high = min(v.min() for v in values), max(v.max() for v in values)
     image = None
     for body, colour in zip(result.system.solids.values(), values, strict=True):
@@ -103,13 +114,28 @@ def plot_deformed(
         _outline(ax, x, cells, kind)
     if arrows:
         _arrows(ax, result, factor)
-    if label is None:
-        label = "displacement" if stress is None else field_name(stress).replace("_", " ")
-    ax.figure.colorbar(image, ax=ax, label=label, shrink=0.85, pad=0.02)
+    _label(ax, image, factor, label, stress)
     ax.set(aspect="equal", xlabel="x", ylabel="y")
-    ax.set_title(f"deformation magnified {factor:g} times" if factor != 1 else "true deformation")
     ax.autoscale_view()
     return ax
+
+
+def _label(ax: Any, image: Any, factor: float, label: str | None, stress: Stress | None) -> None:
+    """The colour bar, and the factor in the title."""
+    if label is None:
+        label = "displacement" if stress is None else field_name(stress).replace("_", " ")
+    plane = not hasattr(ax, "zaxis")
+    ax.figure.colorbar(
+        image, ax=ax, label=label, shrink=0.85 if plane else 0.7, pad=0.02 if plane else 0.08
+    )
+    ax.set_title(f"deformation magnified {factor:g} times" if factor != 1 else "true deformation")
+
+
+def _on_boundary(body: Body, values: Array) -> Array:
+    """Values at the nodes of a body, (nodes,), at those of its boundary surface."""
+    of_dof = np.empty(body.n)
+    of_dof[body_nodes(body)] = values[:, None]
+    return np.asarray(of_dof[body.surface(None).dofs[:, 0]])
 
 
 def auto_scale(result: ContactResult) -> float:

@@ -1,4 +1,4 @@
-"""Pictures of one contact and of a history, with matplotlib (the extra ``plot``). 2-D only."""
+"""Pictures of one contact and of a history, with matplotlib (the extra ``plot``)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN, STATUS
 from skfem_contact.errors import InputError
-from skfem_contact.output.drawing import FRICTION, LINES, PRESSURE, arc_length, new_axes, require_plane
+from skfem_contact.output.drawing import FRICTION, LINES, PRESSURE, arc_length, is_solid, new_axes
+from skfem_contact.output.solids import draw_contact
 from skfem_contact.output.thresholds import MARGIN
 
 Array = NDArray[np.float64]
@@ -32,10 +33,13 @@ ABOVE: dict[str, Any] = {
 def plot_contact(
     result: ContactResult, contact: Contact | str | int | None = None, ax: Any = None
 ) -> Any:
-    """Plot pressure and friction along the secondary surface, over its arc length.
+    """Plot pressure and friction along the secondary surface, over its arc length; of solids on it.
 
     Sticking and slipping parts are shaded; the thin lines are the bounds of friction. A closed
     surface (a hole) is cut open in the middle of its longest part without contact.
+
+    Of solids the faces around what touches are drawn, coloured by pressure, as the other side sees
+    them: with the edge of contact, points where it sticks, and arrows of friction where it slips.
 
     Parameters
     ----------
@@ -43,6 +47,7 @@ def plot_contact(
     contact : Contact, str or int, optional
         Needed where there are several.
     ax : matplotlib Axes, optional
+        Of solids with ``projection="3d"``.
 
     Returns
     -------
@@ -51,10 +56,11 @@ def plot_contact(
     Raises
     ------
     InputError
-        If matplotlib is missing, the contact is not one of the result, or it is not plane.
+        If matplotlib is missing, the contact is not one of the result, or there are no displacements.
     """
-    require_plane(result)
-    i = _which(result, contact)
+    solid, i = is_solid(result), _which(result, contact)
+    if solid:
+        return draw_contact(result, result.values[i], ax)
     values, settings = result.values[i], result.contacts[i]
     surface = settings.secondary
     ax = new_axes(ax, (7.0, 4.0))

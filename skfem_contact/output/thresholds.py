@@ -22,6 +22,15 @@ SAME_FACTOR = 1e-12
 # are at most of one contact: more would cover each other.
 LONGEST, SHORTEST, ARROWS = 0.08, 0.03, 60
 
+# -- solids ------------------------------------------------------
+
+# The viewer stands aside of the x axis and above the floor by these angles, or so far off the normal of
+# a contact [rad]: far enough to see that it is no plane picture.
+ASIDE, TILTED = -1.0, 0.5
+
+# What is shown beside the points that touch, over the longest side of the box round them.
+WINDOW_3D = 0.25
+
 # -- plot_contacts -----------------------------------------------
 
 # What is shown beside the points that touch, over their width.

@@ -1,0 +1,189 @@
+"""Pictures and files of solids: what is drawn is the answer, judged by the data of the artists."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from solids import KINDS, at, cube, elastic
+
+import skfem_contact as sc
+from skfem_contact.errors import InputError
+from skfem_contact.output.solids import draw_contact
+
+matplotlib = pytest.importorskip("matplotlib")
+matplotlib.use("Agg")
+every_kind = pytest.mark.parametrize("kind", KINDS)
+
+
+@pytest.fixture(autouse=True)
+def _close_figures() -> Iterator[None]:
+    from matplotlib import pyplot
+
+    yield
+    pyplot.close("all")
+
+
+def pressed(kind: str, radius: float | None = None) -> sc.ContactResult:
+    """A cube pressed by 0.01 on a plane, or a sphere on a cube."""
+    held = ((at(2, 1.0), (0, 1, 2)),)
+    block = elastic(
+        cube(kind, 2), kind, "block", held=held, push=(at(2, 1.0), (0.0, 0.0, -0.01)), nu=0.0
+    )
+    floor: Any = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    if radius is not None:
+        floor = sc.RigidSphere((0.5, 0.5, -radius), radius)
+    foot = block.surface(at(2, 0.0), name="foot")
+    return sc.ContactSolver([block], [sc.Contact(foot, floor, name="joint")]).solve()
+
+
+def faces(ax: Any) -> Any:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    (found,) = [c for c in ax.collections if isinstance(c, Poly3DCollection)]
+    ax.figure.canvas.draw()
+    return found
+
+
+def corners(collection: Any) -> np.ndarray:
+    """Corners of the triangles, (t, 3, 3)."""
+    return np.asarray(collection._faces)
+
+
+def areas(x: np.ndarray) -> np.ndarray:
+    return 0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
+
+
+@every_kind
+def test_contact_faces_have_the_colour_of_their_pressure(kind: str) -> None:
+    """A uniform pressure is one colour, that of its value on the bar, over all of the surface."""
+    result = pressed(kind)
+    ax = sc.plot_contact(result)
+    drawn = faces(ax)
+    assert_allclose(areas(corners(drawn)).sum(), 1.0, rtol=1e-12)
+    assert_allclose(corners(drawn)[..., 2], 0.0, rtol=0, atol=1e-12)
+    bar = ax.figure.axes[-1]
+    assert bar.get_ylabel() == "pressure"
+    assert_allclose(bar.get_ylim(), [0.0, 0.01], rtol=1e-9)
+    # seen from below, where the floor is
+    assert ax.elev < 0 and "block/foot" in ax.get_title()
+
+
+def test_the_darkest_is_the_largest_pressure() -> None:
+    """Under a sphere: the middle."""
+    result = pressed("quad4", radius=4.0)
+    drawn = faces(sc.plot_contact(result))
+    middle = corners(drawn).mean(axis=1)
+    # in the order given: what is drawn is sorted by depth
+    colours = np.asarray(drawn._facecolor3d)
+    darkest = middle[np.argsort(colours[:, :3].sum(axis=1))[:5]]
+    assert_allclose(darkest[:, :2], 0.5, rtol=0, atol=0.1)
+
+
+def test_sticking_points_and_slipping_arrows() -> None:
+    """Points of either state have marks of their own, and the legend names them."""
+    result = pressed("quad4")
+    values = result["joint"]
+    status = np.where(values.points[:, 0] > 0.6, 2, 1)
+    force = np.zeros((len(status), 2))
+    force[:, 0] = 0.3 * values.normal_force
+    rough = replace(
+        values,
+        contact=replace(values.contact, friction=sc.Coulomb(0.3)),
+        status=status,
+        tangential_force=force,
+    )
+    ax = draw_contact(result, rough, None)
+    assert ax.get_legend_handles_labels()[1] == ["sticks", "slips: friction on this side"]
+    (points,) = [c for c in ax.collections if c.get_label() == "sticks"]
+    found = np.stack(points._offsets3d, axis=1)
+    expected = values.points[status == 1]
+    assert_allclose(found[np.lexsort(found.T)], expected[np.lexsort(expected.T)])
+    assert "slips" not in " ".join(sc.plot_contact(result).get_legend_handles_labels()[1])
+
+
+@every_kind
+def test_bodies_are_drawn_displaced(kind: str) -> None:
+    """The outer faces that look at the viewer: three sides of a cube, shorter by its strain."""
+    result = pressed(kind)
+    ax = sc.plot_deformed(result, scale=10.0)
+    x = corners(faces(ax))
+    flat = areas(x)
+    # the top and two sides, one of whose lengths has shrunk by 10 times 0.01; lines have no area
+    assert_allclose(flat.sum(), 1.0 + 2 * 0.9, rtol=1e-9)
+    assert x[flat > 0][..., 2].max() == pytest.approx(0.9)
+    assert "magnified 10 times" in ax.get_title()
+    assert_allclose(ax.figure.axes[-1].get_ylim(), [0.0, 0.01], rtol=1e-9, atol=1e-12)
+
+
+def test_stress_of_solids() -> None:
+    """Colours by a function of the user, at the nodes of the boundary."""
+
+    def height(body: sc.Body, u: np.ndarray) -> np.ndarray:
+        return body.dof_points[body.dof_component == 2, 2]
+
+    ax = sc.plot_deformed(pressed("quad4"), stress=height)
+    assert ax.figure.axes[-1].get_ylabel() == "height"
+    assert_allclose(ax.figure.axes[-1].get_ylim(), [0.0, 1.0])
+
+
+def test_plane_axes_are_refused() -> None:
+    """Axes of a user have to be in space; those that are, are used."""
+    from matplotlib import pyplot
+
+    result = pressed("quad4")
+    with pytest.raises(InputError, match="projection='3d'"):
+        sc.plot_contact(result, ax=pyplot.subplots()[1])
+    ax = pyplot.figure().add_subplot(projection="3d")
+    assert sc.plot_contact(result, ax=ax) is ax and sc.plot_deformed(result, ax=ax) is ax
+
+
+def test_nothing_touches() -> None:
+    """All of the surface is drawn, with no pressure and no edge."""
+    block = elastic(cube("quad4", 2), "quad4", "block", held=((at(2, 1.0), (0, 1, 2)),))
+    floor = sc.RigidPlane((0, 0, -0.1), (0, 0, 1))
+    result = sc.ContactSolver([block], [sc.Contact(block.surface(at(2, 0.0)), floor)]).solve()
+    ax = sc.plot_contact(result)
+    assert_allclose(areas(corners(faces(ax))).sum(), 1.0)
+    assert ax.get_legend() is None
+
+
+# -- files ----------------------------------------------------------------------------------------
+
+
+@every_kind
+def test_files_of_solids(kind: str, tmp_path: Any) -> None:
+    """Both grids of every kind: displacements at their nodes, faces that look out, fields by name."""
+    meshio = pytest.importorskip("meshio")
+    result = pressed(kind)
+    bodies, contacts = (meshio.read(p) for p in sc.write(tmp_path / "block.vtu", result))
+    expected = np.zeros_like(bodies.points)
+    expected[:, 2] = -0.01 * bodies.points[:, 2]
+    assert_allclose(bodies.point_data["displacement"], expected, rtol=0, atol=1e-12)
+    names = {
+        "tri3": "triangle",
+        "tri6": "triangle6",
+        "quad4": "quad",
+        "quad8": "quad8",
+        "quad9": "quad9",
+    }
+    (block,) = contacts.cells
+    assert block.type == names[kind]
+    x = contacts.points[block.data]
+    up = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 1])
+    assert np.all(up[:, 2] < 0)  # out of the block
+    c = 3 if kind.startswith("tri") else 4
+    if x.shape[1] > c:  # middles of edges follow the corners
+        middle = 0.5 * (x[:, :c] + np.roll(x[:, :c], -1, axis=1))
+        assert_allclose(x[:, c : 2 * c], middle, rtol=0, atol=1e-12)
+    values = result["joint"]
+    for name in ("pressure", "traction", "gap", "status", "normal"):
+        assert_allclose(contacts.point_data[name], getattr(values, name), rtol=0, atol=1e-14)
+    for name in ("slip", "tangential_force"):
+        found = contacts.point_data[name]
+        assert found.shape == (len(values.points), 3)
+        assert_allclose(found, getattr(values, f"{name}_vector"), rtol=0, atol=1e-14)
