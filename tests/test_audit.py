@@ -35,7 +35,7 @@ def _forget() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def blocks() -> Any:
-    return scenes.Blocks(600)
+    return scenes.Blocks(2000)
 
 
 @pytest.mark.parametrize("row", scenes.ROWS, ids=lambda row: row.ingredient)

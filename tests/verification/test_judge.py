@@ -264,7 +264,7 @@ def test_ends(seed, kind):
     assert verdict.kind == kind, "\n".join(verdict.words)
 
 
-@pytest.mark.parametrize("seed", [61, 98, 194, 195, 280])
+@pytest.mark.parametrize("seed", [61, 98, 194, 195, pytest.param(280, marks=pytest.mark.slow)])
 def test_places_that_nothing_holds(seed):
     """Places were those of round-off: another one in another order (195), a raw error of `Direct()`
     (61), or five to eleven widths off, where a point closed with next to no force (98, 280) or where

@@ -57,6 +57,7 @@ def stretched(body, strain):
 
 
 @every_pair
+@pytest.mark.pairwise
 @pytest.mark.parametrize("moved", [None, 7])
 @pytest.mark.parametrize("tied", [False, True])
 def test_a_uniform_stress_crosses_any_meshes_at_any_angle(kinds, moved, tied):
