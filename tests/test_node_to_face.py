@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 import skfem as fem
 from scipy.spatial.transform import Rotation
-from solids import KINDS, body, cube, onto_ball, shuffled
+from solids import KINDS, at, body, cube, elastic, onto_ball, shuffled
 
+import skfem_contact as sc
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.faces.closest import closest_faces
 from skfem_contact.pairing.faces.joints import rim_points, sharp_points
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.faces.projection import interpolated_normals, project
 from skfem_contact.pairing.faces.search import FaceTree, closest_candidates
+from skfem_contact.pairing.faces.unseen import unseen_overlaps
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
@@ -285,3 +287,43 @@ def test_the_tip_of_a_crack_is_no_partner_of_itself():
     pairing = node_to_face(upper, under)
     np.testing.assert_array_equal(pairing.paired, upper.points[:, 0] > 0)
     np.testing.assert_allclose(pairing.gap[pairing.paired], 0.0, atol=1e-14)
+
+
+def test_an_edge_of_the_primary_between_the_nodes_is_told():
+    """A ridge of the primary under the middle of coarse faces; with fine ones it is seen."""
+
+    def ridge(x):
+        """A roof over the square, 0.2 high along its middle."""
+        return np.stack([x[0], x[1], x[2] * (0.8 + 0.4 * np.minimum(x[0], 1 - x[0]))])
+
+    low = elastic(cube("quad4", 4, ridge), "quad4", "low", held=((at(2, 0.0), (0, 1, 2)),))
+    top = low.surface(lambda x: x[2] > 0.8)
+    solvers = {}
+    for n in (1, 4):
+        mesh = cube("quad4", n, lambda x: x + [[0], [0], [0.9]])
+        high = elastic(mesh, "quad4", "high", held=((at(2, 1.9), (0, 1, 2)),))
+        contact = sc.Contact(high.surface(at(2, 0.9)), top, method="node")
+        if n == 1:
+            with pytest.warns(
+                sc.ContactWarning, match=r"of 'low/.*' overlap 'high/.* between its nodes"
+            ):
+                solvers[n] = sc.ContactSolver([low, high], [contact])
+        else:
+            solvers[n] = sc.ContactSolver([low, high], [contact])
+    assert solvers[4].solve().force[2] > 0
+
+
+@every_kind
+def test_curved_sides_that_fit_are_not_told(kind):
+    """Chords of balls stand in each other between their nodes, as chords do."""
+    inner = body(cube(kind, 5, onto_ball), kind).surface(None)
+    outer = body(cube(kind, 4, lambda x: 1.0 * onto_ball(x)), kind).surface(None)
+    hollow = type(outer)(
+        **{
+            **vars_of(outer),
+            "normals": -outer.normals,
+            "facet_normals": -outer.facet_normals,
+            "facet_node_normals": -outer.facet_node_normals,
+        }
+    )
+    assert unseen_overlaps(hollow, inner, node_to_face(hollow, inner)) is None

@@ -25,7 +25,12 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.diagnosis import check_pairing, check_side, warn_redundant_glue
+from skfem_contact.conditions.diagnosis import (
+    check_pairing,
+    check_side,
+    warn_redundant_glue,
+    warn_unseen,
+)
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.interface import point_slices
@@ -52,6 +57,7 @@ class Geometry:
             check_pairing(contact, pairing)
             check_side(contact, pairing)
             warn_redundant_glue(contact, pairing)
+            warn_unseen(contact, pairing)
         self._first = [
             kinematics(system, contact, pairing)
             for contact, pairing in zip(contacts, self.pairings, strict=True)

@@ -367,3 +367,78 @@ def test_results_say_what_is_not_measured():
     inside = values.surface.points[values.surface.facets].mean(axis=1)
     linear = values.surface.points @ [1.0, 2.0, -1.0]
     np.testing.assert_allclose(values.interpolate(linear, inside), inside @ [1.0, 2.0, -1.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["tri3", "quad4", "quad9"])
+def test_a_stack_cut_out_of_one_mesh_by_its_tags(kind):
+    """Three blocks, subdomains of one mesh with named boundaries: E d / H in both joints."""
+    linear, curved, _ = KINDS[kind]
+    t = np.linspace(0, 1, 3)
+    mesh = linear.init_tensor(t, t, np.linspace(0, 3, 7))
+    joints = {"one": at(2, 1.0), "two": at(2, 2.0), "floor": at(2, 0.0), "roof": at(2, 3.0)}
+    mesh = mesh.with_subdomains(
+        {name: (lambda x, i=i: (x[2] > i) & (x[2] < i + 1)) for i, name in enumerate(("a", "b", "c"))}
+    ).with_boundaries(joints, boundaries_only=False)
+    bodies = []
+    for name in "abc":
+        part = mesh.restrict(name)
+        tags = part.boundaries
+        part = part if curved is linear else curved.from_mesh(part).with_boundaries(tags)
+        held = list(ROLLERS)
+        held += [(at(2, 0.0), (2,))] if name == "a" else []
+        held += [(at(2, 3.0), (2,))] if name == "c" else []
+        push = (at(2, 3.0), (0.0, 0.0, -0.03)) if name == "c" else None
+        bodies.append(elastic(part, kind, name, held=tuple(held), push=push))
+    a, b, c = bodies
+    for first, second in (((b, a), (c, b)), ((a, b), (b, c))):
+        contacts = [
+            sc.Contact(one.surface(joint), other.surface(joint), method="node", name=joint)
+            for joint, (one, other) in zip(("one", "two"), (first, second), strict=True)
+        ]
+        result = sc.ContactSolver(bodies, contacts).solve()
+        for joint in ("one", "two"):
+            np.testing.assert_allclose(result[joint].pressure, 0.01, rtol=1e-9)
+
+
+def test_two_lips_of_one_body():
+    """A block cut half through, its lips pressed together: two surfaces of one body."""
+    t = np.linspace(0, 1, 5)
+    low = fem.MeshHex.init_tensor(t, t[::2], t[::2])
+    high = fem.MeshHex.init_tensor(t, t[::2], 1 + t[::2])
+    p = np.hstack([low.p, high.p])
+    number = np.arange(p.shape[1])
+    for i in np.flatnonzero((p[2] == 1.0) & (p[0] <= 0.5) & (number >= low.nvertices)):
+        number[i] = np.flatnonzero(np.all(p[:, [i]] == p, axis=0))[0]
+    used, cells = np.unique(number[np.hstack([low.t, high.t + low.nvertices])], return_inverse=True)
+    mesh = fem.MeshHex(p[:, used], cells.reshape(8, -1))
+    held = (at(2, 0.0), (0, 1, 2))
+    block = elastic(
+        mesh, "quad4", "block", held=(held, (at(2, 2.0), (2,))), push=(at(2, 2.0), (0, 0, -0.02))
+    )
+    level = np.all(np.isclose(mesh.p[2, mesh.facets], 1.0), axis=0) & (
+        mesh.p[0, mesh.facets].max(axis=0) > 0.5
+    )
+    above = mesh.p[2, mesh.t[:, mesh.f2t[0]]].mean(axis=0) > 1
+    lips = [
+        block.surface(np.flatnonzero(level & (above == side)), name=str(side)) for side in (True, False)
+    ]
+    contact = sc.Contact(*lips, method="node", name="crack")
+    result = sc.ContactSolver([block], [contact]).solve()
+    values = result["crack"]
+    tip = np.isclose(values.points[:, 0], 0.5)
+    assert np.array_equal(values.status != 0, ~tip)
+    # the same block without the cut, in compression: the crack is not there
+    whole = elastic(
+        fem.MeshHex.init_tensor(t, t[::2], np.linspace(0, 2, 5)),
+        "quad4",
+        "whole",
+        held=(held, (at(2, 2.0), (2,))),
+        push=(at(2, 2.0), (0, 0, -0.02)),
+    )
+    u = fem.solve(*fem.condense(whole.K, whole.f, D=whole.D, x=whole.x))
+    forces = whole.K @ u
+    top = whole.surface(at(2, 2.0)).dofs[:, 2]
+    reaction = (block.K @ result.displacement(block))[block.surface(at(2, 2.0)).dofs[:, 2]]
+    # frictionless lips slide where one block would shear: a little softer
+    assert reaction.sum() == pytest.approx(forces[top].sum(), rel=0.02)
+    assert abs(reaction.sum()) <= abs(forces[top].sum()) * (1 + 1e-12)
