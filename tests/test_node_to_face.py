@@ -327,3 +327,91 @@ def test_curved_sides_that_fit_are_not_told(kind):
         }
     )
     assert unseen_overlaps(hollow, inner, node_to_face(hollow, inner)) is None
+
+
+@every_kind
+def test_projection_from_beyond_the_centres_of_curvature(kind):
+    """Far from a bent face there are several least distances: nearly always the least is found."""
+    surface = body(cube(kind, 1, warped), kind).surface(None)
+    rng = np.random.default_rng(0)
+    facet = rng.integers(0, len(surface.facets), 600)
+    x = surface.points[surface.facets[facet]].mean(axis=1) + 3.0 * rng.standard_normal((600, 3))
+    feet = project(surface, facet, x)
+    N, _ = surface.kind.shapes(grid(surface.kind, 41))
+    where = np.einsum("qk,pkd->pqd", N, surface.points[surface.facets[facet]])
+    nearest = np.linalg.norm(where - x[:, None], axis=2).min(axis=1)
+    assert np.count_nonzero(np.linalg.norm(feet.foot - x, axis=1) > nearest + 1e-9) <= 3
+
+
+def test_the_search_is_selective_and_complete_on_a_ball():
+    """Of a ball of 384 faces a far point is shown few, and the one it sees is among them."""
+    ball = body(cube("quad4", 8, onto_ball), "quad4").surface(None)
+    rng = np.random.default_rng(0)
+    way = rng.standard_normal((500, 3))
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    far = np.full(len(way), np.inf)
+    for distance in (0.6, 1.0, 1.3, 7.0):
+        found = np.zeros((len(way), len(ball.facets)), dtype=bool)
+        for item, face in closest_candidates(
+            FaceTree.build(ball),
+            distance * way,
+            -way,
+            facing=0.5 * np.pi,
+            bound=far,
+            outside=np.inf,
+            inside=np.inf,
+        ):
+            found[item, face] = True
+        feet = project(
+            ball, np.tile(np.arange(len(ball.facets)), len(way)), np.repeat(way, 384, axis=0)
+        )
+        seen = np.sum((feet.foot - np.repeat(way, 384, axis=0)) ** 2, axis=1).reshape(found.shape)
+        assert np.all(found[np.arange(len(way)), seen.argmin(axis=1)])
+        assert found.mean() < 0.15
+
+
+def probe(tip, looks, size=0.02):
+    """A small tetrahedron whose tip looks along a direction: the surface of its three sides there."""
+    looks = np.asarray(looks, dtype=float) / np.linalg.norm(looks)
+    across = np.linalg.svd(looks[None])[2][1:]
+    ring = [np.cos(a) * across[0] + np.sin(a) * across[1] for a in (0.3, 2.4, 4.5)]
+    p = np.array([tip, *(tip + size * (r - 1.5 * looks) for r in ring)])
+    t = np.array([[0, 1, 2, 3]]).T
+    one = body(fem.MeshTet(p.T.copy(), t), "tri3")
+    surface = one.surface(lambda x: np.linalg.norm(x - tip[:, None], axis=0) < 1.3 * size)
+    return surface, int(np.argmin(np.linalg.norm(surface.points - tip, axis=1)))
+
+
+@pytest.mark.parametrize("angle, expected", [(30, True), (43, True), (50, False)])
+def test_round_a_corner_of_a_cube(angle, expected):
+    """Beyond the corner (1, 1, 1): paired with it along z as long as it is within 45 degrees of z."""
+    surface = body(cube("quad4", 2), "quad4").surface(None)
+    across = 0.3 * np.tan(np.radians(angle)) / np.sqrt(2)
+    foot, node = probe(np.array([1 + across, 1 + across, 1.3]), (0, 0, -1))
+    pairing = node_to_face(foot, surface)
+    assert pairing.paired[node] == expected
+    if expected:
+        np.testing.assert_allclose(pairing.normal[node], [0, 0, 1], atol=1e-12)
+        assert pairing.gap[node] == pytest.approx(0.3)
+        corner = np.flatnonzero(np.all(surface.points == 1.0, axis=1))
+        assert pairing.primary_weights[node, corner[0]] == pytest.approx(1.0)
+
+
+def test_ties_in_a_groove_do_not_depend_on_numbers():
+    """In the middle of a groove both flanks are as near: one is taken, whatever its number."""
+
+    def groove(x):
+        """Two flanks of 45 degrees that meet at x = 0."""
+        y = 2 * x[0] - 1
+        return np.stack([y, x[1], x[2] * 0.5 + np.abs(y)])
+
+    mesh = cube("quad4", 4, groove)
+    found = set()
+    for seed in (None, *range(6)):
+        one = body(mesh if seed is None else shuffled(mesh, seed), "quad4")
+        flanks = one.surface(lambda x: x[2] > np.abs(x[0]) + 0.49)
+        tip, node = probe(np.array([0.0, 0.53, 0.7]), (0, 0, -1))
+        pairing = node_to_face(tip, flanks)
+        assert pairing.paired[node]
+        found.add(tuple(np.round(pairing.normal[node], 9)))
+    assert len(found) == 1

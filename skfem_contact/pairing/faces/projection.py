@@ -2,8 +2,8 @@ r"""Closest points of single faces to points, and the normal field there.
 
 The closest point of a face x(xi) to a point p is stationary for ``|x(xi) - p|^2 / 2`` over the
 reference triangle or square. Newton's quadratic model is minimised over that polygon exactly, corners
-and edges included (a step that is cut back to the polygon need not go down), from the nearest node or
-the middle of the face. Plane triangles take one step, warped and curved faces some five.
+and edges included (a step that is cut back to the polygon need not go down), from the nearest point of
+a lattice over the face. Plane triangles take one step, warped and curved faces some five.
 
 The closest point is taken, and not the point that the normal field looks along: that is one only in a
 neighbourhood of the surface, and is none or several around corners. The normal *at* the closest point
@@ -99,7 +99,7 @@ def interpolated_normals(surface: FaceSurface, facet: Index, xi: Array) -> Array
 
 def _closest(kind: FacetKind, nodes: Array, points: Array) -> Array:
     """Reference coordinates (p, 2) of the closest points of faces with nodes (p, k, 3)."""
-    starts = np.vstack([kind.middle, kind.locations if kind.quadratic else np.zeros((0, 2))])
+    starts = kind.middle[None] if kind.straight else _lattice(kind, 4 if kind.quadratic else 2)
     where = np.einsum("sk,pkd->psd", kind.shapes(starts)[0], nodes)
     first = np.argmin(np.sum((where - points[:, None]) ** 2, axis=2), axis=1)
     xi = starts[first]
@@ -132,6 +132,13 @@ def _closest(kind: FacetKind, nodes: Array, points: Array) -> Array:
         if kind.straight or not len(left):
             break
     return xi
+
+
+def _lattice(kind: FacetKind, parts: int) -> Array:
+    """Reference coordinates all over a face, its edges cut into some parts."""
+    t = np.linspace(0.0, 1.0, parts + 1)
+    xi = np.stack(np.meshgrid(t, t), axis=-1).reshape(-1, 2)
+    return xi[xi.sum(axis=1) <= 1 + KNOWN] if kind.triangle else xi
 
 
 def _model_minimum(kind: FacetKind, xi: Array, apart: Array, along: Array, curved: Array) -> Array:
