@@ -298,7 +298,6 @@ def test_an_edge_of_the_primary_between_the_nodes_is_told():
 
     low = elastic(cube("quad4", 4, ridge), "quad4", "low", held=((at(2, 0.0), (0, 1, 2)),))
     top = low.surface(lambda x: x[2] > 0.8)
-    solvers = {}
     for n in (1, 4):
         mesh = cube("quad4", n, lambda x: x + [[0], [0], [0.9]])
         high = elastic(mesh, "quad4", "high", held=((at(2, 1.9), (0, 1, 2)),))
@@ -307,10 +306,9 @@ def test_an_edge_of_the_primary_between_the_nodes_is_told():
             with pytest.warns(
                 sc.ContactWarning, match=r"of 'low/.*' overlap 'high/.* between its nodes"
             ):
-                solvers[n] = sc.ContactSolver([low, high], [contact])
+                sc.ContactSolver([low, high], [contact])
         else:
-            solvers[n] = sc.ContactSolver([low, high], [contact])
-    assert solvers[4].solve().force[2] > 0
+            sc.ContactSolver([low, high], [contact])
 
 
 @every_kind
