@@ -171,6 +171,20 @@ def test_half_a_face_is_merged_without_a_preference():
     assert_allclose(basis.S[0], expected, rtol=0, atol=ROUND_OFF)
 
 
+def test_a_strip_across_the_middle_keeps_one_edge():
+    """Two multipliers along the strip, each constant across it: all four would have to extrapolate."""
+    face = FACETS["quad4"]
+    xi, w = face.quadrature(6)
+    N = face.shapes(np.array([0.45, 0.0]) + xi * [0.2, 1.0])[0]
+    mass = 0.2 * (N * w[:, None]).T @ N
+    whole = np.full((1, 4), 0.25)
+    basis = dual_basis(face, mass[None], whole, whole)
+    expected = np.array([[0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 0]])
+    assert_allclose(basis.S[0], expected, rtol=0, atol=ROUND_OFF)
+    phi = face.shapes(np.array([[0.5, 0.0], [0.6, 0.0], [0.5, 1.0]]))[0] @ basis.A[0, 1]
+    assert_allclose(phi, [2, 2, -1], rtol=0, atol=1e-10)  # of a line: 2 at its own end, -1 at the other
+
+
 # --- flat interfaces --------------------------------------------------------------------------------
 
 
