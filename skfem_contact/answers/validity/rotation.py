@@ -24,7 +24,8 @@ def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array)
     """Mean rotation of the surfaces that slide far, by body name [rad], counterclockwise.
 
     The angle of the rigid motion that is closest to the displacements of all nodes of a body that
-    belong to such a surface. In 2-D; bodies without such a surface are left out.
+    belong to such a surface; in 3-D the size of its rotation vector. Bodies without such a surface are
+    left out.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array)
         for side in (contact.secondary, contact.primary):
             if contact.sliding == "small" or not isinstance(side, ContactSurface):
                 continue
-            if side.dim != 2 or side.dofs.shape[1] != 2:
+            if side.dofs.shape[1] != side.dim:
                 continue
             i = system.index(side.body)
             u = surface[np.searchsorted(dofs, system.offsets[i] + side.dofs)]
@@ -51,9 +52,27 @@ def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array)
         x = np.concatenate([points for points, _ in pairs])
         y = x + np.concatenate([u for _, u in pairs])
         x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+        if x.shape[1] == 3:
+            angles[system.names[i]] = _angle(x, y)
+            continue
         turned = np.sum(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0])
         angles[system.names[i]] = float(np.arctan2(turned, np.sum(x * y)))
     return angles
+
+
+def _angle(x: Array, y: Array) -> float:
+    """Of the rotation that brings points (m, 3) closest to others: the polar factor of y'x [rad].
+
+    >>> x = np.array([[1.0, 0, 0], [0, 1, 0], [-1, -1, 0]])
+    >>> y = np.array([[0.0, 1, 0], [-1, 0, 0], [1, -1, 0]])
+    >>> round(_angle(x, y) / np.pi, 12)
+    0.5
+    """
+    left, _, right = np.linalg.svd(y.T @ x)
+    left[:, -1] *= np.sign(np.linalg.det(left) * np.linalg.det(right))  # no mirror image
+    turn = left @ right
+    vector = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    return float(np.arctan2(np.linalg.norm(vector), np.trace(turn) - 1))
 
 
 def rotation_words(far: dict[str, float]) -> str:

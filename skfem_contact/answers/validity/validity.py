@@ -239,7 +239,7 @@ def assess(result: Answer) -> Validity:
         part = contacts[name] = _contact(result, i, outlines)
         label = f"Contact {name!r} ({contact.label}): "
         if not part.drift.small_sliding_holds:
-            problems["sliding", name] = label + sliding_words(part.drift, contact.secondary.dim)
+            problems["sliding", name] = label + sliding_words(part.drift)
         elif part.excess > 1.0:  # small sliding that does not follow is the reason already
             problems["overlap", name] = label + _overlap_words(part, contact)
         if part.drift.facets_too_long:

@@ -245,7 +245,7 @@ class Watch:
                     lines.append(overlap.words(self.intrusions.reasons(i, result.state)))
             if not drift.small_sliding_holds and ("sliding", name) not in watched.said:
                 new.add(("sliding", name))
-                lines.append(sliding_words(drift, contact.secondary.dim))
+                lines.append(sliding_words(drift))
             if ("facets", name) not in watched.said:
                 sure = self._sure(i, result, drift)
                 if sure.facets_too_long:
@@ -277,14 +277,8 @@ def relative(rows: list[Array], motions: list[Array]) -> Array:
 ONCE = " (Said once in a history, at the first step beyond the bound; result.validity has the numbers.)"
 
 
-def sliding_words(drift: Drift, d: int = 2) -> str:
-    """What small sliding does wrong, and what to do, in d dimensions."""
-    way = ". Give the contact sliding='finite'."
-    if d == 3:
-        way = (
-            ". In 3-D there is no other sliding yet: place bodies and obstacles close to where they "
-            "end, and move or turn them less."
-        )
+def sliding_words(drift: Drift) -> str:
+    """What small sliding does wrong, and what to do."""
     found = []
     if drift.slides_far:
         found.append(
@@ -312,7 +306,7 @@ def sliding_words(drift: Drift, d: int = 2) -> str:
         found.append(f"the obstacle has moved by {drift.motion:.3g}")
     return (
         "small sliding, which keeps partners, normals and gaps of the undeformed bodies, does not "
-        "follow: " + "; ".join(found) + way
+        "follow: " + "; ".join(found) + ". Give the contact sliding='finite'."
     )
 
 
