@@ -11,6 +11,7 @@ with the displacements of the interior, and by a search over whole deformed boun
 
 from __future__ import annotations
 
+import textwrap
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -166,7 +167,7 @@ class Validity:
         return float(np.nanmax(found))
 
     def __str__(self) -> str:
-        lines = [f"  {self.left_out}"] if self.left_out else []
+        lines = [f"  {line}" for line in textwrap.wrap(self.left_out, 96)]
         for name, part in self.contacts.items():
             lines += [f"  {name}: {line}" for line in _contact_lines(part)]
         for name, strain in self.strain.items():
