@@ -12,9 +12,11 @@ from solids import KINDS, at, body, cube, elastic, onto_ball
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.validity.face_track import Rim, curvature_tensors
+from skfem_contact.answers.validity.face_track import FaceTrack, Rim, curvature_tensors
 from skfem_contact.answers.validity.hull import hull
+from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.validity import assess
+from skfem_contact.conditions.discretisation import pair
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
@@ -298,3 +300,46 @@ def test_a_body_that_turns_as_it_slides_far():
     part = result.validity.contacts["joint"]
     # it follows: nothing overlaps but what is pressed in
     assert part.excess < 1 and part.opening < 1e-3 and part.drift.small_sliding_holds
+
+
+def test_a_support_knows_the_motion_of_its_body():
+    """A rigid motion of the held side is found as it is, and moves all other points with it."""
+    top = at(2, 1.0)
+    block = brick("block", 2, (0, 0, 0), (1, 1, 1), held=((top, (0, 1, 2)),))
+    support = Support.of(block, 0)
+    shift, spin = np.array([0.1, -0.2, 0.3]), np.array([0.01, 0.02, -0.03])
+    every = shift + np.cross(spin, block.dof_points)
+    x = every[np.arange(block.n), block.dof_component]
+    motion = support.motion(x)
+    np.testing.assert_allclose(support.at(block.dof_points, motion), every, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(motion[3:] / support.arm, spin, rtol=0, atol=1e-12)
+    up = np.tile([0.0, 0.0, 1.0], (block.n, 1))
+    np.testing.assert_allclose(support.along(block.dof_points, up) @ motion, every[:, 2], atol=1e-12)
+    assert support.free.shape == (6, 0) and support.holds(block.dof_points, up)
+
+
+def test_what_tall_bodies_take_up():
+    """Between its support and the plane a column of height 4 takes up all of the approach."""
+    top = at(2, 4.0)
+    column = brick(
+        "column", 4, (0, 0, 0), (1, 1, 4), held=((top, (0, 1, 2)),), push=(top, (0, 0, -0.01))
+    )
+    floor = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    result = sc.ContactSolver([column], [sc.Contact(column.surface(at(2, 0.0)), floor)]).solve()
+    (drift,) = answer_of(result).watched.drifts
+    assert drift.approach == pytest.approx(0.01, rel=1e-6)
+    assert drift.strain == pytest.approx(0.0025, rel=0.2)
+
+
+def test_slips_of_friction_are_vectors_less_what_obstacles_give():
+    """Whatever the tangents: slip (1, 2, 0), of which the obstacle has given 0.5 along the first."""
+    contact = dragged((0.0, 0.0)).solve().contacts[0]
+    pairing = pair(contact)
+    track = FaceTrack(contact, pairing, np.zeros(len(pairing.gap)))
+    m = len(pairing.gap)
+    given = np.tile([0.5, 0.0], (m, 1))
+    slip = track.slip(np.tile([1.0, 2.0, 0.0], (m, 1)), given)
+    np.testing.assert_allclose(slip, [1.0, 2.0, 0.0] - 0.5 * pairing.tangent[:, 0])
+    assert track.spread(slip) == pytest.approx(0.0, abs=1e-15)
+    slip[0] += [0.3, 0.4, 0.0]
+    assert track.spread(slip) == pytest.approx(0.5)
