@@ -15,11 +15,14 @@ from solids import KINDS, body, onto_octant, shuffled
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import KINDS as FACETS
 from skfem_contact.bodies.selection import mesh_edges
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.discretisation import pair
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.clipping import clip, signed_areas
 from skfem_contact.pairing.faces.dual import dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.faces.kinks import kink_angles
-from skfem_contact.pairing.faces.mortar import dual_mortar
+from skfem_contact.pairing.faces.mortar import dual_mortar, whole_shares
+from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.mortar import dual_mortar as dual_mortar_of_curves
 
 ROUND_OFF = 1e-12  # of sums of hundreds of numbers of the order of one
@@ -527,6 +530,45 @@ def test_curved_faces_that_do_not_match(kind, most):
             assert_allclose(total[pairing.paired], 1.0, rtol=0, atol=ROUND_OFF)
     assert error[1] < most
     assert np.log2(error[0] / error[1]) > 1.5  # quadratic faces have not much more to gain at 1e-5
+
+
+@pytest.mark.parametrize("kind", ["tri3", "quad4", "quad9"])
+def test_curved_faces_far_apart_see_each_other_along_their_normals(kind):
+    """A shell inside a much larger one: the normals fan out, and all of the inner one has partners."""
+    s, p = shell(kind, 4, 0.9, 1.0).surface("up"), shell(kind, 5, 2.5, 2.6).surface("low")
+    pairing = dual_mortar(s, p)
+    inner = np.ones(len(s.points), dtype=bool)
+    for facet, side in np.argwhere(s.neighbours < 0):
+        inner[s.facets[facet][s.kind.edges[side]]] = False
+    assert pairing.paired[inner].all()
+    assert_allclose(pairing.gap[inner], 1.5, rtol=0, atol=0.03)  # chords of the larger shell
+    # faces at the rim lack what lies between the chords of both rims
+    assert_allclose(pairing.area[inner], nominal_areas(s)[inner], rtol=3e-3)
+
+
+def nominal_areas(surface):
+    """Areas of nodes whose faces are all covered."""
+    return np.bincount(surface.facets.ravel(), whole_shares(surface).ravel(), len(surface.points))
+
+
+def test_frames_are_those_of_the_loaded_interface():
+    """Where one side is round the normal of a row stands between those of both sides."""
+
+    def round_(x):
+        angle, r = 0.8 * (x[0] - 0.5), 3 - x[2]
+        return np.stack([r * np.sin(angle), x[1], 2 + r * np.cos(angle) - 4])
+
+    top = block("quad4", 6, 2, [1, 2], place=lambda x: np.stack([x[0] - 0.5, x[1], x[2] + 0.5]))
+    low = block("quad4", 5, 2, [1, 2], place=lambda x: round_(np.stack([x[0], x[1], 2 - x[2]])))
+    contact = Contact(top.surface("low"), low.surface("up"))
+    pairing = pair(contact)
+    there = pairing.paired
+    sides = pairing.secondary_normal[there], pairing.primary_normal[there]
+    apart = [angle_between(pairing.normal[there], side) for side in sides]
+    tilt = pairing.tilt[there]
+    assert tilt.max() > 0.1
+    assert_allclose(apart[0] + apart[1], tilt, rtol=0, atol=1e-9)
+    assert np.all(np.maximum(*apart)[tilt > 0.01] < 0.99 * tilt[tilt > 0.01])
 
 
 # --- supports ---------------------------------------------------------------------------------------
