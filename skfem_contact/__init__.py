@@ -66,6 +66,7 @@ from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.polyline import RigidPolyline
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
+from skfem_contact.obstacles.triangles import RigidSurface
 from skfem_contact.output.plot_bodies import plot_deformed
 from skfem_contact.output.plot_contacts import plot_contact, plot_history
 from skfem_contact.output.stress import nodal_stress, von_mises
@@ -105,6 +106,7 @@ __all__ = [
     "RigidPlane",
     "RigidPolyline",
     "RigidSphere",
+    "RigidSurface",
     "SavedState",
     "SingularMatrix",
     "System",

@@ -6,21 +6,24 @@ from typing import Any
 
 import numpy as np
 
+from skfem_contact.bodies.face_normals import areas_and_normals, face_areas
+from skfem_contact.bodies.faces import twin_edges
+from skfem_contact.bodies.facet_kinds import kind_of
 from skfem_contact.bodies.facets import facet_neighbours
 from skfem_contact.bodies.normals import kink_angles, lengths_and_normals, tributary_areas
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import CurveSurface, FaceSurface
 from skfem_contact.sealed import seal
 
 
 class NoBody:
-    """In place of a body: no node moves, and no other surface belongs to it."""
+    """In place of a body: it does not give way, and no other surface belongs to it."""
 
     name = None
     measure = None
+    D = np.zeros(0, dtype=np.int64)
 
-    def __init__(self, points: np.ndarray) -> None:
-        self.dim = self.components = points.shape[1]
-        self.D = np.arange(points.size)
+    def __init__(self, d: int) -> None:
+        self.dim = self.components = d
 
 
 def bare_curve(points: np.ndarray, facets: np.ndarray, name: str) -> CurveSurface:
@@ -40,9 +43,9 @@ def bare_curve(points: np.ndarray, facets: np.ndarray, name: str) -> CurveSurfac
     >>> square.facet_normals.tolist()[0]
     [0.0, -1.0]
     """
-    nobody: Any = NoBody(points)
+    nobody: Any = NoBody(2)
     neighbours = facet_neighbours(facets)
-    held = np.ones(points.shape, dtype=bool)
+    held = np.zeros(points.shape, dtype=bool)
     surface = CurveSurface(
         body=nobody,
         name=name,
@@ -55,6 +58,38 @@ def bare_curve(points: np.ndarray, facets: np.ndarray, name: str) -> CurveSurfac
         end_turns=np.zeros(facets.shape),
         kinks=kink_angles(points, facets, neighbours),
         **lengths_and_normals(points, facets, held, neighbours),
+    )
+    seal(surface)
+    return surface
+
+
+def bare_faces(points: np.ndarray, facets: np.ndarray, name: str) -> FaceSurface:
+    """A surface of triangles, whose corners are counter-clockwise seen from outside.
+
+    Parameters
+    ----------
+    points : ndarray, shape (m, 3)
+        [length]
+    facets : ndarray of int, shape (nf, 3)
+    name : str
+
+    Examples
+    --------
+    >>> points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]])
+    >>> bare_faces(points, np.array([[0, 1, 2]]), "floor").facet_normals.tolist()
+    [[0.0, 0.0, 1.0]]
+    """
+    nobody: Any = NoBody(3)
+    kind, held = kind_of(3, 3), np.zeros(points.shape, dtype=bool)
+    surface = FaceSurface(
+        body=nobody,
+        name=name,
+        points=points,
+        dofs=np.arange(points.size).reshape(points.shape),
+        facets=facets,
+        area=face_areas(points, facets, kind, None, name),
+        mesh_facets=np.arange(len(facets)),
+        **areas_and_normals(points, facets, kind, held, twin_edges(facets)),
     )
     seal(surface)
     return surface

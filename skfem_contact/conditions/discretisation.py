@@ -56,17 +56,17 @@ def pair(
     if len(moved):
         primary = primary.moved(moved[1])
     if not isinstance(primary, CurveSurface):
-        raise _unlike(contact)
+        raise _unlike(contact, 3)
     fixed = contact.sliding == "small" and not contact.tied and not len(moved)
     return _pair_curves(contact, secondary, primary, known, fixed, contact.method)
 
 
-def _unlike(contact: Contact) -> InputError:
-    """The error for a plane body and a solid."""
-    dims = [side.dim for side in (contact.secondary, contact.primary) if not isinstance(side, Obstacle)]
+def _unlike(contact: Contact, d: int) -> InputError:
+    """The error for a plane body and a solid: the primary is of d dimensions."""
+    kind = "" if isinstance(contact.primary, Obstacle) else "surface "
     return InputError(
-        f"contact {contact.label}: surface {contact.secondary.label!r} is {dims[0]}-D, surface "
-        f"{contact.primary.label!r} {dims[-1]}-D"
+        f"contact {contact.label}: surface {contact.secondary.label!r} is {contact.secondary.dim}-D, "
+        f"{kind}{contact.primary.label!r} {d}-D"
     )
 
 
@@ -83,6 +83,8 @@ def _on_obstacle(
     outline = placed.outline
     if outline is None:
         return _without_idle(contact, _near(contact, placed.pair(secondary)))
+    if not isinstance(outline, CurveSurface):
+        raise _unlike(contact, 3)
     fixed = contact.sliding == "small" and not contact.tied and not follows
     return _without_nodes(_pair_curves(contact, secondary, outline, known, fixed, "node"))
 
@@ -101,25 +103,34 @@ def _pair_faces(
     primary = contact.primary
     if contact.friction is not None:
         raise InputError(f"contact {contact.label}: friction in 3-D is not implemented yet")
-    if not isinstance(primary, Obstacle | FaceSurface):
-        raise _unlike(contact)
+    outline: ContactSurface | None = None
+    if isinstance(primary, Obstacle):
+        placed = primary if motion is None else primary.moved(motion)
+        outline = placed.outline
+    if not isinstance(primary, Obstacle | FaceSurface) or isinstance(outline, CurveSurface):
+        raise _unlike(contact, 2)
     if len(moved):
         secondary = secondary.moved(moved[0])
     if len(moved) and isinstance(primary, FaceSurface):
         primary = primary.moved(moved[1])
     if isinstance(primary, FaceSurface) and contact.method == "mortar":
         pairing = mortar_of_faces(secondary, primary, reach=contact.reach)
-    elif isinstance(primary, FaceSurface):
-        pairing = node_to_face(secondary, primary, reach=contact.reach)
-        away = gap_vectors(secondary, primary, pairing.secondary_weights, pairing.primary_weights)
+    elif isinstance(primary, FaceSurface) or isinstance(outline, FaceSurface):
+        faces = primary if isinstance(primary, FaceSurface) else outline
+        assert isinstance(faces, FaceSurface)
+        pairing = node_to_face(secondary, faces, reach=contact.reach)
+        away = gap_vectors(secondary, faces, pairing.secondary_weights, pairing.primary_weights)
         pairing = _with_control_points(contact, secondary, pairing, away)
     else:
-        pairing = _near(contact, primary.pair(secondary, motion=motion))
+        pairing = _near(contact, placed.pair(secondary))
         away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
         pairing = _with_control_points(contact, secondary, pairing, away)
     fixed = contact.sliding == "small" and not contact.tied and not len(moved)
     if isinstance(primary, FaceSurface) and fixed:
         pairing = loaded_frames(secondary, primary, pairing)
+    elif isinstance(outline, FaceSurface):
+        pairing = loaded_frames(secondary, outline, pairing) if fixed else pairing
+        pairing = _without_nodes(pairing)
     tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
     pairing = replace(pairing, tangent=tangent)
     return held_tangents(secondary, primary, pairing) if isinstance(primary, FaceSurface) else pairing

@@ -2,6 +2,7 @@
 
 * `obstacle`, `motion`, `rotation`: what every obstacle does, how its motions are written, and turns in
   space;
-* `shapes`, `level_set`, `polyline`: planes, cylinders, spheres; a function of position; an outline;
+* `shapes`, `level_set`: planes, cylinders, spheres; a function of position;
+* `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file;
 * `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
 """

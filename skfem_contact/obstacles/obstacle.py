@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,9 @@ from scipy.sparse import csr_matrix, identity
 
 from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, numbers
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.sealed import sealed
 
 
@@ -32,6 +33,7 @@ class Obstacle(PrintedAsCall, ABC):
             "RigidCylinder": "rigid cylinder",
             "RigidSphere": "rigid sphere",
             "RigidPolyline": "rigid polyline",
+            "RigidSurface": "rigid surface",
         }.get(type(self).__name__, "rigid obstacle")
 
     @property
@@ -40,8 +42,8 @@ class Obstacle(PrintedAsCall, ABC):
         return None
 
     @property
-    def outline(self) -> CurveSurface | None:
-        """Its edges, where it is given by those: it is then paired as a surface of a body is."""
+    def outline(self) -> ContactSurface | None:
+        """Its edges or triangles, if given by those: it is then paired as a surface of a body is."""
         return None
 
     def turns_in_itself(self, about: np.ndarray) -> bool:
@@ -133,3 +135,22 @@ def direction(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
 def check_dimension(surface: ContactSurface, dim: int, obstacle: Obstacle) -> None:
     if surface.dim != dim:
         raise InputError(f"surface {surface.label!r} is {surface.dim}-D, {obstacle.label!r} is {dim}-D")
+
+
+def placed(
+    surface: ContactSurface,
+    pairing: Pairing,
+    outline: ContactSurface,
+    signed_distances: Callable[..., np.ndarray],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`Obstacle.distance` by a pairing with edges or triangles, in the frames of small sliding.
+
+    The normals are those of the obstacle; at its edges and corners, which have none, those of the
+    surface. Nodes without a partner have the distance of the closest point.
+    """
+    normal = pairing.normal if pairing.primary_normal is None else pairing.primary_normal
+    away = gap_vectors(surface, outline, pairing.secondary_weights, pairing.primary_weights)
+    gap = np.einsum("md,md->m", normal, away)
+    if not pairing.paired.all():
+        gap = np.where(pairing.paired, gap, signed_distances(outline, surface.points))
+    return gap, normal, pairing.paired

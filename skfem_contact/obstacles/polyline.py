@@ -16,7 +16,7 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import rigid_motion
-from skfem_contact.obstacles.obstacle import Obstacle, check_dimension
+from skfem_contact.obstacles.obstacle import Obstacle, check_dimension, placed
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.node import node_to_segment
 from skfem_contact.sealed import sealed
@@ -121,9 +121,7 @@ class RigidPolyline(Obstacle):
         """Signed distances, normals and partners, see `Obstacle.distance`."""
         check_dimension(surface, 2, self)
         assert isinstance(surface, CurveSurface)
-        pairing = node_to_segment(surface, self.outline)
-        gap = np.where(pairing.paired, pairing.gap, self.signed_distance(surface.points))
-        return gap, pairing.normal, pairing.paired
+        return placed(surface, node_to_segment(surface, self.outline), self.outline, signed_distances)
 
     def signed_distance(self, points: Any) -> np.ndarray:
         """Distances of points (p, 2) from it, negative inside, shape (p,) [length]."""

@@ -20,7 +20,7 @@ from skfem_contact.arguments import (
 )
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import UNSYMMETRIC
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -172,7 +172,7 @@ class RigidBody(Member, Obstacle):
         return self.obstacle.moved(motion)
 
     @property
-    def outline(self) -> CurveSurface | None:
+    def outline(self) -> ContactSurface | None:
         """The edges of its obstacle where it was made, see `Obstacle.outline`."""
         return self.obstacle.outline
 

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from skfem_contact.bodies.bare import NoBody
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.normals import GAUSS, normals_at, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
@@ -91,11 +92,11 @@ def _mean(weights: object, values: Array) -> Array:
 
 
 def compliances(surface: ContactSurface) -> Array:
-    """One over `plane_moduli`, and zero at nodes that are prescribed altogether, shape (m,)."""
-    held: NDArray[np.bool_] = np.asarray(surface.held.all(axis=1))
-    if held.all():  # or rigid
-        return np.zeros(len(held))
-    return np.where(held, 0.0, 1.0 / plane_moduli(surface))
+    """One over `plane_moduli`, and zero at nodes that are prescribed altogether or rigid, (m,)."""
+    if isinstance(surface.body, NoBody):
+        return np.zeros(len(surface.points))
+    soft = 1.0 / plane_moduli(surface)
+    return np.where(surface.held.all(axis=1), 0.0, soft)
 
 
 def plane_moduli(surface: ContactSurface) -> Array:

@@ -12,7 +12,7 @@ from skfem_contact.answers.thresholds import NO_OVERLAP
 from skfem_contact.answers.validity.hull import Hull
 from skfem_contact.answers.validity.overlap import Outline
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import signed_distances
@@ -117,7 +117,7 @@ def _weights_between(surface: ContactSurface) -> list[Array]:
 
 def _distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
     """Signed distances of any points, whether they face the obstacle or not."""
-    if obstacle.outline is not None:
+    if isinstance(obstacle.outline, CurveSurface):
         return signed_distances(obstacle.outline, points)
     at = replace(surface, points=points, normals=np.zeros_like(points))
     found = obstacle.first_order(at) if isinstance(obstacle, LevelSet) else obstacle.distance(at)

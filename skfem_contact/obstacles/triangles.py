@@ -1,0 +1,268 @@
+"""`RigidSurface`: a rigid obstacle in space given by triangles, or by a file of them."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from skfem_contact.arguments import check_name, check_switch, numbers, shown, with_known_keywords
+from skfem_contact.bodies.bare import bare_faces
+from skfem_contact.bodies.selection import written
+from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.errors import InputError
+from skfem_contact.obstacles.motion import rigid_motion
+from skfem_contact.obstacles.obstacle import Obstacle, check_dimension, placed
+from skfem_contact.pairing.faces.distance import signed_distances
+from skfem_contact.pairing.faces.node import node_to_face
+from skfem_contact.sealed import sealed
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+#: Corners closer than this part of the extent are one: files give those of every triangle anew, equal
+#: up to the single precision they are written in.
+SAME_CORNER = 1e-7
+#: Height of a triangle over its longest side below which it has no direction: digits of such files.
+NO_HEIGHT = 1e-7
+
+
+@with_known_keywords()
+@dataclass(frozen=True, eq=False)
+class RigidSurface(Obstacle):
+    """A rigid obstacle in space whose surface is made of triangles.
+
+    Faces find their partners on it node by node, as on faces of solids: normals are continuous where
+    triangles meet at less than 45 degrees, which stands for a curved surface.
+
+    Parameters
+    ----------
+    points : array, shape (n, 3)
+        Corners [length]. Those at one place are taken as one.
+    triangles : array of int, shape (nt, 3)
+        Numbers of points, counter-clockwise seen from outside; of closed surfaces either way round,
+        but all of them alike.
+    hollow : bool, optional
+        Of a closed one: the body is inside.
+    name : str, optional
+
+    Attributes
+    ----------
+    closed : bool
+        Whether it has no rim.
+
+    Raises
+    ------
+    InputError
+        Triangles without area, given twice, of unlike orientation, more than two at an edge.
+
+    Notes
+    -----
+    Beyond the rim of an open surface there is nothing to meet. Whether it crosses itself is not
+    looked at.
+
+    Examples
+    --------
+    A tetrahedron:
+
+    >>> corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    >>> solid = RigidSurface(corners, [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)], name="tip")
+    >>> solid.closed, solid.signed_distance([(0.1, 0.2, 0.3), (0.0, 0.0, -1.0)]).round(6).tolist()
+    (True, [-0.1, 1.0])
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    hollow: bool = False
+    name: str | None = None
+
+    @classmethod
+    def from_file(
+        cls, path: str | Path, *, scale: float = 1.0, hollow: bool = False, name: str | None = None
+    ) -> RigidSurface:
+        """The triangles of a file that meshio reads, such as STL.
+
+        Parameters
+        ----------
+        path : str or Path
+        scale : float, optional
+            Of its unit of length: 1e-3 for millimetres where the bodies are in metres.
+        hollow, name
+            See `RigidSurface`; the name is that of the file, if not given.
+
+        Raises
+        ------
+        InputError
+            There is no such file, it can not be read, or has no triangles.
+        """
+        import meshio  # takes as long to import as all else together, and only files need it
+
+        try:
+            path = Path(path)
+            known = path.is_file()
+        except TypeError:
+            raise InputError(f"path is {shown(path)}; give the name of a file, or a Path") from None
+        if not known:
+            raise InputError(f"there is no file {str(path)!r} to read triangles from")
+        try:
+            with warnings.catch_warnings():  # meshio tries text as numbers first, which overflow
+                warnings.simplefilter("ignore", RuntimeWarning)
+                mesh = meshio.read(path)
+        except (meshio.ReadError, ValueError, OSError, KeyError, IndexError, SystemExit) as error:
+            raise InputError(f"{str(path)!r} can not be read as a surface: {error}") from None
+        found = [np.asarray(block.data) for block in mesh.cells if block.type == "triangle"]
+        if not found or not sum(map(len, found)):
+            kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "nothing"
+            raise InputError(f"{str(path)!r} has no triangles, only {kinds}; export its surface as STL")
+        points = np.asarray(mesh.points, dtype=float) * numbers(scale, "scale", "give a number > 0")
+        return cls(points, np.concatenate(found), hollow, name or path.stem)
+
+    def __post_init__(self) -> None:
+        check_name(self.name, "name of a RigidSurface")
+        check_switch(self.hollow, "RigidSurface: hollow")
+        points, triangles = _given(self.points, self.triangles, self.label)
+        points, triangles = _welded(points, triangles)
+        _check_triangles(points, triangles, self.label)
+        _check_edges(points, triangles, self.label)
+        object.__setattr__(self, "points", sealed(points))
+        object.__setattr__(self, "triangles", sealed(triangles))
+        if self.hollow and not self.closed:
+            raise InputError(f"hollow=True of {self.label!r}: it has a rim, and so no inside")
+        if self.closed and (_volume(points, triangles) < 0) != self.hollow:
+            object.__setattr__(self, "triangles", sealed(triangles[:, ::-1].copy()))
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether it has no rim."""
+        edges = np.sort(_edges(self.triangles), axis=1)
+        return bool(np.all(np.unique(edges, axis=0, return_counts=True)[1] == 2))
+
+    @cached_property
+    def outline(self) -> FaceSurface:
+        """Its triangles with their normals, as surfaces of solids have them."""
+        return bare_faces(self.points, self.triangles, self.label)
+
+    @property
+    def reference(self) -> np.ndarray:
+        """The centroid of its volume; of an open one, of the surface."""
+        x = self.points[self.triangles]
+        if self.closed:
+            volume = np.einsum("fd,fd->f", x[:, 0], np.cross(x[:, 1], x[:, 2]))
+            return np.asarray(x.sum(axis=1).T @ volume / (4 * volume.sum()))
+        area = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
+        return np.asarray(x.mean(axis=1).T @ area / area.sum())
+
+    def moved(self, motion: Any) -> RigidSurface:
+        """Return the surface after a rigid motion, see `Obstacle.moved`."""
+        turn, shift = rigid_motion(motion, 3)
+        twin = object.__new__(RigidSurface)  # as good as it was: nothing is checked again
+        known = {f.name: getattr(self, f.name) for f in fields(self)}
+        vars(twin).update(known | {"points": sealed(self.points @ turn.T + shift)})
+        return twin
+
+    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Signed distances, normals and partners, see `Obstacle.distance`."""
+        check_dimension(surface, 3, self)
+        assert isinstance(surface, FaceSurface)
+        return placed(surface, node_to_face(surface, self.outline), self.outline, signed_distances)
+
+    def signed_distance(self, points: Any) -> np.ndarray:
+        """Distances of points (p, 3) from it, negative inside, shape (p,) [length]."""
+        usage = "give positions of shape (p, 3)"
+        x = numbers(points, f"points for {self.label!r}", usage)
+        if x.ndim != 2 or x.shape[1] != 3:
+            raise InputError(f"points for {self.label!r} have shape {x.shape}; {usage}")
+        return signed_distances(self.outline, x)
+
+
+def _given(points: Any, triangles: Any, label: str) -> tuple[Array, Index]:
+    x = numbers(points, f"points of {label!r}", "give positions (n, 3)")
+    cells = numbers(triangles, f"triangles of {label!r}", "give numbers of points (nt, 3)")
+    if x.ndim != 2 or x.shape[1] != 3 or not np.isfinite(x).all():
+        raise InputError(
+            f"points of {label!r} have shape {x.shape}, or are not finite; give positions (n, 3)"
+        )
+    whole = cells.ndim == 2 and cells.shape[1] == 3 and len(cells) and np.all(cells == np.floor(cells))
+    if not whole or cells.min() < 0 or cells.max() >= len(x):
+        raise InputError(
+            f"triangles of {label!r} have shape {cells.shape}, or numbers that are none of its "
+            f"{len(x)} points; give numbers of points (nt, 3)"
+        )
+    return x, cells.astype(np.intp)
+
+
+def _welded(points: Array, triangles: Index) -> tuple[Array, Index]:
+    """Corners at one place as one, and only those that a triangle has."""
+    near = SAME_CORNER * float(np.max(np.ptp(points, axis=0)))
+    _, first, equal = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    one, equal = points[first], equal.ravel()
+    pairs = cKDTree(one).query_pairs(near, output_type="ndarray")
+    graph = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(one), len(one)))
+    _, group = connected_components(graph, directed=False)
+    cells = group[equal[triangles]]
+    used, cells = np.unique(cells, return_inverse=True)
+    place = np.unique(group, return_index=True)[1]
+    return one[place[used]], cells.reshape(triangles.shape)
+
+
+def _check_triangles(points: Array, triangles: Index, label: str) -> None:
+    x = points[triangles]
+    sides = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
+    longest = sides.max(axis=1)
+    twice = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
+    flat = np.flatnonzero(twice <= NO_HEIGHT * longest**2)
+    if len(flat):
+        raise InputError(
+            f"{len(flat)} triangles of {label!r} have no area, the first is number {flat[0]} at "
+            f"{written(x[flat[0], 0])}; clean the surface in the program that made it"
+        )
+    _, first, count = np.unique(
+        np.sort(triangles, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    if np.any(count > 1):
+        where = int(first[np.argmax(count > 1)])
+        raise InputError(
+            f"{int(np.sum(count - 1))} triangles of {label!r} are given twice, the first is number "
+            f"{where} at {written(x[where, 0])}; leave them out"
+        )
+
+
+def _check_edges(points: Array, triangles: Index, label: str) -> None:
+    """At each edge at most two triangles, that go along it in opposite directions."""
+    edges = _edges(triangles)
+    _, inverse, count = np.unique(
+        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    crowded = np.flatnonzero(count[inverse.ravel()] > 2)
+    if len(crowded):
+        a, b = points[edges[crowded[0]]]
+        raise InputError(
+            f"{int(np.sum(count > 2))} edges of {label!r} have more than two triangles, the first from "
+            f"{written(a)} to {written(b)}: there it has no inside. Separate the solids that touch, or "
+            "give each its own RigidSurface"
+        )
+    _, first, again = np.unique(edges, axis=0, return_index=True, return_counts=True)
+    if np.any(again > 1):
+        a, b = points[edges[first[np.argmax(again > 1)]]]
+        raise InputError(
+            f"at {int(np.sum(again > 1))} edges of {label!r}, the first from {written(a)} to "
+            f"{written(b)}, two triangles look to opposite sides: orient all of them outwards"
+        )
+
+
+def _edges(triangles: Index) -> Index:
+    """Start and end of all edges, (3 nt, 2)."""
+    return np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
+
+
+def _volume(points: Array, triangles: Index) -> float:
+    x = points[triangles] - points[triangles].reshape(-1, 3).mean(axis=0)
+    return float(np.einsum("fd,fd->", x[:, 0], np.cross(x[:, 1], x[:, 2])) / 6)

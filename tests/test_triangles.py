@@ -1,0 +1,256 @@
+"""`RigidSurface`: surfaces of triangles as obstacles, from arrays and files."""
+
+from __future__ import annotations
+
+import pickle
+import warnings
+
+import meshio
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+from scipy.spatial import ConvexHull
+from skfem.models.elasticity import linear_elasticity
+from solids import KINDS
+
+import skfem_contact as sc
+from skfem_contact.pairing.faces.node import node_to_face
+
+TIP = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+SIDES = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
+
+
+def block(kind="quad4", n=6):
+    """A block below z = 0, held at its base."""
+    linear, curved, element = KINDS[kind]
+    t = np.linspace(-1, 1, n + 1)
+    mesh = linear.init_tensor(t, t, np.linspace(-1, 0, n // 2 + 1))
+    mesh = mesh if curved is linear else curved.from_mesh(mesh)
+    sides = {"top": lambda x: x[2] > -1e-9, "ground": lambda x: x[2] < -1 + 1e-9}
+    basis = fem.Basis(mesh.with_boundaries(sides), fem.ElementVector(element()), intorder=4)
+    return sc.Body(basis, linear_elasticity(0.6, 0.4), D="ground", name="block")
+
+
+def hull(points, **given):
+    """The convex hull of points, all triangles outwards."""
+    found = ConvexHull(points)
+    cells = found.simplices.copy()
+    x = points[cells]
+    up = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    inwards = np.einsum("fd,fd->f", up, found.equations[:, :3]) < 0
+    cells[inwards] = cells[inwards][:, ::-1]
+    return sc.RigidSurface(points, cells, **given)
+
+
+def ball(n, radius=4.0, centre=(0.1, 0.05, 4.0), **given):
+    """A sphere of triangles, its nodes spread by Fibonacci's spiral."""
+    k = np.arange(n) + 0.5
+    z, angle = 1 - 2 * k / n, np.pi * (1 + np.sqrt(5)) * k
+    r = np.sqrt(1 - z**2)
+    points = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+    return hull(np.asarray(centre) + radius * points, **{"name": "die"} | given)
+
+
+def pressed(shape, motion, kind="quad4", **given):
+    body = block(kind)
+    contact = sc.Contact(body.surface("top"), shape, **given)
+    return next(sc.ContactSolver([body], [contact]).history([{"motion": {"die": motion}}]))
+
+
+def brute(x, points, cells):
+    """Distances to all triangles, by planes, edges and corners one after the other."""
+    out = np.full(len(x), np.inf)
+    for a, b, c in points[cells]:
+        n = np.cross(b - a, c - a)
+        n /= np.linalg.norm(n)
+        foot = x - ((x - a) @ n)[:, None] * n
+        inside = np.ones(len(x), dtype=bool)
+        for p, q in ((a, b), (b, c), (c, a)):
+            inside &= np.cross(q - p, foot - p) @ n >= 0
+            t = np.clip((x - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
+            out = np.minimum(out, np.linalg.norm(x - p - t[:, None] * (q - p), axis=1))
+        out = np.where(inside, np.minimum(out, np.abs((x - a) @ n)), out)
+    return out
+
+
+def winding(x, points, cells):
+    """How often a closed surface goes round each point: the sum of solid angles."""
+    total = np.zeros(len(x))
+    for corners in points[cells]:
+        a, b, c = (corner - x for corner in corners)
+        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+        top = np.einsum("pd,pd->p", a, np.cross(b, c))
+        dots = [np.einsum("pd,pd->p", u, v) for u, v in ((a, b), (b, c), (c, a))]
+        total += 2 * np.arctan2(top, la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb)
+    return total / (4 * np.pi)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_signed_distances_by_solid_angles_and_all_triangles(seed):
+    """Random stars, not convex: inside is where the surface goes round once; also beside corners."""
+    rng = np.random.default_rng(seed)
+    directions = rng.normal(size=(60, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    cells = hull(directions).triangles
+    sphere = hull(directions)
+    radius = np.random.default_rng(seed + 9).uniform(0.5, 1.5, len(sphere.points))
+    points = radius[:, None] * sphere.points
+    shape = sc.RigidSurface(points, cells, hollow=bool(seed % 2))
+    x = np.vstack([rng.uniform(-1.6, 1.6, (400, 3)), points + 1e-3 * rng.normal(size=points.shape)])
+    inside = np.abs(winding(x, points, cells)) > 0.5
+    known = np.where(inside, -1, 1) * brute(x, points, cells) * (-1 if seed % 2 else 1)
+    assert inside[:400].any() and not inside[:400].all()
+    assert_allclose(shape.signed_distance(x), known, atol=1e-13)
+
+
+def test_one_large_triangle_is_a_plane():
+    """A tilted triangle over the whole block gives what the plane through it gives."""
+    n = np.array([0.02, -0.01, -1.0])
+    xy = np.array([(-9.0, -9.0), (0.0, 9.0), (9.0, -9.0)])
+    corners = np.column_stack([xy, 0.02 * xy[:, 0] - 0.01 * xy[:, 1]])
+    flat = sc.RigidSurface(corners, [(0, 1, 2)], name="die")
+    plane = sc.RigidPlane((0, 0, 0), n, name="die")
+    assert not flat.closed
+    motion = ((0.01, 0, -0.03), (0.001, 0.002, 0.0), (0, 0, 0))
+    one, other = (pressed(shape, motion) for shape in (flat, plane))
+    assert_allclose(one.forces, other.forces, rtol=0, atol=1e-12 * np.abs(other.forces).max())
+
+
+@pytest.mark.parametrize("kind", ["quad4", "tri6"])
+def test_spheres_of_ever_more_triangles_approach_one(kind):
+    """The error falls as the triangles' areas do."""
+    known = pressed(sc.RigidSphere((0.1, 0.05, 4.0), 4.0, name="die"), (0, 0, -0.1), kind)
+    found = [pressed(ball(n), (0, 0, -0.1), kind) for n in (500, 2000, 8000)]
+    errors = [np.abs(result.force - known.force).max() for result in found]
+    assert errors[2] < errors[0] / 6 and errors[2] < 0.02 * abs(known.force[2])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_mesh_all_of_whose_nodes_are_led_is_a_surface_of_triangles(seed):
+    """A convex solid without a free DOF and its surface: the same partners, the same forces."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(60, 3))
+    points *= 3.0 / np.linalg.norm(points, axis=1)[:, None]
+    surface = hull(points)
+    lift = np.array([0.05, 0.02, -surface.points[:, 2].min() - 0.03])
+    shape = sc.RigidSurface(surface.points + lift, surface.triangles, name="die")
+    fan = fem.MeshTet(
+        np.vstack([shape.points, lift]).T,
+        np.column_stack([shape.triangles, np.full(len(shape.triangles), len(shape.points))]).T,
+    ).with_boundaries({"all": lambda x: np.ones(x.shape[1], dtype=bool)})
+    basis = fem.Basis(fan, fem.ElementVector(fem.ElementTetP1()))
+    held = sc.Body(basis, linear_elasticity(), D=np.arange(basis.N), name="die")
+    body = block(n=8)
+    top = body.surface("top")
+    one, other = node_to_face(top, shape.outline), node_to_face(top, held.surface("all"))
+    assert np.array_equal(one.paired, other.paired) and one.paired.any()
+    assert_allclose(one.gap[one.paired], other.gap[one.paired], atol=1e-13)
+    move = (0.003, -0.002, -0.02)
+    led = sc.ContactSolver([body, held], [sc.Contact(top, held.surface("all"), method="node")])
+    there = led.solve(x={"die": np.tile(move, held.n // 3)})
+    told = sc.ContactSolver([body], [sc.Contact(top, shape)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sc.ContactWarning)  # normals are no longer those of facets
+        here = next(told.history([{"motion": {"die": move}}]))
+    assert there.force[2] < 0
+    assert_allclose(here.forces, there.forces, rtol=0, atol=1e-10 * np.abs(there.forces).max())
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_files_of_triangles(tmp_path, binary):
+    """STL gives the corners of each triangle anew, in single precision: they are joined."""
+    known = ball(200, radius=0.7, centre=(1.0, 2.0, 3.0))
+    soup = known.points[known.triangles].reshape(-1, 3)
+    mesh = meshio.Mesh(soup, [("triangle", np.arange(len(soup)).reshape(-1, 3))])
+    meshio.write(tmp_path / "bead.stl", mesh, file_format="stl", binary=binary)
+    read = sc.RigidSurface.from_file(tmp_path / "bead.stl", scale=1e-3)
+    assert read.closed and read.name == "bead" and len(read.points) == 200
+    assert len(read.triangles) == len(known.triangles)
+    assert_allclose(read.reference, 1e-3 * known.reference, rtol=1e-6)
+    x = np.random.default_rng(0).uniform(-1, 1, (50, 3)) + (1, 2, 3)
+    assert_allclose(read.signed_distance(1e-3 * x), 1e-3 * known.signed_distance(x), atol=1e-9)
+
+
+def test_files_that_are_none(tmp_path):
+    """Missing files, files of other things, and names that are none."""
+    with pytest.raises(sc.InputError, match="there is no file"):
+        sc.RigidSurface.from_file(tmp_path / "none.stl")
+    with pytest.raises(sc.InputError, match="give the name of a file"):
+        sc.RigidSurface.from_file(3)
+    (tmp_path / "bad.stl").write_text("solid nothing\n facet normal of the earth\n")
+    with pytest.raises(sc.InputError, match=r"can not be read as a surface|has no triangles"):
+        sc.RigidSurface.from_file(tmp_path / "bad.stl")
+    meshio.Mesh(np.eye(3), [("line", np.array([[0, 1]]))]).write(tmp_path / "line.vtk")
+    with pytest.raises(sc.InputError, match="has no triangles, only line"):
+        sc.RigidSurface.from_file(tmp_path / "line.vtk")
+
+
+@pytest.mark.parametrize(
+    ("points", "triangles", "given", "words"),
+    [
+        ([(0, 0)], [(0, 0, 0)], {}, "points of 'rigid surface' have shape"),
+        ([*TIP[:3], (0, 0, np.inf)], SIDES, {}, "not finite"),
+        (TIP, [(0, 1)], {}, "triangles of 'rigid surface' have shape"),
+        (TIP, [(0, 1, 4)], {}, "none of its 4 points"),
+        (TIP, [(0, 1, 1.5)], {}, "give numbers of points"),
+        (TIP, [], {}, "triangles of 'rigid surface'"),
+        (TIP, [(0, 1, 1)], {}, "1 triangles of 'rigid surface' have no area"),
+        ([*TIP, (0.5, 0, 0)], [(0, 1, 4)], {}, "have no area"),
+        (TIP, [*SIDES, (1, 0, 2)], {}, "1 triangles of 'rigid surface' are given twice"),
+        (TIP, [*SIDES[:3], (0, 2, 3)], {}, "two triangles look to opposite sides"),
+        ([*TIP, (1, 1, 1)], [*SIDES, (0, 1, 4)], {}, "edges of 'rigid surface' have more than two"),
+        (TIP, SIDES[:3], {"hollow": True}, "it has a rim"),
+        (TIP, SIDES, {"hollow": 1}, "it is a switch"),
+        (TIP, SIDES, {"name": 1}, "name of a RigidSurface"),
+    ],
+)
+def test_surfaces_that_are_none_are_refused(points, triangles, given, words):
+    """Shapes, flat and repeated triangles, crowded edges, triangles of unlike orientation."""
+    with pytest.raises(sc.InputError, match=words):
+        sc.RigidSurface(points, triangles, **given)
+
+
+def test_closed_surfaces_are_turned_outwards():
+    """Listed inwards or outwards a closed surface is the same solid; hollow, what is around it."""
+    one = sc.RigidSurface(TIP, SIDES)
+    other = sc.RigidSurface(TIP, np.array(SIDES)[:, ::-1])
+    hole = sc.RigidSurface(TIP, SIDES, hollow=True)
+    x = np.array([(0.1, 0.2, 0.3), (1, 1, 1)])
+    assert_allclose(one.signed_distance(x), other.signed_distance(x))
+    assert_allclose(one.signed_distance(x), -hole.signed_distance(x))
+    assert_allclose(one.reference, (0.25, 0.25, 0.25)), assert_allclose(hole.reference, one.reference)
+    assert_allclose(sc.RigidSurface(TIP, SIDES[:1]).reference, (1 / 3, 1 / 3, 0), atol=1e-15)
+    moved = one.moved(((1.0, 0, 0), (0, 0, np.pi / 2), (0, 0, 0)))
+    assert_allclose(moved.points[np.argmax(moved.points[:, 1])], (1, 1, 0), atol=1e-15)
+    twin = pickle.loads(pickle.dumps(moved))
+    assert np.array_equal(twin.outline.points, moved.points) and twin.closed
+
+
+def test_dimensions_have_to_agree():
+    """A polyline meets no solid, and triangles no plane body."""
+    plane_mesh = fem.MeshQuad().with_defaults()
+    plane = sc.Body(fem.Basis(plane_mesh, fem.ElementVector(fem.ElementQuad1())), linear_elasticity())
+    line = sc.RigidPolyline([(0, 0), (1, 0)])
+    with pytest.raises(sc.InputError, match="'block/top' is 3-D, 'rigid polyline' 2-D"):
+        sc.ContactSolver([body := block()], [sc.Contact(body.surface("top"), line)])
+    with pytest.raises(sc.InputError, match="is 2-D, 'rigid surface' 3-D"):
+        contact = sc.Contact(plane.surface("top"), sc.RigidSurface(TIP, SIDES))
+        sc.ContactSolver([plane], [contact])
+
+
+@pytest.mark.parametrize("route", ["condensed", sc.Direct()])
+def test_a_die_of_triangles_under_its_force(route):
+    """A rigid slab of triangles under a force beside its middle tilts until statics holds."""
+    corners = [(x, y, z) for z in (0.0, 0.4) for y in (-0.7, 0.7) for x in (-0.7, 0.7)]
+    shape = hull(np.array(corners), name="die")
+    about, load = (0.1, -0.05, 0.3), np.array([0.0, 0.0, -0.02])
+    die = sc.RigidBody(shape, force=load, about=about, D=("x", "y", "rotation z"))
+    body = block()
+    solver = sc.ContactSolver([body, die], [sc.Contact(body.surface("top"), die)], linear=route)
+    result = solver.solve()
+    assert_allclose(result.force, load, atol=1e-15)
+    assert_allclose(result.moment(about)[:2], 0.0, atol=1e-15)
+    _, turn, _ = result.motion("die")
+    assert turn[0] > 0 and turn[1] > 0  # down where the force is: at positive x and negative y
+    assert result.certificate.worst < 1e-12
