@@ -40,6 +40,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.conditions.state import OPEN, LocalState
 from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.obstacles.rotation import spin
 from skfem_contact.pairing.node import Pairing
 
 Array = NDArray[np.float64]
@@ -150,9 +151,23 @@ class Geometry:
         for i, part in enumerate(self.point_slices):
             if self.contacts[i].rigid:
                 step = case.motion[i].slid(before.motion[i], kin.action[part])
+                step += self._spun(i, kin, u_n, u)
                 slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], step)
         slip0 = np.where(finite[:, None], slip0, case.slip0)
         return replace(case, gap0=gap0, slip0=slip0)
+
+    def _spun(self, i: int, kin: Kinematics, before: Array, u: Array) -> Array | float:
+        """What the spin of a rigid body in space has moved points by beyond the rows, (m, d).
+
+        They take it for the change of the rotation vector, which it is about a fixed axis.
+        """
+        body = self.contacts[i].rigid_body
+        if body is None or body.dim == 2:
+            return 0.0
+        old, new = (as_motion(self.system, body, at) for at in (before, u))
+        beyond = spin(old[1], new[1]) - (new[1] - old[1])
+        arm = kin.action[self.point_slices[i]] - body.about - new[0]
+        return np.asarray(np.cross(beyond, arm))
 
     def slip(
         self, kin: Kinematics, seen: LoadCase, surface: Array, slip: Array, modelled: Mask

@@ -612,3 +612,26 @@ def test_directions_in_space_are_alike():
     for other in found[1:]:
         for a, b in zip(found[0], other, strict=True):
             assert_allclose(a, b, atol=1e-13)
+
+
+def test_a_ball_that_is_led_in_space_is_an_obstacle_that_moves():
+    """Rolled and spun about axes that change, with finite sliding: forces, and slips by the spin."""
+    block = solid(n=8)
+    ball = sc.RigidSphere((0.1, 0.05, 2.0), 2.0, name="ball")
+    tool = sc.RigidBody(ball, D=range(6))
+    way = [
+        ((0.01 * k, 0.005 * k, -0.05), (0.03 * k, 0.05 * k, 0.005 * k**2) if k else (0.0, 0.0, 0.0))
+        for k in range(5)
+    ]
+    settings = {"method": "node", "sliding": "finite"}
+    top = block.surface("top")
+    told = solver_of([block], [sc.Contact(top, ball, **settings)], options=EXACT)
+    told = list(told.history([{"motion": {"ball": (v, turn, ball.centre)}} for v, turn in way]))
+    led = solver_of([block, tool], [sc.Contact(top, tool, **settings)], options=EXACT)
+    led = list(led.history([{"x": {"ball": [*v, *turn]}} for v, turn in way]))
+    on = np.all([result.status > 0 for result in told], axis=0)  # where slip counts from the start
+    assert on.sum() > 5
+    for there, here in zip(told, led, strict=True):
+        assert_allclose(here.forces, there.forces, rtol=0, atol=1e-11 * np.abs(there.forces).max())
+        assert_allclose(here.slip_vector[on], there.slip_vector[on], rtol=0, atol=1e-14)
+        assert here.certificate.worst < 1e-10
