@@ -254,3 +254,18 @@ def test_a_die_of_triangles_under_its_force(route):
     _, turn, _ = result.motion("die")
     assert turn[0] > 0 and turn[1] > 0  # down where the force is: at positive x and negative y
     assert result.certificate.worst < 1e-12
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+def test_a_tip_between_the_nodes_is_told(sliding):
+    """A pyramid that stands in a face of the block: nothing presses, and a warning says where."""
+    tip = [(0.17, 0.16, 0.0), (0.5, 0.5, 1), (-0.5, 0.5, 1), (-0.5, -0.5, 1), (0.5, -0.5, 1)]
+    shape = hull(np.array(tip), name="die")
+    with pytest.warns(
+        sc.ContactWarning, match="1 corners of 'die' stand in 'block/top' between its nodes"
+    ):
+        result = pressed(shape, (0, 0, -0.03), sliding=sliding)
+    assert result.force[2] > -1e-3
+    with warnings.catch_warnings():  # a dent between nodes is no corner
+        warnings.simplefilter("error")
+        pressed(ball(2000), (0, 0, -0.1), sliding=sliding)

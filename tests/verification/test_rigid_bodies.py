@@ -633,5 +633,6 @@ def test_a_ball_that_is_led_in_space_is_an_obstacle_that_moves():
     assert on.sum() > 5
     for there, here in zip(told, led, strict=True):
         assert_allclose(here.forces, there.forces, rtol=0, atol=1e-11 * np.abs(there.forces).max())
-        assert_allclose(here.slip_vector[on], there.slip_vector[on], rtol=0, atol=1e-14)
+        # as far as the pairings are settled
+        assert_allclose(here.slip_vector[on], there.slip_vector[on], rtol=0, atol=1e-11)
         assert here.certificate.worst < 1e-10

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import NO_LENGTH
 from skfem_contact.answers.validity.drift import distances
+from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.geometry import Geometry
@@ -16,6 +17,7 @@ from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.pairing.faces.unseen import unseen_overlaps
 
 Array = NDArray[np.float64]
 
@@ -53,12 +55,9 @@ def obstacle_drift(
     contact, part, pairing = geometry.contacts[i], geometry.point_slices[i], geometry.pairings[i]
     surface, obstacle = contact.secondary, contact.primary
     assert isinstance(obstacle, Obstacle)
-    motion = case.motion[i].as_argument()
-    if contact.rigid_body is not None:
-        motion = as_motion(geometry.system, contact.rigid_body, u)
     moved = u[geometry.system.slice(surface.body)][surface.dofs]
     at = replace(surface, points=surface.points + moved)
-    distance, normal, facing = distances(obstacle.moved(motion), at)
+    distance, normal, facing = distances(obstacle.moved(_motion(geometry, i, case, u)), at)
     closed = (state.status[part] != OPEN) & pairing.paired
     # what a given or adjusted gap adds to the measured one, and an interference takes away
     own = field_values(contact.interference, surface.points, "interference")
@@ -81,3 +80,39 @@ def obstacle_drift(
         "gap_share": worst / max(approach, worst) if worst else 0.0,
         "motion": float(np.max(shift, initial=0.0)),
     }
+
+
+def of_triangles(contact: Contact) -> bool:
+    """Whether it is a solid on an obstacle of triangles, whose corners may stand between its nodes."""
+    rigid = isinstance(contact.primary, Obstacle) and isinstance(contact.primary.outline, FaceSurface)
+    return rigid and not contact.tied and contact.gap is None
+
+
+def unseen_words(geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Array) -> str:
+    """What to say of corners and edges of triangles that stand in a solid between its nodes.
+
+    Parameters are those of `obstacle_drift`; empty where there are none.
+    """
+    contact, part = geometry.contacts[i], geometry.point_slices[i]
+    surface, obstacle = contact.secondary, contact.primary
+    assert isinstance(surface, FaceSurface) and isinstance(obstacle, Obstacle)
+    outline = obstacle.moved(_motion(geometry, i, case, u)).outline
+    if not isinstance(outline, FaceSurface) or case.interference[part].any():
+        return ""
+    known = np.isfinite(gap[part])
+    met = replace(geometry.pairings[i], gap=np.where(known, gap[part], 0.0), paired=known)
+    at = surface.moved(u[geometry.system.slice(surface.body)])
+    found = unseen_overlaps(at, outline, met)
+    if found is None:
+        return ""
+    return (
+        f"{found.count} corners of {obstacle.label!r} stand in {surface.label!r} between its nodes, "
+        f"the deepest, at {written(found.place)}, by {found.depth:.3g} more than the nodes around it. "
+        "Node by node nothing presses there: refine the surface, to facets smaller than what presses."
+    )
+
+
+def _motion(geometry: Geometry, i: int, case: LoadCase, u: Array) -> object:
+    """Where the obstacle of a contact is, as obstacles take it."""
+    body = geometry.contacts[i].rigid_body
+    return case.motion[i].as_argument() if body is None else as_motion(geometry.system, body, u)

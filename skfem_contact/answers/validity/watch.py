@@ -15,7 +15,12 @@ from skfem_contact.answers.validity.drift import Drift, Track, tool_motion
 from skfem_contact.answers.validity.face_track import FaceTrack
 from skfem_contact.answers.validity.intrusion import Intrusions, elastic_approach
 from skfem_contact.answers.validity.rotation import rigid_rotations, rotation_words
-from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
+from skfem_contact.answers.validity.solids import (
+    looked_at,
+    obstacle_drift,
+    of_triangles,
+    unseen_words,
+)
 from skfem_contact.answers.validity.support import Support, unit_motions
 from skfem_contact.answers.validity.watched import Said, Watched
 from skfem_contact.bodies.surface import ContactSurface
@@ -54,6 +59,7 @@ class Watch:
         self.system, kin = geometry.system, geometry.kin
         self.dim = kin.points.shape[1]
         self.on_obstacles = {i for i, contact in enumerate(self.contacts) if looked_at(contact)}
+        self.of_triangles = {i for i, contact in enumerate(self.contacts) if of_triangles(contact)}
         self.moves = kin.tangents == self.dim - 1
         if not self.moves:  # a scalar field
             return
@@ -138,7 +144,7 @@ class Watch:
         """
         if not self.moves:
             return Watched(said=said)
-        wanted = self.follows_tools or bool(self.on_obstacles)
+        wanted = self.follows_tools or bool(self.on_obstacles | self.of_triangles)
         wanted |= any(loose is not None for loose in self.loose)
         u = displacement() if wanted else np.zeros(0)
         motions = [support.motion(case.x) for support in self.supports]
@@ -150,7 +156,9 @@ class Watch:
         }
         turns |= rigid_rotations(self.system, self.contacts, state.surface)
         overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
-        return Watched(drifts, turns, said, tuple(self.tracks), overlaps)
+        words = {i: unseen_words(self.geometry, i, gap, case, u) for i in self.of_triangles}
+        unseen = {i: text for i, text in words.items() if text}
+        return Watched(drifts, turns, said, tuple(self.tracks), overlaps, unseen)
 
     def _drift(
         self,
@@ -243,6 +251,9 @@ class Watch:
                 if overlap and overlap.excessive:
                     new.add(("overlap", name))
                     lines.append(overlap.words(self.intrusions.reasons(i, result.state)))
+            if i in watched.unseen and ("overlap", name) not in watched.said:
+                new.add(("overlap", name))
+                lines.append(watched.unseen[i])
             if not drift.small_sliding_holds and ("sliding", name) not in watched.said:
                 new.add(("sliding", name))
                 lines.append(sliding_words(drift))

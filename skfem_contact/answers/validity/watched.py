@@ -85,6 +85,8 @@ class Watched:
     intrusions : dict
         Overlaps of contacts that slide far that seem to be beyond their bounds, by the contact's
         number.
+    unseen : dict
+        What is to be said of corners of obstacles that stand between nodes, by the contact's number.
     """
 
     drifts: tuple[Drift, ...] = ()
@@ -92,6 +94,7 @@ class Watched:
     said: Said = frozenset()
     tracks: tuple[Track, ...] = ()
     intrusions: dict[int, Intrusion] = field(default_factory=dict)
+    unseen: dict[int, str] = field(default_factory=dict)
 
     @property
     def beyond(self) -> list[tuple[str, str]]:
