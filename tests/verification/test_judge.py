@@ -273,7 +273,7 @@ def test_places_that_nothing_holds(seed):
     assert verdict.kind != "WRONG", "\n".join(verdict.words)
 
 
-@pytest.mark.parametrize("seed", [21, pytest.param(300, marks=pytest.mark.slow), 1285])
+@pytest.mark.parametrize("seed", [21, *(pytest.param(n, marks=pytest.mark.slow) for n in (300, 1285))])
 def test_places_that_are_indifferent_are_said(seed):
     """Held by friction at its bound alone, or by round-off, a body stands where the loop left it.
 

@@ -449,7 +449,7 @@ def manufactured(kind, n, method):
         pytest.param("P2", "plane", (8, 16, 32), 2e-5, 3.5, marks=pytest.mark.slow),
         ("P2", "mortar", (8, 16, 32), 2.2e-5, 3.4),
         pytest.param("Q2", "plane", (8, 16, 32), 7e-6, 3.0, marks=pytest.mark.slow),
-        ("Q2", "matching", (8, 16, 32), 8e-6, 3.0),
+        pytest.param("Q2", "matching", (8, 16, 32), 8e-6, 3.0, marks=pytest.mark.slow),
         ("Q2", "mortar", (8, 16, 32), 1e-5, 3.4),
         ("S2", "plane", (8, 16, 32), 6e-6, 2.7),
         pytest.param("S2", "mortar", (8, 16, 32), 9e-6, 3.1, marks=pytest.mark.slow),

@@ -217,7 +217,7 @@ def test_F1_flat_punch(kind):
     assert_allclose(result.contact_area, 2.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize("kind", ["Q1", "Q2"])
+@pytest.mark.parametrize("kind", ["Q1", pytest.param("Q2", marks=pytest.mark.slow)])
 def test_F1_round_punch_load(kind):
     """A round flat punch needs P = 2 E* a d, on a half space."""
     N = 20 if kind in QUADRATIC else 40
