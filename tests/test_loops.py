@@ -27,7 +27,7 @@ from skfem_contact.loops.rules import disagreement, hold, propose
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load, Response
+from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 
 LOOPS = {"newton": newton, "direct": direct, "fictitious": fictitious}
 K_N, K_T, MU = 4.0, 3.0, 0.5
@@ -305,13 +305,15 @@ def test_two_tangents_are_one_where_all_acts_along_a_line(loop, angle):
         load=Load(np.r_[flat.load.force[:m], push.ravel()], np.zeros(m), zero, np.zeros(0)),
         motions=RigidMotions(np.zeros((3 * m, 0)), None, None),
         last=last,
+        resistance=Resistance(np.full(m, K_N), np.full(m, K_T)),
     )
     if loop == "fictitious":
         one, flat = (replace(s, stiffness=np.full(m, 10 * K_T)) for s in (one, flat))
     tangents = Guess(np.full(m, OPEN), zero, np.zeros(m), zero, zero)
     found = drive(LOOPS[loop], one, tangents, Options().tolerance, 400)
     known = drive(LOOPS[loop], flat, cold(flat), Options().tolerance, 400)
-    assert found.converged and len(found.trace) == len(known.trace)
+    # with each point's own resistance limits that lag know the force of what closes beforehand
+    assert found.converged and len(found.trace) <= len(known.trace)
     assert_array_equal(found.iterate.status, known.iterate.status)
     for name in ("slip", "tangential_force"):
         along = getattr(known.iterate.response, name) * line

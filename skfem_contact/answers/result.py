@@ -267,7 +267,7 @@ class ContactResult(OfTheContact):
         """Whether this load, or loads like it, have other answers; computed when first asked for.
 
         The critical friction of every point, and the index of this answer, see `Uniqueness`. None
-        where it is not computed: on the sparse route, and where contact rows depend on each other.
+        where it is not computed: on the sparse route, in 3-D, and where rows depend on each other.
         """
         return uniqueness(self._answer)
 

@@ -101,8 +101,6 @@ def _pair_faces(
 ) -> Pairing:
     """Pair faces of solids, or faces and an obstacle."""
     primary = contact.primary
-    if contact.friction is not None:
-        raise InputError(f"contact {contact.label}: friction in 3-D is not implemented yet")
     outline: ContactSurface | None = None
     if isinstance(primary, Obstacle):
         placed = primary if motion is None else primary.moved(motion)

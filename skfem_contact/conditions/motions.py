@@ -91,15 +91,21 @@ class RigidMotions:
         return replace(self, kin=kin)
 
     def free(
-        self, closed: NDArray[np.bool_], stick: NDArray[np.bool_], firmly: float = RESISTS
+        self,
+        closed: NDArray[np.bool_],
+        stick: NDArray[np.bool_],
+        firmly: float = RESISTS,
+        more: Array | None = None,
     ) -> Array:
         """Combinations of modes that closed and sticking points do not hold, shape (k, j).
 
-        `firmly`: how far a point has to move at least where a mode of unit size is held.
+        `firmly`: how far a point has to move at least where a mode of unit size is held. `more`: what
+        else holds, rows of shape (r, k) of unit size where they hold firmly.
         """
         if self.k == 0:
             return np.zeros((0, 0))
-        return null_space(self.rows(closed, stick), firmly)
+        rows = self.rows(closed, stick)
+        return null_space(rows if more is None else np.concatenate([rows, more]), firmly)
 
     def rows(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_]) -> Array:
         """Motion of closed points along normals, then of sticking ones along tangents, (r, k)."""

@@ -74,7 +74,7 @@ OPPOSITE = 1e-12
 BALANCED = 1e-9
 
 # Directions of friction in 3-D; the polygon lies around the circle of Coulomb's law.
-DIRECTIONS = 8
+DIRECTIONS = 32
 
 # What may be left of the forces along a free motion: they balance to the digits of the contact problem,
 # 1e-8 with moduli 1e6 apart, and where a body ran away nothing of them does.

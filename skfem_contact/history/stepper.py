@@ -17,7 +17,7 @@ from skfem_contact.history.thresholds import NOISE
 from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.loops.driver import Options, Outcome, drive
 from skfem_contact.loops.guided import guided_friction
-from skfem_contact.loops.starts import admissible, possible_starts, starting_values
+from skfem_contact.loops.starts import DENSE, admissible, possible_starts, starting_values
 from skfem_contact.loops.step import Step
 from skfem_contact.loops.table import LOOPS
 from skfem_contact.problem.model import LinearModel
@@ -59,7 +59,8 @@ class Stepper:
 
     def starts(self) -> list[str]:
         """Where attempts may begin, in this order."""
-        return possible_starts(len(self.model.interface.stiffness), self.loop)
+        interface, turns = self.model.interface, self.model.kin.tangents > 1
+        return possible_starts(len(interface.stiffness), self.loop, turns and bool(interface.laws))
 
     @property
     def complete(self) -> bool:
@@ -97,9 +98,10 @@ class Stepper:
                 last=last,
                 rank=geometry.rank,
                 noise=NOISE * self._force_terms(to.target, moved),
+                resistance=problem.resistance if interface.laws and kin.tangents > 1 else None,
             )
             dense = step
-            if start == "pivoting" and (points := self.model.on_points(problem)) is not problem:
+            if start in DENSE and (points := self.model.on_points(problem)) is not problem:
                 dense = replace(step, problem=points, load=points.load(seen))
             guess, spent = starting_values(start, begin, step, kin, options.tolerance, self.loop, dense)
             guess = admissible(guess, step)

@@ -120,7 +120,7 @@ def lemke_guess(step: Step, current: Guess) -> Guess | None:
         Where a law that is not linear in the normal force is linearised first.
     """
     space = step.problem.points
-    if space is None or space.tangential_rows.shape[1] > 1:
+    if space is None or step.turns:
         return None
     if not (step.paired & ~step.tied).any():  # contact has gone elsewhere: nothing is to be decided
         return None
@@ -158,9 +158,9 @@ def _problem(step: Step, space: PointSpace, weak: float) -> _Problem:
     tied = step.tied & (space.normal_rows >= 0)
     held = space.normal_rows[tied]
     z[held] = -load.gap0[tied]
-    tied_t = step.tied & (t_rows >= 0)
-    z[t_rows[tied_t]] = (last.slip - load.slip0)[tied_t, 0]
-    held = np.concatenate([held, t_rows[tied_t]])
+    tied_t = step.tied[:, None] & (space.tangential_rows >= 0)
+    z[space.tangential_rows[tied_t]] = (last.slip - load.slip0)[tied_t]
+    held = np.concatenate([held, space.tangential_rows[tied_t]])
     free = np.setdiff1d(np.arange(len(space.S)), held)
     W = np.zeros_like(space.S)
     W[np.ix_(free, free)] = _compliance(space.S[np.ix_(free, free)], weak if step.motions.k else 0.0)

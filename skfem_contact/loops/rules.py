@@ -9,9 +9,16 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.conditions.thresholds import BEYOND
+from skfem_contact.loops.projection import (
+    left_over,
+    pressing,
+    pushing,
+    resistances,
+)
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import DIGITS_ALIKE, FIRMLY, ROUND_OFF
-from skfem_contact.problem.response import Response
+from skfem_contact.loops.thresholds import DIGITS_ALIKE, FIRMLY, NEARLY_STUCK, ROUND_OFF
+from skfem_contact.problem.response import Resistance, Response
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -21,73 +28,68 @@ EPS = float(np.finfo(float).eps)
 
 
 def propose(step: Step, current: Guess, response: Response) -> Guess:
-    """The set that the answer asks for: Signorini's conditions and the friction law, point by point."""
-    force_scale = response.largest_force
-    was_open = current.status == OPEN
+    """The set that a state asks for: the projection of `projection`, point by point.
+
+    Where round-off would decide, a point keeps the status that it has in `current`.
+    """
     finite = np.isfinite(response.gap)
     gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
-    nothing = max(ROUND_OFF * force_scale, step.noise)
-    penetrates = was_open & (response.gap < -ROUND_OFF * gap_scale) & step.paired
-    pulls = ~was_open & (response.normal_force < -nothing)
+    nothing = max(ROUND_OFF * response.largest_force, step.noise)
+    rho = resistances(step, response)
+    force = pressing(response, rho)
+    was_open = current.status == OPEN
+    penetrates = was_open & (force > rho.normal * (ROUND_OFF * gap_scale)) & step.paired
+    pulls = ~was_open & (force < -nothing)
+    force = np.where(step.paired, np.maximum(force, 0.0), 0.0)
 
-    slips, direction = np.zeros_like(was_open), np.zeros_like(response.slip)
+    slips, direction = np.zeros(len(force), dtype=bool), np.zeros(response.slip.shape)
+    reach = None
     if step.laws:
-        slips, direction = _slip_rule(step, current, response, force_scale, penetrates)
+        slips, direction, reach = _slip_rule(step, current, response, force, rho)
+        slips &= ~was_open | penetrates
+        direction = np.where(slips[:, None], direction, 0.0)
     status = np.where(slips, SLIP, STICK)
     status = np.where(was_open & ~penetrates | pulls, OPEN, status)
     status = np.where(step.tied & step.paired, STICK, status)
-    return Guess(status, direction, response.normal_force, response.tangential_force, response.slip)
+    force = force if step.turns else response.normal_force
+    return Guess(status, direction, force, response.tangential_force, response.slip, reach=reach)
 
 
 def _slip_rule(
-    step: Step,
-    current: Guess,
-    response: Response,
-    force_scale: float,
-    closes: Mask,
-) -> tuple[Mask, Array]:
-    """Which points slip that are closed or just close, and in which direction friction then acts."""
-    exact, trial = step.exact, response.tangential_force
-    if not exact.all():
-        trial = np.where(exact[:, None], trial, step.trial(response.slip))
+    step: Step, current: Guess, response: Response, force: Array, rho: Resistance
+) -> tuple[Mask, Array, Array | None]:
+    """Which points slip if they are closed, in which direction, and under what trial force."""
+    exact, was_slip = step.exact, current.status == SLIP
+    largest = response.largest_force
+    nothing = max(ROUND_OFF * largest, step.noise)
+    bound = step.limit(force, response.slip)
+    trial = pushing(step, response, rho)
+    if was_slip.any():
+        # along its direction the friction of a point that slips is the bound, also where a bound
+        # that is not linear, or lags, has given another
+        along = np.sum(response.tangential_force * current.direction, axis=1)
+        missing = np.where(was_slip & exact, bound - along, 0.0)
+        trial = trial + missing[:, None] * current.direction
     size = lengths(trial)
-    lawful, _ = step.force(trial, response.normal_force, response.slip)
-    beyond = lengths(trial - lawful) > max(ROUND_OFF * force_scale, step.noise)
-    was_slip = current.status == SLIP
-    # an exactly sticking point has no trial force while it slips: it goes on slipping as long as
-    # the slip of this step follows the friction
-    step_slip = response.slip - step.last.slip
-    slip_scale = np.abs(step_slip).max(initial=0.0)
-    forward = np.sum(step_slip * current.direction, axis=1) >= -ROUND_OFF * slip_scale
-    slips = np.where(exact & was_slip, forward, beyond) & step.frictional
+    # what is open has no status to keep
+    slack = np.where(was_slip, -nothing, np.where(current.status == STICK, nothing, 0.0))
+    slips = (size > bound + slack) & step.frictional
     unit = trial / np.where(size > 0, size, 1.0)[:, None]
     # where the slip turns back the point sticks first, or forward and backward slip alternate
-    slips &= ~was_slip | (np.sum(unit * current.direction, axis=1) >= 0) | exact
+    slips &= ~was_slip | (np.sum(unit * current.direction, axis=1) >= 0)
     # where nothing presses, forces are round-off and decide nothing: what slips goes on, for stuck it
     # would press by friction again, and be let go again
-    slips &= was_slip | (force_scale > step.noise)
+    slips &= (current.status != STICK) | (largest > step.noise)
     # a coefficient of zero, or one that no force can tell from it: nothing can stick, not even the
     # round-off of a force
-    probe = np.full_like(size, force_scale if force_scale > 0 else 1.0)
+    probe = np.full(len(size), largest if largest > 0 else 1.0)
     smooth = (step.limit(probe, response.slip) <= EPS * probe) & step.frictional
-    slips |= smooth
-    keep = exact & was_slip
+    keep = was_slip & (smooth | (size <= nothing))
     direction = np.where(keep[:, None], current.direction, unit)
-    slips &= current.status != OPEN
-    if closes.any():
-        # a point that closes slips if it moves sideways by more than it sinks in allows: the trial
-        # force r (s - s_n) against the limit under the trial pressure -r g (Alart and Curnier, 1991),
-        # with an r that makes the largest slip the largest force. If it stuck, it could be in
-        # tension, open, and close again without end
-        r = force_scale / slip_scale if slip_scale > 0 else 0.0
-        pressing = -r * np.where(closes, response.gap, 0.0)
-        _, gives = step.force(r * step_slip, pressing, response.slip)
-        sideways = closes & step.frictional & (gives | smooth)
-        distance = lengths(step_slip)
-        along = step_slip / np.where(distance > 0, distance, 1.0)[:, None]
-        slips |= sideways
-        direction = np.where(sideways[:, None], along, direction)
-    return slips, np.where(slips[:, None], direction, 0.0)
+    reach = None
+    if step.turns:
+        reach = np.where(bound > 0, np.maximum(size, bound / NEARLY_STUCK), BEYOND)
+    return slips | smooth, direction, reach
 
 
 def disagreement(current: Guess, proposal: Guess) -> Mask:
@@ -111,6 +113,23 @@ def law_residual(step: Step, status: NDArray[np.intp], direction: Array, respons
     return float(error[slips].max() / scale)
 
 
+def violations(step: Step, response: Response, tolerance: float) -> tuple[Mask, float]:
+    """Points that violate the projection, and the largest violation over the largest force.
+
+    What is within the tolerance is no violation, nor is what may be round-off of gaps and slips.
+    """
+    normal, tangential = left_over(step, response)
+    left = np.maximum(np.abs(normal), lengths(tangential))
+    finite = np.isfinite(response.gap)
+    gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
+    slip_scale = lengths(response.slip - step.last.slip).max(initial=0.0)
+    rho = resistances(step, response)
+    round_off = ROUND_OFF * np.maximum(rho.normal * gap_scale, rho.tangential * slip_scale)
+    scale = response.largest_force
+    wrong = left > np.maximum(np.maximum(round_off, step.noise), tolerance * scale)
+    return wrong, float(left.max(initial=0.0) / scale) if scale > step.noise else 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Held:
     """Points kept closed or sticking because a body would be free without them."""
@@ -131,7 +150,12 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
     if motions.k == 0:
         return status, None
     holds = step.frictional | step.tied
-    free = motions.free(status != OPEN, (status == STICK) & holds, FIRMLY)
+
+    def still_free() -> Array:
+        closed, stick = status != OPEN, (status == STICK) & holds
+        return motions.free(closed, stick, FIRMLY, _across(step, current, status))
+
+    free = still_free()
     if free.shape[1] == 0:
         return status, None
     status, first = status.copy(), free
@@ -144,12 +168,26 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
         if free.shape[1] == 0:
             break
         resists = np.abs(motions.normal[i] @ free).max(initial=0.0) > 1e-6
-        turns = holds[i] and np.abs(motions.tangential[i] @ free).max(initial=0.0) > 1e-6
+        slid = motions.tangential[i] @ free
+        turns = holds[i] and np.sqrt((slid**2).sum(axis=0)).max(initial=0.0) > 1e-6
         if (status[i] == OPEN and resists) or turns:
             status[i] = STICK
             points[i] = True
-            free = motions.free(status != OPEN, (status == STICK) & holds, FIRMLY)
+            free = still_free()
     return status, Held(points, first)
+
+
+def _across(step: Step, current: Guess, status: NDArray[np.intp]) -> Array | None:
+    """Rows (r, k) by which slipping points hold rigid motions, across the direction of friction."""
+    if not step.turns or current.reach is None:
+        return None
+    at = (status == SLIP) & step.frictional & (current.reach < BEYOND)
+    d = current.direction[at]
+    bound = step.limit(current.normal_force, current.slip)[at]
+    share = bound / current.reach[at]
+    firm = np.sqrt(np.minimum(share / (1 - share), 1.0))  # stiffnesses are squares of rows
+    across = np.eye(d.shape[1]) - d[:, :, None] * d[:, None, :]
+    return ((firm[:, None, None] * across) @ step.motions.tangential[at]).reshape(-1, step.motions.k)
 
 
 def _by(value: Array, mask: Mask, step: Step) -> NDArray[np.intp]:

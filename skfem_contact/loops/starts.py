@@ -1,4 +1,4 @@
-"""Where the iterations of a load step begin: warm, cold, by another loop, or by pivoting."""
+"""Where the iterations of a load step begin: warm, cold, by another loop or another problem."""
 
 from __future__ import annotations
 
@@ -11,24 +11,28 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.lemke import lemke_guess
+from skfem_contact.loops.proximal import proximal
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.loops.thresholds import MOST_POINTS, NEWTON_ITERATIONS
 
 Array = NDArray[np.float64]
 
 # Where an attempt at a load step begins, in this order; "apart" only where contacts exclude each other.
-STARTS = ("warm", "cold", "newton", "pivoting")
+STARTS = ("warm", "cold", "newton", "pivoting", "proximal")
+# Of these the ones that ask for the problem on gaps and slips, where there is one.
+DENSE = ("pivoting", "proximal")
 
 
-def possible_starts(points: int, loop: str) -> list[str]:
+def possible_starts(points: int, loop: str, turns: bool) -> list[str]:
     """Where attempts may begin.
 
-    Newton only for the loop `direct`, whose lagged limits settle slowly near gross slip;
-    pivoting only on problems small enough for its tableau.
+    Newton only for the loop `direct`, whose lagged limits settle slowly near gross slip; pivoting only
+    on problems small enough for its tableau, and where directions of friction do not turn. Where they
+    do, it is the proximal point.
     """
-    few = points <= MOST_POINTS
-    useful = {"warm": True, "cold": True, "newton": loop == "direct", "pivoting": few}
-    return [start for start in STARTS if useful[start]]
+    few = points <= MOST_POINTS and not turns
+    useful = {"newton": loop == "direct", "pivoting": few, "proximal": turns}
+    return [start for start in STARTS if useful.get(start, True)]
 
 
 def starting_values(
@@ -38,7 +42,7 @@ def starting_values(
 
     Parameters
     ----------
-    start : {"warm", "cold", "newton", "pivoting", "apart"}
+    start : {"warm", "cold", "newton", "pivoting", "proximal", "apart"}
     known : LocalState
         The last known state, which a warm start repeats.
     step : Step
@@ -49,12 +53,14 @@ def starting_values(
         The loop that begins here. Before `direct`, whose lagged limits run away from an answer that
         is not exact, Newton takes the round-off out of what pivoting has found.
     dense : Step
-        The same step with gaps and slips as unknowns, for pivoting.
+        The same step with gaps and slips as unknowns, for the starts in `DENSE`.
     """
     if start == "warm":
         return as_guess(known), None
     if start == "newton":
         return _by_newton(as_guess(known), step, tolerance)
+    if start == "proximal":
+        return proximal(dense, admissible(as_guess(known), dense), tolerance)
     if start == "pivoting":
         pivoted = lemke_guess(dense, as_guess(known))
         if pivoted is not None:
@@ -105,6 +111,8 @@ def as_guess(state: LocalState) -> Guess:
     """Starting values from a state."""
     size = lengths(state.tangential_force)
     slips = (state.status == SLIP) & (size > 0)
+    if state.slip.shape[1] > 1:  # slip may go on in any direction: until that is known, nothing slips
+        slips = np.zeros_like(slips)
     status = np.where((state.status == SLIP) & ~slips, STICK, state.status)
     unit = state.tangential_force / np.where(slips, size, 1.0)[:, None]
     direction = np.where(slips[:, None], unit, 0.0)
@@ -117,4 +125,4 @@ def admissible(guess: Guess, step: Step) -> Guess:
     status = np.where(step.tied | ((status == SLIP) & ~step.frictional), STICK, status)
     direction = np.where((status == SLIP)[:, None], guess.direction, 0.0)
     forces = guess.normal_force, guess.tangential_force
-    return Guess(status, direction, *forces, guess.slip, guess.pivoted)
+    return Guess(status, direction, *forces, guess.slip, guess.pivoted, guess.reach)

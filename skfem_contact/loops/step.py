@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.return_map import Derivatives
+from skfem_contact.conditions.return_map import Derivatives, Mapped
 from skfem_contact.conditions.state import LocalState
 from skfem_contact.conditions.thresholds import BEYOND
-from skfem_contact.problem.response import Conditions, Load, Response
-from skfem_contact.problem.seam import ContactProblem
+from skfem_contact.problem.response import Conditions, Load, Resistance, Response
+from skfem_contact.problem.seam import LinearProblem
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -28,10 +28,10 @@ class Step:
     `noise`: forces up to this are round-off of loads and stiffness, whatever the contact forces are;
     where nothing presses it is all there is. `rank`: a number for every point that does not depend on
     the order in which bodies, contacts and nodes were given; where points have to be taken one after
-    the other, or two are alike, it decides.
+    the other, or two are alike, it decides. `resistance`: of each point, as far as it is known.
     """
 
-    problem: ContactProblem
+    problem: LinearProblem
     load: Load
     motions: RigidMotions
     area: Array
@@ -43,6 +43,12 @@ class Step:
     last: LocalState
     rank: NDArray[np.intp]
     noise: float = 0.0
+    resistance: Resistance | None = None
+
+    @property
+    def turns(self) -> bool:
+        """Whether directions of friction can turn: there is friction along more than one tangent."""
+        return bool(self.laws) and self.last.slip.shape[1] > 1
 
     @cached_property
     def exact(self) -> Mask:
@@ -74,21 +80,19 @@ class Step:
         """Friction forces (m, d-1) of points that slip along `direction`."""
         return self.force(BEYOND * direction, normal_force, slip)[0]
 
-    def derivatives(
-        self, direction: Array, normal_force: Array, slip: Array
-    ) -> tuple[Array, Derivatives]:
-        """Friction forces of points that slip along `direction`, and how they change."""
-        m, t = direction.shape
-        force = np.zeros((m, t))
+    def return_map(self, trial: Array, normal_force: Array, slip: Array) -> Mapped:
+        """Friction forces that trial forces come back to, and their derivatives; zero without law."""
+        m, t = trial.shape
+        force, slips = np.zeros((m, t)), np.zeros(m, dtype=bool)
         by = Derivatives(np.zeros((m, t, t)), np.zeros((m, t)), np.zeros((m, t, t)))
         for part, law, asked in self._asked(normal_force, slip):
-            own, _, own_by = law.return_map(BEYOND * direction[part], *asked)
+            own, own_slips, own_by = law.return_map(trial[part], *asked)
             if len(own) == m:  # of the only contact
-                return own, own_by
-            force[part] = own
+                return own, own_slips, own_by
+            force[part], slips[part] = own, own_slips
             for whole, values in zip(by, own_by, strict=True):
                 whole[part] = values
-        return force, by
+        return force, slips, by
 
     def _ask(self, method: str, normal_force: Array, slip: Array) -> Array:
         out = np.zeros(normal_force.shape)
@@ -150,7 +154,8 @@ class Guess:
     """Starting values of a loop; never part of the answer.
 
     `pivoted` says whether complementary pivoting found the values: work that the iterations of the loop
-    do not count.
+    do not count. `reach` is the size of the trial forces of slipping points, (m,): how firmly friction
+    resists across its direction; without it, not at all [force].
     """
 
     status: NDArray[np.intp]
@@ -159,6 +164,7 @@ class Guess:
     tangential_force: Array
     slip: Array
     pivoted: bool = False
+    reach: Array | None = None
 
 
 @dataclass(frozen=True)

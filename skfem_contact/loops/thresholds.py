@@ -26,6 +26,18 @@ SWEEPS = 5
 # for ever because of friction forces that lag behind.
 FREE_CHANGES, SETTLED = 12, 1e-6
 
+# -- proximal ----------------------------------------------------
+
+# Softness of the springs in series over that of the points: at first; what it is divided by after each
+# answer, and after each once one was not found; what it is multiplied by then. On 168 load steps with
+# coefficients of 3, 10 and 100 that Newton had failed at, values of twice and half as much do as well.
+SOFTEST, EASED, EASED_AFTER, SOFTENED = 30.0, 4.0, 2.0, 3.0
+
+# Iterations for a problem with springs; for the problem itself, once the forces have changed by less
+# than a share from one problem to the next; and for the whole chain, which took 100 on the mean and
+# more than this in two of those load steps. Where no softness helps, nothing is to be found.
+IN_SERIES, FROM_NEAR, NEAR, MOST_IN_SERIES, TOO_SOFT = 25, 8, 0.1, 600, 1e4
+
 # -- rules -------------------------------------------------------
 
 # Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
@@ -36,6 +48,10 @@ ROUND_OFF = 1e-11
 # which symmetry makes alike are so in whatever order they are numbered.
 DIGITS_ALIKE = 9
 
+# Share of its trial force that the bound of a slipping point is at most taken for: the stiffness across
+# its direction is share / (1 - share) of the point's own, and 1e6 of it leaves ten digits.
+NEARLY_STUCK = 1 - 1e-6
+
 # A set of points that holds a body by less than this is none that can be solved for: stiffnesses are
 # squares of it, and those have sixteen digits.
 FIRMLY = 1e-7
@@ -44,3 +60,9 @@ FIRMLY = 1e-7
 
 # Iterations that Newton may take where another loop begins from its answer.
 NEWTON_ITERATIONS = 80
+
+# -- search ------------------------------------------------------
+
+# Armijo's rule: the decrease that is asked for over that of the linear model, and how often a step is
+# halved for it.
+DECREASE, HALVINGS = 1e-4, 10

@@ -1,11 +1,12 @@
 """The contact problem: bodies reduced to gaps, slips and forces of the points.
 
 * `seam`: the contact problem as load steps and loops see it; `response`: what they ask and are told;
-* `points`: the problem on gaps and slips; `sparse`: on displacements;
+* `points`: the problem on gaps and slips; `sparse`, `displacements`: on displacements;
 * `substructure`, `condensed`: bodies condensed onto their contact DOFs; `delassus`: the dense matrix of
   their gaps and slips, and its size;
 * `whole`, `held`, `layer`, `iterated`: the same without dense matrices, for very many points;
 * `full`: all DOFs, for any linear solver;
+* `resistance`: what each point resists by itself; `series`: the problem with springs in series;
 * `model`: the problem on one pairing, made from the bodies;
 * `thresholds`: numbers, and where they come from.
 """

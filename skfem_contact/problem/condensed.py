@@ -18,6 +18,7 @@ singular exactly where free motion is.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -32,10 +33,13 @@ from skfem_contact.conditions.thresholds import FIXED
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.direct import Dense
 from skfem_contact.problem import delassus
+from skfem_contact.problem.displacements import OnDisplacements
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load, Response, Source
+from skfem_contact.problem.resistance import point_resistance
+from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.problem.seam import ContactProblem, Posed, PosedOn
-from skfem_contact.problem.sparse import OnDisplacements, SparseSpace
+from skfem_contact.problem.series import PointsInSeries
+from skfem_contact.problem.sparse import SparseSpace
 from skfem_contact.problem.substructure import Components, Substructure, firmness
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE
 from skfem_contact.problem.whole import Whole
@@ -213,6 +217,11 @@ class PointProblem(CondensedProblem[Condensed]):
         S = delassus.without_anchors(A, self.A_zq, self.rigid)
         self.points = PointSpace(S, normal_rows, tangential_rows)
 
+    @cached_property
+    def resistance(self) -> Resistance:
+        """What each point resists by itself; anchors hold bodies that their supports do not."""
+        return point_resistance(self.rows, self.slips, self.bodies.row_flexibility)
+
     def load(self, case: LoadCase) -> Load:
         """A load case on gaps and slips."""
         f_c, components = self.bodies.load(case.f, case.x)
@@ -225,6 +234,10 @@ class PointProblem(CondensedProblem[Condensed]):
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
         return self.points.solve(conditions, load)
+
+    def in_series(self, C: Resistance) -> PointsInSeries:
+        """The same problem with springs of the stiffness C in series with its points."""
+        return PointsInSeries(self.points, C)
 
     def source(self, load: Load, response: Response) -> Source:
         """Forces on the contact DOFs: loads, contact, and the springs on the anchors."""
@@ -254,6 +267,11 @@ class SurfaceProblem(OnDisplacements, CondensedProblem[Condensed]):
             scale=bodies.system.extent,
             frictional=on.slipping,
         )
+
+    @cached_property
+    def resistance(self) -> Resistance:
+        """What each point resists by itself."""
+        return point_resistance(self.rows, self.slips, self.bodies.row_flexibility)
 
     def load(self, case: LoadCase) -> Load:
         """A load case on the contact DOFs."""

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag as dense_block_diag
-from scipy.sparse import block_diag, csr_matrix
+from scipy.sparse import block_diag, csr_matrix, diags
 
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.direct import as_linear_solver
-from skfem_contact.problem.response import Load, Source
+from skfem_contact.problem.displacements import OnDisplacements
+from skfem_contact.problem.resistance import point_resistance
+from skfem_contact.problem.response import Load, Resistance, Source
 from skfem_contact.problem.seam import ContactProblem, Posed, PosedOn
-from skfem_contact.problem.sparse import OnDisplacements, SparseSpace
+from skfem_contact.problem.sparse import SparseSpace
+from skfem_contact.problem.thresholds import STIFFER
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -53,6 +57,7 @@ class FullProblem(OnDisplacements, Posed):
 
     def __init__(self, bodies: FullSystem, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> None:
         super().__init__(on)
+        self.slips = bool(on.slipping.any())
         self.space = SparseSpace(
             K=bodies.K,
             kin=on.kin,
@@ -65,6 +70,15 @@ class FullProblem(OnDisplacements, Posed):
             points=bodies.points,
             modes=bodies.modes,
         )
+
+    @cached_property
+    def resistance(self) -> Resistance:
+        """What each point resists by itself, by K's diagonal."""
+        diagonal = self.space.K.diagonal()
+        given = np.zeros_like(diagonal)
+        free = np.setdiff1d(np.flatnonzero(diagonal > 0), self.space.D)
+        given[free] = STIFFER / diagonal[free]
+        return point_resistance(self.kin, self.slips, lambda rows: rows @ diags(given))
 
     def load(self, case: LoadCase) -> Load:
         """The load case as it stands."""

@@ -14,7 +14,9 @@ preconditioned by the stiffness of a layer under the surfaces (`layer`).
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +31,17 @@ from skfem_contact.problem.condensed import CondensedProblem
 from skfem_contact.problem.full import FullProblem, FullSystem
 from skfem_contact.problem.held import Held
 from skfem_contact.problem.layer import Layers
-from skfem_contact.problem.response import Conditions, Load, Response, Source, friction_force
+from skfem_contact.problem.resistance import point_resistance
+from skfem_contact.problem.response import (
+    Conditions,
+    Load,
+    Resistance,
+    Response,
+    Source,
+    friction_force,
+)
 from skfem_contact.problem.seam import ContactProblem, PosedOn
-from skfem_contact.problem.thresholds import ITERATED, MOST_PRODUCTS, STAGNANT, UNHELD
+from skfem_contact.problem.thresholds import ITERATED, MOST_PRODUCTS, STAGNANT, STIFFER, UNHELD
 from skfem_contact.problem.whole import Whole
 
 Array = NDArray[np.float64]
@@ -82,6 +92,21 @@ class IteratedProblem(CondensedProblem[IteratedBodies]):
         self.FP = np.column_stack(columns) if columns else bodies.P
         self.products: list[int] = []
         self._last: tuple[Load, Array, Array] | None = None  # of the iteration before, under one load
+
+    @cached_property
+    def resistance(self) -> Resistance:
+        """What each point resists by itself, by the diagonal of K."""
+        return point_resistance(
+            self.rows, self.slips, lambda rows: STIFFER * self.layers.flexibility(rows)
+        )
+
+    def in_series(self, C: Resistance) -> ForcesInSeries:
+        """The same problem with springs of the stiffness C in series with its points."""
+        return ForcesInSeries(self, C)
+
+    def stiffness(self, rows: NDArray[np.intp]) -> Callable[[Array], Array]:
+        """Forces on some of the rows that hold them at gaps and slips, nearly."""
+        return self.layers.stiffness(csr_matrix(self.G[rows]))
 
     def _positions(self) -> Array:
         """Where the point of each row is, (q, d)."""
@@ -141,6 +166,42 @@ class IteratedProblem(CondensedProblem[IteratedBodies]):
         return Source(force, forces=True)
 
 
+class ForcesInSeries(IteratedProblem):
+    """The contact problem on forces with springs in series with its points, see `series`.
+
+    ``W + C^-1`` in place of W; the layers are as much softer as the springs make each row.
+    """
+
+    def __init__(self, problem: IteratedProblem, C: Resistance) -> None:
+        vars(self).update(vars(problem))
+        self._last = None
+        self._give = np.zeros(len(problem.own))
+        for rows, stiff in ((self.normal_rows, C.normal), (self.tangential_rows.T, C.tangential)):
+            exists = rows >= 0
+            self._give[rows[exists]] = 1.0 / np.broadcast_to(stiff, rows.shape)[exists]
+        self._share = 1.0 / (1.0 + problem.own * self._give)
+        self.own = problem.own * self._share
+
+    def moved(self, p: Array, q: Array) -> tuple[Array, Array]:
+        """Gaps and slips as they are seen, and extensions of the springs on the anchors."""
+        z, stretched = super().moved(p, q)
+        return z + self._give * p, stretched
+
+    def stiffness(self, rows: NDArray[np.intp]) -> Callable[[Array], Array]:
+        """Forces on some of the rows that hold them at gaps and slips, nearly."""
+        bare, share = super().stiffness(rows), np.sqrt(self._share[rows])
+        return lambda z: share * bare(share * z)
+
+    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
+        """The load with the forces at which the springs have no strain."""
+        assert load.moved is not None
+        p = np.zeros(len(self.own) + 1)
+        p[self.normal_rows], p[self.tangential_rows] = normal_force, -tangential_force
+        moved = load.moved.copy()
+        moved[: len(self.own)] -= self._give * p[:-1]
+        return replace(load, moved=moved)
+
+
 class HeldSystem:
     """The equations of held rows in one unit for all unknowns and residuals, the root of an energy.
 
@@ -159,7 +220,7 @@ class HeldSystem:
         self.problem, self.held = problem, held
         self.scale = np.sqrt(problem.own[held.rows])
         G = csr_matrix(problem.G[held.rows])
-        self._stiffness = problem.layers.stiffness(G)
+        self._stiffness = problem.stiffness(held.rows)
         # with forces nearly eliminated, the springs on the anchors are left, a small dense problem
         self._back = problem.FP.T @ G.T
         ahead = [held.equations(column, np.zeros(len(held.rows))) for column in self._back]

@@ -97,6 +97,10 @@ class Layers:
         own = np.asarray(G.multiply(G) @ self._softness).ravel()
         return np.where(own > 0, own, own.max(initial=0.0) or 1.0)
 
+    def flexibility(self, rows: csr_matrix) -> csr_matrix:
+        """Rows (r, n_c) times the flexibility of the contact DOFs by the diagonal of K."""
+        return csr_matrix(rows @ diags(self._softness))
+
     def independent(self, G: csr_matrix, points: Array) -> bool:
         """Whether rows (r, n_c) do not depend on each other; `points` (r, d) is where each acts."""
         Q = csr_matrix(G @ diags(self._softness) @ G.T)

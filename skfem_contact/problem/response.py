@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from skfem_contact.conditions.return_map import lengths
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -65,8 +67,23 @@ class Response:
     @cached_property
     def largest_force(self) -> float:
         """The largest normal or tangential force at a point [force]."""
-        normal, tangential = np.abs(self.normal_force), np.abs(self.tangential_force)
+        normal, tangential = np.abs(self.normal_force), lengths(self.tangential_force)
         return float(max(normal.max(initial=0.0), tangential.max(initial=0.0)))
+
+
+class Resistance(NamedTuple):
+    """What each point resists by itself, the others free to move, (m,) [force/length].
+
+    Attributes
+    ----------
+    normal : ndarray, shape (m,)
+        Against a change of its gap.
+    tangential : ndarray, shape (m,)
+        Against slip, in the direction in which it resists least.
+    """
+
+    normal: Array
+    tangential: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,13 +34,40 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.prescribed import guided_points, prescribed_rows
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load, Response, Source
+from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class ContactProblem(Protocol):
+class LinearProblem(Protocol):
+    """What an iteration asks: gaps, slips and forces under conditions that are linear."""
+
+    @property
+    def points(self) -> PointSpace | None:
+        """The dense problem on gaps and slips, where it is that: pivoting and uniqueness need it."""
+        ...
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps, slips and forces of all points under these conditions.
+
+        Raises
+        ------
+        SingularMatrix
+            If the conditions do not hold the bodies.
+        """
+        ...
+
+
+class InSeries(LinearProblem, Protocol):
+    """A contact problem with springs in series with its points, see `series`."""
+
+    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
+        """A load of the problem without springs, with the forces at which they have no strain."""
+        ...
+
+
+class ContactProblem(LinearProblem, Protocol):
     """The bodies reduced to the points of one pairing.
 
     Attributes
@@ -58,11 +85,6 @@ class ContactProblem(Protocol):
     u: Array | None
 
     @property
-    def points(self) -> PointSpace | None:
-        """The dense problem on gaps and slips, where it is that: pivoting and uniqueness need it."""
-        ...
-
-    @property
     def able(self) -> Mask:
         """Points whose gap can change: where it is prescribed, D carries the force instead."""
         ...
@@ -72,18 +94,17 @@ class ContactProblem(Protocol):
         """Points whose slip supports prescribe: they take whatever friction there is."""
         ...
 
-    def load(self, case: LoadCase) -> Load:
-        """A load case in the unknowns of the problem."""
+    @property
+    def resistance(self) -> Resistance:
+        """What each point resists by itself: how gaps and slips count beside forces."""
         ...
 
-    def solve(self, conditions: Conditions, load: Load) -> Response:
-        """Gaps, slips and forces of all points under these conditions.
+    def in_series(self, C: Resistance) -> InSeries:
+        """The same problem with springs of the stiffness C in series with its points."""
+        ...
 
-        Raises
-        ------
-        SingularMatrix
-            If the conditions do not hold the bodies.
-        """
+    def load(self, case: LoadCase) -> Load:
+        """A load case in the unknowns of the problem."""
         ...
 
     def source(self, load: Load, response: Response) -> Source:

@@ -15,7 +15,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.eliminate import eliminate
-from skfem_contact.problem.response import Conditions, Load, Response, Source, friction_force
+from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -151,18 +151,3 @@ class SparseSpace:
         slides = conditions.closed & ~conditions.stick & self.frictional
         tangential[slides] = friction_force(conditions, slip, normal_force)[slides]
         return Response(gap, slip, normal_force, tangential, u)
-
-
-class OnDisplacements:
-    """What contact problems on displacements share: a `space`, whose solutions these are."""
-
-    space: SparseSpace
-    points = None
-
-    def solve(self, conditions: Conditions, load: Load) -> Response:
-        """Gaps, slips and forces under these conditions."""
-        return self.space.solve(conditions, load)
-
-    def source(self, load: Load, response: Response) -> Source:
-        """What the displacements follow from: those of the problem's own DOFs."""
-        return Source(response.solution, forces=False)
