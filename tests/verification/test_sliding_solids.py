@@ -74,7 +74,8 @@ def test_dragged_far_is_as_pressed_there(kind, method):
     assert np.abs(near.pressure - there.pressure).max() > 0.1 * there.pressure.max()
 
 
-def test_the_history_of_a_plane_problem_extruded():
+@pytest.mark.parametrize("friction", [None, sc.Coulomb(0.4)], ids=["smooth", "rough"])
+def test_the_history_of_a_plane_problem_extruded(friction):
     """A stamp that is pressed into a block and dragged over two facets: the plane answer.
 
     Point by point; in the plane mortar rows know the curves through the nodes as well.
@@ -93,7 +94,7 @@ def test_the_history_of_a_plane_problem_extruded():
     for upper, lower in zip(stamp, block, strict=True):
         foot = upper.surface(lambda x: inside(x) & (x[1] < 0.2) & (np.abs(x[0] + 0.1) < 0.49))
         roof = lower.surface(lambda x: inside(x) & (x[1] > -0.1) & (x[0] > -1.19) & (x[0] < 1.59))
-        contact = sc.Contact(foot, roof, method="node", sliding="finite")
+        contact = sc.Contact(foot, roof, method="node", sliding="finite", friction=friction)
         solver = sc.ContactSolver([upper, lower], contact, options=EXACT)
         steps = [moved(upper, (share, -0.05, 0.0)[: upper.dim]) for share in (0.0, 0.2, 0.4, 0.65)]
         results = list(solver.history(steps))
@@ -117,3 +118,30 @@ def test_a_rigid_ball_that_moves(kind):
 
     far = force([(0, 0, -0.05), (0.2, 0.1, -0.05), (0.45, 0.2, -0.05)], (0.7, 0.6))
     assert_allclose(far, force([(0, 0, -0.05)], (1.15, 0.8)), atol=SETTLED * abs(far[2]))
+
+
+def test_a_rough_ball_that_turns():
+    """A ball that spins in place drags the block by the moment of its pressures; and the slip goes on.
+
+    About the axis of its pressure every point slips across its radius by as much as it is turned.
+    """
+    block = elastic(
+        box("quad4", (0, 0, 0), (2, 2, 0.8), 6), "quad4", "block", held=((at(2, 0.0), (0, 1, 2)),)
+    )
+    ball = sc.RigidSphere((1, 1, 0.8 + 2.0), 2.0)
+    contact = sc.Contact(
+        block.surface(at(2, 0.8)), ball, sliding="finite", friction=sc.Coulomb(0.3), name="joint"
+    )
+    solver = sc.ContactSolver(block, contact, options=EXACT)
+    down, centre = np.array([0, 0, -0.06]), np.array([1, 1, 2.8])
+    steps = [{"motion": {"joint": (down, np.array([0, 0, turn]), centre)}} for turn in (0.0, 0.3, 1.5)]
+    first, *results = solver.history(steps)
+    for result in results:
+        closed = result.status > 0
+        arm = np.linalg.norm(result.points[:, :2] - 1, axis=1)
+        # near the axis slips are small, and what the block gives turns them off the circle a little
+        bound = 0.3 * np.sum((result.normal_force * arm)[closed])
+        moment = result.moment((1, 1, 0))[2]
+        assert abs(moment) == pytest.approx(bound, rel=4e-3)
+        assert result.certificate.worst < 1e-8
+    assert_allclose(results[0].force, first.force, atol=1e-2 * first.force[2])

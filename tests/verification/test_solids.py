@@ -304,15 +304,9 @@ def test_glued_cubes_are_one_body():
                 assert u[i] == pytest.approx(expected[same][0], abs=1e-11)
 
 
-def test_what_is_not_there_yet_is_refused():
-    """Friction and finite sliding of solids are refused in words, and mixed dimensions too."""
-    low, high = elastic(cube("quad4", 1), "quad4", "low"), raised("quad4", 1, 1.0)
-    foot, top = high.surface(at(2, 1.0), name="foot"), low.surface(at(2, 1.0), name="top")
-    for settings, words in (
-        ({"friction": sc.Coulomb(0.3), "method": "node"}, "friction in 3-D is not implemented yet"),
-    ):
-        with pytest.raises(InputError, match=words):
-            sc.ContactSolver([low, high], [sc.Contact(foot, top, **settings)])
+def test_mixed_dimensions_are_refused():
+    """A solid does not meet a plane body."""
+    foot = raised("quad4", 1, 1.0).surface(at(2, 1.0), name="foot")
     plane = fem.MeshQuad()
     basis = fem.Basis(plane, fem.ElementVector(fem.ElementQuad1()))
     flat = sc.Body(basis, np.eye(basis.N), name="flat").surface(None)
