@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
+from skfem_contact.loops.plane_rules import propose_in_plane
 from skfem_contact.loops.projection import (
     left_over,
     pressing,
@@ -32,12 +33,14 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
 
     Where round-off would decide, a point keeps the status that it has in `current`.
     """
+    if not step.turns:
+        return propose_in_plane(step, current, response)
     finite = np.isfinite(response.gap)
     gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
     nothing = max(ROUND_OFF * response.largest_force, step.noise)
     rho = resistances(step, response)
-    force = pressing(response, rho)
     was_open = current.status == OPEN
+    force = pressing(response, rho)
     penetrates = was_open & (force > rho.normal * (ROUND_OFF * gap_scale)) & step.paired
     pulls = ~was_open & (force < -nothing)
     force = np.where(step.paired, np.maximum(force, 0.0), 0.0)
