@@ -1,7 +1,7 @@
 """The nonlinear iterations: which points are open, stick and slip.
 
 * `step`: what loops are given and return;
-* `projection`, `rules`, `plane_rules`, `guided`: how points change, and where supports prescribe the slip;
+* `projection`, `rules`, `plane_rules`, `guided`: how points change, where supports prescribe slips;
 * `tangent`: the linear conditions of an iteration; `pace`, `search`: how far one goes at a time;
 * `active_set`, `fictitious`, `table`: the three loops, and each by its name and limits;
 * `driver`: what counts, logs and stops them;
