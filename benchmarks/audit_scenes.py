@@ -337,7 +337,7 @@ ROWS = (
         "Coulomb, mu = 0.3",
         "no friction",
         friction,
-        ("conditions/friction:limit", "conditions/friction:slope", "loops/rules:_slip_rule"),
+        ("conditions/friction:limit", "conditions/friction:slope", "loops/plane_rules:_slip_rule"),
         tangential,
     ),
     Row(
