@@ -276,3 +276,18 @@ def test_a_corner_row_moves_with_the_vertex_of_a_turning_tool():
     spin = np.array([-arm[1], arm[0]]) / scale
     assert_allclose(kin.B_n[row].toarray().ravel()[columns], -np.array([*n, n @ spin]), atol=1e-12)
     assert_allclose(kin.B_t[row].toarray().ravel()[columns], -np.array([*t, t @ spin]), atol=1e-12)
+
+
+def test_corners_that_press_little_are_no_reason_to_warn():
+    """A wedge anywhere between two nodes: small sliding follows, and nothing is said."""
+    for x in (0.033, 0.05, 0.089):
+        wedge = sc.RigidPolyline([(x - 0.9, 0.9), (x, -0.0005), (x + 0.9, 0.9)], name="die")
+        body = block()
+        contact = sc.Contact(body.surface("top"), wedge)
+        solver = sc.ContactSolver([body], [contact])
+        assert (solver.kin.vertex >= 0).any()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            result = next(solver.history([{"motion": {"die": (0, -0.0005)}}]))
+            result.report()
+        assert result.force[1] < -1e-5

@@ -211,6 +211,40 @@ def test_springs_of_a_tool_bear_what_contact_does_not():
     assert max(result.certificate.worst, away.certificate.worst) < 1e-12
 
 
+@pytest.mark.parametrize("route", ["condensed", "sparse"])
+def test_a_tool_on_points_that_supports_hold(route):
+    """A die on a face all of whose nodes are prescribed: nothing gives way, and statics is all."""
+    block = slab(D=["top", "bottom"])
+    die = sc.RigidBody(floor(), force=(0.01, -0.1), about=(0.2, 0.3), name="die")
+    contact = sc.Contact(block.surface("top"), die, friction=sc.Coulomb(0.3))
+    result = solver_of([block, die], [contact], linear=ROUTES[route]).solve()
+    assert_allclose(result.displacement("die"), 0.0, atol=1e-14)
+    assert_allclose(result.force, (0.01, -0.1), atol=1e-15)
+    assert_allclose(result.moment((0.2, 0.3)), 0.0, atol=1e-15)
+    assert result.certificate.worst < 1e-12
+
+
+def test_loads_and_motions_by_name_whatever_the_size_of_the_bodies():
+    """Moments and angles by name of DOF and as vectors, on bodies that are not of unit size."""
+    block = slab(-7, 5, -6, 0, n=4)
+    die = sc.RigidBody(floor(), about=(0.5, 0.7), D="x")
+    solver = solver_of([block, die], [sc.Contact(block.surface("top"), die)])
+    named = {"f": {"die": {"y": -0.05, "rotation": 0.02}}}
+    vector = {"f": {"die": (0.0, -0.05, 0.02)}}
+    stacked = {"f": np.array([*np.zeros(block.n), 0.0, -0.05, 0.02])}
+    own = solver.with_load("die", {"y": -0.05, "rotation": 0.02}).solve()
+    for step in (named, vector, stacked):
+        result = next(solver.history([step]))
+        assert_allclose(result.moment((0.5, 0.7)), 0.02, rtol=1e-12)
+        assert_allclose(result.displacement("die"), own.displacement("die"), atol=1e-14)
+    turned = sc.RigidBody(floor(), force=(0, -0.05), D=("x", "rotation"), name="die")
+    solver = solver_of([block, turned], [sc.Contact(block.surface("top"), turned)])
+    for step in ({"rotation": 0.003}, (0.0, 0.0, 0.003)):
+        result = next(solver.history([{"x": {"die": step}}]))
+        assert_allclose(result.motion("die")[1], 0.003, rtol=1e-14)
+        assert_allclose(result.reaction("die")[2], result.moment((0.0, 0.0)), rtol=1e-10)
+
+
 # -- the limit of stiff bodies -----------------------------------------------------------------------
 
 
