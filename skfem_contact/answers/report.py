@@ -66,8 +66,8 @@ def table(result: ContactResult) -> str:
 def validity_lines(result: ContactResult) -> list[str]:
     """Whether the model holds at the answer, and what to change where it does not."""
     validity = result.validity
-    words = {True: "holds", False: "DOES NOT HOLD", None: "what is measured of it holds"}
-    lines = [f"Validity of the model: {words[validity.holds]}"]
+    words = "holds" if validity.holds else "DOES NOT HOLD"
+    lines = [f"Validity of the model: {words}"]
     lines += str(validity).splitlines()
     for text in validity.problems.values():
         lines += [f"  ! {textwrap.fill(text, 96, subsequent_indent='    ')}"]

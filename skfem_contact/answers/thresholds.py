@@ -71,7 +71,7 @@ TILT = 0.1
 GAP = 0.1
 
 # Height of curves over one facet, over the elastic approach: forces are up to 15 % off by mortar and
-# 23 % node by node, half of that in general (`chords`).
+# 23 % node by node, half of that in general (`chords`); on balls, by 21 % with either (`face_chords`).
 SAGITTA = 0.2
 
 # Force of points beyond the end of the primary over that of the contact: 10 % presses on nothing.

@@ -4,7 +4,7 @@
 * `drift`, `face_track` (in 3-D), `rotation`, `support`: how far small sliding and linear bodies have
   been left;
 * `solids`: the same at obstacles in 3-D;
-* `chords`: facets that are too long for what presses on a curve;
+* `chords`, `face_chords` (in 3-D): facets that are too long for what presses on a curve;
 * `overlap`, `hull` (in 3-D), `meeting`, `skin`, `intrusion`: deformed boundaries against each other;
 * `validity`: all of it, on request.
 """

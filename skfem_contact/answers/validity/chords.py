@@ -6,13 +6,13 @@ the nodes: over a facet of length h by the sagitta
     e = k h^2 / 8,        k = k_s + k_p,
 
 with the curvatures of both sides (convex ones positive, so that curves that fit have none) and the
-longer of the facets that meet. Contact that is pressed in by less ends within one facet. Then polygons
-touch where curves do not, or do not touch where curves do; gaps at the nodes of a flat side do not see
-an arc that comes down between them; and a weighted gap, which knows a parabola as a mean only, has an
-overlap of 2/3 of e where the curve just touches. Forces that follow from a prescribed approach d are
-wrong by ``d / e`` or its inverse. So e is compared with what the bodies take up elastically: forces
-are wrong by as large a part of them at most, and by less than half of that in general
-(`drift.SAGITTA`).
+longer of the facets that meet; faces have the same in `face_chords`. Contact that is pressed in by less
+ends within one facet. Then polygons touch where curves do not, or do not touch where curves do; gaps at
+the nodes of a flat side do not see an arc that comes down between them; and a weighted gap, which knows
+a parabola as a mean only, has an overlap of 2/3 of e where the curve just touches. Forces that follow
+from a prescribed approach d are wrong by ``d / e`` or its inverse. So e is compared with what the
+bodies take up elastically: forces are wrong by as large a part of them at most, and by less than half
+of that in general (`drift.SAGITTA`).
 """
 
 from __future__ import annotations
@@ -21,14 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import CURVED
+from skfem_contact.answers.validity.face_chords import face_sagittas
 from skfem_contact.bodies.normals import end_slopes
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-def sagittas(secondary: ContactSurface, primary: ContactSurface, facet: Index) -> Array:
+def sagittas(
+    secondary: ContactSurface, primary: ContactSurface, facet: Index, by_node: bool = False
+) -> Array:
     """Height of the gap's parabola over the longer of the facets that meet, shape (m,) [length].
 
     Parameters
@@ -36,12 +39,17 @@ def sagittas(secondary: ContactSurface, primary: ContactSurface, facet: Index) -
     secondary, primary : ContactSurface
     facet : ndarray of int, shape (m,)
         Primary facets that the points meet.
+    by_node : bool
+        Whether only the nodes of the secondary see the primary; matters for faces.
 
     Returns
     -------
     ndarray, shape (m,)
         Zero where no side is a curve: on straight sides, kinks and polygons of less than 16 sides.
     """
+    if isinstance(secondary, FaceSurface) and isinstance(primary, FaceSurface):
+        return face_sagittas(secondary, primary, facet, by_node)
+    assert isinstance(secondary, CurveSurface) and isinstance(primary, CurveSurface)
     of_primary, longest = bends(primary)
     bend, length = bends(secondary)
     m, ends = len(secondary.points), secondary.facets
@@ -52,13 +60,11 @@ def sagittas(secondary: ContactSurface, primary: ContactSurface, facet: Index) -
     return np.asarray(np.abs(mean + of_primary[facet]) * np.maximum(step, longest[facet]) ** 2 / 8)
 
 
-def bends(surface: ContactSurface) -> tuple[Array, Array]:
+def bends(surface: CurveSurface) -> tuple[Array, Array]:
     """Curvature of every facet [1/length], positive where it is convex, and the length of its pieces.
 
     A quadratic facet has two pieces, unless it is straight and stands for an arc nevertheless.
     """
-    if not isinstance(surface, CurveSurface):  # heights of faces are not known yet
-        return np.zeros(len(surface.facets)), surface.lengths
     slopes = surface.slopes
     if not surface.quadratic:
         return (slopes[:, 0] - slopes[:, 1]) / surface.lengths, surface.lengths

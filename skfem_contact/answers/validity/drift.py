@@ -160,7 +160,7 @@ class Track:
         measured = np.where(self.paired, pairing.gap, 0.0)
         self.added = np.where(self.paired, gap0 + own, 0.0) - measured
         # nothing is wrong with gaps of glued points
-        self.follows = not contact.tied
+        self.follows, self.nodal = not contact.tied, contact.method == "node"
         self.chord, self.curved = np.zeros(len(self.points)), False
         if isinstance(primary, ContactSurface):
             facet = np.where(self.paired, pairing.facet, 0)
@@ -196,8 +196,10 @@ class Track:
             return 0.0
         heights = self.sagittas
         if moved is not None and isinstance(self.primary, ContactSurface):
-            middles = moved[1][self.primary.facets[:, :2]].mean(axis=1)
-            heights = sagittas(self.secondary, self.primary, cKDTree(middles).query(moved[0])[1])
+            corners = self.primary.facets[:, : self.primary.kind.corners]
+            middles = moved[1][corners].mean(axis=1)
+            there = cKDTree(middles).query(moved[0])[1]
+            heights = sagittas(self.secondary, self.primary, there, self.nodal)
         return float(force @ heights / total)
 
     def breadth(self, closed: Mask) -> float:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skfem_contact.answers.thresholds import NO_LENGTH
+from skfem_contact.answers.validity.chords import sagittas
 from skfem_contact.answers.validity.drift import Track, slid
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.conditions.contact import Contact, field_values
@@ -56,6 +57,12 @@ class FaceTrack(Track):
         measures = contact.gap is None and not contact.adjust and self.follows
         if measures and contact.method == "node" and contact.sliding == "small" and self.turns:
             self.chord = np.where(self.paired, self._chords(primary, facet), 0.0)
+        # a gap that is given knows the curves
+        self.nodal = contact.method == "node"
+        self.sagittas = self.chord
+        if measures:
+            self.sagittas = sagittas(secondary, primary, facet, self.nodal)
+        self.curved = measures and bool(self.sagittas.any())
         self.rim = Rim.of(primary)
         self.room = self.rim.at_least(self.feet)
 

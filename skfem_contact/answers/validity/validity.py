@@ -11,7 +11,6 @@ with the displacements of the interior, and by a search over whole deformed boun
 
 from __future__ import annotations
 
-import textwrap
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -109,8 +108,6 @@ class Validity:
     problems : dict
         Sentences, by kind ("sliding", "overlap", "facets", "chords",
         "strain", "rotation") and name of the contact or body.
-    left_out : str
-        What was not measured, in words; in 3-D facets that are too long for a light contact.
 
     Examples
     --------
@@ -144,13 +141,10 @@ class Validity:
     largest_strain: dict[str, float]
     rotation: dict[str, float]
     problems: dict[tuple[str, str], str]
-    left_out: str = ""
 
     @property
-    def holds(self) -> bool | None:
-        """Whether everything is within its bound; None where the rest is, but something `left_out`."""
-        if self.left_out and not self.problems:
-            return None
+    def holds(self) -> bool:
+        """Whether everything is within its bound."""
         return not self.problems
 
     @property
@@ -167,7 +161,7 @@ class Validity:
         return float(np.nanmax(found))
 
     def __str__(self) -> str:
-        lines = [f"  {line}" for line in textwrap.wrap(self.left_out, 96)]
+        lines = []
         for name, part in self.contacts.items():
             lines += [f"  {name}: {line}" for line in _contact_lines(part)]
         for name, strain in self.strain.items():
@@ -210,12 +204,6 @@ def _contact_lines(part: ContactValidity) -> list[str]:
             f"normals of the two sides differ by {part.angle:.2g}, {part.angle_over_mu:.2g} of mu"
         )
     return words
-
-
-LEFT_OUT = (
-    "not measured in 3-D: whether facets are too long for what presses on a curve (the height of "
-    "curves over one facet)"
-)
 
 
 def assess(result: Answer) -> Validity:
@@ -263,8 +251,7 @@ def assess(result: Answer) -> Validity:
     for key, text in problems.items():
         if result.converged and key not in result.watched.said:
             warnings.warn(text, ContactWarning, stacklevel=4)
-    left_out = LEFT_OUT if result.kin.tangents == 2 else ""
-    return Validity(contacts, strain, largest, rotation, problems, left_out)
+    return Validity(contacts, strain, largest, rotation, problems)
 
 
 def _contact(result: Answer, i: int, outlines: Mapping[str, Outline | Hull]) -> ContactValidity:
