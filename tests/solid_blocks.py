@@ -79,6 +79,7 @@ def two_blocks(n: int, layers: int, *, floating: bool = False, E: float = 1.0) -
         tangent=np.tile(np.eye(3)[:2], (m, 1, 1)),
         paired=np.ones(m, dtype=bool),
         tied=np.zeros(m, dtype=bool),
+        bilateral=np.zeros(m, dtype=bool),
         heir=np.arange(m),
         action=points,
         offset=np.zeros((m, 3)),

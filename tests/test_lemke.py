@@ -142,6 +142,25 @@ def test_the_starting_values_are_the_answer(law: object, monkeypatch: pytest.Mon
     assert np.abs(result.u - usual.u).max() < 1e-10 * np.abs(usual.u).max()
 
 
+def test_a_bond_starts_as_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points that never open have friction and no gap to find, beside others that may open."""
+    body = block()
+    left = body.surface(lambda x: (x[1] < 1e-9) & (x[0] < 0.6))
+    right = body.surface(lambda x: (x[1] < 1e-9) & (x[0] > 0.9))
+    law, floor = sc.Tresca(0.015, stiffness=np.inf), sc.RigidPlane((0, 0), (0, 1))
+    both = [
+        sc.Contact(right, floor, friction=law, separation=False),
+        sc.Contact(left, floor, friction=sc.Coulomb(0.4, stiffness=np.inf)),
+    ]
+    usual = sc.ContactSolver(body, both).solve()
+    assert {0, 1, 2} == {int(k) for values in usual for k in values.status}
+    assert usual[0].pressure.min() < 0 < usual[1].pressure.max()
+    monkeypatch.setattr(starts, "STARTS", ("pivoting", "pivoting"))
+    result = sc.ContactSolver(body, both).solve()
+    assert result.iterations == 1
+    assert np.abs(result.u - usual.u).max() < 1e-10 * np.abs(usual.u).max()
+
+
 def test_a_history_starts_from_the_state_of_friction(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pivoting knows the friction of the step before: a reversed load ends where the loop ends."""
     body = block()

@@ -52,6 +52,7 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
         area=np.ones(m),
         paired=np.ones(m, dtype=bool),
         tied=np.full(m, tied),
+        bilateral=np.full(m, tied),
         laws=() if tied else ((slice(0, m), CheckedLaw(Coulomb(MU), "joint", np.zeros((m, 2)))),),
         frictional=np.full(m, not tied),
         stiffness=np.full(m, stiffness),

@@ -104,7 +104,7 @@ def certify(result: Answer) -> Certificate:
     length = system.extent
     gap = result.kin.B_n @ u + result.seen.gap0
     gap = np.where(kin.paired, gap, 0.0)
-    bilateral = kin.tied
+    bilateral = kin.bilateral
     overlap = np.where(bilateral, np.abs(gap), np.maximum(-gap, 0.0))
     total = max(float(np.abs(part).sum()) for part in (f, reactions, contact))
     total = max(total, floor)

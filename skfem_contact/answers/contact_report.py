@@ -24,7 +24,9 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
         size = np.linalg.norm(values.traction, axis=1) if contact.tied else values.pressure
         what, peak = "traction" if contact.tied else "pressure", int(np.argmax(size))
         where = written(values.points[peak])
-        lines.append(f"  {f'largest {what}':<24s} {size[peak]:.6g} at {where}")
+        if size[peak] > 0 or contact.separation:
+            lines.append(f"  {f'largest {what}':<24s} {size[peak]:.6g} at {where}")
+        lines += _tension_lines(values)
     if contact.friction is not None:
         lines += _friction_lines(values)
     if estimate and np.any(values.status != OPEN):
@@ -35,11 +37,23 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
     return lines
 
 
+def _tension_lines(values: ContactValues) -> list[str]:
+    """The largest tension of contact without separation, where there is any."""
+    lowest = int(np.argmin(values.pressure))
+    if values.contact.tied or values.contact.separation or values.pressure[lowest] >= 0:
+        return []
+    where = written(values.points[lowest])
+    return [f"  largest tension          {-values.pressure[lowest]:.6g} at {where}"]
+
+
 def _friction_lines(values: ContactValues) -> list[str]:
     size = np.linalg.norm(values.tangential_force, axis=1)
     lines = [
         f"  largest slip             {np.max(np.linalg.norm(values.slip, axis=1), initial=0.0):.6g}",
-        f"  friction force / normal  {_share(size.sum(), values.normal_force.sum())}",
+    ]
+    if values.contact.separation:  # else the normal forces may cancel
+        lines.append(f"  friction force / normal  {_share(size.sum(), values.normal_force.sum())}")
+    lines += [
         f"  energy lost by friction  {values.dissipation:.6g} in this step, "
         f"{values.dissipation_total:.6g} in all",
     ]

@@ -110,6 +110,7 @@ def coefficients(result: Answer) -> Array:
             force = np.maximum(state.normal_force[part], 0.0)
             law = CheckedLaw(contact.friction, name, contact.secondary.points)
             out[part] = law.slope(force, kin.area[part], slip[part])
+    out = np.where(kin.bilateral & (state.normal_force < 0), 0.0 * out, out)  # tension changes no bound
     return np.where(kin.paired, out, np.nan)
 
 

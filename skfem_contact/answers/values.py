@@ -130,13 +130,13 @@ class ContactValues:
 
     @property
     def pressure(self) -> Array:
-        """Normal force over tributary area, not negative in compression, shape (m,) [stress].
+        """Normal force over tributary area, positive in compression, shape (m,) [stress].
 
-        With ``method="mortar"`` these are the coefficients of the multiplier; node by node, the
-        pressure that has these nodal forces to second order in the size of the facets, averaged
-        with the shape function of the node. Points without an area of their own have the value of
-        their `heir`: nodes merged by the mortar method, and the node of a quadratic facet that is
-        on the axis of symmetry.
+        Negative in tension, which contact without separation bears. With ``method="mortar"`` these
+        are the coefficients of the multiplier; node by node, the pressure that has these nodal
+        forces to second order in the size of the facets, averaged with the shape function of the
+        node. Points without an area of their own have the value of their `heir`: nodes merged by the
+        mortar method, and the node of a quadratic facet that is on the axis of symmetry.
         """
         return self._over_area(self.normal_force)
 
@@ -255,7 +255,10 @@ def status_words(values: ContactValues) -> str:
     contact, count = values.contact, [int(np.sum(values.status == k)) for k in (OPEN, STICK, SLIP)]
     if contact.tied:
         return f"{count[STICK]} points tied, {count[OPEN]} without partner"
+    law = "frictionless" if contact.friction is None else type(contact.friction).__name__
+    if not contact.separation:
+        law = f"no separation, {law}"
     if contact.friction is None:
-        return f"frictionless: {count[STICK] + count[SLIP]} points closed, {count[OPEN]} open"
+        return f"{law}: {count[STICK] + count[SLIP]} points closed, {count[OPEN]} open"
     counts = ", ".join(f"{n} {name}" for n, name in zip(count, STATUS, strict=True))
-    return f"{type(contact.friction).__name__}: {counts}"
+    return f"{law}: {counts}"

@@ -40,6 +40,8 @@ LAW = "it belongs to the law, friction=Coulomb(mu, ...)"
     stiffness=LAW,
     slave="write secondary",
     master="write primary",
+    bonded="write tied=True, or separation=False for a bond that may slip",
+    no_separation="write separation=False",
 )
 @dataclass(frozen=True, eq=False)
 class Contact(PrintedAsCall):
@@ -72,6 +74,10 @@ class Contact(PrintedAsCall):
         Whether the pairing is that of the undeformed meshes, or follows the motion.
     tied : bool
         Both surfaces are glued: no gap, no slip, also in tension.
+    separation : bool
+        False is contact that never opens ("no separation" elsewhere): the surfaces are held together as
+        they are meshed, in tension too, and slide on each other as `friction` lets them. With
+        `Tresca`, a bond that carries shear whatever the pressure. Points without partner are open.
     name : str, optional
 
     Raises
@@ -92,6 +98,7 @@ class Contact(PrintedAsCall):
     outside: Literal["open", "error"] = "open"
     sliding: Literal["small", "finite"] = "small"
     tied: bool = False
+    separation: bool = True
     name: str | None = None
 
     def __post_init__(self) -> None:
@@ -130,6 +137,7 @@ class Contact(PrintedAsCall):
             if not isinstance(value, str) or value not in allowed:
                 raise InputError(f"Contact: {name} = {shown(value)} is not one of {allowed}.")
         check_switch(self.tied, "Contact: tied")
+        check_switch(self.separation, "Contact: separation")
         for name in ("interference", "gap"):
             object.__setattr__(self, name, kept(getattr(self, name)))
         check_name(self.name, "Contact: name")
@@ -141,7 +149,7 @@ class Contact(PrintedAsCall):
         if self.tied and self.friction is not None:
             raise InputError(
                 "Contact: tied=True and friction=... exclude each other: glued surfaces do not "
-                "slip. Leave one of them out."
+                "slip. Leave one of them out; a bond that slips is separation=False, friction=..."
             )
         for name in ("adjust", "reach"):
             value = getattr(self, name)
@@ -172,6 +180,11 @@ class Contact(PrintedAsCall):
                 "supported: the two sides must be known beforehand. Tag them as two boundaries "
                 "without common facets, for example the two flanks of a slot."
             )
+
+    @property
+    def bilateral(self) -> bool:
+        """Whether it pulls as well as it presses: its points never open."""
+        return self.tied or not self.separation
 
     @property
     def rigid(self) -> bool:

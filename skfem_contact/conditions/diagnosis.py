@@ -86,7 +86,7 @@ def warn_redundant_glue(contact: Contact, pairing: Pairing) -> None:
     ContactWarning
     """
     primary = contact.primary
-    if not (contact.tied and isinstance(primary, ContactSurface)):
+    if not (contact.bilateral and isinstance(primary, ContactSurface)):
         return
     prescribed = contact.secondary.held.all(axis=1)
     if not prescribed.any():
@@ -121,7 +121,7 @@ def warn_unseen(contact: Contact, pairing: Pairing) -> None:
         return
     if (
         contact.method != "node"
-        or contact.tied
+        or contact.bilateral
         or contact.gap is not None
         or secondary.body is primary.body
     ):
@@ -176,7 +176,7 @@ def check_loads(
     ConstraintError
         Tied points whose relative displacement is prescribed otherwise.
     """
-    prescribed = fixed.any() or kin.tied.any()
+    prescribed = fixed.any() or kin.bilateral.any()
     if prescribed:
         x = np.zeros(system.n)
         x[system.D] = case.x[system.D]
@@ -185,7 +185,7 @@ def check_loads(
     for contact, name, part in zip(
         interface.contacts, interface.names, interface.point_slices, strict=True
     ):
-        if contact.tied:
+        if contact.bilateral:
             _check_tied(system, contact, name, part, kin, case, x, small)
         elif prescribed and np.min(gap[part], initial=np.inf) < -small:
             doubled = int(np.floor(np.log2(-np.min(gap[part]) / small)))
@@ -207,17 +207,19 @@ def _check_tied(
     x: Array,
     small: float,
 ) -> None:
-    """Tied points that are prescribed on both sides have to be prescribed alike."""
-    t = kin.tangents
-    jumps = [np.where(kin.paired, case.gap0, 0.0) + kin.B_n @ x, kin.B_t @ x]
-    for B, jump, per_point in ((kin.B_n, jumps[0], 1), (kin.B_t, jumps[1], t)):
+    """Points held together that are prescribed on both sides have to be prescribed alike."""
+    held = [(kin.B_n, np.where(kin.paired, case.gap0, 0.0) + kin.B_n @ x, 1)]
+    if contact.tied:
+        held.append((kin.B_t, kin.B_t @ x, kin.tangents))
+    words = "ties" if contact.tied else "holds together"
+    for B, jump, per_point in held:
         rows = slice(part.start * per_point, part.stop * per_point)
         fixed = prescribed_rows(B[rows], system.D) & np.repeat(kin.paired[part], per_point)
         torn = np.flatnonzero(fixed & (np.abs(jump[rows]) > small))
         if len(torn):
             worst = torn[np.argmax(np.abs(jump[rows])[torn])] // per_point
             raise ConstraintError(
-                f"contact '{name}' ties {len(torn)} points of surface {contact.secondary.label!r} "
+                f"contact '{name}' {words} {len(torn)} points of surface {contact.secondary.label!r} "
                 "all of whose DOFs are prescribed, on both sides, with different displacements: "
                 f"they differ by {np.max(np.abs(jump[rows])[torn]):.6g} at point {worst} at "
                 f"{written(contact.secondary.points[worst])}. Prescribe one side only (D=...), or "

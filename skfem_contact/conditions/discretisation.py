@@ -152,7 +152,7 @@ def _pair_curves(
     method: str,
 ) -> Pairing:
     """Pair two boundaries of plane bodies; `fixed` is whether the frames stay what they are now."""
-    corners = None if contact.tied else _corners(contact, secondary, primary, known)
+    corners = None if contact.bilateral else _corners(contact, secondary, primary, known)
     if method == "mortar":
         pressed = None if corners is None else corners.pressed
         pairing = dual_mortar(secondary, primary, reach=contact.reach, pressed=pressed)

@@ -33,7 +33,8 @@ class Interface:
     point_slices : tuple of slice
         The points of each contact.
     laws : tuple of (slice, CheckedLaw)
-    frictional, tied : ndarray of bool, shape (m,)
+    frictional, tied, bilateral : ndarray of bool, shape (m,)
+        Points with friction; glued ones; those that never open, glued ones too.
     stiffness : ndarray, shape (m,)
         Tangential stiffness of sticking points [force/length]; ``inf`` is exact.
     """
@@ -44,6 +45,7 @@ class Interface:
     laws: tuple[tuple[slice, CheckedLaw], ...]
     frictional: Mask
     tied: Mask
+    bilateral: Mask
     stiffness: Array
 
     def contact_of(self, point: int) -> int:
@@ -148,4 +150,4 @@ def interface(
                 f"stiffness, but the law has stiffness={law.stiffness}. Leave stiffness out for "
                 "the automatic one, or use loop='newton' for exact sticking."
             )
-    return Interface(contacts, names, points_of, tuple(laws), frictional, tied, G)
+    return Interface(contacts, names, points_of, tuple(laws), frictional, tied, kin.bilateral, G)

@@ -54,7 +54,8 @@ class Kinematics:
         Tributary area [area].
     points, normal : ndarray, shape (m, d)
     tangent : ndarray, shape (m, d-1, d)
-    paired, tied : ndarray of bool, shape (m,)
+    paired, tied, bilateral : ndarray of bool, shape (m,)
+        With a partner; glued; those that never open, glued ones too.
     heir : ndarray of int, shape (m,)
         The point whose pressure and traction hold at each point: itself in general; see
         `discretisation.carriers`.
@@ -83,6 +84,7 @@ class Kinematics:
     tangent: Array
     paired: NDArray[np.bool_]
     tied: NDArray[np.bool_]
+    bilateral: NDArray[np.bool_]
     heir: NDArray[np.intp]
     action: Array
     offset: Array
@@ -116,8 +118,8 @@ def initial_gap(contact: Contact, pairing: Pairing, interference: object = None)
         given = field_values(contact.gap, pairing.points, f"gap of contact {contact.label}")
         given = given if weights is None else weights @ given
         gap = np.where(pairing.paired, given, np.inf)
-    if contact.tied and contact.gap is None:
-        gap = np.where(pairing.paired, 0.0, np.inf)  # glued as meshed
+    if contact.bilateral and contact.gap is None:
+        gap = np.where(pairing.paired, 0.0, np.inf)  # held together as meshed
     gap = np.where(np.abs(gap) <= contact.adjust, 0.0, gap)
     delta = contact.interference if interference is None else interference
     what = f"interference of contact {contact.label}"
@@ -160,7 +162,7 @@ def kinematics(
     if bulge is not None and still.any():  # rows of node-to-segment contact stand on the nodes
         slip_bulge = (diags((~still[:, 0]).astype(float)) @ bulge[0], *bulge[1:])
     lever = Lever.of(system, contact, pairing, moved)
-    held = _held(sides, frame[:, 0], contact.tied, lever)
+    held = _held(sides, frame[:, 0], contact.bilateral, lever)
     B_n = _spread(system, sides, frame[:, 0], pairing.paired, held, bulge, lever)
     return Kinematics(
         B_n=B_n,
@@ -183,6 +185,7 @@ def kinematics(
         tangent=pairing.tangent,
         paired=np.array(pairing.paired),
         tied=np.full(len(pairing.gap), contact.tied),
+        bilateral=np.full(len(pairing.gap), contact.bilateral),
         heir=carriers(secondary, pairing),
         action=pairing.action,
         offset=_offset(contact, pairing, lever),
@@ -214,9 +217,9 @@ def _slip_sides(contact: Contact, pairing: Pairing, sides: list[Side], still: Ma
     return found
 
 
-def _held(sides: Sequence[Side], direction: Array, tied: bool, lever: Lever | None) -> Mask:
+def _held(sides: Sequence[Side], direction: Array, glued: bool, lever: Lever | None) -> Mask:
     """Rows that supports hold. Not of glue: its gap is zero, and its rows agree with supports."""
-    if tied:
+    if glued:
         return np.zeros(len(direction), dtype=bool)
     held = held_rows(sides, direction)
     return held if lever is None else held & lever.holds(direction)
@@ -236,7 +239,7 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
     """All contacts in one numbering of points, in the order given."""
     if not parts:
         raise InputError("There is no contact: give at least one Contact.")
-    names = "gap0 area points normal tangent paired tied action offset tilt vertex"
+    names = "gap0 area points normal tangent paired tied bilateral action offset tilt vertex"
     stacked = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names.split()}
     first = np.cumsum([0, *(part.m for part in parts)])
     heir = np.concatenate([k + part.heir for k, part in zip(first[:-1], parts, strict=True)])

@@ -58,7 +58,7 @@ class Lever:
         if body is None:
             return None
         at = pairing.action
-        if not contact.tied:  # glue holds the points where they are
+        if not contact.bilateral:  # glue holds the points where they are
             gap = np.where(pairing.paired, pairing.gap, 0.0)
             at = at - gap[:, None] * pairing.normal
         about = body.about if moved is None else body.about + moved

@@ -86,7 +86,8 @@ def _cone(motions: RigidMotions, interface: Interface, paired: Mask) -> Array:
     """Forces on the free motions that contact points can give, as columns of length one, (k, g)."""
     grip = friction_coefficients(interface, len(paired))
     normal, tied = motions.normal, interface.tied & paired
-    columns = [normal[tied].T, -normal[tied].T]
+    both_ways = interface.bilateral & paired
+    columns = [normal[both_ways].T, -normal[both_ways].T]
     smooth = paired & ~tied & ~(grip > 0)
     endless = paired & ~tied & np.isinf(grip)
     columns += [normal[smooth].T, normal[endless].T]

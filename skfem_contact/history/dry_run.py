@@ -70,7 +70,9 @@ def _free_words(solver: ContactSolver) -> str:
 def _model_words(contact: Contact) -> str:
     if contact.tied:
         return f"tied ({contact.method}): gaps and slips are zero, also in tension"
-    method = "node by node" if contact.rigid else contact.method
+    method = "node by node" if contact.rigid else str(contact.method)
+    if not contact.separation:
+        method += "; no separation: gaps are zero, also in tension"
     law = "frictionless: nothing tangential is modelled"
     if contact.friction is not None:
         law = f"friction {contact.friction!r}"

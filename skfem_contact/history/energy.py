@@ -87,6 +87,8 @@ def friction_bound(interface: Interface, state: LocalState) -> Array:
 def rough_at_rest(interface: Interface, state: LocalState) -> bool:
     """Whether some friction bound is not zero where nothing presses: it jumps where a point opens."""
     for part, law in interface.laws:
+        if interface.bilateral[part].any():  # which never opens
+            continue
         slip = np.zeros_like(state.slip[part])
         if np.any(law.limit(np.zeros(len(slip)), state.area[part], slip) > 0):
             return True

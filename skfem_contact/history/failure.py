@@ -20,7 +20,8 @@ USUALLY = (
 JUMPS = (
     "Friction that is not zero without pressure (Tresca, cohesion) is lost all at once where a point "
     "opens, and such a point may have no state at all: closed it is pulled, open it overlaps. A bound "
-    "that begins at zero, Coulomb(mu, tau_max=...) with a large mu, is free of that. "
+    "that begins at zero, Coulomb(mu, tau_max=...) with a large mu, is free of that, and so is a bond "
+    "that never opens, Contact(separation=False). "
 )
 CORNERS = (
     "Its surfaces have sharp corners. Usually a face gives way to the next one there: the "

@@ -59,7 +59,7 @@ class Grip:
         largest = float(np.abs(state.normal_force).max(initial=0.0))
         floor = max(HOLDS_NOTHING * largest, NO_FORCE * force_terms(model, attempt.case))
         carrying = (state.status != OPEN) & (state.normal_force > floor)
-        carrying |= motions.kin.tied & motions.kin.paired
+        carrying |= motions.kin.bilateral & motions.kin.paired
         stick = carrying & model.interface.slipping & (state.status == STICK)
         firmly = TURNED if model.geometry.follows else RESISTS
         return cls(motions, attempt, carrying, stick, max(largest, floor, TINY), firmly)
@@ -75,7 +75,7 @@ class Grip:
         rows = motions.rows(carrying, self.stick)
         if null_space(rows, self.firmly).shape[1]:
             return True
-        share = np.where(motions.kin.tied, 1.0, self.attempt.local.normal_force / self.largest)
+        share = np.where(motions.kin.bilateral, 1.0, self.attempt.local.normal_force / self.largest)
         rows[: carrying.sum()] *= share[carrying, None]
         return null_space(rows, FAINT).shape[1] > 0
 

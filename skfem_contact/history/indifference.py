@@ -207,8 +207,8 @@ class Indifference:
         carrying = forces[1] > np.maximum(FALLS * forces[0], floor)
         kin = attempt.problem.kin
         motions = self.model.motions.seen_by(kin)  # those of the springs' own model are held
-        tied = self.model.interface.tied & kin.paired
-        return None if known is None else (carrying | tied, known, motions)
+        held = self.model.interface.bilateral & kin.paired
+        return None if known is None else (carrying | held, known, motions)
 
     def _pulled(
         self, model: LinearModel, pull: Array, known: State | None, barred: Mask | None = None

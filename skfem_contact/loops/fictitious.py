@@ -56,7 +56,8 @@ def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
         wrong = (proposal.status == OPEN) != (status == OPEN)
         size = np.linalg.norm(mapped, axis=1)
         unit = mapped / np.where(size > 0, size, 1.0)[:, None]
-        shown = np.where(elastic & slips & (response.normal_force > 0), SLIP, status)
+        carries = (response.normal_force > 0) | step.bilateral
+        shown = np.where(elastic & slips & carries, SLIP, status)
         kept = held is not None and bool((wrong & held.points).any())
         yield Iterate(
             shown,

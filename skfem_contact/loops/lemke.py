@@ -99,10 +99,14 @@ def _blocking_row(table: Array, basis: Index, enter: int, n: int, scale: float) 
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """Compliances and free gaps and slips of the points that take part."""
+    """Compliances and free gaps and slips of the points that take part.
+
+    Points that never open have no gap to find: friction on them has the bound of the last forces.
+    """
 
     points: Index  # those that may touch
-    friction: Index  # those of them with friction
+    friction: Index  # with friction
+    pressed: NDArray[np.bool_]  # those of them that may open
     W_nn: Array
     W_nt: Array
     W_tt: Array
@@ -139,12 +143,14 @@ def _sweeps(step: Step, problem: _Problem, current: Guess) -> Guess | None:
     guess: Guess | None = None
     for _ in range(SWEEPS):
         slope = step.slope(force, current.slip)[problem.friction]
+        slope = np.where(problem.pressed, slope, 0.0)
         cohesion = step.limit(force, current.slip)[problem.friction] - slope * force[problem.friction]
         z = _solve(problem, slope, cohesion)
         if z is None:
             return guess
         guess = _statuses(step, problem, z, current)
-        if np.allclose(slope, step.slope(guess.normal_force, current.slip)[problem.friction]):
+        found = step.slope(guess.normal_force, current.slip)[problem.friction]
+        if np.allclose(slope, np.where(problem.pressed, found, 0.0)):
             return guess
         force = guess.normal_force
     return guess
@@ -155,9 +161,9 @@ def _problem(step: Step, space: PointSpace, weak: float) -> _Problem:
     slips = space.tangential_rows.shape[1] == 1
     t_rows = space.tangential_rows[:, 0] if slips else np.full(len(load.gap0), -1)
     z = np.zeros(len(space.S))
-    tied = step.tied & (space.normal_rows >= 0)
-    held = space.normal_rows[tied]
-    z[held] = -load.gap0[tied]
+    closed = step.bilateral & (space.normal_rows >= 0)
+    held = space.normal_rows[closed]
+    z[held] = -load.gap0[closed]
     tied_t = step.tied[:, None] & (space.tangential_rows >= 0)
     z[space.tangential_rows[tied_t]] = (last.slip - load.slip0)[tied_t]
     held = np.concatenate([held, space.tangential_rows[tied_t]])
@@ -166,9 +172,11 @@ def _problem(step: Step, space: PointSpace, weak: float) -> _Problem:
     W[np.ix_(free, free)] = _compliance(space.S[np.ix_(free, free)], weak if step.motions.k else 0.0)
     at_rest = W @ (load.force - space.S @ z) + z
 
-    points = np.flatnonzero(step.paired & ~step.tied & (space.normal_rows >= 0))
-    points = points[np.argsort(step.rank[points])]  # whichever order they were given in
-    friction = points[step.frictional[points] & (t_rows[points] >= 0)]
+    able = step.paired & ~step.bilateral & (space.normal_rows >= 0)
+    order = np.argsort(step.rank)  # whichever order they were given in
+    points = order[able[order]]
+    rubs = step.frictional & (t_rows >= 0) & (able | step.bilateral)
+    friction = order[rubs[order]]
     n, t = space.normal_rows[points], t_rows[friction]
     G = step.stiffness[friction]
     soft = np.where(np.isfinite(G), 1.0 / np.where(np.isfinite(G), G, 1.0), 0.0)
@@ -179,6 +187,7 @@ def _problem(step: Step, space: PointSpace, weak: float) -> _Problem:
     return _Problem(
         points,
         friction,
+        able[friction],
         W[np.ix_(n, n)],
         W[np.ix_(n, t)],
         W[np.ix_(t, t)] + np.diag(soft),
@@ -200,11 +209,13 @@ def _compliance(S: Array, weak: float) -> Array:
 
 def _solve(problem: _Problem, slope: Array, cohesion: Array) -> Array | None:
     a, b = len(problem.points), len(problem.friction)
-    k = 1.0 / np.mean(np.diag(problem.W_nn))  # turns gaps and slips into forces
+    soft = np.diag(problem.W_nn if a else problem.W_tt)
+    k = 1.0 / np.mean(soft) if len(soft) else 1.0  # turns gaps and slips into forces
     P = np.zeros((b, a))
     place = np.full(np.max(problem.points, initial=-1) + 1, -1)
     place[problem.points] = np.arange(a)
-    P[np.arange(b), place[problem.friction]] = slope
+    pressed = np.flatnonzero(problem.pressed)
+    P[pressed, place[problem.friction[pressed]]] = slope[pressed]
     W_nt, W_tt = k * problem.W_nt, k * problem.W_tt
     one, none = np.eye(b), np.zeros((b, b))
     M = np.block(
@@ -223,9 +234,10 @@ def _statuses(step: Step, problem: _Problem, z: Array, current: Guess) -> Guess:
     normal_force, forward, backward, sigma = np.split(z, [a, a + b, a + 2 * b])
     friction = forward - backward
     m, t = current.direction.shape
-    status = np.where(step.tied & step.paired, STICK, OPEN)
+    status = np.where(step.bilateral & step.paired, STICK, OPEN)
     status[problem.points] = np.where(normal_force > 0, STICK, OPEN)
-    force, tangential, direction = np.zeros(m), np.zeros((m, t)), np.zeros((m, t))
+    force = np.where(step.bilateral, current.normal_force, 0.0)
+    tangential, direction = np.zeros((m, t)), np.zeros((m, t))
     force[problem.points] = normal_force
     if b:
         tangential[problem.friction, 0] = friction

@@ -26,7 +26,7 @@ def propose_in_plane(step: Step, current: Guess, response: Response) -> Guess:
     gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
     nothing = max(ROUND_OFF * force_scale, step.noise)
     penetrates = was_open & (response.gap < -ROUND_OFF * gap_scale) & step.paired
-    pulls = ~was_open & (response.normal_force < -nothing)
+    pulls = ~was_open & (response.normal_force < -nothing) & ~step.bilateral
 
     slips, direction = np.zeros_like(was_open), np.zeros_like(response.slip)
     if step.laws:
@@ -69,8 +69,15 @@ def _slip_rule(
     probe = np.full_like(size, force_scale if force_scale > 0 else 1.0)
     smooth = (step.limit(probe, response.slip) <= EPS * probe) & step.frictional
     slips |= smooth
-    keep = exact & was_slip
+    # where nothing resisted yet a point began to slip without a direction: now its slip tells
+    known = current.direction.any(axis=1)
+    keep = exact & was_slip & known
     direction = np.where(keep[:, None], current.direction, unit)
+    blank = exact & was_slip & ~known
+    if blank.any():
+        distance = lengths(step_slip)
+        along = step_slip / np.where(distance > 0, distance, 1.0)[:, None]
+        direction = np.where(blank[:, None], along, direction)
     slips &= current.status != OPEN
     if closes.any():
         # a point that closes slips if it moves sideways by more than it sinks in allows: the trial

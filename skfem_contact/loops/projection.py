@@ -8,7 +8,8 @@ both where, point by point,
 
 with P the return map of the friction law under the normal force a. Any positive rho will do: it only
 says how gaps and slips count beside forces. A point with a finite tangential stiffness G has its
-elastic trial force ``t = tau_n + G (s - s_n)`` instead.
+elastic trial force ``t = tau_n + G (s - s_n)`` instead. Points that never open have ``lambda = a``, and
+laws are asked with ``max(a, 0)``.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def left_over(step: Step, response: Response) -> tuple[Array, Array]:
     """What is left of both equations at every point, (m,) and (m, d-1) [force]."""
     rho = resistances(step, response)
     force = pressing(response, rho)
-    closed = (step.tied | (force > 0)) & step.paired
+    closed = (step.bilateral | (force > 0)) & step.paired
     force = np.where(closed, force, 0.0)
     trial = pushing(step, response, rho)
     friction = np.where(step.tied[:, None], trial, step.force(trial, force, response.slip)[0])

@@ -42,8 +42,8 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     was_open = current.status == OPEN
     force = pressing(response, rho)
     penetrates = was_open & (force > rho.normal * (ROUND_OFF * gap_scale)) & step.paired
-    pulls = ~was_open & (force < -nothing)
-    force = np.where(step.paired, np.maximum(force, 0.0), 0.0)
+    pulls = ~was_open & (force < -nothing) & ~step.bilateral
+    force = np.where(step.paired, np.where(step.bilateral, force, np.maximum(force, 0.0)), 0.0)
 
     slips, direction = np.zeros(len(force), dtype=bool), np.zeros(response.slip.shape)
     reach = None
@@ -98,6 +98,7 @@ def _slip_rule(
 def disagreement(current: Guess, proposal: Guess) -> Mask:
     """Points whose status or slip direction changes."""
     turned = lengths(current.direction - proposal.direction) > 1.0
+    turned |= ~current.direction.any(axis=1) & proposal.direction.any(axis=1)  # which way was not known
     return (current.status != proposal.status) | (turned & (proposal.status == SLIP))
 
 
@@ -108,7 +109,7 @@ def law_residual(step: Step, status: NDArray[np.intp], direction: Array, respons
     scale = response.largest_force
     if scale <= step.noise:
         return 0.0
-    slips = (status == SLIP) & (response.normal_force >= 0)
+    slips = (status == SLIP) & ((response.normal_force >= 0) | step.bilateral)
     if not slips.any():
         return 0.0
     lawful = step.sliding(direction, response.normal_force, response.slip)

@@ -85,7 +85,7 @@ def _cold(step: Step, kin: Kinematics, apart: bool = False) -> Guess:
     touching = step.paired & (step.load.gap0 <= 0)
     if apart:
         touching &= deepest(step.load.gap0, kin.points, step.rank)
-    status = np.where(touching | step.tied, STICK, OPEN)
+    status = np.where(touching | step.bilateral & step.paired, STICK, OPEN)
     return Guess(status, zero, np.zeros(kin.m), zero, zero)
 
 
@@ -120,8 +120,9 @@ def as_guess(state: LocalState) -> Guess:
 
 
 def admissible(guess: Guess, step: Step) -> Guess:
-    """The guess without points that have lost their partner, and with all tied points."""
+    """The guess without points that have lost their partner, and with all that never open."""
     status = np.where(step.paired, guess.status, OPEN)
+    status = np.where(step.bilateral & step.paired & (status == OPEN), STICK, status)
     status = np.where(step.tied | ((status == SLIP) & ~step.frictional), STICK, status)
     direction = np.where((status == SLIP)[:, None], guess.direction, 0.0)
     forces = guess.normal_force, guess.tangential_force

@@ -25,6 +25,7 @@ Mask = NDArray[np.bool_]
 class Step:
     """One load step as a loop sees it: a linear world, a load, the laws and the history.
 
+    `tied` points are glued; `bilateral` ones, glued or not, never open.
     `noise`: forces up to this are round-off of loads and stiffness, whatever the contact forces are;
     where nothing presses it is all there is. `rank`: a number for every point that does not depend on
     the order in which bodies, contacts and nodes were given; where points have to be taken one after
@@ -37,6 +38,7 @@ class Step:
     area: Array
     paired: Mask
     tied: Mask
+    bilateral: Mask
     laws: tuple[tuple[slice, CheckedLaw], ...]
     frictional: Mask
     stiffness: Array

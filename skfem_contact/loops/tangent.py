@@ -59,7 +59,9 @@ def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[A
     force, beyond, by = step.return_map(trial, current.normal_force, current.slip)
     coupling, spring = np.zeros(force.shape), np.zeros(by.slip.shape)
     if coupled:
-        coupling[slips] = by.normal_force[slips]
+        # under tension, which only a bond can have, the bound does not follow the force
+        pressed = slips & ~(step.bilateral & (current.normal_force < 0))
+        coupling[pressed] = by.normal_force[pressed]
         force -= coupling * np.maximum(current.normal_force, 0.0)[:, None]
         if by.slip.any():
             # a bound that falls with the slip lags: it would take stiffness away from the bodies

@@ -189,7 +189,7 @@ def test_glue_beside_friction():
     """Half of the points are glued, half have friction: glue carries what it has to."""
     blocks = Blocks(Scene(nodes=5, mu=0.3))
     tied = blocks.kin.points[:, 0] < 0.4
-    changes = {"tied": tied, "frictional": ~tied}
+    changes = {"tied": tied, "bilateral": tied, "frictional": ~tied}
     cases = [blocks.moved(shift) for shift in (*SHIFTS, (0.0, 0.0, 0.004))]
     routes = []
     for route in ("points", "full"):

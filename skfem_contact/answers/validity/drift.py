@@ -157,8 +157,7 @@ class Track:
         self.width[ends] *= 2.0
         # what a given or adjusted gap adds to the measured one, interference apart
         own = field_values(contact.interference, self.points, "interference")
-        measured = np.where(self.paired, pairing.gap, 0.0)
-        self.added = np.where(self.paired, gap0 + own, 0.0) - measured
+        self.added = np.where(self.paired, gap0 + own - gap, 0.0)
         # nothing is wrong with gaps of glued points
         self.follows, self.nodal = not contact.tied, contact.method == "node"
         self.chord, self.curved = np.zeros(len(self.points)), False
@@ -167,16 +166,16 @@ class Track:
             self.facet = primary.lengths[facet]
             self.curvature = np.where(self.follows, curvatures(primary)[facet], 0.0)
             self.turns = bool(self.curvature.any())
-            measured_on_chords = contact.gap is None and not contact.adjust and self.follows
-            if measured_on_chords and contact.method == "node" and contact.sliding == "small":
+            # a gap that is given, or zero as meshed, knows the curves
+            measured = contact.gap is None and not contact.adjust and not contact.bilateral
+            if measured and contact.method == "node" and contact.sliding == "small":
                 self.chord = np.where(self.paired, chord_gaps(primary, facet, self.points), 0.0)
             # of a node beyond the end at the start, the facet before it is in contact
             behind, ahead = ways_to_ends(primary, facet, self.points)
             self.behind, self.ahead = np.maximum(behind, 0.0), np.maximum(ahead, 0.0)
             # slips up to this leave a point with all of its share above the surface
             self.room = np.minimum(self.behind, self.ahead) - 0.5 * self.width
-            # a gap that is given knows the curves
-            self.curved = contact.gap is None and not contact.adjust and self.follows
+            self.curved = measured
             self.sagittas = sagittas(self.secondary, primary, facet) if self.curved else self.chord
             self.curved = self.curved and bool(self.sagittas.any())
 

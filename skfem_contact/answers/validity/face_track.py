@@ -54,7 +54,7 @@ class FaceTrack(Track):
         self.facet = primary.lengths[facet]
         self.bends = curvature_tensors(primary)[facet] * float(self.follows)
         self.turns = bool(self.bends.any())
-        measures = contact.gap is None and not contact.adjust and self.follows
+        measures = contact.gap is None and not contact.adjust and not contact.bilateral
         if measures and contact.method == "node" and contact.sliding == "small" and self.turns:
             self.chord = np.where(self.paired, self._chords(primary, facet), 0.0)
         # a gap that is given knows the curves

@@ -85,7 +85,7 @@ def obstacle_drift(
 def of_triangles(contact: Contact) -> bool:
     """Whether it is a solid on an obstacle of triangles, whose corners may stand between its nodes."""
     rigid = isinstance(contact.primary, Obstacle) and isinstance(contact.primary.outline, FaceSurface)
-    return rigid and not contact.tied and contact.gap is None
+    return rigid and not contact.bilateral and contact.gap is None
 
 
 def unseen_words(geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Array) -> str:
