@@ -107,14 +107,15 @@ def test_condense_solve_recover(name, columns):
     )
 
 
+@pytest.mark.parametrize("before", [(np.nan,), (np.inf, -np.inf, 1e308)], ids=["nan", "inf"])
 @pytest.mark.parametrize("name", CASES)
-def test_memory_of_fronts_is_written_before_it_is_read(name, monkeypatch):
-    """Fronts share memory that nobody clears: what was there before never shows, were it NaN."""
+def test_memory_of_fronts_is_written_before_it_is_read(name, before, monkeypatch):
+    """Fronts share memory that nobody clears: what was there before never shows, nor warns."""
 
     class Unknown(Leftovers):
         def __init__(self, fronts):
             super().__init__(fronts)
-            self._memory[:] = np.nan
+            self._memory[:] = np.resize(before, self._memory.size)
 
     monkeypatch.setattr(factor_module, "Leftovers", Unknown)
     K, points, keep = assemble(name)
