@@ -24,6 +24,8 @@ MODULES = sorted(
     if path.name != "__init__.py"
 )
 
+PRESETS = ("fast", "balanced", "accurate")  # of `Options`, whose numbers are their documentation
+
 
 def imports(name):
     """Modules of this library that one imports, wherever: on top, in functions, for types."""
@@ -90,3 +92,18 @@ def test_closed_forms_depend_on_nothing():
     for name in MODULES:
         if name.startswith("reference."):
             assert {other.split(".")[0] for other in imports(name)} <= {"reference", "errors"}
+
+
+@pytest.mark.parametrize("name", [m for m in MODULES if m.split(".")[0] not in ("output", "reference")])
+def test_small_numbers_have_a_name_and_a_source(name):
+    """Tolerances stand at the top of a module or in `thresholds`, where it is said what they are."""
+    tree = ast.parse(ROOT.joinpath(*name.split(".")).with_suffix(".py").read_text())
+    inside = [part for part in ast.walk(tree) if isinstance(part, ast.FunctionDef)]
+    numbers = [
+        node.value
+        for part in inside
+        if part.name not in PRESETS
+        for node in ast.walk(part)
+        if isinstance(node, ast.Constant) and isinstance(node.value, float)
+    ]
+    assert not [value for value in numbers if 0 < abs(value) < 1e-2], name

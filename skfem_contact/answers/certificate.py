@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.reaction import contact_forces
-from skfem_contact.answers.thresholds import NO_LOAD, SCALE_FLOOR
+from skfem_contact.answers.thresholds import NO_LOAD, NO_RESISTANCE, SCALE_FLOOR
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
@@ -205,7 +205,7 @@ def _ground(result: Answer, mode: Array) -> float:
     for body, K in zip(result.system.bodies, result.stiffness, strict=True):
         part = result.system.slice(body)
         resisted = K.T @ mode[part]
-        if np.max(np.abs(resisted)) > 1e-12 * np.max(abs(K) @ np.abs(mode[part])):
+        if np.max(np.abs(resisted)) > NO_RESISTANCE * np.max(abs(K) @ np.abs(mode[part])):
             total += float(resisted @ result.u[part])
     return total
 

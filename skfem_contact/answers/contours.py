@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.answers.thresholds import FLAT_FIT, REACH
+from skfem_contact.answers.thresholds import BARELY_OPEN, FLAT_FIT, REACH
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 
@@ -96,7 +96,7 @@ def heights(surface: FaceSurface, closed: Mask, gap: Array) -> Array:
     fitted[here] = known | some | any_
 
     scale = float(h.max(initial=0.0)) or 1.0
-    tiny = 1e-12 * scale
+    tiny = BARELY_OPEN * scale
     out = np.where(closed, -scale, np.where(opened, np.maximum(h, tiny), np.inf))
     out[first & fitted] = np.maximum(fit[first & fitted], tiny)
     out[last] = fit[last]

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 # -- certificate -------------------------------------------------
 
+# What a rigid mode is resisted by that is less than this part of the terms of K times it is round-off:
+# the mode costs no work, and the motion of a body along it is left out.
+NO_RESISTANCE = 1e-12
+
 # Forces below this part of the terms of ``K u`` are no scale: their own round-off is 1e-10 of it.
 SCALE_FLOOR = 1e-6
 
@@ -17,6 +21,10 @@ NO_LOAD = 1e-10
 COARSE = 0.05
 
 # -- contours ----------------------------------------------------
+
+# The least opening of an open node over the largest gap or force beside it: none has zero, whose edge
+# would pass through the node itself.
+BARELY_OPEN = 1e-12
 
 # Open nodes up to so many faces away tell where contact ends: two beyond those next to closed ones.
 REACH = 3
@@ -47,6 +55,10 @@ NO_MISFIT = 1e-9
 SHARPER = 3.0
 
 # -- uniqueness --------------------------------------------------
+
+# Over the stiffness of a point along the normal: couplings below the first are round-off, and a
+# tangential stiffness below the second is none that the rest of the body would hold the point with.
+NO_COUPLING, NOT_HELD = 1e-12, 1e-9
 
 # Printed reports look for other answers up to so many gaps and slips: a second at most.
 MOST_ROWS = 2000
@@ -125,3 +137,11 @@ CHORDS = 1.5
 # 0.36 (four facets of the primary to one), 0.35 (mortar, ten to one); 0.52 at the end of a wedge that
 # is driven in. 0.63, ten between two nodes of node-to-segment contact, is to be warned of.
 BULGE = 0.6
+
+# -- validity.face_track -----------------------------------------
+
+# Distances to two edges that differ by less than this part are equal: those to their common corner.
+EQUALLY_FAR = 1e-9
+
+# Nodes of a face span no plane where the square of its width is less than this part of its length's.
+NEEDLE = 1e-6

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
 from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.thresholds import NO_COUPLING, NOT_HELD
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.state import OPEN, SLIP, LocalState
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky
@@ -215,5 +216,5 @@ def _factors(A: Array) -> DenseFactors:
 
 def _ratio(k_tt: Array, k_tn: Array, scale: Array) -> Array:
     """``k_tt / |k_tn|``; infinite where there is no coupling, or nothing but this point holds."""
-    clear = (np.abs(k_tn) > 1e-12 * scale) & (k_tt > 1e-9 * scale)
+    clear = (np.abs(k_tn) > NO_COUPLING * scale) & (k_tt > NOT_HELD * scale)
     return np.where(clear, k_tt / np.where(clear, np.abs(k_tn), 1.0), np.inf)

@@ -28,6 +28,7 @@ from skfem_contact.bodies.inputs import (
     stiffness_of,
 )
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.thresholds import SAME_QUOTIENT
 from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import seal
@@ -253,7 +254,7 @@ class Body(Member):
         # compared at the largest radius, where the quotient has all its digits
         far = np.argmax(np.abs(radius))
         deviation = np.abs(weight * radius[far] - weight[far] * radius)
-        return bool(np.all(deviation <= 1e-9 * np.abs(weight[far] * radius[far])))
+        return bool(np.all(deviation <= SAME_QUOTIENT * np.abs(weight[far] * radius[far])))
 
     @cached_property
     def parts(self) -> np.ndarray:

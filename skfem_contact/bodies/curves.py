@@ -8,6 +8,7 @@ import numpy as np
 
 from skfem_contact.bodies.facets import facet_neighbours, oriented
 from skfem_contact.bodies.normals import normals_at
+from skfem_contact.bodies.thresholds import BACK_TO_BACK
 
 
 def end_turns(basis: Any, points: np.ndarray, facets: np.ndarray, vertices: np.ndarray) -> np.ndarray:
@@ -39,5 +40,5 @@ def end_turns(basis: Any, points: np.ndarray, facets: np.ndarray, vertices: np.n
             first, second = second, first
         turn = np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second)
         # two lips of a slit are back to back: its tip is no corner that could touch anything
-        turns[facet, side] = turn if turn < np.pi - 1e-6 else -turn
+        turns[facet, side] = turn if turn < np.pi - BACK_TO_BACK else -turn
     return turns

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import unit, weights_of
-from skfem_contact.bodies.thresholds import CORNER, SAME_PLACE
+from skfem_contact.bodies.thresholds import CANCELLED, CORNER, SAME_PLACE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -75,7 +75,7 @@ def areas_and_normals(
     # faces back to back (the front of a crack) cancel: then the one met last decides
     size = np.zeros(len(points))
     np.add.at(size, facets[:, :c], np.linalg.norm(weighted, axis=2))
-    lost = np.linalg.norm(total, axis=1) <= 1e-9 * size
+    lost = np.linalg.norm(total, axis=1) <= CANCELLED * size
     fallback = np.zeros_like(points)
     fallback[facets] = averaged
     total[lost] = fallback[lost]
@@ -192,5 +192,5 @@ def _centres(x: Array, kind: FacetKind) -> Array:
 def _unit_or(vectors: Array, other: Array, size: Array) -> Array:
     """Unit vectors; those of `other` where next to nothing is left of `size`."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    there = length > 1e-9 * size
+    there = length > CANCELLED * size
     return np.where(there, vectors / np.where(there, length, 1.0), other)

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.selection import mesh_edges, written
+from skfem_contact.bodies.thresholds import NO_EXTENT, SAME_FACET
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
@@ -116,7 +117,7 @@ def check_faces(
     side = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     # coordinates carry 16 digits of the mesh's extent; anything near that has no direction
     extent = np.abs(mesh.doflocs - mesh.doflocs.mean(axis=1, keepdims=True)).max()
-    small = 1e-12 * extent
+    small = NO_EXTENT * extent
     _, dN = kind.shapes(np.vstack([kind.locations, kind.middle]))
     along = np.einsum("qki,fkd->fqid", dN, x)
     area = np.cross(along[:, :, 0], along[:, :, 1])
@@ -140,7 +141,7 @@ def check_faces(
             "the middles of their edges; correct the mesh"
         )
     middle = corners.mean(axis=1)
-    pairs = cKDTree(middle).query_pairs(max(small, 1e-9 * side.min()), output_type="ndarray")
+    pairs = cKDTree(middle).query_pairs(max(small, SAME_FACET * side.min()), output_type="ndarray")
     if len(pairs):
         i, j = pairs[0]
         raise InputError(

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.selection import written
+from skfem_contact.bodies.thresholds import NO_EXTENT, SAME_FACET
 from skfem_contact.errors import InputError
 
 
@@ -107,7 +108,7 @@ def check_facets(
 ) -> None:
     chord = np.linalg.norm(points[facets[:, 1]] - points[facets[:, 0]], axis=1)
     # coordinates carry 16 digits of the mesh's extent; anything near that has no direction
-    small = 1e-12 * np.abs(mesh.doflocs - mesh.doflocs.mean(axis=1, keepdims=True)).max()
+    small = NO_EXTENT * np.abs(mesh.doflocs - mesh.doflocs.mean(axis=1, keepdims=True)).max()
     bad = np.flatnonzero(chord <= small)
     if bad.size:
         raise InputError(
@@ -116,7 +117,7 @@ def check_facets(
             "elements from the mesh"
         )
     middle = points[facets].mean(axis=1)
-    pairs = cKDTree(middle).query_pairs(max(small, 1e-9 * chord.min()), output_type="ndarray")
+    pairs = cKDTree(middle).query_pairs(max(small, SAME_FACET * chord.min()), output_type="ndarray")
     if len(pairs):
         i, j = pairs[0]
         raise InputError(

@@ -6,6 +6,7 @@ import numpy as np
 
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.thresholds import LEAST_SLOPE, NEAREST
 
 
 def project(
@@ -58,10 +59,10 @@ def _newton(corners: np.ndarray, points: np.ndarray, xi: np.ndarray) -> np.ndarr
         first = np.einsum("pk,pkd->pd", dN, corners)
         squared = np.einsum("pd,pd->p", first, first)
         # beyond the centre of curvature the second derivative is negative: keep descending
-        slope = np.maximum(squared + np.einsum("pd,pd->p", apart, second), 0.1 * squared)
+        slope = np.maximum(squared + np.einsum("pd,pd->p", apart, second), LEAST_SLOPE * squared)
         new = np.clip(xi - np.einsum("pd,pd->p", apart, first) / slope, 0.0, 1.0)
         change, xi = np.abs(new - xi).max(initial=0.0), new
-        if change <= 1e-14:
+        if change <= NEAREST:
             break
     return xi
 

@@ -29,3 +29,26 @@ ALIKE = 2 / 3
 
 # A facet is straight beside a kink if the surface turns at its other end by less than this part.
 STRAIGHT = 1 / 4
+
+# -- body, curves, face_normals, normals, facets, faces, projection ---
+
+# A measure is that of axisymmetry if its quotient by the radius is constant to the digits of a function
+# that a user writes.
+SAME_QUOTIENT = 1e-9
+
+# A turn this close to half a circle [rad] is that of the two lips of a slit.
+BACK_TO_BACK = 1e-6
+
+# Normals that cancel to this part of their sum have none in common.
+CANCELLED = 1e-9
+
+# Coordinates carry 16 digits of the mesh's extent: what is smaller than this part of it has no
+# direction. And middles of facets closer than this part of the shortest one are the same facet's.
+NO_EXTENT, SAME_FACET = 1e-12, 1e-9
+
+# Second derivatives of shape functions on a reference facet that differ by less are constant.
+SAME_SECOND = 1e-12
+
+# Newton steps to the nearest point of a parabola end at this change of its coordinate, of which 1 is
+# the whole facet; and the least curvature of the distance, over that of a chord, that they believe.
+NEAREST, LEAST_SLOPE = 1e-14, 0.1

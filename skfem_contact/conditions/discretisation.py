@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.thresholds import NO_AREA
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corners import CornerContacts, Names, corner_contacts
@@ -211,7 +212,7 @@ def _idle_points(surface: ContactSurface, area: Array) -> NDArray[np.bool_]:
     """Points whose shape function has integral zero, shape (m,)."""
     middle = np.zeros(len(surface.points))
     np.maximum.at(middle, surface.facets, area[surface.facets].max(axis=1)[:, None])
-    return np.asarray(area <= 1e-10 * middle)
+    return np.asarray(area <= NO_AREA * middle)
 
 
 def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:

@@ -19,7 +19,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.thresholds import DIGITS, RESISTS
+from skfem_contact.conditions.thresholds import DIGITS, NO_WORK, NOT_MOVED, NOT_NAMED, RESISTS
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
 
@@ -120,7 +120,7 @@ class RigidMotions:
         scale = np.max(np.abs(u))
         bodies, motions = [], []
         for body, name, part in zip(self.system.bodies, self.system.names, self._parts(u), strict=True):
-            if np.max(np.abs(part)) > 1e-6 * scale:
+            if np.max(np.abs(part)) > NOT_MOVED * scale:
                 bodies.append(name)
                 motions.append(_motion_words(body.rigid_modes, body.rigid_mode_names, part))
         same = len(set(motions)) == 1
@@ -138,7 +138,7 @@ class RigidMotions:
             size = np.linalg.norm(part)
             if isinstance(body, RigidBody) and body.obstacle.turns_in_itself(body.about):
                 size = np.linalg.norm(part[: body.dim])
-            if size > 1e-6 * np.linalg.norm(u):
+            if size > NOT_MOVED * np.linalg.norm(u):
                 words = _motion_words(body.rigid_modes, body.rigid_mode_names, part)
                 sentences.append((name, words))
         return tuple(
@@ -156,7 +156,7 @@ def _motion_words(modes: Array, names: tuple[str, ...], u: Array) -> str:
     scaled = modes / np.max(np.abs(modes), axis=0)
     share = np.abs(np.linalg.lstsq(scaled, u, rcond=None)[0])
     share = share if share.ndim == 1 else np.max(share, axis=1)
-    return " with ".join(np.array(names)[share > 1e-3 * share.max()])
+    return " with ".join(np.array(names)[share > NOT_NAMED * share.max()])
 
 
 def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matrix]) -> RigidMotions:
@@ -185,7 +185,7 @@ def _resistance(K: csr_matrix, R: Array) -> Array:
     if scale == 0.0:
         return np.zeros((0, R.shape[1]))
     _, values, rows = np.linalg.svd(K @ R / scale, full_matrices=False)
-    return rows[values > 1e-14 * np.sqrt(K.shape[0])]
+    return rows[values > NO_WORK * np.sqrt(K.shape[0])]
 
 
 def no_equilibrium(

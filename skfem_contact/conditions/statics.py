@@ -24,6 +24,7 @@ from skfem_contact.conditions.thresholds import (
     BALANCED,
     CARRIED,
     DIRECTIONS,
+    FEASIBLE,
     LEFT_ACROSS,
     LEFT_ALONG,
 )
@@ -73,7 +74,7 @@ def escape(motions: RigidMotions, interface: Interface, paired: Mask, f: Array) 
         A_eq=np.hstack([G, one, -one]),
         b_eq=-Q / size,
         method="highs",
-        options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+        options={"primal_feasibility_tolerance": FEASIBLE, "dual_feasibility_tolerance": FEASIBLE},
     )
     if found.status != 0 or found.fun <= BALANCED:
         return None

@@ -55,6 +55,16 @@ FIXED = 1e-6
 
 # -- motions -----------------------------------------------------
 
+# Parts of a motion below this share of the largest displacement are not in it: singular vectors of
+# matrices whose digits go down to RESISTS have three more.
+NOT_MOVED = 1e-6
+
+# A mode with less than this share of a motion is not named in messages.
+NOT_NAMED = 1e-3
+
+# Singular values of K on rigid modes, times the root of the number of DOFs, that are round-off.
+NO_WORK = 1e-14
+
 # A row that holds a mode of unit size resists it by a number of order one; one that does not, by
 # round-off. Everything below this counts as free: the matrix would lose more digits than it has.
 RESISTS = 1e-9
@@ -68,6 +78,9 @@ DIGITS = 1e-12
 OPPOSITE = 1e-12
 
 # -- statics -----------------------------------------------------
+
+# Where the linear program ends, of loads and arms of size one: the strictest that HiGHS takes.
+FEASIBLE = 1e-10
 
 # What may be left of a load, over the sum of its parts, and count as balanced: the linear program
 # itself ends at 1e-10.

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, lapack
 
 from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.linalg.thresholds import NO_PIVOT
 
 Array = NDArray[np.float64]
 
@@ -151,7 +152,7 @@ def factorised(A: Array, symmetric: bool) -> DenseFactors:
     largest = np.max(np.abs(np.diag(A)), initial=0.0)
     try:
         factors = lu(A, overwrite=True)
-        if np.all(factors.diagonal > 1e-14 * largest):
+        if np.all(factors.diagonal > NO_PIVOT * largest):
             return factors
     except LinAlgError:
         pass

@@ -24,3 +24,13 @@ LEAF = 120  # DOFs: below, the calls cost more than the arithmetic; above, the f
 # So suspicious pivots are followed by an estimate of the smallest eigenvalue of K scaled to a unit
 # diagonal. That is below 1e-16 for a rigid motion, and 1e-12 for the same cantilever.
 LOST, SUSPICIOUS, NEGLIGIBLE = 1e-13, 1e-8, 1e-15
+
+# -- dense_factors -----------------------------------------------
+
+# Pivot over the largest diagonal entry below which the factors of an unsymmetric matrix have no digits.
+NO_PIVOT = 1e-14
+
+# -- multifrontal.assembly ---------------------------------------
+
+# x'Ky - y'Kx of random x and y over the norm of K: assembly leaves 1e-13, single precision 1e-7.
+SYMMETRIC_TO = 1e-8

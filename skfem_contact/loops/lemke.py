@@ -22,7 +22,18 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import MOST_POINTS, SWEEPS, WEAK_SPRINGS
+from skfem_contact.loops.thresholds import (
+    EQUAL_PART,
+    EQUAL_RATIO,
+    MOST_POINTS,
+    NO_EIGENVALUE,
+    NO_STIFFNESS,
+    PIVOT,
+    RAY,
+    SWEEPS,
+    TIED_RATIO,
+    WEAK_SPRINGS,
+)
 from skfem_contact.problem.points import PointSpace
 
 Array = NDArray[np.float64]
@@ -70,7 +81,7 @@ def lemke(M: Array, q: Array) -> Array | None:
         enter = leave + n if leave < n else leave - n
         blocking = _blocking_row(table, basis, enter, n, scale)
         if blocking is None:  # a ray; with z0 = 0 up to round-off it is a solution all the same
-            if table[np.flatnonzero(basis == 2 * n)[0], -1] > 1e-9 * scale:
+            if table[np.flatnonzero(basis == 2 * n)[0], -1] > RAY * scale:
                 return None
             break
         row = blocking
@@ -83,14 +94,15 @@ def lemke(M: Array, q: Array) -> Array | None:
 
 def _blocking_row(table: Array, basis: Index, enter: int, n: int, scale: float) -> int | None:
     column = table[:, enter]
-    rows = np.flatnonzero(column > 1e-11 * max(1.0, np.abs(column).max()))
+    rows = np.flatnonzero(column > PIVOT * max(1.0, np.abs(column).max()))
     if len(rows) == 0:
         return None
     ratio = np.maximum(table[rows, -1], 0.0) / column[rows]
-    artificial = rows[(basis[rows] == 2 * n) & (ratio <= ratio.min() * (1 + 1e-9) + 1e-11 * scale)]
+    least = ratio.min() * (1 + EQUAL_PART) + EQUAL_RATIO * scale
+    artificial = rows[(basis[rows] == 2 * n) & (ratio <= least)]
     if len(artificial):
         return int(artificial[0])
-    tied = rows[ratio <= ratio.min() + 1e-13 * scale]
+    tied = rows[ratio <= ratio.min() + TIED_RATIO * scale]
     if len(tied) == 1:
         return int(tied[0])
     order = table[tied, :n] / table[tied, enter][:, None]
@@ -201,9 +213,9 @@ def _compliance(S: Array, weak: float) -> Array:
     diagonal = np.abs(np.diag(S))
     largest = np.max(diagonal, initial=0.0) or 1.0
     # a point whose motion costs nothing, on a body that turns freely, is scaled like the others
-    size = np.sqrt(np.where(diagonal > 1e-12 * largest, diagonal, largest))
+    size = np.sqrt(np.where(diagonal > NO_STIFFNESS * largest, diagonal, largest))
     values, vectors = np.linalg.eigh(S / np.outer(size, size))
-    values = np.maximum(values, max(weak, 1e-14) * values[-1])
+    values = np.maximum(values, max(weak, NO_EIGENVALUE) * values[-1])
     return (vectors / values) @ vectors.T / np.outer(size, size)
 
 

@@ -18,7 +18,7 @@ from skfem_contact.loops.projection import (
     resistances,
 )
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import DIGITS_ALIKE, FIRMLY, NEARLY_STUCK, ROUND_OFF
+from skfem_contact.loops.thresholds import DIGITS_ALIKE, FIRMLY, MOVES, NEARLY_STUCK, ROUND_OFF
 from skfem_contact.problem.response import Resistance, Response
 
 Array = NDArray[np.float64]
@@ -171,9 +171,9 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
     for i in order:
         if free.shape[1] == 0:
             break
-        resists = np.abs(motions.normal[i] @ free).max(initial=0.0) > 1e-6
+        resists = np.abs(motions.normal[i] @ free).max(initial=0.0) > MOVES
         slid = motions.tangential[i] @ free
-        turns = holds[i] and np.sqrt((slid**2).sum(axis=0)).max(initial=0.0) > 1e-6
+        turns = holds[i] and np.sqrt((slid**2).sum(axis=0)).max(initial=0.0) > MOVES
         if (status[i] == OPEN and resists) or turns:
             status[i] = STICK
             points[i] = True

@@ -40,6 +40,10 @@ IN_SERIES, FROM_NEAR, NEAR, MOST_IN_SERIES, TOO_SOFT = 25, 8, 0.1, 600, 1e4
 
 # -- rules -------------------------------------------------------
 
+# A unit motion that moves a point by less is not held by it: ten times FIRMLY, as each point takes one
+# direction from the motions that are free.
+MOVES = 1e-6
+
 # Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
 # Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
 ROUND_OFF = 1e-11
@@ -66,3 +70,23 @@ NEWTON_ITERATIONS = 80
 # Armijo's rule: the decrease that is asked for over that of the linear model, and how often a step is
 # halved for it.
 DECREASE, HALVINGS = 1e-4, 10
+
+# -- anderson ----------------------------------------------------
+
+# Differences of iterates that depend on each other to this part extrapolate by round-off: left out.
+SAME_DIRECTION = 1e-6
+
+# -- lemke (the tableau, whose entries are of order one after scaling) ---
+
+# Entries of a column, over its largest, that are pivots; round-off of up to 4 m steps is below.
+PIVOT = 1e-11
+
+# The artificial variable at a ray: below this it is zero, and the ray is a solution.
+RAY = 1e-9
+
+# Ratios that are equal, over the right-hand side: for the artificial variable, which may leave as soon
+# as it is one of the smallest (and of them as a part of the ratio), and for all others.
+EQUAL_RATIO, EQUAL_PART, TIED_RATIO = 1e-11, 1e-9, 1e-13
+
+# Diagonal entries, and eigenvalues of the scaled matrix, over the largest, that are round-off.
+NO_STIFFNESS, NO_EIGENVALUE = 1e-12, 1e-14

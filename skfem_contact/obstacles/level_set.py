@@ -23,6 +23,10 @@ DIFFERENCES = (1e-5, 1e-4)
 #: An angle [rad] between a gradient and central differences, which have some nine digits, that no
 #: round-off explains; it moves a normal by as much. Curvature tells one-sided quotients apart by 1e-5.
 OFF = 1e-3
+#: Newton's steps end with one shorter than the first, over the size of the surface: they square the
+#: error. A point is then on the surface to the second, a distance over the size, and closest to the
+#: third: central differences give normals with some nine digits.
+SETTLED, ON_SURFACE, STATIONARY = 1e-12, 1e-9, 1e-7
 
 
 @with_known_keywords()
@@ -186,13 +190,14 @@ class LevelSet(Obstacle):
             y = y - shorter[:, None] * step[:, :d]
             multiplier = multiplier - shorter * step[:, d]
             gradient = self._gradient(y, size)
-            if length.max() <= 1e-12 * size:
+            if length.max() <= SETTLED * size:
                 break
         steep = np.linalg.norm(gradient, axis=1)
-        on_surface = np.abs(self._value(y)) <= 1e-9 * size * steep
+        on_surface = np.abs(self._value(y)) <= ON_SURFACE * size * steep
         across = y - x + multiplier[:, None] * gradient
-        # central differences give normals with some nine digits
-        stationary = np.linalg.norm(across, axis=1) <= 1e-7 * (size + np.linalg.norm(y - x, axis=1))
+        stationary = np.linalg.norm(across, axis=1) <= STATIONARY * (
+            size + np.linalg.norm(y - x, axis=1)
+        )
         return y, on_surface & stationary
 
 

@@ -19,6 +19,9 @@ from skfem_contact.obstacles.obstacle import (
 )
 from skfem_contact.pairing.thresholds import FACING
 
+#: Distances below this part of the radius are round-off: at the centre.
+AT_CENTRE = 1e-12
+
 
 @with_known_keywords()
 @dataclass(frozen=True, eq=False)
@@ -186,7 +189,7 @@ def _round(
     arm: np.ndarray, radius: float, hollow: bool, surface: ContactSurface
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     distance = np.linalg.norm(arm, axis=1)
-    off_centre = distance > 1e-12 * radius  # at the centre no direction is the closest
+    off_centre = distance > AT_CENTRE * radius  # at the centre no direction is the closest
     outward = arm / np.where(off_centre, distance, 1.0)[:, None]
     sign = -1.0 if hollow else 1.0
     normal = sign * outward

@@ -15,7 +15,7 @@ from skfem_contact.bodies.normals import unit
 from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.pairing.segmentation import Quadrature
-from skfem_contact.pairing.thresholds import COINCIDENT, KINK, SPREAD
+from skfem_contact.pairing.thresholds import COINCIDENT, KINK, NO_DIRECTION, SPREAD
 from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def mortar_normals(
 def _long(vectors: Array) -> NDArray[np.bool_]:
     """Vectors that have a direction, shape (m, 1)."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(length > 1e-9 * np.max(length, initial=0.0))
+    return np.asarray(length > NO_DIRECTION * np.max(length, initial=0.0))
 
 
 def angle_between(one: Array, other: Array) -> Array:

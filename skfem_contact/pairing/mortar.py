@@ -43,7 +43,7 @@ from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.segmentation import Quadrature, facet_areas, interface_quadrature
 from skfem_contact.pairing.smooth import common_heights
 from skfem_contact.pairing.supports import FREE, MET, Supports, find_supports, without_multiplier
-from skfem_contact.pairing.thresholds import COVER_KEPT, NO_WEIGHT, SHARE_KEPT
+from skfem_contact.pairing.thresholds import COVER_KEPT, NO_DIRECTION, NO_WEIGHT, SHARE_KEPT
 from skfem_contact.pairing.vectors import facet_normal_field
 
 Array = NDArray[np.float64]
@@ -261,7 +261,7 @@ def _secondary_matrix(
     np.add.at(total, row, share[:, :, None] * normals)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     # opposite sides cancel at no corner but a crack tip; there the node's own will do
-    known = length > 1e-9 * area[:, None]
+    known = length > NO_DIRECTION * area[:, None]
     unit = np.divide(total, length, out=surface.normals.copy(), where=known)
     return D, area, -unit
 

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.pairing.search import normal_candidates
-from skfem_contact.pairing.thresholds import FACING, SLIVER
+from skfem_contact.pairing.thresholds import BISECTION_DONE, FACING, NEWTON_DONE, SLIVER
 from skfem_contact.pairing.vectors import dot, facet_normal_field, ragged, turned
 
 Array = NDArray[np.float64]
@@ -200,7 +200,7 @@ def _project(nodes: Array, normals: Array, y: Array) -> Array:
         new = np.where(newton, new, 0.5 * (low + high))
         xi[at] = new
         # Newton squares its error; to wait until nothing moves is to watch round-off
-        moving = np.abs(new - now) > np.where(newton, 1e-9, 1e-15)
+        moving = np.abs(new - now) > np.where(newton, NEWTON_DONE, BISECTION_DONE)
         at, low, high = at[moving], low[moving], high[moving]
         if not len(at):
             break

@@ -54,6 +54,9 @@ SHARE_KEPT, COVER_KEPT = 1 / 4, 1 / 3
 
 # -- facing ------------------------------------------------------
 
+# Vectors this short against the longest are differences of equal points: they have no direction.
+NO_DIRECTION = 1e-9
+
 # A smaller turn beside a straight part, 2 degrees, may be that of a curve which begins there [rad].
 KINK = float(np.radians(2.0))
 
@@ -65,6 +68,9 @@ SPREAD = float(np.arccos(CORNER))
 # By which part of its box, and of the turn of its normals at the nodes, a quadratic face may go beyond
 # them: a parabola with its middle node at a quarter of the edge goes beyond its nodes by 1/24.
 BULGE = 0.1
+
+# Unit vectors whose parts across each other are shorter than this are opposite or equal.
+NO_PLANE = 1e-12
 
 # -- frames ------------------------------------------------------
 
@@ -98,6 +104,10 @@ PAIRS_AT_ONCE = 1 << 18
 MARGIN = 1e-5
 
 # -- segmentation ------------------------------------------------
+
+# Images of points on curved facets: the change of their coordinate at which Newton's steps end, which
+# square the error, and bisection, which does not.
+NEWTON_DONE, BISECTION_DONE = 1e-9, 1e-15
 
 # Pieces shorter than this fraction of a facet are round-off of coinciding ends; left out.
 SLIVER = 1e-10

@@ -23,7 +23,7 @@ from skfem_contact.linalg.dense_factors import cholesky
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 from skfem_contact.linalg.multifrontal.size import FactorSize, factor_size
 from skfem_contact.problem import thresholds
-from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS
+from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, SAME_LOAD
 
 logger = logging.getLogger("skfem_contact")
 
@@ -71,7 +71,7 @@ class LoadSpan:
         again = Q.T @ rest  # once more: the first pass leaves round-off of |b|
         c, rest = c + again, rest - _combined(Q, again)
         size = np.linalg.norm(rest)
-        if size <= 4e-15 * np.linalg.norm(b):
+        if size <= SAME_LOAD * np.linalg.norm(b):
             self._last, self._known = b, c
             return c
         if Q.shape[1] >= MOST_DIRECTIONS:

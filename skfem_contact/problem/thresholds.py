@@ -58,6 +58,9 @@ STIFFER = 3.0
 
 # -- substructure ------------------------------------------------
 
+# What is left of a load once its parts along known ones are taken off twice, over all of it: round-off.
+SAME_LOAD = 4e-15
+
 # Size of a condensed stiffness up to which it stays beside its inverse [bytes]: contact rows that
 # depend on each other need it. A larger one is found again where they do, by a new factorisation.
 KEPT_BESIDE = 64_000_000

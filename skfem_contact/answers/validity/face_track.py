@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from skfem_contact.answers.thresholds import NO_LENGTH
+from skfem_contact.answers.thresholds import EQUALLY_FAR, NEEDLE, NO_LENGTH
 from skfem_contact.answers.validity.chords import sagittas
 from skfem_contact.answers.validity.drift import Track, slid
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
@@ -190,7 +190,7 @@ class Rim:
         distance = np.linalg.norm(away, axis=2)
         # of two edges that meet at the nearest corner the one that the point is farther out of
         out = np.sum(away * self.outward[near], axis=2)
-        nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + 1e-9)
+        nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + EQUALLY_FAR)
         out = np.where(nearest, out, -np.inf).max(axis=1)
         return np.where(out > 0, 1.0, -1.0) * distance.min(axis=1)
 
@@ -215,7 +215,7 @@ def curvature_tensors(surface: ContactSurface) -> Array:
     x, n = x - x.mean(axis=1, keepdims=True), n - n.mean(axis=1, keepdims=True)
     square = np.einsum("fkd,fke->fde", x, x)
     change = np.einsum("fkd,fke->fde", n, x)
-    K = change @ np.linalg.pinv(square, rcond=1e-6, hermitian=True)
+    K = change @ np.linalg.pinv(square, rcond=NEEDLE, hermitian=True)
     across = surface.facet_normals
     plane = np.eye(3) - across[:, :, None] * across[:, None, :]
     K = plane @ K @ plane

@@ -8,6 +8,7 @@ import numpy as np
 
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.multifrontal.fronts import Fronts, lower_entries
+from skfem_contact.linalg.thresholds import SYMMETRIC_TO
 
 
 def checked_matrix(K: Any, points: np.ndarray, keep: Any) -> tuple[Any, np.ndarray, np.ndarray]:
@@ -27,7 +28,7 @@ def checked_matrix(K: Any, points: np.ndarray, keep: Any) -> tuple[Any, np.ndarr
     x, y = np.random.default_rng(0).standard_normal((2, n))
     # x'Ky of random x and y is about as large as the Frobenius norm; cheaper than K - K.T
     difference, size = abs(x @ (K @ y) - y @ (K @ x)), np.linalg.norm(K.data)
-    if difference > 1e-8 * size:
+    if difference > SYMMETRIC_TO * size:
         raise InputError(
             f"K is not symmetric: x'Ky and y'Kx differ by {difference / size:.1e} of |K| "
             "for random x and y. Both triangles must be stored; otherwise use another solver."

@@ -26,7 +26,14 @@ from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.mortar import divided, overhang, shared_nodes
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.supports import FREE, MET, without_multiplier
-from skfem_contact.pairing.thresholds import KINK, NO_WEIGHT, SAME_NORMAL, SHARE_KEPT, SPREAD
+from skfem_contact.pairing.thresholds import (
+    KINK,
+    NO_DIRECTION,
+    NO_WEIGHT,
+    SAME_NORMAL,
+    SHARE_KEPT,
+    SPREAD,
+)
 from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
@@ -168,7 +175,7 @@ def normals_of_sides(
     total = np.zeros_like(own)
     np.add.at(total, node, A[moments.e] @ moments.cross @ field)
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    there = length > 1e-9 * length.max(initial=0.0)
+    there = length > NO_DIRECTION * length.max(initial=0.0)
     of_primary = np.where(there, total / np.where(there, length, 1.0), own)
     # a corner of the primary, if the mean normals of its pieces spread about theirs
     mean = unit(moments.cross.sum(axis=1)[:, None] @ field)[:, 0]
@@ -260,7 +267,7 @@ def _secondary_matrix(surface: FaceSurface, share: Array, S: Array) -> tuple[csr
     total = np.zeros_like(surface.points)
     np.add.at(total, surface.facets, part[:, :, None] * surface.facet_node_normals)
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    known = length > 1e-9 * area[:, None]
+    known = length > NO_DIRECTION * area[:, None]
     unit = np.divide(total, length, out=surface.normals.copy(), where=known)
     return D, area, -unit
 

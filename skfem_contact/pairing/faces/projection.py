@@ -29,6 +29,8 @@ Index = NDArray[np.intp]
 STEPS = 30
 #: Change of reference coordinates at which they are known, and by which a point is on an edge.
 KNOWN, ON_EDGE = 1e-13, 1e-9
+#: Round-off of squared distances, below which a step has not led away.
+SAME_DISTANCE = 1e-14
 #: Of the squared length element, the least curvature of the model: beyond a centre of curvature the
 #: true one is negative.
 LEAST = 0.1
@@ -113,7 +115,7 @@ def _closest(kind: FacetKind, nodes: Array, points: Array) -> Array:
         N, dN = kind.shapes(at)
         apart = np.einsum("pk,pkd->pd", N, x) - p
         now = dot(apart, apart)
-        worse = now > value[left] * (1 + 1e-14)
+        worse = now > value[left] * (1 + SAME_DISTANCE)
         if worse.any():  # back by half of the way; the model was too flat
             back = left[worse]
             step[back] *= 0.5
@@ -153,7 +155,7 @@ def _model_minimum(kind: FacetKind, xi: Array, apart: Array, along: Array, curve
     ) / det
     product = (bend[:, 0, 0] * bend[:, 1, 1] - bend[:, 0, 1] ** 2) / det
     least = half - np.sqrt(np.maximum(half**2 - product, 0.0))
-    share = np.where(least < LEAST - 1.0, (1.0 - LEAST) / np.maximum(-least, 1e-300), 1.0)
+    share = np.where(least < LEAST - 1.0, (1.0 - LEAST) / np.maximum(-least, np.finfo(float).tiny), 1.0)
     H = metric + share[:, None, None] * bend
     g = np.einsum("pd,pid->pi", apart, along)
 

@@ -21,7 +21,7 @@ from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.faces.joints import sharp_points
 from skfem_contact.pairing.search import ball_of, children, descend
-from skfem_contact.pairing.thresholds import BULGE, MARGIN
+from skfem_contact.pairing.thresholds import BULGE, MARGIN, NO_PLANE
 from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
@@ -128,8 +128,8 @@ def closest_candidates(
         distance = np.sqrt(dot(sight, sight))
         near = distance - nodes.radius
         parallax = np.arcsin(np.minimum(nodes.radius / np.maximum(distance, nodes.radius), 1.0))
-        # 1e-300: a point at the centre is within, whatever its direction
-        turn = _angles(dot(sight, nodes.axis) / np.maximum(distance, 1e-300))
+        # the least number: a point at the centre is within, whatever its direction
+        turn = _angles(dot(sight, nodes.axis) / np.maximum(distance, np.finfo(float).tiny))
         limit = nodes.spread + parallax + MARGIN
         in_front = (turn <= limit) & (near <= outside)
         behind = (np.pi - turn <= limit) & (near <= inside)
@@ -184,7 +184,7 @@ def _merge(axis: Array, spread: Array, other: Array, other_spread: Array) -> tup
     length = np.linalg.norm(across, axis=1, keepdims=True)
     # opposite or equal axes have no plane: any direction across does
     across = np.where(
-        length > 1e-12, across / np.where(length > 1e-12, length, 1.0), tangents(axis)[:, 0]
+        length > NO_PLANE, across / np.where(length > NO_PLANE, length, 1.0), tangents(axis)[:, 0]
     )
     turn = 0.5 * (first + last)[:, None]
     merged = np.cos(turn) * axis + np.sin(turn) * across
