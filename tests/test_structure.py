@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -27,11 +28,17 @@ MODULES = sorted(
 PRESETS = ("fast", "balanced", "accurate")  # of `Options`, whose numbers are their documentation
 
 
+@cache
+def parsed(name):
+    """Syntax tree of a module."""
+    return ast.parse(ROOT.joinpath(*name.split(".")).with_suffix(".py").read_text())
+
+
+@cache
 def imports(name):
     """Modules of this library that one imports, wherever: on top, in functions, for types."""
     found = set()
-    path = ROOT.joinpath(*name.split(".")).with_suffix(".py")
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(parsed(name)):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("skfem_contact"):
             inside = node.module.removeprefix("skfem_contact").removeprefix(".")
             named = {".".join(filter(None, (inside, alias.name))) for alias in node.names}
@@ -97,8 +104,7 @@ def test_closed_forms_depend_on_nothing():
 @pytest.mark.parametrize("name", [m for m in MODULES if m.split(".")[0] not in ("output", "reference")])
 def test_small_numbers_have_a_name_and_a_source(name):
     """Tolerances stand at the top of a module or in `thresholds`, where it is said what they are."""
-    tree = ast.parse(ROOT.joinpath(*name.split(".")).with_suffix(".py").read_text())
-    inside = [part for part in ast.walk(tree) if isinstance(part, ast.FunctionDef)]
+    inside = [part for part in ast.walk(parsed(name)) if isinstance(part, ast.FunctionDef)]
     numbers = [
         node.value
         for part in inside
