@@ -22,8 +22,8 @@ The packages stand in the order of the theory, and each imports only from those 
 * `output`: pictures and files.
 
 All of them use `errors`, `arguments` and `arrays` (checks of what users pass), `sealed` (arrays that do
-not change) and `carried` (functions in files and processes). Closed forms to compare with are in
-`reference`, which needs none of these.
+not change), `carried` (functions in files and processes) and `trees` (points near each other). Closed
+forms to compare with are in `reference`, which needs none of these.
 
 Public are the names that ``dir(skfem_contact)`` shows, see docs/interface.md.
 """
@@ -68,7 +68,8 @@ from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.obstacles.triangles import RigidSurface
 from skfem_contact.output.plot_bodies import plot_deformed
-from skfem_contact.output.plot_contacts import plot_contact, plot_history
+from skfem_contact.output.plot_contacts import plot_contact
+from skfem_contact.output.plot_histories import plot_force, plot_history
 from skfem_contact.output.stress import nodal_stress, von_mises
 from skfem_contact.output.vtk import write, write_series
 
@@ -120,6 +121,7 @@ __all__ = [
     "nodal_stress",
     "plot_contact",
     "plot_deformed",
+    "plot_force",
     "plot_history",
     "stack",
     "von_mises",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 
 import numpy as np
 import pytest
@@ -13,9 +12,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse.linalg import spsolve
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 from skfem.utils import solver_direct_scipy, solver_iter_pcg
+from threadpoolctl import threadpool_info
 
 from skfem_contact.errors import ContactError, InputError
-from skfem_contact.linalg import threads
 from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.backend import Backend, LinearSolveError
 from skfem_contact.linalg.direct import Dense, Direct, FromSolver, as_linear_solver
@@ -301,22 +300,12 @@ def test_matrix_is_not_changed():
 
 def test_single_threaded():
     """BLAS has one thread inside, and what it had before afterwards."""
-    threadpoolctl = pytest.importorskip("threadpoolctl")
 
     def number() -> list[int]:
-        info = threadpoolctl.threadpool_info()
+        info = threadpool_info()
         return [pool["num_threads"] for pool in info if pool["user_api"] == "blas"]
 
     before = number()
     with single_threaded():
         assert set(number()) <= {1}
     assert number() == before
-
-
-def test_single_threaded_without_threadpoolctl(monkeypatch):
-    """Without the optional package nothing is limited, and nothing fails."""
-    monkeypatch.setitem(sys.modules, "threadpoolctl", None)
-    threads._blas.cache_clear()
-    with single_threaded():
-        pass
-    threads._blas.cache_clear()

@@ -14,7 +14,7 @@ from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.output.drawing import arc_length
-from skfem_contact.output.plot_bodies import auto_scale
+from skfem_contact.output.view import auto_scale, view
 
 matplotlib = pytest.importorskip("matplotlib")
 matplotlib.use("Agg")
@@ -148,7 +148,8 @@ def test_triangles_cover_the_deformed_body(element: Any, mesh: Any) -> None:
     # (triangles that overlap would draw the first moments to one side)
     centre = np.average(corners.mean(axis=1), axis=0, weights=area)
     assert_allclose(centre, [0.5, 0.99 / 2], rtol=1e-12)
-    (outline,) = (c for c in ax.collections if isinstance(c, matplotlib.collections.LineCollection))
+    lines = [c for c in ax.collections if isinstance(c, matplotlib.collections.LineCollection)]
+    (outline,) = (c for c in lines if c.get_gid() is None)  # the obstacle has one
     assert len(outline.get_segments()) == 8  # two facets on each side
     length = sum(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in outline.get_segments())
     assert_allclose(length, 2 + 2 * 0.99, rtol=1e-12)
@@ -248,7 +249,7 @@ def test_axes_of_the_user_are_used() -> None:
 def test_body_without_contact_or_motion_can_be_drawn() -> None:
     """Nothing moves and nothing touches: true size, no arrows, no error."""
     result = pressed(levels=1, depth=0.0, gap=0.1).solve()
-    assert sc.plot_deformed(result).get_title() == "true deformation"
+    assert sc.plot_deformed(result).get_title() == "true positions"
     sc.plot_contact(result)
 
 
@@ -265,3 +266,141 @@ def test_missing_matplotlib_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(sc.InputError, match=r"pip install 'skfem-contact\[plot\]'"):
         sc.plot_contact(result)
+
+
+# -- obstacles, views, units ----------------------------------------------------------------------
+
+
+def obstacle_lines(ax: Any) -> np.ndarray:
+    """Ends of the lines of all obstacles, (s, 2, 2)."""
+    drawn = [c for c in ax.collections if c.get_gid() == "obstacle"]
+    return np.concatenate([np.array(c.get_segments()) for c in drawn])
+
+
+def slid(x: float, y: float, mu: float | None = None) -> sc.ContactResult:
+    """The square moved as a whole by (x, y) over its floor at 0."""
+    solver = pressed(levels=2, friction=sc.Coulomb(mu) if mu else None, sliding="finite")
+    body = solver.system.bodies[0]
+    move = np.array(body.x)
+    top = body.basis.get_dofs("top")
+    move[top.all("u^1")], move[top.all("u^2")] = x, y
+    return solver.solve(x={"block": move})
+
+
+def test_obstacles_are_drawn_where_they_are() -> None:
+    """A floor that has been moved up by 0.3 is a line at 0.3, with strokes below it."""
+    solver = pressed(depth=0.0, gap=None)
+    result = list(solver.history([{"motion": {"floor": (0.0, 0.01)}}]))[-1]
+    ax = sc.plot_deformed(result, scale=1.0)
+    assert_allclose(obstacle_lines(ax)[..., 1], 0.01, rtol=0, atol=1e-12)
+    (strokes,) = (c for c in ax.collections if c.get_gid() == "obstacle strokes")
+    ends = np.array(strokes.get_segments())
+    assert_allclose(ends[:, 0, 1], 0.01, rtol=0, atol=1e-12)
+    assert (ends[:, 1, 1] < 0.01).all()
+    # magnified with the bodies, so that the two touch in the picture as well
+    ax = sc.plot_deformed(result, scale=5.0)
+    (colours,) = (c for c in ax.collections if hasattr(c, "_triangulation"))
+    assert colours._triangulation.y.min() == pytest.approx(0.05)
+    assert_allclose(obstacle_lines(ax)[..., 1], 0.05, rtol=0, atol=1e-12)
+
+
+def test_what_moves_far_is_where_it_is() -> None:
+    """A block 24 along a rail that is its floor: never below true size, and all at 24."""
+    ax = sc.plot_deformed(slid(24.0, -0.01))
+    (colours,) = (c for c in ax.collections if hasattr(c, "_triangulation"))
+    assert_allclose(
+        [colours._triangulation.x.min(), colours._triangulation.x.max()], [24, 25], atol=0.1
+    )
+    low, high = ax.get_xlim()
+    assert 23 < low < 24 and 25 < high < 26 and np.ptp(obstacle_lines(ax)[..., 0]) > high - low
+
+
+def test_a_shared_translation_is_not_magnified() -> None:
+    """The same block is squeezed by 0.001: 50 times as in place, though it has moved by 24."""
+    seen = view(slid(24.0, -0.001))
+    assert seen.factor == 100.0  # with the middle of all displacements taken off, twice as much
+    assert_allclose(seen.shared, [24.0, -0.0005], atol=1e-9)
+    assert view(slid(0.0, -0.001)).factor == 50.0
+    # the place of what is nearly at rest is not changed by it
+    assert_allclose(view(slid(0.0, -0.001)).shared, 0.0)
+
+
+def test_open_contacts_are_said_to_be_open() -> None:
+    """Pictures of a contact that does not touch say so, and how far it is open."""
+    result = pressed(levels=1, depth=0.0, gap=0.1).solve()
+    texts = [text.get_text() for text in sc.plot_contact(result, units={"length": "mm"}).texts]
+    assert texts == ["contact 1 is open, the smallest gap is 0.1 mm"]
+    assert [t.get_text() for t in sc.plot_deformed(result).texts] == ["contact 1 is open"]
+
+
+def test_arrows_have_a_scale() -> None:
+    """The largest traction is in the picture, with its unit."""
+    ax = sc.plot_deformed(pressed().solve(), units={"stress": "MPa", "length": "mm"})
+    assert [text.get_text() for text in ax.texts] == ["longest arrow: 0.01 MPa"]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [mm]", "y [mm]")
+    assert ax.figure.axes[1].get_ylabel() == "displacement [mm]"
+    with pytest.raises(sc.InputError, match="no kind 'strss'; did you mean 'stress'"):
+        sc.plot_deformed(pressed().solve(), units={"strss": "MPa"})
+
+
+def test_components_of_tensors_are_drawn() -> None:
+    """A bar of modulus 1 carries -0.01 along y and nothing across; colours are one of these."""
+    result = pressed(levels=1).solve()
+
+    def sigma(body: sc.Body, u: np.ndarray) -> np.ndarray:
+        return sc.nodal_stress(body, u, E=1.0, nu=0.0)
+
+    ax = sc.plot_deformed(result, stress=sigma, component="yy", units={"stress": "Pa"})
+    (colours,) = (c for c in ax.collections if hasattr(c, "_triangulation"))
+    assert_allclose(colours.get_array(), -0.01, rtol=1e-9)
+    assert ax.figure.axes[1].get_ylabel() == "sigma yy [Pa]"
+    with pytest.raises(sc.InputError, match="component=None of 'sigma': a picture shows one of 'xx'"):
+        sc.plot_deformed(result, stress=sigma)
+    with pytest.raises(sc.InputError, match="one number per node"):
+        sc.plot_deformed(result, stress=lambda body, u: np.zeros(9), component="xx")
+
+
+def test_history_over_time_and_of_any_quantity() -> None:
+    """Over times given, or a function of the result; a name, a number or a vector of it."""
+    solver = pressed(friction=sc.Coulomb(0.3))
+    results = list(solver.history([0.5, 1.0, 1.5]))
+    ax = sc.plot_history(
+        results, over=[0.0, 2.0, 5.0], units={"time": "s", "energy": "J", "area": "m²"}
+    )
+    assert ax.get_xlim() == (0.0, 5.0) and ax.get_xlabel() == "time [s]"
+    assert ax.get_ylabel() == "area in contact [m²]"
+    ax = sc.plot_history(
+        results, quantity="force", over=lambda r: r.factor, xlabel="load", ylabel="F [N]"
+    )
+    _, y = ax.get_lines()
+    assert_allclose(y.get_xdata(), [0.5, 1.0, 1.5])
+    assert_allclose(y.get_ydata(), [0.005, 0.01, 0.015])
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("load", "F [N]")
+    ax = sc.plot_history(results, quantity=lambda r: r.pressure.max())
+    assert_allclose(ax.get_lines()[0].get_ydata(), [0.005, 0.01, 0.015])
+    with pytest.raises(sc.InputError, match=r"over has shape \(2,\), but there are 3 results"):
+        sc.plot_history(results, over=[0.0, 1.0])
+    with pytest.raises(sc.InputError, match="no quantity 'presure'; did you mean 'pressure'"):
+        sc.plot_history(results, quantity="presure")
+    with pytest.raises(sc.InputError, match="one number per step"):
+        sc.plot_history(results, quantity="pressure")
+
+
+def test_force_over_displacement() -> None:
+    """Modulus and height are one: the force on the top is how far it is pressed, as is the floor's."""
+    solver = pressed(friction=sc.Coulomb(0.3))
+    results = list(solver.history([0.5, 1.0, 1.5]))
+    ax = sc.plot_force(results, "block", "top", units={"length": "mm", "force": "N"})
+    x, y = ax.get_lines()[0].get_data()
+    assert_allclose(x, [0.005, 0.01, 0.015])
+    assert_allclose(y, x, rtol=1e-9)
+    assert ax.get_xlabel() == "displacement of block/top along -y [mm]"
+    assert ax.get_ylabel() == "force along -y [N]"
+    lifted = list(pressed(depth=0.0).history([{"motion": {"floor": (0.0, 0.004 * k)}} for k in (1, 2)]))
+    x, y = sc.plot_force(lifted, "floor").get_lines()[0].get_data()
+    assert_allclose(y, x, rtol=1e-9)
+    assert_allclose(x, [0.004, 0.008])
+    with pytest.raises(sc.InputError, match="boundary='top'"):
+        sc.plot_force(results, "block")
+    with pytest.raises(sc.InputError, match="no body 'flor'; did you mean 'floor'"):
+        sc.plot_force(results, "flor")

@@ -44,7 +44,8 @@ def pressed(kind: str, radius: float | None = None) -> sc.ContactResult:
 def faces(ax: Any) -> Any:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    (found,) = [c for c in ax.collections if isinstance(c, Poly3DCollection)]
+    drawn = [c for c in ax.collections if isinstance(c, Poly3DCollection)]
+    (found,) = [c for c in drawn if c.get_gid() is None]  # obstacles have one
     ax.figure.canvas.draw()
     return found
 
@@ -97,8 +98,11 @@ def test_sticking_points_and_slipping_arrows() -> None:
         status=status,
         tangential_force=force,
     )
-    ax = draw_contact(result, rough, None)
-    assert ax.get_legend_handles_labels()[1] == ["sticks", "slips: friction on this side"]
+    ax = draw_contact(result, rough, None, {"stress": "Pa"})
+    assert ax.get_legend_handles_labels()[1] == [
+        "sticks",
+        "slips: friction on this side, up to 0.003 Pa",
+    ]
     (points,) = [c for c in ax.collections if c.get_label() == "sticks"]
     found = np.stack(points._offsets3d, axis=1)
     expected = values.points[status == 1]

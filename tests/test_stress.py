@@ -114,3 +114,68 @@ def test_what_has_no_stress_is_refused() -> None:
     heat = sc.Body(fem.Basis(fem.MeshTri(), fem.ElementTriP1()), laplace, name="heat")
     with pytest.raises(sc.InputError, match="scalar problem"):
         sc.von_mises(heat, np.zeros(4), E=E, nu=NU)
+
+
+SOLIDS_TOO = [
+    (fem.MeshTri, fem.ElementTriP1()),
+    (fem.MeshTri, fem.ElementTriP2()),
+    (fem.MeshQuad, fem.ElementQuad1()),
+    (fem.MeshQuad, fem.ElementQuadS2()),
+    (fem.MeshQuad, fem.ElementQuad2()),
+    (fem.MeshTet, fem.ElementTetP1()),
+    (fem.MeshTet, fem.ElementTetP2()),
+    (fem.MeshHex, fem.ElementHex1()),
+    (fem.MeshHex, fem.ElementHexS2()),
+]
+
+
+@pytest.mark.parametrize(("mesh", "element"), SOLIDS_TOO)
+def test_projection_is_that_of_scikit_fem(mesh: Any, element: Any) -> None:
+    """Any displacement, on bent cells: each component is what `CellBasis.project` makes of it."""
+    grid = mesh().refined(1)
+    x = grid.p
+    bent = 0.05 * np.sin(7 * x + np.roll(x, 1, axis=0)) + x * (1 + 2 * x[:1])
+    some = body(type(grid)(bent, grid.t), element)
+    u = np.random.default_rng(3).normal(size=some.n)
+    stress = sc.nodal_stress(some, u, E=E, nu=NU)
+    gradient = np.asarray(some.basis.interpolate(u).grad)
+    d = some.dim
+    trace = sum(gradient[i, i] for i in range(d))
+    scalar = some.basis.with_element(element)
+    for i in range(d):
+        for j in range(d):
+            shear = E / (2 * (1 + NU)) * (gradient[i, j] + gradient[j, i])
+            direct = E * NU / ((1 + NU) * (1 - 2 * NU)) * trace if i == j else 0.0
+            expected = scalar.project(shear + direct)
+            # a direct solver and an iteration to round-off, on a mass matrix of condition 1e3 at most
+            assert_allclose(stress[:, i, j], expected, atol=1e-10 * np.abs(expected).max())
+
+
+def test_matrices_are_assembled_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first stress of a body assembles three matrices, later ones and its twins none."""
+    calls = []
+    assemble = fem.BilinearForm.assemble
+
+    def counted(self: Any, *args: Any, **kwargs: Any) -> Any:
+        calls.append(self)
+        return assemble(self, *args, **kwargs)
+
+    plate = body(fem.MeshTri().refined(2), fem.ElementTriP1())
+    monkeypatch.setattr("skfem.assembly.form.bilinear_form.BilinearForm.assemble", counted)
+    u = displaced(plate, lambda x: 0.01 * x[0], lambda x: 0.0 * x[0])
+    first = sc.von_mises(plate, u, E=E, nu=NU)
+    assert len(calls) == 3
+    twin = sc.Body(plate.basis, plate.K, D=[0], name="twin")
+    assert_allclose(sc.von_mises(twin, 2 * u, E=E, nu=NU), 2 * first)
+    assert len(calls) == 3
+    sc.nodal_stress(plate, u, E=E, nu=NU, plane="axisymmetric")
+    assert len(calls) == 4
+
+
+def test_few_integration_points_are_enough(recwarn: pytest.WarningsRecorder) -> None:
+    """One point to a triangle leaves the mass matrix singular; stresses are found nevertheless."""
+    basis = fem.Basis(fem.MeshTri().refined(2), fem.ElementVector(fem.ElementTriP1()), intorder=1)
+    plate = sc.Body(basis, linear_elasticity(), name="plate")
+    u = displaced(plate, lambda x: 0.01 * x[0], lambda x: -NU * 0.01 * x[1])
+    stress = sc.nodal_stress(plate, u, E=E, nu=NU, plane="stress")
+    assert_allclose(stress[:, 0, 0], E * 0.01, rtol=1e-10)

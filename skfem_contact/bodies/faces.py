@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.selection import mesh_edges, written
 from skfem_contact.bodies.thresholds import NO_EXTENT, SAME_FACET
 from skfem_contact.errors import InputError
+from skfem_contact.trees import pairs_within
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -141,7 +141,7 @@ def check_faces(
             "the middles of their edges; correct the mesh"
         )
     middle = corners.mean(axis=1)
-    pairs = cKDTree(middle).query_pairs(max(small, SAME_FACET * side.min()), output_type="ndarray")
+    pairs = pairs_within(middle, max(small, SAME_FACET * side.min()))
     if len(pairs):
         i, j = pairs[0]
         raise InputError(

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.thresholds import NO_EXTENT, SAME_FACET
 from skfem_contact.errors import InputError
+from skfem_contact.trees import pairs_within
 
 
 def facet_shapes(xi: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
@@ -117,7 +117,7 @@ def check_facets(
             "elements from the mesh"
         )
     middle = points[facets].mean(axis=1)
-    pairs = cKDTree(middle).query_pairs(max(small, SAME_FACET * chord.min()), output_type="ndarray")
+    pairs = pairs_within(middle, max(small, SAME_FACET * chord.min()))
     if len(pairs):
         i, j = pairs[0]
         raise InputError(

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.arguments import check_name, check_switch, numbers, with_known_keywords
 from skfem_contact.bodies.bare import bare_curve
@@ -20,6 +19,7 @@ from skfem_contact.obstacles.obstacle import Obstacle, check_dimension, placed
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.node import node_to_segment
 from skfem_contact.sealed import sealed
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 
@@ -177,7 +177,7 @@ def _near_edges(start: Array, end: Array) -> tuple[NDArray[np.intp], NDArray[np.
     radius = 0.5 * np.linalg.norm(end - start, axis=1)
     middle = 0.5 * (start + end)
     # long edges are asked one by one: their circle is no guide for the short ones
-    tree = cKDTree(middle)
+    tree = kd_tree(middle)
     found = tree.query_ball_point(middle, radius + radius.max())
     i = np.repeat(np.arange(len(middle)), [len(some) for some in found])
     j = np.concatenate([np.asarray(some, dtype=np.intp) for some in found])

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from skfem_contact.arguments import check_name, check_switch, numbers, shown, with_known_keywords
 from skfem_contact.bodies.bare import bare_faces
@@ -24,6 +23,7 @@ from skfem_contact.obstacles.obstacle import Obstacle, check_dimension, placed
 from skfem_contact.pairing.faces.distance import signed_distances
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.sealed import sealed
+from skfem_contact.trees import pairs_within
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -204,7 +204,7 @@ def _welded(points: Array, triangles: Index) -> tuple[Array, Index]:
     near = SAME_CORNER * float(np.max(np.ptp(points, axis=0)))
     _, first, equal = np.unique(points, axis=0, return_index=True, return_inverse=True)
     one, equal = points[first], equal.ravel()
-    pairs = cKDTree(one).query_pairs(near, output_type="ndarray")
+    pairs = pairs_within(one, near)
     graph = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(one), len(one)))
     _, group = connected_components(graph, directed=False)
     cells = group[equal[triangles]]

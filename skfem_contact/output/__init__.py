@@ -1,6 +1,10 @@
 """Pictures, files and stresses.
 
-* `stress`: nodal stresses; `vtk`: files for ParaView;
-* `drawing`, `plot_bodies`, `plot_contacts`, `solids` (in 3-D): pictures with matplotlib;
+* `nodes`: nodes and cells of bodies; `projection`, `stress`: derivatives and stresses at the nodes;
+* `units`, `wanted`: words and fields that users ask for;
+* `marching`, `tools`: rigid obstacles as lines and triangles;
+* `vtu`, `grids`, `vtk`: files for ParaView;
+* `view`, `drawing`, `draw_tools`: what stands where in a picture;
+* `plot_bodies`, `plot_contacts`, `plot_histories`, `solids` (in 3-D): pictures with matplotlib;
 * `thresholds`: numbers, and where they come from.
 """

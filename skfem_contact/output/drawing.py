@@ -1,23 +1,33 @@
 """What all pictures need: axes, the arc length along a surface, colours. With matplotlib.
 
-Every function draws into `ax`, or into a new figure, and returns the axes: titles, units and
-limits are the user's to add. Labels carry no units, since nothing in the library has any.
+Every function draws into `ax`, or into a new figure, and returns the axes: titles and limits are the
+user's to change. Labels carry the units that the user gives, since nothing in the library has any.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.conditions.contact import Contact
 from skfem_contact.errors import InputError
+from skfem_contact.output.units import quantity
 
 Array = NDArray[np.float64]
 
 PRESSURE, FRICTION, LINES = "#20618d", "#b5441c", "#3a3a3a"
+SHADES = ("none", "#bcd9c4", "#f6d6ad")  # open, stick, slip: pale, to lie behind lines
+#: Legends stand above the axes, where no curve is.
+ABOVE: dict[str, Any] = {
+    "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 5, "borderaxespad": 0.2,
+    "handlelength": 1.4, "columnspacing": 1.2,
+}  # fmt: skip
 
 
 def arc_length(surface: ContactSurface, closed: NDArray[np.bool_]) -> Array:
@@ -80,6 +90,44 @@ def solid_axes(ax: Any, size: tuple[float, float]) -> Any:
     ax.computed_zorder = False
     ax.set_proj_type("ortho")
     return ax
+
+
+def which(result: ContactResult, contact: Contact | str | int | None) -> int:
+    """The number of a contact, which may be left out where there is one."""
+    if contact is not None:
+        chosen = result[contact]
+        return next(i for i, values in enumerate(result.values) if values is chosen)
+    if len(result.names) > 1:
+        raise InputError(
+            f"there are {len(result.names)} contacts ({', '.join(result.names)}): say which to "
+            f"plot, contact='{result.names[0]}'"
+        )
+    return 0
+
+
+def open_words(values: ContactValues, units: Mapping[str, str]) -> str:
+    """That nothing touches, and how far apart it is."""
+    gap = values.gap[np.isfinite(values.gap)]
+    if not len(gap):
+        return f"{values.name} is open: no point has a partner"
+    return f"{values.name} is open, the smallest gap is {quantity(gap.min(), 'length', units)}"
+
+
+def note(ax: Any, lines: list[str], drawn: Array | None = None) -> None:
+    """A few words on a pale ground, in the corner where least is drawn: at points (p, 2), if known."""
+    corners = [(0.012, 0.985), (0.988, 0.985), (0.012, 0.015), (0.988, 0.015)]
+    if drawn is not None and len(drawn):
+        at = ax.transLimits.transform(drawn)
+        wide, high = 0.018 * max(map(len, lines)), 0.055 * len(lines)
+        covered = [np.sum(np.all(np.abs(at - c) < (wide, high), axis=1)) for c in corners]
+        corners = [corners[int(np.argmin(covered))]]
+    x, y = corners[0]
+    put = ax.text2D if hasattr(ax, "text2D") else ax.text
+    put(
+        x, y, "\n".join(lines), transform=ax.transAxes, va="top" if y > 0.5 else "bottom",
+        ha="left" if x < 0.5 else "right", fontsize="small", zorder=6,
+        bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.5},
+    )  # fmt: skip
 
 
 def _pyplot() -> Any:

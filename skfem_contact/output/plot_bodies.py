@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.state import OPEN
-from skfem_contact.output.drawing import FRICTION, LINES, arc_length, is_solid, new_axes
+from skfem_contact.errors import InputError
+from skfem_contact.output import wanted
+from skfem_contact.output.draw_tools import Box, draw_faces, draw_lines, placed_tools, with_tools
+from skfem_contact.output.drawing import FRICTION, LINES, arc_length, is_solid, new_axes, note
+from skfem_contact.output.nodes import body_cells, body_nodes
 from skfem_contact.output.solids import draw_bodies
-from skfem_contact.output.stress import field_name
-from skfem_contact.output.thresholds import (
-    ARROWS,
-    DISPLACED,
-    LONGEST,
-    NEARLY_TRUE,
-    OVERLAPPING,
-    ROUND,
-    SAME_FACTOR,
-    SHORTEST,
-)
-from skfem_contact.output.vtk import Stress, body_cells, body_nodes
+from skfem_contact.output.thresholds import ARROWS, LONGEST, MARGIN_2D, SHORTEST
+from skfem_contact.output.units import checked, labelled, quantity
+from skfem_contact.output.view import View, view
+from skfem_contact.output.wanted import Stress
 
 Array = NDArray[np.float64]
 
@@ -52,8 +48,10 @@ def plot_deformed(
     arrows: bool = True,
     label: str | None = None,
     cmap: str = "YlGnBu",
+    component: str | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Any:
-    """Draw the deformed bodies, coloured, with arrows for what the contact does to the secondary.
+    """Draw the deformed bodies, coloured, and rigid obstacles, with arrows of the traction.
 
     Of solids the outer faces, as seen from the first octant, without arrows: what touches is inside,
     and `plot_contact` shows it.
@@ -63,17 +61,23 @@ def plot_deformed(
     result : ContactResult
     scale : float or "auto"
         Factor on the displacements. Initial gaps are not magnified with them: at a scale s, points
-        that closed a gap g overlap by (s - 1) g in the picture. "auto" keeps both small.
+        that closed a gap g overlap by (s - 1) g in the picture. "auto" keeps both small, and is never
+        below one: what has moved far is drawn where it is. A translation that all bodies share is not
+        magnified.
     stress : callable, optional
-        ``stress(body, u)`` gives the colours, a number per node, such as `von_mises`; by default
-        the size of the displacement.
+        ``stress(body, u)`` gives the colours, a number per node, such as `von_mises`, or a tensor or
+        vector per node, such as `nodal_stress`; by default the size of the displacement.
     ax : matplotlib Axes, optional
         Of solids with ``projection="3d"``.
     arrows : bool
         Draw the traction at closed points. The head is on the secondary surface.
     label : str, optional
-        Of the colour bar, to add a unit; by default the name of the function `stress`.
+        Of the colour bar; by default the name of the function `stress`, and its unit.
     cmap : str
+    component : str, optional
+        Of a tensor, "xx", "xy", ...; of a vector "x", "y", "z".
+    units : dict, optional
+        Words for labels, ``{"length": "mm", "stress": "MPa"}``.
 
     Returns
     -------
@@ -82,53 +86,80 @@ def plot_deformed(
     Raises
     ------
     InputError
-        If matplotlib is missing, or the problem has no displacements.
+        If matplotlib is missing, the problem has no displacements, or there is no such component.
     """
-    solid = is_solid(result)
-    factor = auto_scale(result) if scale == "auto" else float(scale)
-    values = [_colours(result, body, stress) for body in result.system.solids.values()]
+    solid, words = is_solid(result), checked(units)
+    seen, bodies = view(result, scale), list(result.system.solids.values())
+    values = [_colours(result, body, stress, component) for body in bodies]
+    label = label or _name(stress, component, words)
     if solid:
-        bodies = result.system.solids.values()
         outside = [_on_boundary(body, v) for body, v in zip(bodies, values, strict=True)]
-        ax, image = draw_bodies(result, factor, outside, ax, cmap)
-        _label(ax, image, factor, label, stress)
-        return ax
-    ax = new_axes(ax, _figure_size(result))
-    low, high = min(v.min() for v in values), max(v.max() for v in values)
-    image = None
-    for body, colour in zip(result.system.solids.values(), values, strict=True):
-        u = result.displacement(body)
-        nodes, (kind, cells) = body_nodes(body), body_cells(body)
-        x = (body.dof_points[nodes[:, 0]] + factor * u[nodes]).T
-        triangles = np.concatenate([cells[:, list(local)] for local in TRIANGLES[kind]])
-        image = ax.tripcolor(
-            *x,
-            triangles,
-            colour,
-            shading="gouraud",
-            cmap=cmap,
-            vmin=low,
-            vmax=high,
-            rasterized=True,
-        )
-        _outline(ax, x, cells, kind)
-    if arrows:
-        _arrows(ax, result, factor)
-    _label(ax, image, factor, label, stress)
-    ax.set(aspect="equal", xlabel="x", ylabel="y")
-    ax.autoscale_view()
+        ax, image, box = draw_bodies(result, seen, outside, ax, cmap)
+        for points, triangles in placed_tools(result, seen, box):
+            draw_faces(ax, points, triangles, box)
+    else:
+        box = _box(result, seen)
+        ax = new_axes(ax, _figure_size(box))
+        image = _draw_cells(ax, result, seen, values, cmap)
+        for points, lines in placed_tools(result, seen, box):
+            draw_lines(ax, points, lines, float(np.max(box[1] - box[0])))
+    remarks = [f"{v.name} is open" for v in result if not np.any(v.status != OPEN)]
+    if arrows and not solid:
+        ends, peak = _arrows(ax, result, seen)
+        box = np.minimum(box[0], ends.min(axis=0)), np.maximum(box[1], ends.max(axis=0))
+        if peak > 0:
+            remarks = [f"longest arrow: {quantity(peak, 'stress', words)}", *remarks]
+    if not solid:
+        room = MARGIN_2D * float(np.max(box[1] - box[0]))
+        (left, low), (right, high) = box[0] - room, box[1] + room
+        ax.set(aspect="equal", xlim=(left, right), ylim=(low, high))
+    if remarks:
+        note(ax, remarks, None if solid else _places(result, seen))
+    shape = {"shrink": 0.7, "pad": 0.08} if solid else {"shrink": 0.85, "pad": 0.02}
+    ax.figure.colorbar(image, ax=ax, label=label, **shape)
+    ax.set_title(seen.words)
+    for axis in "xyz"[: box[0].size]:
+        if getattr(ax, f"get_{axis}label")() or not solid:  # those of flat solids stay empty
+            ax.set(**{f"{axis}label": labelled(axis, "length", words)})
     return ax
 
 
-def _label(ax: Any, image: Any, factor: float, label: str | None, stress: Stress | None) -> None:
-    """The colour bar, and the factor in the title."""
-    if label is None:
-        label = "displacement" if stress is None else field_name(stress).replace("_", " ")
-    plane = not hasattr(ax, "zaxis")
-    ax.figure.colorbar(
-        image, ax=ax, label=label, shrink=0.85 if plane else 0.7, pad=0.02 if plane else 0.08
-    )
-    ax.set_title(f"deformation magnified {factor:g} times" if factor != 1 else "true deformation")
+def _name(stress: Stress | None, component: str | None, units: Mapping[str, str]) -> str:
+    """What the colour bar is called."""
+    if stress is None:
+        return labelled("displacement", "length", units)
+    name = next(iter(wanted.asked(stress))).replace("_", " ")
+    return labelled(f"{name} {component or ''}".strip(), "stress", units)
+
+
+def _draw_cells(ax: Any, result: ContactResult, seen: View, values: list[Array], cmap: str) -> Any:
+    """The bodies with their colours and outlines."""
+    low, high = min(v.min() for v in values), max(v.max() for v in values)
+    image = None
+    for body, colour in zip(result.system.solids.values(), values, strict=True):
+        nodes, (kind, cells) = body_nodes(body), body_cells(body)
+        x = seen.place(body.dof_points[nodes[:, 0]], result.displacement(body)[nodes]).T
+        triangles = np.concatenate([cells[:, list(local)] for local in TRIANGLES[kind]])
+        image = ax.tripcolor(
+            *x, triangles, colour, shading="gouraud", cmap=cmap, vmin=low, vmax=high, rasterized=True
+        )
+        _outline(ax, x, cells, kind)
+    return image
+
+
+def _places(result: ContactResult, seen: View) -> Array:
+    """Where the nodes of all bodies are drawn."""
+    places = []
+    for body in result.system.solids.values():
+        nodes = body_nodes(body)
+        places.append(seen.place(body.dof_points[nodes[:, 0]], result.displacement(body)[nodes]))
+    return np.concatenate(places)
+
+
+def _box(result: ContactResult, seen: View) -> Box:
+    """What is shown: the bodies where they are drawn, and obstacles next to them."""
+    x = _places(result, seen)
+    return with_tools(result, seen, (x.min(axis=0), x.max(axis=0)))
 
 
 def _on_boundary(body: Body, values: Array) -> Array:
@@ -136,29 +167,6 @@ def _on_boundary(body: Body, values: Array) -> Array:
     of_dof = np.empty(body.n)
     of_dof[body_nodes(body)] = values[:, None]
     return np.asarray(of_dof[body.surface(None).dofs[:, 0]])
-
-
-def auto_scale(result: ContactResult) -> float:
-    """A round factor: displacements up to 6 % of the extent, closed gaps overlapping by 1 %."""
-    answer = answer_of(result)
-    extent, largest = answer.system.extent, _largest(result)
-    if largest == 0.0:
-        return 1.0
-    closed = (answer.state.status != OPEN) & answer.kin.paired
-    gap = float(np.abs(answer.case.gap0[closed]).max(initial=0.0))
-    factor = DISPLACED * extent / largest
-    if gap > 0.0:
-        factor = min(factor, 1.0 + OVERLAPPING * extent / gap)
-    power = 10.0 ** np.floor(np.log10(factor))
-    rounded = power * max(k for k in ROUND if k * power <= factor * (1 + SAME_FACTOR))
-    # a model in true size needs no factor just below or above one
-    return 1.0 if NEARLY_TRUE <= rounded <= 1.0 else float(rounded)
-
-
-def _largest(result: ContactResult) -> float:
-    """The largest displacement of a body that is drawn."""
-    found = [np.abs(result.displacement(body)) for body in result.system.solids.values()]
-    return max(float(u.max(initial=0.0)) for u in found)
 
 
 def _outline(ax: Any, x: Array, cells: NDArray[np.int64], kind: str) -> None:
@@ -181,27 +189,33 @@ def _outline(ax: Any, x: Array, cells: NDArray[np.int64], kind: str) -> None:
     ax.add_collection(LineCollection(list(lines), colors=LINES, linewidths=0.7))
 
 
-def _arrows(ax: Any, result: ContactResult, factor: float) -> None:
-    """Tractions at closed points, the longest 8 % of the extent; about 60 arrows at most."""
+def _arrows(ax: Any, result: ContactResult, seen: View) -> tuple[Array, float]:
+    """Tractions at closed points, the longest 8 % of the extent; about 60 arrows at most.
+
+    Returns their ends, (p, 2), and the largest traction.
+    """
     sizes = [np.linalg.norm(v.traction, axis=1) for v in result.values]
     peak = max(float(size.max(initial=0.0)) for size in sizes)
     if peak == 0.0:
-        return
+        return _places(result, seen)[:1], 0.0
+    ends = []
     length = LONGEST * result.system.extent / peak
     for contact, values, size in zip(result.contacts, result.values, sizes, strict=True):
         surface = contact.secondary
         u = result.displacement(surface.body)[surface.dofs]
         order = np.argsort(arc_length(surface, values.status != OPEN))
-        head = (values.points + factor * u)[order]
+        head = seen.place(values.points, u)[order]
         tail = head - length * values.traction[order]
+        ends.append(tail)
         ax.plot(*_only(tail, size[order] > 0).T, color=FRICTION, lw=0.8, zorder=3)
-        shown = np.flatnonzero(size[order] > SHORTEST * peak)
-        shown = shown[:: 1 + len(shown) // ARROWS]
+        few = np.flatnonzero(size[order] > SHORTEST * peak)
+        few = few[:: 1 + len(few) // ARROWS]
         ax.quiver(
-            *tail[shown].T, *(head - tail)[shown].T, angles="xy", scale_units="xy", scale=1.0,
+            *tail[few].T, *(head - tail)[few].T, angles="xy", scale_units="xy", scale=1.0,
             color=FRICTION, width=0.8, headwidth=4.5, headlength=5.5, headaxislength=5.0,
             units="dots", zorder=3,
         )  # fmt: skip
+    return np.concatenate(ends), peak
 
 
 def _only(points: Array, keep: NDArray[np.bool_]) -> Array:
@@ -209,17 +223,21 @@ def _only(points: Array, keep: NDArray[np.bool_]) -> Array:
     return np.where(keep[:, None], points, np.nan)
 
 
-def _colours(result: ContactResult, body: Body, stress: Stress | None) -> Array:
-    u = result.displacement(body)
+def _colours(result: ContactResult, body: Body, stress: Stress | None, component: str | None) -> Array:
+    """A number per node."""
+    u, nodes = result.displacement(body), body_nodes(body)
     if stress is None:
-        return np.linalg.norm(u[body_nodes(body)], axis=1)
-    return np.asarray(stress(body, u), dtype=float)
+        if component is not None:
+            raise InputError(f"component={component!r} is of a stress: give stress=... as well")
+        return np.linalg.norm(u[nodes], axis=1)
+    ((name, function),) = wanted.asked(stress).items()
+    name_of = result.system.names[result.system.index(body)]
+    return wanted.component(wanted.checked(function(body, u), len(nodes), name_of), component, name)
 
 
-def _figure_size(result: ContactResult) -> tuple[float, float]:
-    """Of the shape of the bodies, with room for the colour bar [inch]."""
-    x = np.concatenate([body.dof_points for body in result.system.solids.values()])
-    width, height = np.ptp(x, axis=0)
+def _figure_size(box: Box) -> tuple[float, float]:
+    """Of the shape of what is shown, with room for the colour bar [inch]."""
+    width, height = box[1] - box[0]
     ratio = float(np.clip(height / width, 0.3, 1.8)) if width > 0 else 1.0
     wide = 6.0 / max(1.0, ratio)
     return wide + 1.6, wide * ratio + 0.8

@@ -7,6 +7,7 @@ only those of faces that look at the viewer are drawn.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,8 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.conditions.state import SLIP, STICK
-from skfem_contact.output.drawing import FRICTION, LINES, solid_axes
+from skfem_contact.output.draw_tools import Box, with_tools
+from skfem_contact.output.drawing import FRICTION, LINES, note, open_words, solid_axes
 from skfem_contact.output.thresholds import (
     ARROWS,
     ASIDE,
@@ -26,6 +28,8 @@ from skfem_contact.output.thresholds import (
     TILTED,
     WINDOW_3D,
 )
+from skfem_contact.output.units import labelled, quantity
+from skfem_contact.output.view import View
 from skfem_contact.pairing.faces.joints import sharp_edges
 
 Array = NDArray[np.float64]
@@ -44,7 +48,9 @@ QUARTERS = np.array(
 ) / 2.0  # fmt: skip
 
 
-def draw_contact(result: ContactResult, values: ContactValues, ax: Any) -> Any:
+def draw_contact(
+    result: ContactResult, values: ContactValues, ax: Any, units: Mapping[str, str]
+) -> Any:
     """The secondary surface around what touches, coloured by pressure, seen from the other side."""
     surface = values.surface
     assert isinstance(surface, FaceSurface)
@@ -58,26 +64,35 @@ def draw_contact(result: ContactResult, values: ContactValues, ax: Any) -> Any:
     _edges(ax, surface, seen, surface.points)
     if len(values.contact_edges):
         _lines(ax, values.contact_edges, color="black", lw=1.4, label="edge of contact")
-    _states(ax, result, values, seen, surface)
-    ax.figure.colorbar(image, ax=ax, label="pressure", shrink=0.7, pad=0.08)
+    _states(ax, values, seen, surface, units)
+    label = labelled("pressure", "stress", units)
+    ax.figure.colorbar(image, ax=ax, label=label, shrink=0.7, pad=0.08)
     _look(ax, x.reshape(-1, 3), eye)
     ax.set_title(f"{values.name}: {surface.label}, seen from the other side", fontsize="medium")
+    if not closed.any():
+        note(ax, [open_words(values, units)])
+    for axis in "xyz":
+        if getattr(ax, f"get_{axis}label")():
+            ax.set(**{f"{axis}label": labelled(axis, "length", units)})
     if ax.get_legend_handles_labels()[1]:
         ax.legend(loc="upper left", frameon=False, fontsize="small")
     return ax
 
 
 def draw_bodies(
-    result: ContactResult, factor: float, colours: list[Array], ax: Any, cmap: str
-) -> tuple[Any, Any]:
-    """The outer faces of all bodies, displaced; `colours` per node of every boundary."""
+    result: ContactResult, seen: View, colours: list[Array], ax: Any, cmap: str
+) -> tuple[Any, Any, Box]:
+    """The outer faces of all bodies, displaced; `colours` per node of every boundary.
+
+    Returns the axes, what the colour bar belongs to, and the box that is shown.
+    """
     ax = solid_axes(ax, (7.0, 5.2))
     eye = np.array([np.cos(ASIDE) * np.cos(TILTED), np.sin(ASIDE) * np.cos(TILTED), np.sin(TILTED)])
     parts, shades, outlines = [], [], []
     for body, colour in zip(result.system.solids.values(), colours, strict=True):
         surface = body.surface(None)
         assert isinstance(surface, FaceSurface)
-        places = surface.points + factor * result.displacement(body)[surface.dofs]
+        places = seen.place(surface.points, result.displacement(body)[surface.dofs])
         every = np.ones(len(surface.facets), dtype=bool)
         x, shade = _pieces(surface, every, places, colour)
         # what looks away is hidden by the body itself
@@ -89,8 +104,9 @@ def draw_bodies(
     x = np.concatenate(parts)
     lines = np.concatenate(outlines) + 0.005 * float(np.ptp(x.reshape(-1, 3), axis=0).max()) * eye
     image = _faces(ax, x, np.concatenate(shades), cmap, (float(low), float(high)), lines)
-    _look(ax, x.reshape(-1, 3), eye)
-    return ax, image
+    box = with_tools(result, seen, (x.min(axis=(0, 1)), x.max(axis=(0, 1))))
+    _look(ax, np.stack(box), eye)
+    return ax, image, box
 
 
 def _pieces(surface: ContactSurface, shown: Mask, places: Array, values: Array) -> tuple[Array, Array]:
@@ -172,7 +188,7 @@ def _lines(ax: Any, segments: Array, label: str | None = None, **style: Any) -> 
 
 
 def _states(
-    ax: Any, result: ContactResult, values: ContactValues, seen: Mask, surface: FaceSurface
+    ax: Any, values: ContactValues, seen: Mask, surface: FaceSurface, units: Mapping[str, str]
 ) -> None:
     """What sticks as points, what slips as arrows of its friction."""
     if values.contact.friction is None:
@@ -184,16 +200,18 @@ def _states(
         ax.scatter(
             *values.points[stuck].T, s=14, color=STUCK, zorder=4, label="sticks", depthshade=False
         )
-    force = values.tangential_force_vector
-    size = np.linalg.norm(force, axis=1)
+    pressing = np.einsum("ik,ik->i", values.traction, values.normal)
+    friction = values.traction - pressing[:, None] * values.normal
+    size = np.linalg.norm(friction, axis=1)
     slips = np.flatnonzero(there & (values.status == SLIP) & (size > SHORTEST * size.max(initial=0.0)))
     if len(slips):
         slips = slips[:: 1 + len(slips) // (2 * ARROWS)]
         extent = float(np.ptp(surface.points[surface.facets[seen]].reshape(-1, 3), axis=0).max())
-        arrow = LONGEST * extent / size.max() * force[slips]
+        arrow = LONGEST * extent / size.max() * friction[slips]
+        longest = quantity(float(size.max()), "stress", units)
         ax.quiver(
             *(values.points[slips] - 0.5 * arrow).T, *arrow.T, color=FRICTION, lw=1.3, zorder=4,
-            arrow_length_ratio=0.4, label="slips: friction on this side",
+            arrow_length_ratio=0.4, label=f"slips: friction on this side, up to {longest}",
         )  # fmt: skip
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.projection import interpolated_normals, project
@@ -12,6 +11,7 @@ from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
 from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, FACING, TIE
+from skfem_contact.trees import kd_tree
 
 
 def search_range(
@@ -39,7 +39,7 @@ def closest_facets(
     m = len(secondary.points)
     bound = np.full(m, np.inf)
     few = min(4, len(primary.facets))
-    _, guess = cKDTree(primary.points[primary.facets].mean(axis=1)).query(secondary.points, k=few)
+    _, guess = kd_tree(primary.points[primary.facets].mean(axis=1)).query(secondary.points, k=few)
     guessed = valid_pairs(np.repeat(np.arange(m), few), guess.reshape(-1))
     point, facet, _, distance = guessed
     np.minimum.at(bound, point, distance + 2 * TIE * primary.lengths[facet])
@@ -123,7 +123,7 @@ def signed_distances(surface: CurveSurface, points: np.ndarray) -> np.ndarray:
 
     The closest of all facets counts, whichever way anything looks.
     """
-    middles = cKDTree(surface.points[surface.facets].mean(axis=1))
+    middles = kd_tree(surface.points[surface.facets].mean(axis=1))
     guess = middles.query(points)[1]
     bound = np.linalg.norm(points - project(surface, guess, points)[1], axis=1)
 
@@ -166,7 +166,7 @@ def overhang(
         return miss, end_facet
     vertex = primary.points[primary.facets[facet, side]]
     few = min(8, len(facet))
-    _, near = cKDTree(vertex).query(secondary.points[point], k=few)
+    _, near = kd_tree(vertex).query(secondary.points[point], k=few)
     near = near.reshape(len(point), few)
     apart = secondary.points[point][:, None] - vertex[near]
     normal = primary.end_normals[facet, side][near]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.thresholds import FACING, FINER, STIFFER
+from skfem_contact.trees import kd_tree
 
 
 def diagnose(
@@ -140,7 +140,7 @@ def _say_why(secondary: ContactSurface, primary: Any) -> str:
     if not isinstance(primary, ContactSurface):
         return "; see its position, the side it is on, and `hollow`."
     middle = primary.points[primary.facets].mean(axis=1)
-    nearest, facet = map(np.asarray, cKDTree(middle).query(secondary.points))
+    nearest, facet = map(np.asarray, kd_tree(middle).query(secondary.points))
     facing = np.einsum("md,md->m", secondary.normals, primary.facet_normals[facet])
     if np.median(facing) > FACING:
         return (

@@ -21,7 +21,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.bare import NoBody
 from skfem_contact.bodies.facets import facet_shapes
@@ -33,6 +32,7 @@ from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.thresholds import ALONG, NO_NORMAL, SAME_NORMAL
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 
@@ -151,7 +151,7 @@ def plane_moduli(surface: ContactSurface) -> Array:
         return np.where(np.isfinite(diagonal) & (diagonal > 0), diagonal, 1.0)
     modulus = np.where(elastic, modulus, diagonal)
     borrowed = ~inner | ~np.isfinite(modulus) | ~(modulus > 0)
-    _, nearest = cKDTree(surface.points[known]).query(surface.points[borrowed])
+    _, nearest = kd_tree(surface.points[known]).query(surface.points[borrowed])
     modulus[borrowed] = modulus[known][nearest]
     return modulus
 

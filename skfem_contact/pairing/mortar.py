@@ -31,7 +31,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, diags
-from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
@@ -45,6 +44,7 @@ from skfem_contact.pairing.smooth import common_heights
 from skfem_contact.pairing.supports import FREE, MET, Supports, find_supports, without_multiplier
 from skfem_contact.pairing.thresholds import COVER_KEPT, NO_DIRECTION, NO_WEIGHT, SHARE_KEPT
 from skfem_contact.pairing.vectors import facet_normal_field
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -342,7 +342,7 @@ def overhang(
 ) -> tuple[Array, Index]:
     """How far points are beside the primary, across their normal [length], and of which facet."""
     limit = np.inf if reach is None else float(reach)
-    _, nearest = cKDTree(primary.points).query(secondary.points)
+    _, nearest = kd_tree(primary.points).query(secondary.points)
     away = primary.points[nearest] - secondary.points
     normal = secondary.normals
     along = np.sum(away * normal, axis=1)

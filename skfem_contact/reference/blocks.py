@@ -15,8 +15,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.integrate import quad
-from scipy.interpolate import PchipInterpolator
+import scipy  # its parts are imported when they are used
 
 from skfem_contact.errors import InputError
 from skfem_contact.reference._check import not_negative, poisson, positive
@@ -76,12 +75,16 @@ def block_coefficient(base: str = "fixed", nu: float = 0.3, width: float = math.
             " a wider block (width >= 3) takes any nu."
         )
     # beyond xi = 40 the integrand is below the round-off of its integral
-    layer = quad(lambda xi: xi * (1 - _layer_compliance(xi, base, nu)), 0, 40, limit=200)[0]
+    layer = scipy.integrate.quad(
+        lambda xi: xi * (1 - _layer_compliance(xi, base, nu)), 0, 40, limit=200
+    )[0]
     w = min(width, WIDTHS[-1])
     if base == "roller":
-        ratio = float(PchipInterpolator(WIDTHS, ROLLER)(w))
+        ratio = float(scipy.interpolate.PchipInterpolator(WIDTHS, ROLLER)(w))
     else:
-        at_0, at_3 = PchipInterpolator(WIDTHS, np.transpose([FIXED_NU_0, FIXED_NU_3]))(w)
+        at_0, at_3 = scipy.interpolate.PchipInterpolator(
+            WIDTHS, np.transpose([FIXED_NU_0, FIXED_NU_3])
+        )(w)
         ratio = float(at_0 + (at_3 - at_0) * nu / 0.3) if width < 3 else 1.0
     return 2 / math.pi * layer * ratio
 

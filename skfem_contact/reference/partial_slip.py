@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import binom, xlogy
 
 from skfem_contact.errors import InputError
 from skfem_contact.reference._check import not_negative, positive
@@ -209,7 +209,7 @@ def fretting_dissipation_line(contact: HertzLine, mu: float, Q0: float) -> float
         k = np.arange(3, 25)
         bracket = float(np.sum(x**k / (k * (k - 1))))
     else:
-        bracket = x - x**2 / 2 + float(xlogy(1 - x, 1 - x))
+        bracket = x - x**2 / 2 + float(scipy.special.xlogy(1 - x, 1 - x))
     return 4 / math.pi * (mu * contact.P) ** 2 / contact.E_star * bracket
 
 
@@ -262,7 +262,7 @@ def mindlin_dissipation(contact: HertzPoint, mu: float, Q0: float, compliance: f
     x = _load_ratio(contact, mu, Q0)
     if x < 0.1:  # binomial series: the bracket cancels to (5/162) x³ + ...
         k = np.arange(3, 25)
-        bracket = float(np.sum(5 / 6 * (-x) ** k * binom(2 / 3, k - 1) * (1 - 2 / k)))
+        bracket = float(np.sum(5 / 6 * (-x) ** k * scipy.special.binom(2 / 3, k - 1) * (1 - 2 / k)))
     else:
         y = 1 - x
         bracket = 1 - y ** (5 / 3) - 5 * x / 6 * (1 + y ** (2 / 3))

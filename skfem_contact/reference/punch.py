@@ -7,9 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
-from scipy.special import ellipkm1
 
 from skfem_contact.reference._check import not_negative, poisson, positive
 
@@ -151,7 +150,7 @@ def _solve_modulus(equation: Callable[[float], float]) -> float:
         return 0.0
     if equation(high) <= 0:
         return 1.0
-    return _modulus(brentq(equation, low, high, xtol=1e-14))[0]
+    return _modulus(scipy.optimize.brentq(equation, low, high, xtol=1e-14))[0]
 
 
 def stick_ratio_plane(mu: float, nu: float) -> float:
@@ -180,7 +179,7 @@ def stick_ratio_plane(mu: float, nu: float) -> float:
 
     def equation(z: float) -> float:
         k, k1 = _modulus(z)
-        return float(ellipkm1(k1**2) / ellipkm1(k**2)) - mu / beta
+        return float(scipy.special.ellipkm1(k1**2) / scipy.special.ellipkm1(k**2)) - mu / beta
 
     return _solve_modulus(equation)
 
@@ -205,6 +204,6 @@ def stick_ratio_axisymmetric(mu: float, nu: float) -> float:
         k, k1 = _modulus(z)
         # atanh(k) with 1 - k taken from k', exact also where k rounds to 1
         atanh = math.log1p(k) - math.log(k1) if z > 0 else math.atanh(k)
-        return atanh / k / float(ellipkm1(k**2)) - mu / beta
+        return atanh / k / float(scipy.special.ellipkm1(k**2)) - mu / beta
 
     return _solve_modulus(equation)

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from skfem_contact.errors import InputError
 from skfem_contact.reference._check import not_negative, poisson, positive
@@ -233,7 +233,7 @@ def persson_half_angle(load_number: float) -> float:
     def equation(log_b: float) -> float:
         return persson_load_number(2 * math.atan(math.exp(log_b))) - load_number
 
-    return 2 * math.atan(math.exp(brentq(equation, -17.0, 17.0, xtol=1e-14)))
+    return 2 * math.atan(math.exp(scipy.optimize.brentq(equation, -17.0, 17.0, xtol=1e-14)))
 
 
 def persson_pressure(angle: ArrayLike, half_angle: float, Q: float, R: float) -> Array:

@@ -15,7 +15,6 @@ from __future__ import annotations
 import numpy as np
 import skfem
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from skfem.element import DiscreteField
 
 from skfem_contact.answers.answer import Answer
@@ -26,6 +25,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.kinematics import compliance_scale
 from skfem_contact.conditions.state import OPEN, STICK
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -63,7 +63,7 @@ def _near(body: Body, touched: Array) -> Elements:
     middle = corners.mean(axis=1)
     radius = np.linalg.norm(corners - middle[:, None], axis=0).max(axis=0)
     reach = np.maximum(0.5 * np.linalg.norm(np.ptp(touched, axis=0)), 2.0 * radius)
-    distance = cKDTree(touched).query(middle.T)[0]
+    distance = kd_tree(touched).query(middle.T)[0]
     near = np.flatnonzero(distance <= FARTHEST * reach)
     return near, np.minimum(1.0, reach[near] / np.maximum(distance[near], reach[near])) ** 2
 

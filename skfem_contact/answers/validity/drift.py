@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.answers.thresholds import BEYOND, FACETS, GAP, NO_LENGTH, SAGITTA, TILT, WIDTH
 from skfem_contact.answers.validity.chords import sagittas
@@ -37,6 +36,7 @@ from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.shapes import RigidPlane
 from skfem_contact.pairing.node import Pairing
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -197,7 +197,7 @@ class Track:
         if moved is not None and isinstance(self.primary, ContactSurface):
             corners = self.primary.facets[:, : self.primary.kind.corners]
             middles = moved[1][corners].mean(axis=1)
-            there = cKDTree(middles).query(moved[0])[1]
+            there = kd_tree(middles).query(moved[0])[1]
             heights = sagittas(self.secondary, self.primary, there, self.nodal)
         return float(force @ heights / total)
 

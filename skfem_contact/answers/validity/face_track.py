@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.answers.thresholds import EQUALLY_FAR, NEEDLE, NO_LENGTH
 from skfem_contact.answers.validity.chords import sagittas
@@ -24,6 +23,7 @@ from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.faces.projection import project
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -160,7 +160,7 @@ class Rim:
         self.start, self.end = start, end
         outward = np.cross(end - start, normal)
         self.outward = outward / np.linalg.norm(outward, axis=1, keepdims=True)
-        self.tree = cKDTree(0.5 * (start + end)) if len(start) else None
+        self.tree = kd_tree(0.5 * (start + end)) if len(start) else None
         self.half = 0.5 * float(np.max(np.linalg.norm(end - start, axis=1), initial=0.0))
 
     @classmethod

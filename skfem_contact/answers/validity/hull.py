@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.answers.contours import TRIANGLES
 from skfem_contact.answers.thresholds import PAIRS_AT_ONCE
 from skfem_contact.bodies.body import Body
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -81,10 +82,10 @@ class Hull:
         return out
 
     @cached_property
-    def _tree(self) -> tuple[cKDTree, float]:
+    def _tree(self) -> tuple[Any, float]:
         """Middles of the triangles, and how far their corners are from these at most."""
         middle = self.corners.mean(axis=1)
-        return cKDTree(middle), float(np.linalg.norm(self.corners - middle[:, None], axis=2).max())
+        return kd_tree(middle), float(np.linalg.norm(self.corners - middle[:, None], axis=2).max())
 
     def distance(self, points: Array) -> Array:
         """Distances of points from the boundary, shape (p,) [length]."""

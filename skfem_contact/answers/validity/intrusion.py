@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import GAP, NO_OVERLAP
@@ -32,6 +31,7 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.pairing.corners import unselected_sides
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -159,7 +159,7 @@ class Intrusions:
                 continue
             depth = _near(outline, points).distance(points)
             if added.any():
-                depth = depth - added[cKDTree(nodes[0]).query(points)[1]]
+                depth = depth - added[kd_tree(nodes[0]).query(points)[1]]
             deepest = int(np.argmax(depth))
             if depth[deepest] > max(noise, best[0] if best else 0.0):
                 best = float(depth[deepest]), tuple(map(float, points[deepest])), k
@@ -238,7 +238,7 @@ def _chords(sides: Sequence[ContactSurface]) -> float:
 
 def _near(outline: Outline, points: Array) -> Outline:
     """The pieces among which the closest to each of these points are."""
-    far = cKDTree(outline.start).query(points)[0].max()
+    far = kd_tree(outline.start).query(points)[0].max()
     low, high = points.min(axis=0) - far, points.max(axis=0) + far
     a, b = np.minimum(outline.start, outline.end), np.maximum(outline.start, outline.end)
     some = ((b >= low) & (a <= high)).all(axis=1)

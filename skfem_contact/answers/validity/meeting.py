@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.answers.thresholds import NO_OVERLAP
 from skfem_contact.answers.validity.hull import Hull
@@ -16,6 +15,7 @@ from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import signed_distances
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -69,7 +69,7 @@ def between(
         depth = other.depth(points)
         inside = depth > noise
         if inside.any() and paired.any():
-            depth[inside] -= added[paired][cKDTree(nodes[paired]).query(points[inside])[1]]
+            depth[inside] -= added[paired][kd_tree(nodes[paired]).query(points[inside])[1]]
         deepest = max(deepest, float(np.max(depth[inside], initial=0.0)))
     lonely = primary.depth(nodes[~paired]) > max(chords, noise)
     # with an interference bodies may overlap before their meshes do: this shows at the nodes

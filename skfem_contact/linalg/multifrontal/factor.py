@@ -84,7 +84,7 @@ class MultifrontalCholesky:
 
     Notes
     -----
-    It limits BLAS to one thread where ``threadpoolctl`` is installed: most fronts are too small to
+    It limits BLAS to one thread: most fronts are too small to
     be shared, and two threads have been seen to take 30 times as long.
 
     Examples

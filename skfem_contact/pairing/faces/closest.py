@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.bodies.thresholds import CORNER
@@ -16,6 +15,7 @@ from skfem_contact.pairing.faces.projection import Feet, interpolated_normals, p
 from skfem_contact.pairing.faces.search import FaceTree, closest_candidates
 from skfem_contact.pairing.thresholds import COINCIDENT, FACING, TIE
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -129,7 +129,7 @@ def closest_faces(
     # a first guess among the nearest faces bounds the distance, the exact search then is short
     m = len(secondary.points)
     few = min(2, len(primary.facets))
-    _, guess = cKDTree(primary.points[primary.facets].mean(axis=1)).query(secondary.points, k=few)
+    _, guess = kd_tree(primary.points[primary.facets].mean(axis=1)).query(secondary.points, k=few)
     guessed = valid_pairs(np.repeat(np.arange(m), few), guess.reshape(-1))
     point, facet, distance = guessed
     bound = np.full(m, np.inf)
@@ -194,7 +194,7 @@ def overhang(
         + primary.points[primary.facets[facet, (edge + 1) % c]]
     )
     few = min(8, len(facet))
-    _, near = cKDTree(middle).query(secondary.points[point], k=few)
+    _, near = kd_tree(middle).query(secondary.points[point], k=few)
     item = np.repeat(point, few)
     face = facet[near.reshape(-1)]
     feet = project(primary, face, secondary.points[item])

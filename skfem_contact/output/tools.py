@@ -1,0 +1,198 @@
+"""Rigid obstacles as lines and triangles, where they are after a step: for pictures and files.
+
+The solid is on the left of a line, and behind a triangle whose corners are seen counter-clockwise. What
+has no end, or is much larger than the bodies, is shown around them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers.result import ContactResult
+from skfem_contact.conditions.loads import Motion
+from skfem_contact.obstacles.level_set import LevelSet
+from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.polyline import RigidPolyline
+from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
+from skfem_contact.obstacles.triangles import RigidSurface
+from skfem_contact.output.marching import zero_lines, zero_triangles
+from skfem_contact.output.thresholds import AROUND, GRID_2D, GRID_3D, MUCH_LARGER, SIDES
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """A rigid obstacle of a result.
+
+    Attributes
+    ----------
+    name : str
+    obstacle : Obstacle
+        Where it was made.
+    motion : Motion
+        Since then.
+    contacts : tuple of int
+        Numbers of the contacts that it is in.
+    """
+
+    name: str
+    obstacle: Obstacle
+    motion: Motion
+    contacts: tuple[int, ...]
+
+    def at(self, motion: Motion) -> Tool:
+        """The same with another motion."""
+        return replace(self, motion=motion)
+
+    def outline(self, low: Array, high: Array) -> tuple[Array, Index]:
+        """Points (p, d) where it was made, and lines (s, 2) or triangles (t, 3) between them.
+
+        Parameters
+        ----------
+        low, high : ndarray, shape (d,)
+            Corners of the box around all that is drawn, where the obstacle is now.
+        """
+        d = len(low)
+        corners = np.stack(np.meshgrid(*np.column_stack([low, high])), axis=-1).reshape(-1, d)
+        back = _inverse(self.motion).shift(corners) + corners
+        return outline(self.obstacle, back.min(axis=0), back.max(axis=0))
+
+
+def tools(result: ContactResult) -> list[Tool]:
+    """The rigid obstacles of a result, each once."""
+    answer = answer_of(result)
+    found: dict[int, list[Any]] = {}
+    for i, contact in enumerate(answer.contacts):
+        primary = contact.primary
+        if not isinstance(primary, Obstacle):
+            continue
+        if id(primary) in found:
+            found[id(primary)][3].append(i)
+            continue
+        shape, motion = primary, answer.case.motion[i]
+        if isinstance(primary, RigidBody):
+            shape, motion = primary.obstacle, Motion(*result.motion(primary))
+        found[id(primary)] = [primary.label, shape, motion, [i]]
+    return [Tool(name, shape, motion, tuple(own)) for name, shape, motion, own in found.values()]
+
+
+def _inverse(motion: Motion) -> Motion:
+    """The way back: ``x -> R'(x - c - t) + c``, a turn about the place where the centre is now."""
+    return Motion(-motion.translation, -motion.angle, motion.centre + motion.translation)
+
+
+@singledispatch
+def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Index]:
+    """Points and lines or triangles of an obstacle; none of one whose shape is its own secret."""
+    d = len(low)
+    return np.zeros((0, d)), np.zeros((0, d), dtype=np.intp)
+
+
+@outline.register
+def _(obstacle: RigidPlane, low: Array, high: Array) -> tuple[Array, Index]:
+    normal, middle = obstacle.normal, 0.5 * (low + high)
+    foot = middle - ((middle - obstacle.point) @ normal) * normal
+    reach = (0.5 + AROUND) * float(np.linalg.norm(high - low))
+    if len(normal) == 2:
+        along = np.array([normal[1], -normal[0]])  # the solid is on its right, so go back
+        return foot + reach * np.array([[1.0], [-1.0]]) * along, np.array([[0, 1]])
+    across = _perpendicular(normal)
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * reach
+    return foot + corners @ across, np.array([[0, 1, 2], [0, 2, 3]])
+
+
+@outline.register
+def _(obstacle: RigidSphere, low: Array, high: Array) -> tuple[Array, Index]:
+    if len(low) == 2:
+        return _arc(obstacle.centre, obstacle.radius, obstacle.hollow, low, high)
+    return _cap(obstacle.centre, obstacle.radius, obstacle.hollow, low, high)
+
+
+@outline.register
+def _(obstacle: RigidCylinder, low: Array, high: Array) -> tuple[Array, Index]:
+    if obstacle.axis is None:
+        return _arc(obstacle.centre, obstacle.radius, obstacle.hollow, low, high)
+    axis, across = obstacle.axis, _perpendicular(obstacle.axis)
+    corners = np.stack(np.meshgrid(*np.column_stack([low, high])), axis=-1).reshape(-1, 3)
+    flat = (corners - obstacle.centre) @ across.T
+    ring, _ = _arc(np.zeros(2), obstacle.radius, False, flat.min(axis=0), flat.max(axis=0))
+    height = (corners - obstacle.centre) @ axis
+    n, room = len(ring), AROUND * float(np.linalg.norm(high - low))
+    points = obstacle.centre + np.tile(ring @ across, (2, 1))
+    points += np.repeat([height.min() - room, height.max() + room], n)[:, None] * axis
+    i = np.arange(n - 1)
+    triangles = np.concatenate([np.stack([i, i + 1, i + n], 1), np.stack([i + 1, i + n + 1, i + n], 1)])
+    return points, triangles[:, ::-1] if obstacle.hollow else triangles
+
+
+@outline.register
+def _(obstacle: RigidPolyline, low: Array, high: Array) -> tuple[Array, Index]:
+    return np.array(obstacle.points), np.array(obstacle.outline.facets)
+
+
+@outline.register
+def _(obstacle: RigidSurface, low: Array, high: Array) -> tuple[Array, Index]:
+    return np.array(obstacle.points), np.array(obstacle.triangles)
+
+
+@outline.register
+def _(obstacle: LevelSet, low: Array, high: Array) -> tuple[Array, Index]:
+    room = AROUND * (high - low).max()
+    count = GRID_2D if len(low) == 2 else GRID_3D
+    axes = [np.linspace(a - room, b + room, count) for a, b in zip(low, high, strict=True)]
+    return (zero_lines if len(low) == 2 else zero_triangles)(obstacle.function, axes)
+
+
+def _reach(centre: Array, radius: float, low: Array, high: Array) -> tuple[Array, float]:
+    """Direction from a centre to the middle of a box, and the angle to either side that is shown."""
+    middle, size = 0.5 * (low + high), (0.5 + AROUND) * float(np.linalg.norm(high - low))
+    away = middle - centre
+    distance = float(np.linalg.norm(away))
+    if radius < MUCH_LARGER * size or distance <= size:
+        return away / distance if distance > 0 else np.eye(len(low))[0], np.pi
+    return away / distance, float(np.arcsin(size / distance))
+
+
+def _arc(centre: Array, radius: float, hollow: bool, low: Array, high: Array) -> tuple[Array, Index]:
+    """A circle, or what of it is near a box."""
+    away, angle = _reach(centre, radius, low, high)
+    turn = np.arctan2(away[1], away[0]) + np.linspace(-angle, angle, SIDES + 1)
+    points = centre + radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    if angle == np.pi:
+        points[-1] = points[0]
+    lines = np.stack([np.arange(SIDES), np.arange(1, SIDES + 1)], axis=1)
+    return points, lines[:, ::-1] if hollow else lines
+
+
+def _cap(centre: Array, radius: float, hollow: bool, low: Array, high: Array) -> tuple[Array, Index]:
+    """A sphere, or what of it is near a box: rings about the direction towards it."""
+    away, angle = _reach(centre, radius, low, high)
+    across, n, rings = _perpendicular(away), SIDES // 6, SIDES // 12
+    turn, tilt = np.arange(n) * 2 * np.pi / n, np.linspace(0, angle, rings + 1)
+    flat = np.column_stack([np.cos(turn), np.sin(turn)]) @ across
+    points = centre + radius * (
+        np.cos(tilt)[:, None, None] * away + np.sin(tilt)[:, None, None] * flat
+    ).reshape(-1, 3)
+    i, j = (part.ravel() for part in np.meshgrid(np.arange(n), np.arange(rings)))
+    a, b = j * n + i, j * n + (i + 1) % n
+    triangles = np.concatenate([np.stack([a, a + n, b], 1), np.stack([b, a + n, b + n], 1)])
+    x = points[triangles]
+    area = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
+    triangles = triangles[area > 1e-9 * area.max()]  # those at the pole have none
+    return points, triangles[:, ::-1] if hollow else triangles
+
+
+def _perpendicular(axis: Array) -> Array:
+    """Two directions (2, 3) that make a right-handed frame with an axis behind them."""
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(axis, first)])

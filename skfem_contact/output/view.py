@@ -1,0 +1,122 @@
+"""Where bodies and obstacles stand in a picture: displacements magnified, what all share taken off.
+
+A point at X with the displacement u is drawn at ``X + c + s (u - c)``: s is the factor and c a
+translation that all bodies share. An obstacle that has moved by t is drawn as moved by
+``c + s (t - c)``, so points that touch it do so in the picture, but for initial gaps, which are not
+magnified.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers.result import ContactResult
+from skfem_contact.arguments import number
+from skfem_contact.bodies.member import Member
+from skfem_contact.conditions.loads import Motion
+from skfem_contact.conditions.state import OPEN
+from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
+from skfem_contact.output.thresholds import DISPLACED, OVERLAPPING, ROUND, SAME_FACTOR, TOGETHER
+from skfem_contact.output.tools import Tool, tools
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """How displacements are shown.
+
+    Attributes
+    ----------
+    factor : float
+    shared : ndarray, shape (d,)
+        The translation that is not magnified [length].
+    """
+
+    factor: float
+    shared: Array
+
+    def place(self, points: Array, displacements: Array) -> Array:
+        """Places (p, d) of points in the picture."""
+        return points + self.shared + self.factor * (displacements - self.shared)
+
+    def motion(self, motion: Motion) -> Motion:
+        """That of an obstacle in the picture."""
+        translation = self.shared + self.factor * (motion.translation - self.shared)
+        return Motion(translation, self.factor * motion.angle, motion.centre)
+
+    @property
+    def words(self) -> str:
+        """For the title."""
+        return f"deformation magnified {self.factor:g} times" if self.factor != 1 else "true positions"
+
+
+def view(result: ContactResult, scale: float | Literal["auto"] = "auto") -> View:
+    """The view with a factor, or with one that shows the deformation.
+
+    "auto": a round factor, with displacements up to 6 % of the extent and closed gaps overlapping by
+    1 %, and never below one. What moves far is where it is, unless all bodies move so together.
+    """
+    d = next(iter(result.system.solids.values())).dim
+    if scale != "auto":
+        return View(number(scale, "scale", "give a factor, or 'auto'"), np.zeros(d))
+    u = np.concatenate([nodal(body, result) for body in result.system.solids.values()])
+    known = tools(result)
+    together = 0.5 * (u.max(axis=0) + u.min(axis=0))
+    views = [View(_factor(result, u, known, shared), shared) for shared in (np.zeros(d), together)]
+    return views[1] if views[1].factor > TOGETHER * views[0].factor else views[0]
+
+
+def auto_scale(result: ContactResult) -> float:
+    """The factor of the view that is taken without being told."""
+    return view(result).factor
+
+
+def nodal(body: Member, result: ContactResult) -> Array:
+    """Displacements of a body by node, in any order, shape (nodes, d)."""
+    u = result.displacement(body)
+    return np.column_stack([u[body.dof_component == k] for k in range(body.dim)])
+
+
+def _factor(result: ContactResult, u: Array, known: list[Tool], shared: Array) -> float:
+    answer = answer_of(result)
+    extent = answer.system.extent
+    largest = float(np.abs(u - shared).max(initial=0.0))
+    largest = max([largest, *(_moved(tool, result, shared) for tool in known)])
+    if largest == 0.0:
+        return 1.0
+    factor = DISPLACED * extent / largest
+    closed = (answer.state.status != OPEN) & answer.kin.paired
+    gap = float(np.abs(_initial_gaps(result))[closed].max(initial=0.0))
+    if gap > 0.0:
+        factor = min(factor, 1.0 + OVERLAPPING * extent / gap)
+    power = 10.0 ** np.floor(np.log10(factor))
+    rounded = power * max(k for k in ROUND if k * power <= factor * (1 + SAME_FACTOR))
+    return max(1.0, float(rounded))
+
+
+def _initial_gaps(result: ContactResult) -> Array:
+    """Gaps (m,) of the undeformed bodies and the obstacles where they were made [length]."""
+    answer = answer_of(result)
+    gap = np.array(answer.case.gap0)
+    for contact, motion, part in zip(answer.contacts, answer.case.motion, answer.slices(), strict=True):
+        shift = motion.shift(contact.secondary.points)  # none of bodies
+        gap[part] += np.einsum("md,md->m", answer.kin.normal[part], shift)
+    return gap
+
+
+def _moved(tool: Tool, result: ContactResult, shared: Array) -> float:
+    """How far an obstacle has moved from where the bodies are, as far as its shape shows it."""
+    shape = tool.obstacle
+    if isinstance(shape, RigidCylinder | RigidSphere):
+        return float(np.abs(tool.motion.shift(shape.centre[None])[0] - shared).max())
+    points = np.concatenate([result.contacts[i].secondary.points for i in tool.contacts])
+    moved = tool.motion.shift(points) - shared
+    if isinstance(shape, RigidPlane):
+        moved = moved @ shape.normal
+    return float(np.abs(moved).max(initial=0.0))
