@@ -365,7 +365,8 @@ def main() -> None:
         print(compared(row))
     if args.write:
         write_into(HERE.parent / "docs" / "performance.md", text)
-        write_into(HERE.parent / "README.md", table(record, SHORT))
+        for page in ("README.md", "paper.md"):
+            write_into(HERE.parent / page, table(record, SHORT))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,85 @@
+"""What the build of the pages does beside its plugins.
+
+Formulas become MathML, which browsers draw without scripts; the version comes from the package; search
+works from the disk; and the examples get the form that the gallery wants: titles, and their picture.
+"""
+
+from __future__ import annotations
+
+import ast
+import html
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+from latex2mathml.converter import convert
+from mkdocs.plugins import event_priority
+
+ROOT = Path(__file__).parents[2]
+PREPARED = ROOT / "out" / "gallery"  # not under version control
+FORMULA = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.DOTALL)
+
+
+@event_priority(100)  # before the gallery reads its examples
+def on_config(config: Any) -> Any:
+    """The version, the script for the search, and the examples."""
+    tree = ast.parse((ROOT / "skfem_contact/__init__.py").read_text(encoding="utf-8"))
+    (version,) = (
+        node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "__version__"
+    )
+    config.extra["version"] = ast.literal_eval(version)
+    # the plugin `offline` would load this script over the network
+    config.extra["polyfills"] = ["assets/javascripts/iframe-worker-shim.js"]
+    if "gallery" in config.plugins:
+        prepare_examples(Path(config.docs_dir))
+        config.plugins["gallery"].config["examples_dirs"] = [PREPARED]
+    return config
+
+
+def prepare_examples(docs: Path) -> None:
+    """Writes all examples anew for the gallery; what has not changed keeps its time."""
+    PREPARED.mkdir(parents=True, exist_ok=True)
+    shutil.copy(ROOT / "examples/README.md", PREPARED)
+    names = {path.name for path in (ROOT / "examples").glob("*.py")}
+    for old in PREPARED.glob("*.py"):
+        if old.name not in names:
+            old.unlink()
+    for name in names:
+        text = for_gallery(ROOT / "examples" / name, docs)
+        if not (PREPARED / name).exists() or (PREPARED / name).read_text(encoding="utf-8") != text:
+            (PREPARED / name).write_text(text, encoding="utf-8")
+
+
+def for_gallery(path: Path, docs: Path) -> str:
+    """An example with a title, its picture, and headings in front of its parts."""
+    text = path.read_text(encoding="utf-8")
+    quotes, first, rest = re.match(r'(r?""")(.*?)\n(.*)', text, re.DOTALL).groups()
+    picture = f"images/{path.stem}.png"
+    shown = f"\n![{first}](../{picture})\n" if (docs / picture).exists() else ""
+    body = re.sub(
+        r"^# %% +(.)(.*)$", lambda m: f"# %%\n# ## {m[1].upper()}{m[2]}", rest, flags=re.MULTILINE
+    )
+    end = f"\n# mkdocs_gallery_thumbnail_path = '{picture}'\n" if shown else ""
+    return f"{quotes}# {first.split(':')[0].rstrip('.')}\n\n{first}\n{shown}{body}{end}"
+
+
+def mathml(match: re.Match[str]) -> str:
+    r"""A formula between ``\(`` and ``\)``, or ``\[`` and ``\]``."""
+    tex = html.unescape(match[2]).strip()[2:-2].strip()
+    return convert(tex, display="block" if match[1] == "div" else "inline")
+
+
+def on_page_content(content: str, /, *, page: Any, config: Any, **kwargs: Any) -> str:
+    """All formulas, those of docstrings as well; the version; links of the gallery to files."""
+    if page.file.src_uri == "gallery/index.md":
+        content = re.sub(r'(<a class="reference internal" href="\w+)"', r'\1.html"', content)
+    return FORMULA.sub(mathml, content).replace("{{version}}", config.extra["version"])
+
+
+def on_post_build(config: Any) -> None:
+    """What is downloaded is the example itself, not what was made of it for the page."""
+    for path in (ROOT / "examples").glob("*.py"):
+        shutil.copy(path, Path(config.site_dir) / "gallery" / path.name)

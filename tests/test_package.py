@@ -1,0 +1,103 @@
+"""What is published agrees with itself: one version, one list of dependencies, one description."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import skfem_contact as sc
+
+ROOT = Path(__file__).parents[1]
+
+
+def text(name: str) -> str:
+    """A file of the repository."""
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def project() -> dict:
+    """The table of the project in pyproject.toml, by the standard library where it can."""
+    if sys.version_info < (3, 11):
+        pytest.skip("tomllib came with Python 3.11")
+    import tomllib
+
+    return tomllib.loads(text("pyproject.toml"))
+
+
+@pytest.mark.parametrize(
+    ("file", "pattern"),
+    [
+        ("CITATION.cff", r"^version: (.+)$"),
+        ("codemeta.json", r'"version": "(.+)"'),
+        ("recipe/meta.yaml", r'{% set version = "(.+)" %}'),
+        ("CHANGELOG.md", r"^## \[(\d.+?)\]"),
+    ],
+)
+def test_one_version_everywhere(file: str, pattern: str) -> None:
+    """Other files cannot import the version, so they are held to it; the changelog by its newest."""
+    assert re.search(pattern, text(file), re.MULTILINE).group(1) == sc.__version__
+
+
+def test_version_is_read_without_importing() -> None:
+    """The build reads the version from the source, a plain string; pyproject.toml has no other."""
+    tree = ast.parse(text("skfem_contact/__init__.py"))
+    found = [
+        n.value for n in tree.body if isinstance(n, ast.Assign) and n.targets[0].id == "__version__"
+    ]
+    assert ast.literal_eval(found[0]) == sc.__version__
+    table = project()
+    assert "version" not in table["project"]
+    assert table["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "skfem_contact.__version__"}
+
+
+def bounds(requirements: list[str]) -> dict[str, str]:
+    """Lower bounds by name."""
+    pairs = [re.match(r"([\w.-]+)>=([\d.]+)", line) for line in requirements]
+    return {match[1]: match[2] for match in pairs if match}
+
+
+def test_tested_versions_are_the_lower_bounds() -> None:
+    """`.ci/lowest.txt` pins exactly what pyproject.toml allows as the oldest."""
+    table = project()["project"]
+    extras = table["optional-dependencies"]
+    allowed = bounds(table["dependencies"] + extras["plot"] + extras["progress"])
+    pins = dict(re.findall(r"^([\w-]+)==([\d.]+)$", text(".ci/lowest.txt"), re.MULTILINE))
+    for name, oldest in allowed.items():
+        assert (pins[name] + ".").startswith(oldest + "."), name
+
+
+def test_recipe_and_metadata_have_the_same_dependencies() -> None:
+    """The conda recipe and codemeta.json list what pyproject.toml lists."""
+    required = project()["project"]["dependencies"]
+    recipe = re.findall(r"^ {4}- ([\w-]+) >=([\d.]+)$", text("recipe/meta.yaml").split("run:")[1], re.M)
+    assert {name: oldest for name, oldest in recipe if name != "python"} == bounds(required)
+    assert json.loads(text("codemeta.json"))["softwareRequirements"] == list(bounds(required))
+
+
+def test_classifiers_and_matrix_name_the_same_versions() -> None:
+    """The versions of Python that are promised are those that are tested."""
+    table = project()["project"]
+    promised = re.findall(r"Python :: (3\.\d+)", "\n".join(table["classifiers"]))
+    tested = re.search(r"python: \[(.+)\]", text(".github/workflows/tests.yml")).group(1)
+    assert promised == re.findall(r"3\.\d+", tested)
+    assert table["requires-python"] == f">={promised[0]}"
+
+
+def test_paper_cites_what_its_bibliography_has() -> None:
+    """Every citation has an entry, and every entry is cited."""
+    cited = set(re.findall(r"@(\w+)", text("paper.md").split("---", 2)[2]))
+    assert cited == set(re.findall(r"^@\w+\{(\w+),", text("paper.bib"), re.MULTILINE))
+
+
+def test_paper_has_the_table_of_the_readme() -> None:
+    """One measurement, two places."""
+    tables = [
+        re.search(r"<!-- benchmark table: begin -->(.*)<!-- benchmark table: end -->", text(name), re.S)
+        for name in ("README.md", "paper.md")
+    ]
+    assert tables[0].group(1) == tables[1].group(1)
