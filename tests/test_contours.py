@@ -129,3 +129,28 @@ def test_the_area_carries_the_measure():
     closed = gap == 0
     twice, once = (contour(s, closed, gap).area for s in (surface, plain))
     assert_allclose(twice, 2 * once, rtol=1e-12)
+
+
+def placed_again(surface, turn):
+    """The same surface in another direction, its nodes where round-off puts them."""
+    mesh = surface.body.basis.mesh
+    noise = 1e-15 * np.random.default_rng(3).uniform(-1, 1, mesh.doflocs.shape)
+    mesh = type(mesh)(turn @ mesh.doflocs + noise, mesh.t)
+    return body(mesh, surface.kind.name).surface(surface.mesh_facets)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-17])
+def test_the_area_follows_neither_round_off_nor_direction(noise):
+    """Open points on one line do not span a plane, and gaps of touching faces are round-off."""
+    surface, x = square("quad4", 2)
+    last = x[:, 0] > 0.9
+    touching = ~last & (x[:, 1] < -0.9) if noise else np.zeros(len(x), dtype=bool)
+    gap = np.where(last, 0.01 * (2.0 + x[:, 1]), 0.0)
+    areas = []
+    for k, turn in enumerate((np.eye(3), Rotation.random(random_state=5).as_matrix())):
+        round_off = noise * np.random.default_rng(k).uniform(-1, 1, len(gap))
+        side = placed_again(surface, turn)
+        areas.append(contour(side, ~last & ~touching, np.where(touching, round_off, gap)).area)
+        # all others touch without a force
+        areas.append(contour(side, np.abs(x[:, 1]) < 0.5, round_off).area)
+    assert_allclose(areas[:2], areas[2:], rtol=1e-9)

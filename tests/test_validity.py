@@ -707,3 +707,27 @@ def test_force_beyond_an_end_within_a_facet(held):
             with pytest.warns(sc.ContactWarning, match="% of the normal force acts beyond the end"):
                 share = answer_of(next(history)).watched.drifts[0].beyond_share
         assert abs(share - lost) < 0.005
+
+
+@pytest.mark.parametrize("linear", ["auto", sc.Direct()])
+@pytest.mark.parametrize("angle", [0.0, 0.4])
+def test_a_body_on_springs_slides_off_in_every_direction(linear, angle):
+    """Smooth contact along an axis knows no displacements across it; they are looked at anyway."""
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    bodies = []
+    for name, y, n in (("low", -1.0, 6), ("up", 0.0, 5)):
+        mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, n), np.linspace(y, y + 1, n)).with_defaults()
+        mesh = type(mesh)(turn @ mesh.p, mesh.t, mesh._boundaries)
+        basis = fem.Basis(mesh, QUAD)
+        K = linear_elasticity(*lame_parameters(E, 0.3)).assemble(basis)
+        if name == "low":
+            bodies.append(sc.Body(basis, K, D="bottom", name=name))
+            continue
+        springs = fem.BilinearForm(lambda u, v, w: u[0] * v[0] + u[1] * v[1]).assemble(basis)
+        load = turn @ np.array([0.8, -1.0])
+        push = fem.LinearForm(lambda v, w, load=load: load[0] * v[0] + load[1] * v[1]).assemble(basis)
+        bodies.append(sc.Body(basis, K + 2.0 * springs, push, name=name))
+    contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"))
+    with pytest.warns(sc.ContactWarning, match="beyond the end"):
+        sc.ContactSolver(bodies, [contact], linear=linear).solve()

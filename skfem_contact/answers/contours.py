@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.answers.thresholds import BARELY_OPEN, FLAT_FIT, REACH
+from skfem_contact.answers.thresholds import AT_45, BARELY_OPEN, FLAT_FIT, NO_GAP, REACH
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 
@@ -84,6 +84,8 @@ def heights(surface: FaceSurface, closed: Mask, gap: Array) -> Array:
     """
     beside = neighbours(surface)
     opened = ~closed & np.isfinite(gap)
+    # where the surfaces touch without a force the gap is round-off, which must not draw an edge
+    gap = np.where(gap > NO_GAP * np.abs(surface.points).max(), gap, 0.0)
     h = np.where(opened, np.maximum(np.where(opened, gap, 0.0), 0.0) ** (2 / 3), 0.0)
     last, first = closed & _touched(beside, opened), opened & _touched(beside, closed)
     behind = closed & ~last & _touched(beside, last)
@@ -160,7 +162,8 @@ def _continued(
     slope /= np.maximum(np.linalg.norm(slope, axis=1), np.finfo(float).tiny)[:, None]
     ahead = np.einsum("pk,pk->p", along, slope)
     across = along[:, 0] * slope[:, 1] - along[:, 1] * slope[:, 0]
-    weight = np.where(ahead > np.abs(across), weight, 0.0)
+    # points of regular faces lie at 45 degrees to the slope: round-off must not choose among them
+    weight = np.where(ahead > AT_45 * np.abs(across), weight, 0.0)
     straight, some = _least_squares(plane, weight, h[node], row, len(here))
     parabola = np.column_stack([plane, across**2])
     bent, more = _least_squares(parabola, weight, h[node], row, len(here))
@@ -179,6 +182,8 @@ def _least_squares(
         for j in range(k):
             A[:, i, j] = np.bincount(row, weight * terms[:, i] * terms[:, j], n)
     diagonal = np.sqrt(np.maximum(np.einsum("nii->ni", A), np.finfo(float).tiny))
+    # both directions alike: points on a line along one of the axes do not span a plane
+    diagonal[:, 1:3] = np.sqrt(np.mean(diagonal[:, 1:3] ** 2, axis=1, keepdims=True))
     scaled = A / (diagonal[:, :, None] * diagonal[:, None, :])
     enough = np.linalg.eigvalsh(scaled)[:, 0] > FLAT_FIT
     fit = np.zeros((n, k))

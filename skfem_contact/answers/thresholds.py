@@ -33,6 +33,12 @@ REACH = 3
 # unlike layers of regular faces have 1e-2 or more, points on a line round-off.
 FLAT_FIT = 1e-6
 
+# Tangent of 45 degrees, less round-off: what lies at exactly this angle counts as ahead.
+AT_45 = 1.0 - 1e-6
+
+# Gaps below this part of the largest coordinate are round-off of positions and displacements.
+NO_GAP = 1e-13
+
 # -- error.body --------------------------------------------------
 
 # Elements beyond so many half widths of contact count for less than a percent.

@@ -219,7 +219,8 @@ def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
     """The point whose pressure holds at each point, shape (m,).
 
     It is the point itself, except that a node merged by `dual_mortar` takes that of its heir, and
-    one without area that of the middle of its facet.
+    one without area that of the middle of its facet. Of several heirs it is the one with the largest
+    weight, of equal ones the one with the smaller gap: numbers of nodes have no say in it.
     """
     heir: NDArray[np.intp] = np.arange(len(pairing.gap))
     if surface.kind.name == "line3":
@@ -229,5 +230,7 @@ def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
         heir = np.where(lonely, middle, heir)
     weights = csr_matrix(pairing.secondary_weights).tocoo()
     lent = ~pairing.paired[weights.col] & (weights.row != weights.col)
-    heir[weights.col[lent]] = weights.row[lent]
+    row, col, weight = weights.row[lent], weights.col[lent], weights.data[lent]
+    order = np.lexsort((-pairing.gap[row], np.round(weight, 9)))  # the last written is the largest
+    heir[col[order]] = row[order]
     return heir

@@ -71,6 +71,7 @@ class Answering:
                 result.case,
                 said,
                 result.recover.at_contact,
+                lambda: result.u,
                 result.mismatch,
             )
             result.watch(watched)

@@ -68,6 +68,7 @@ class Watch:
             Support.of(body, int(start), arm=self.system.extent)
             for body, start in zip(self.system.bodies, self.system.offsets[:-1], strict=True)
         ]
+        self.inside = False  # whether some of these motions show in the interior alone
         self.tracks, self.bodies, self.held, self.extent, self.soft = [], [], [], [], []
         # how far motions of the bodies move points along their normals and tangents
         self.normal_rows: list[list[Array]] = []
@@ -117,7 +118,12 @@ class Watch:
         start, end = self.system.offsets[b : b + 2]
         known = known[(known >= start) & (known < end)] - start
         body = self.system.bodies[b]
-        return Support.of(body, int(start), np.union1d(known, body.D), self.system.extent)
+        found = Support.of(body, int(start), np.union1d(known, body.D), self.system.extent)
+        if not found.free.shape[1]:
+            return found
+        # frictionless contact along an axis knows no displacements across it: those of all DOFs say it
+        self.inside = True
+        return Support.of(body, int(start), np.arange(body.n), self.system.extent)
 
     def look(
         self,
@@ -126,6 +132,7 @@ class Watch:
         case: LoadCase,
         said: Said,
         displacement: Callable[[], Array],
+        everywhere: Callable[[], Array],
         mismatch: float = 0.0,
     ) -> Watched:
         """See an answer.
@@ -139,6 +146,9 @@ class Watch:
         displacement : callable
             Gives displacements (n,) that are right at the contact DOFs; called only where bodies
             that nothing holds along a frictionless contact may slide on it, and for rigid bodies.
+        everywhere : callable
+            Gives displacements (n,) that are right at all DOFs; called where such bodies slide along an
+            axis, so that their contact DOFs do not tell.
         mismatch : float
             Of the pairing, see `intrusion`.
         """
@@ -146,7 +156,7 @@ class Watch:
             return Watched(said=said)
         wanted = self.follows_tools or bool(self.on_obstacles | self.of_triangles)
         wanted |= any(loose is not None for loose in self.loose)
-        u = displacement() if wanted else np.zeros(0)
+        u = (everywhere if self.inside else displacement)() if wanted else np.zeros(0)
         motions = [support.motion(case.x) for support in self.supports]
         drifts = tuple(self._drift(i, motions, state, gap, case, u) for i in range(len(self.contacts)))
         turns = {
