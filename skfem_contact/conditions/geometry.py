@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, diags, identity, kron
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
@@ -38,7 +39,7 @@ from skfem_contact.conditions.kinematics import Kinematics, initial_gap, join, k
 from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.prescribed import prescribed_rows
-from skfem_contact.conditions.state import OPEN, LocalState
+from skfem_contact.conditions.state import OPEN, LocalState, transport
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.rotation import spin
 from skfem_contact.pairing.node import Pairing
@@ -216,7 +217,11 @@ class Geometry:
         gap = np.where(judged, wrong, 0.0)
         change = (new.B_n - old.B_n).T @ state.normal_force
         if state.tangential_force.any():
-            change = change - (new.B_t - old.B_t).T @ state.tangential_force.ravel()
+            before, after = _along_both(old, new, state.tangential_force)
+            if after is before:
+                change = change - (new.B_t - old.B_t).T @ before.ravel()
+            else:
+                change = change - (new.B_t.T @ after.ravel() - old.B_t.T @ before.ravel())
         scale = np.max(np.abs(state.normal_force), initial=0.0)
         moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
         return float(np.maximum(np.max(gap, initial=0.0) / self.system.extent, moved))
@@ -228,11 +233,30 @@ class Geometry:
         wrong = np.where(self.finite & new.paired & old.paired, wrong, 0.0)
         forces = np.column_stack([state.normal_force, state.tangential_force])
         scale = np.max(np.abs(forces), initial=np.finfo(float).tiny)
-        rows = [abs(new.B_n - old.B_n).max(axis=1).toarray().ravel()]
+        moved = _largest(diags(state.normal_force) @ (new.B_n - old.B_n))
         if state.tangential_force.any():  # without friction nobody has made these rows
-            rows.append(abs(new.B_t - old.B_t).max(axis=1).toarray().ravel())
-        moved = sum(row * np.abs(force) for row, force in zip(rows, forces.T, strict=False)) / scale
+            before, after = _along_both(old, new, state.tangential_force)
+            rows = diags(after.ravel()) @ new.B_t - diags(before.ravel()) @ old.B_t
+            moved = moved + _largest(kron(identity(old.m), np.ones((1, old.tangents))) @ rows)
+        moved = moved / scale
         return int(np.argmax(np.maximum(wrong, moved)))
+
+
+def _along_both(old: Kinematics, new: Kinematics, forces: Array) -> tuple[Array, Array]:
+    """Friction forces (m, d-1) along the tangents of the one pairing, and along those of the other.
+
+    In the plane they are the same. In space tangents may be another choice on the new pairing.
+    """
+    if old.tangents < 2 or np.array_equal(old.tangent, new.tangent):
+        return forces, forces
+    vectors = np.einsum("ik,ikd->id", forces, old.tangent)
+    turned = transport(vectors, old.normal, new.normal)
+    return forces, np.einsum("id,ikd->ik", turned, new.tangent)
+
+
+def _largest(rows: Any) -> Array:
+    """The largest entry of every row of a sparse matrix."""
+    return np.asarray(abs(csr_matrix(rows)).max(axis=1).toarray()).ravel()
 
 
 def surface_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.intp]:
