@@ -103,7 +103,7 @@ def slid_in_space():
     ):
         mesh = fem.MeshHex.init_tensor(*(np.array(v, float) for v in (x, [0, 1], z))).with_defaults()
         basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
-        D = mesh.facets_satisfying(lambda x, at=z[held]: np.isclose(x[2], at))
+        D = basis.get_dofs(mesh.facets_satisfying(lambda x, at=z[held]: np.isclose(x[2], at)))
         bodies.append(sc.Body(basis, linear_elasticity(), D=D, name=name))
     sides = [
         body.surface(body.basis.mesh.facets_satisfying(lambda x: np.isclose(x[2], 0.0)))

@@ -731,3 +731,22 @@ def test_a_body_on_springs_slides_off_in_every_direction(linear, angle):
     contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"))
     with pytest.warns(sc.ContactWarning, match="beyond the end"):
         sc.ContactSolver(bodies, [contact], linear=linear).solve()
+
+
+@pytest.mark.parametrize("soft_is_secondary", [True, False])
+def test_what_supports_take_up_is_no_strain(soft_is_secondary, recwarn):
+    """A stiff body on a soft one whose support reaches into the contact: the corner carries it all."""
+    bodies = []
+    for name, y, E_, held in (("soft", -1.0, 1e-4, "left"), ("stiff", 0.0, 1.0, "top")):
+        mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 5), np.linspace(y, y + 1, 5)).with_defaults()
+        basis = fem.Basis(mesh, QUAD)
+        K = linear_elasticity(*lame_parameters(E_, 0.0)).assemble(basis)
+        bodies.append(sc.Body(basis, K, D=held, name=name))
+    sides = [bodies[0].surface("top"), bodies[1].surface("bottom")]
+    contact = sc.Contact(*(sides if soft_is_secondary else sides[::-1]), method="node")
+    down = np.where(bodies[1].dof_component == 1, -1e-4, 0.0)
+    result = sc.ContactSolver(bodies, [contact]).solve(x={"stiff": down})
+    drift = answer_of(result).watched.drifts[0]
+    assert result.normal_force.max() > 1e-5  # of which the soft body would give by a tenth of itself
+    assert 0.5e-4 < drift.approach < 2e-4
+    assert not recwarn

@@ -14,10 +14,10 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import BARELY, RigidMotions, null_space
 from skfem_contact.conditions.return_map import lengths
-from skfem_contact.conditions.state import OPEN, STICK
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import RESISTS
 from skfem_contact.history.load_step import Attempt
-from skfem_contact.history.thresholds import FAINT, HOLDS_NOTHING, NO_FORCE, TINY, TURNED
+from skfem_contact.history.thresholds import ACROSS, FAINT, HOLDS_NOTHING, NO_FORCE, TINY, TURNED
 from skfem_contact.problem.model import LinearModel
 
 Array = NDArray[np.float64]
@@ -72,12 +72,33 @@ class Grip:
         anything (a point of an arc, that a body has rolled to by several widths) holds by round-off.
         """
         motions, carrying = self.motions, self.carrying
-        rows = motions.rows(carrying, self.stick)
-        if null_space(rows, self.firmly).shape[1]:
+        rows, across = motions.rows(carrying, self.stick), self._across(self._slips)
+        if null_space(np.concatenate([rows, across]), self.firmly).shape[1]:
             return True
         share = np.where(motions.kin.bilateral, 1.0, self.attempt.local.normal_force / self.largest)
         rows[: carrying.sum()] *= share[carrying, None]
-        return null_space(rows, FAINT).shape[1] > 0
+        return null_space(np.concatenate([rows, across]), FAINT).shape[1] > 0
+
+    @property
+    def _slips(self) -> Mask:
+        """Carrying points whose friction is at its bound, (m,)."""
+        local = self.attempt.local
+        return self.carrying & (local.status == SLIP) & np.any(local.tangential_force != 0, axis=1)
+
+    def _across(self, at: Mask) -> Array:
+        """Rows (r, k) by which friction at its bound holds motions across its direction.
+
+        In space it turns with the slip, and so resists what turns it. How stiffly falls with the square
+        of the angle between the motion and the friction, and with the way that has been slid.
+        """
+        motions = self.motions
+        if motions.kin.tangents < 2 or not at.any():
+            return np.zeros((0, motions.k))
+        friction = self.attempt.local.tangential_force[at]
+        d = friction / lengths(friction)[:, None]
+        slip = motions.tangential[at]
+        left = slip - d[:, :, None] * np.einsum("pt,ptk->pk", d, slip)[:, None]
+        return ACROSS * left.reshape(-1, motions.k)
 
     def adrift(self, interface: Interface) -> tuple[str, ...]:
         """Sentences on bodies whose place an answer does not decide, and that were not settled.
@@ -93,7 +114,7 @@ class Grip:
             full = self.stick & (friction >= (1 - HOLDS_NOTHING) * bound) & (friction > 0)
         if not (full.any() or self.idles):  # all that sticks holds, and that is enough
             return ()
-        free = motions.free(self.carrying, self.stick & ~full)
+        free = motions.free(self.carrying, self.stick & ~full, more=self._across(self._slips | full))
         if not free.shape[1]:
             return ()
         if free.shape[1] == 1 and full.any():  # all of them have to slip against their friction at once

@@ -51,6 +51,11 @@ FAINT = 1e-7
 # A force that is none whatever made it, over the terms that cancel where nothing presses.
 NO_FORCE = 1e-12
 
+# Friction holds a motion at an angle to its direction by the square of the angle. Where that is below
+# 1e-10, at 1e-5 rad, half of the digits of the place are lost: it counts as free, as what moves by
+# `RESISTS` of a unit does.
+ACROSS = 1e-4
+
 # The smallest number that is divided by.
 TINY = float(np.finfo(float).tiny)
 

@@ -13,6 +13,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import GAP, LARGE, TILT
 from skfem_contact.answers.validity.drift import Drift, Track, tool_motion
 from skfem_contact.answers.validity.face_track import FaceTrack
+from skfem_contact.answers.validity.give import soft, spared
 from skfem_contact.answers.validity.intrusion import Intrusions, elastic_approach
 from skfem_contact.answers.validity.rotation import rigid_rotations, rotation_words
 from skfem_contact.answers.validity.solids import (
@@ -70,6 +71,8 @@ class Watch:
         ]
         self.inside = False  # whether some of these motions show in the interior alone
         self.tracks, self.bodies, self.held, self.extent, self.soft = [], [], [], [], []
+        # what of `soft` points do not feel, because supports take up their force on one side
+        self.spared: list[Array | None] = []
         # how far motions of the bodies move points along their normals and tangents
         self.normal_rows: list[list[Array]] = []
         self.tangential_rows: list[list[Array]] = []
@@ -90,9 +93,8 @@ class Watch:
             if contact.rigid_body is not None:  # it takes up nothing, but it moves
                 bodies.append(self.system.index(contact.rigid_body))
             size = [1.0 if self.dim == 2 else 0.5 * float(np.median(side.lengths)) for side in sides]
-            self.soft.append(
-                sum(h / np.median(d[d > 0]) for h, d in zip(size, stiff, strict=True) if (d > 0).any())
-            )
+            self.soft.append(sum(soft(h, d) for h, d in zip(size, stiff, strict=True)))
+            self.spared.append(spared(pairing, sides, stiff, size))
             at = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
             self.bodies.append(bodies)
             supports = [self.supports[b] for b in bodies]
@@ -189,7 +191,11 @@ class Watch:
         if not count and not (small and contact.rigid):
             return Drift(sagitta=sagitta)
         width = track.breadth(closed)
-        pressed = float(np.abs(state.normal_force[part][closed]).sum() * self.soft[i])
+        pressing = np.abs(state.normal_force[part][closed])
+        pressed = float(pressing.sum() * self.soft[i])
+        too_much = self.spared[i]
+        if too_much is not None:
+            pressed = max(pressed - float(pressing @ too_much[closed]), 0.0)
         if self.dim == 3:  # a force over a length, where in 2-D it is one over the thickness
             pressed = pressed / width if width else 0.0
         strain = pressed / width if width else 0.0
