@@ -14,7 +14,8 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.thresholds import NO_AREA
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.corners import CornerContacts, Names, corner_contacts
+from skfem_contact.pairing.corner_rows import Names
+from skfem_contact.pairing.corners import CornerContacts, corner_contacts
 from skfem_contact.pairing.faces.control import at_control_points
 from skfem_contact.pairing.faces.mortar import dual_mortar as mortar_of_faces
 from skfem_contact.pairing.faces.node import node_to_face

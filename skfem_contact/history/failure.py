@@ -10,7 +10,7 @@ from skfem_contact.conditions.motions import no_equilibrium
 from skfem_contact.errors import NoEquilibrium, NotConverged
 from skfem_contact.history.energy import rough_at_rest
 from skfem_contact.history.finding import CAN_CARRY, Finding
-from skfem_contact.pairing.corners import Corners
+from skfem_contact.pairing.vertices import Corners
 
 USUALLY = (
     "Usually the load has no equilibrium or several (a large coefficient of friction), or the "

@@ -1,0 +1,156 @@
+"""Convex corners of a surface, and the facets of another surface that they meet: see `corners`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.normals import tangents
+from skfem_contact.bodies.projection import interpolated_normals, project
+from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.thresholds import CORNER
+from skfem_contact.pairing.thresholds import COINCIDENT, PAIRS_AT_ONCE, SLACK, TIE
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Convex corners of a surface, its ends included.
+
+    Attributes
+    ----------
+    node : ndarray of int, shape (c,)
+    first : ndarray, shape (c,)
+        Direction of the normal of the facet that ends there [rad].
+    turn : ndarray, shape (c,)
+        Angle from there to the normal of the facet that begins there, > 0 [rad].
+    covered : ndarray of bool, shape (c, 2)
+        Whether the facet that ends (begins) there belongs to the surface.
+    facet : ndarray of int, shape (c,)
+        A facet of the surface there.
+    """
+
+    node: Index
+    first: Array
+    turn: Array
+    covered: Mask
+    facet: Index
+
+    @classmethod
+    def of(cls, surface: CurveSurface) -> Corners:
+        """Find the sharp corners, and ends of any angle; none on a line of symmetry."""
+        after = surface.neighbours[:, 1]
+        angle = np.arctan2(surface.end_normals[..., 1], surface.end_normals[..., 0])
+        bend = _wrap(angle[after, 0] - angle[:, 1])
+        inner = np.flatnonzero((after >= 0) & (bend > 0) & (np.cos(bend) < CORNER))
+        f, side = np.nonzero((surface.neighbours < 0) & (surface.end_turns > 0))
+        turn = surface.end_turns[f, side]
+        first = np.where(side == 1, angle[f, 1], angle[f, 0] - turn)
+        # a node that may not leave the line that the surface ends at lies on a line of symmetry
+        other = np.where(side == 1, first + turn, first)
+        held = surface.held[surface.facets[f, side]]
+        across = np.abs(np.stack([np.cos(other), np.sin(other)], axis=1))
+        keep = (held.sum(axis=1) != 1) | (np.sum(held * across, axis=1) < CORNER)
+        f, side, turn, first = f[keep], side[keep], turn[keep], first[keep]
+        node = np.concatenate([surface.facets[inner, 1], surface.facets[f, side]])
+        covered = np.concatenate([np.ones((len(inner), 2), bool), np.stack([side == 1, side == 0], 1)])
+        return cls(
+            node=node,
+            first=np.concatenate([angle[inner, 1], first]),
+            turn=np.concatenate([bend[inner], turn]),
+            covered=covered,
+            facet=np.concatenate([inner, f]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Met:
+    """Corners that meet a facet of the other surface, shapes (q,), (q, d)."""
+
+    corner: Index
+    facet: Index
+    xi: Array
+    normal: Array  # outward of the facet
+    gap: Array
+
+
+def meet(
+    corners: Corners,
+    own: CurveSurface,
+    other: CurveSurface,
+    tilt: Array,
+    limits: tuple[float, float],
+) -> Met:
+    """The closest point of the other surface to each vertex, where it is within its cone."""
+    met = closest(corners, own, other, limits)
+    corner = met.corner
+    lean = lean_of(corners, corner, other, met.facet)
+    lowest = np.where(corners.covered[corner, 0], tilt[corner], -SLACK)
+    highest = corners.turn[corner] - np.where(corners.covered[corner, 1], tilt[corner], -SLACK)
+    met = some(met, (lean > lowest) & (lean < highest))
+    _, first = np.unique(met.corner, return_index=True)
+    return some(met, first)
+
+
+def closest(
+    corners: Corners, own: CurveSurface, other: CurveSurface, limits: tuple[float, float]
+) -> Met:
+    """The closest points of the other surface to each vertex."""
+    corner, facet = _candidates(own.points[corners.node], other)
+    if own.body is other.body:
+        mine = own.dofs[corners.node[corner], 0]
+        apart = ~(other.dofs[other.facets[facet], 0] == mine[:, None]).any(axis=1)
+        corner, facet = corner[apart], facet[apart]
+    x = own.points[corners.node[corner]]
+    xi, foot, over = project(other, facet, x)
+    normal = interpolated_normals(other, facet, xi)
+    gap = np.einsum("qd,qd->q", x - foot, normal)
+    distance = np.linalg.norm(x - foot, axis=1)
+    nearest = np.full(len(corners.node), np.inf)
+    np.minimum.at(nearest, corner, distance)
+    good = distance <= nearest[corner] + TIE * other.lengths[facet]
+    # beyond an end: its node is the closest point only if it is that of the next facet, too
+    side = (xi >= 0.5).astype(int)
+    onward = other.neighbours[facet, side]
+    there = other.end_normals[onward, 1 - side]
+    into = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(there)[:, 0]
+    at_node = np.einsum("qd,qd->q", x - foot, into) <= COINCIDENT * other.lengths[onward]
+    at_node &= (onward >= 0) & (np.einsum("qd,qd->q", other.end_normals[facet, side], there) >= CORNER)
+    good &= (over <= COINCIDENT * other.lengths[facet]) | at_node
+    good &= np.where(gap >= 0, distance <= limits[0], distance <= limits[1])
+    return some(Met(corner, facet, xi, normal, gap), good)
+
+
+def _candidates(points: Array, surface: CurveSurface) -> tuple[Index, Index]:
+    """Pairs of points and facets among which the closest facets to the points are."""
+    middle = surface.points[surface.facets].mean(axis=1)
+    # no point of a facet, curved or not, is farther from its middle
+    reach = surface.lengths
+    found: list[tuple[Index, Index]] = [(np.zeros(0, dtype=np.intp),) * 2]
+    block = max(1, PAIRS_AT_ONCE // len(middle))
+    for start in range(0, len(points), block):
+        away = np.linalg.norm(points[start : start + block, None] - middle, axis=2)
+        point, facet = np.nonzero(away - reach <= (away + reach).min(axis=1, keepdims=True))
+        found.append((start + point, facet))
+    corner, facet = (np.concatenate(column) for column in zip(*found, strict=True))
+    return corner, facet
+
+
+def lean_of(corners: Corners, corner: Index, other: CurveSurface, facet: Index) -> Array:
+    """Angle from the beginning of a corner's cone to the opposite of a facet's normal [rad]."""
+    normal = other.facet_normals[facet]
+    return _wrap(np.arctan2(-normal[:, 1], -normal[:, 0]) - corners.first[corner])
+
+
+def some(met: Met, chosen: Index | Mask) -> Met:
+    return Met(*(getattr(met, name)[chosen] for name in ("corner", "facet", "xi", "normal", "gap")))
+
+
+def _wrap(angle: Array) -> Array:
+    """Angle in [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
