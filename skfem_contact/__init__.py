@@ -41,6 +41,7 @@ from skfem_contact.bodies.system import System, stack
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.wear import Archard
 from skfem_contact.elimination.condense import condense
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.eliminate import eliminate
@@ -76,6 +77,7 @@ from skfem_contact.output.vtk import write, write_series
 __all__ = [
     "AMG",
     "AffineConstraint",
+    "Archard",
     "Body",
     "Certificate",
     "ConstraintError",

@@ -40,7 +40,17 @@ def state(kin, rng):
     m, t = kin.tangent.shape[:2]
     slip, force, reference = rng.standard_normal((3, m, t))
     none = np.zeros(0)
-    rest = np.zeros(m), reference, np.zeros(m), np.ones(m), none, none, np.full(m, -1)
+    rest = (
+        np.zeros(m),
+        reference,
+        np.zeros(m),
+        np.ones(m),
+        none,
+        none,
+        np.full(m, -1),
+        np.zeros(m),
+        np.ones(m),
+    )
     return LocalState(np.ones(m, dtype=int), slip, force, *rest)
 
 

@@ -111,6 +111,11 @@ class Answer:
         """Displacements of all bodies, shape (n,) [length]; recovered when first asked for."""
         return sealed(self.recover())
 
+    @property
+    def worn_case(self) -> LoadCase:
+        """The loads, with the gaps that a depth worn off leaves."""
+        return self.case.worn(self.state.wear)
+
     def displacement(self, body: Any) -> Array:
         """Displacements of one body, by name or itself, as its basis numbers them, (n_body,)."""
         return self.u[self.system.slice(body)]

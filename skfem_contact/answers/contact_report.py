@@ -29,6 +29,10 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
         lines += _tension_lines(values)
     if contact.friction is not None:
         lines += _friction_lines(values)
+    if values.worn_volume:
+        deepest = int(np.argmax(values.wear_depth))
+        where = f"{values.wear_depth[deepest]:.6g} deep at {written(values.points[deepest])}"
+        lines.append(f"  worn off                 {values.worn_volume:.6g}, {where}")
     if estimate and np.any(values.status != OPEN):
         lines += _error_lines(values)
     open_gaps = values.gap[(values.status == OPEN) & np.isfinite(values.gap)]

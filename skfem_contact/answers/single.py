@@ -121,6 +121,16 @@ class OfTheContact(ABC):
         return self._only("contact_area").contact_area
 
     @property
+    def wear_depth(self) -> Array:
+        """Depth worn off so far, shape (m,) [length]; see `Archard`."""
+        return self._only("wear_depth").wear_depth
+
+    @property
+    def worn_volume(self) -> float:
+        """Volume worn off so far [volume]; see `Archard`."""
+        return self._only("worn_volume").worn_volume
+
+    @property
     def contact_edges(self) -> Array:
         """Where contact ends, within a facet: points (k, 2), in 3-D segments (s, 2, 3) [length]."""
         return self._only("contact_edges").contact_edges

@@ -45,6 +45,8 @@ def _values(answer: Answer, i: int, part: slice) -> ContactValues:
         dissipation=float(lost),
         dissipation_total=float(before + lost),
         energy_residual=float(answer.residual_by_contact[i]),
+        wear_depth=state.wear[part][heir],
+        worn_volume=float(state.worn[part].sum()),
         assess=partial(estimate, answer),
         slips=partial(_slip, answer, i, part),
     )

@@ -66,7 +66,12 @@ class ContactValues:
         obstacles, less elastic energy gained, less `dissipation` [energy]. Zero where forces and
         slips follow a straight path; beside the dissipation it tells how coarse the step is, and
         falls with the square of its size. With ``sliding="finite"`` without what turning frames
-        add, which is of second order too. Not measured without friction.
+        add, which is of second order too. Not measured without friction. Wear takes energy besides:
+        the mean force at both ends of the step on the depth that it wears off.
+    wear_depth : ndarray, shape (m,)
+        Depth worn off so far by `Archard`; `gap` is that of the worn surface [length].
+    worn_volume : float
+        Volume worn off so far [volume]: `k` times force times way, summed over points and steps.
     """
 
     name: str
@@ -85,6 +90,8 @@ class ContactValues:
     dissipation: float
     dissipation_total: float
     energy_residual: float
+    wear_depth: Array
+    worn_volume: float
     assess: Callable[[ContactValues], ErrorEstimate]
     slips: Callable[[], Array]
 

@@ -21,6 +21,7 @@ from skfem_contact.arguments import (
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
 from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.wear import Archard
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import RigidBody
@@ -30,6 +31,10 @@ Array = NDArray[np.float64]
 Field = float | Array | Callable[[Array], Array]
 
 
+NO_SLIP = (
+    "Contact: wear=... needs the slip, and without friction nothing tangential is modelled. Give it a "
+    "coefficient that is small but not zero, friction=Coulomb(1e-6)."
+)
 LAW = "it belongs to the law, friction=Coulomb(mu, ...)"
 
 
@@ -78,6 +83,8 @@ class Contact(PrintedAsCall):
         False is contact that never opens ("no separation" elsewhere): the surfaces are held together as
         they are meshed, in tension too, and slide on each other as `friction` lets them. With
         `Tresca`, a bond that carries shear whatever the pressure. Points without partner are open.
+    wear : Archard, optional
+        Law by which the secondary surface wears as it slips; it needs friction, if only a little.
     name : str, optional
 
     Raises
@@ -99,6 +106,7 @@ class Contact(PrintedAsCall):
     sliding: Literal["small", "finite"] = "small"
     tied: bool = False
     separation: bool = True
+    wear: Archard | None = None
     name: str | None = None
 
     def __post_init__(self) -> None:
@@ -151,6 +159,7 @@ class Contact(PrintedAsCall):
                 "Contact: tied=True and friction=... exclude each other: glued surfaces do not "
                 "slip. Leave one of them out; a bond that slips is separation=False, friction=..."
             )
+        self._check_wear()
         for name in ("adjust", "reach"):
             value = getattr(self, name)
             if value is None and name == "reach":
@@ -166,6 +175,20 @@ class Contact(PrintedAsCall):
         for name in ("interference", "gap"):
             known[name] = carried(known[name], f"{name} of contact {self.label}")
         return known
+
+    def _check_wear(self) -> None:
+        """Refuse wear that nothing is known of the slip of."""
+        if self.wear is None:
+            return
+        if not isinstance(self.wear, Archard):
+            raise InputError(f"Contact: wear = {shown(self.wear)} is no law of wear; write Archard(k).")
+        if self.tied:
+            raise InputError(
+                "Contact: tied=True and wear=... exclude each other: glued surfaces do not slip. Leave "
+                "one of them out."
+            )
+        if self.friction is None:
+            raise InputError(NO_SLIP)
 
     def _check_sides(self) -> None:
         """Refuse a surface against itself: every point would be its own partner."""

@@ -12,10 +12,11 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import slices
 from skfem_contact.conditions.checked_law import CheckedLaw
-from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.contact import NO_SLIP, Contact
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.conditions.kinematics import Kinematics, compliance_scale
 from skfem_contact.conditions.thresholds import STIFFNESS
+from skfem_contact.conditions.wear import Archard
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
@@ -37,6 +38,8 @@ class Interface:
         Points with friction; glued ones; those that never open, glued ones too.
     stiffness : ndarray, shape (m,)
         Tangential stiffness of sticking points [force/length]; ``inf`` is exact.
+    wear : tuple of (slice, Archard)
+        Of the contacts that wear.
     """
 
     contacts: tuple[Contact, ...]
@@ -47,6 +50,7 @@ class Interface:
     tied: Mask
     bilateral: Mask
     stiffness: Array
+    wear: tuple[tuple[slice, Archard], ...] = ()
 
     def contact_of(self, point: int) -> int:
         """The number of the contact that a point belongs to."""
@@ -112,6 +116,20 @@ def _check_law(law: FrictionLaw, m: int, label: str) -> None:
             )
 
 
+def _check_wear(contact: Contact, carries: Mask) -> None:
+    """Refuse wear at points whose slip is not modelled, and coefficients for other points."""
+    if not carries.all():
+        raise InputError(
+            f"contact '{contact.label}': friction is zero at {np.sum(~carries)} points. {NO_SLIP}"
+        )
+    size = np.shape(contact.wear.k) if contact.wear else ()
+    if size not in ((), (1,), (len(carries),)):
+        raise InputError(
+            f"contact '{contact.label}': k of its Archard law has shape {size}, but the contact has "
+            f"{len(carries)} points; give one number, or one per point of the secondary surface."
+        )
+
+
 def interface(
     contacts: tuple[Contact, ...], kin: Kinematics, stiffness: Sequence[csr_matrix], loop: str
 ) -> Interface:
@@ -125,7 +143,7 @@ def interface(
         diagonal = np.concatenate([K.diagonal() for K in stiffness])
         own = compliance_scale(kin.B_t, diagonal).reshape(m, -1).min(axis=1)
     typical = np.median(own[own > 0]) if (own > 0).any() else 1.0
-    laws = []
+    laws, wear = [], []
     for contact, part, name in zip(contacts, points_of, names, strict=True):
         tied[part] = contact.tied
         law = contact.friction
@@ -138,6 +156,9 @@ def interface(
             )
         _check_law(law, part.stop - part.start, contact.label)
         carries = can_carry(law, part.stop - part.start)
+        if contact.wear is not None:
+            _check_wear(contact, carries)
+            wear.append((part, contact.wear))
         if not carries.any():
             continue
         laws.append((part, CheckedLaw(law, name, contact.secondary.points)))
@@ -150,4 +171,6 @@ def interface(
                 f"stiffness, but the law has stiffness={law.stiffness}. Leave stiffness out for "
                 "the automatic one, or use loop='newton' for exact sticking."
             )
-    return Interface(contacts, names, points_of, tuple(laws), frictional, tied, kin.bilateral, G)
+    return Interface(
+        contacts, names, points_of, tuple(laws), frictional, tied, kin.bilateral, G, tuple(wear)
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -128,6 +128,12 @@ class LoadCase:
     def largest_force(self) -> float:
         """Largest entry of the load; asked for by all that tells forces from round-off [force]."""
         return float(max(self.f.max(initial=0.0), -self.f.min(initial=0.0)))
+
+    def worn(self, depth: Array) -> LoadCase:
+        """The same loads with gaps that are wider by a depth worn off, (m,)."""
+        if not depth.any():
+            return self
+        return replace(self, gap0=self.gap0 + depth, interference=self.interference - depth)
 
     def towards(self, other: LoadCase, share: float) -> LoadCase:
         """The load on the straight way from this one to another."""

@@ -75,6 +75,8 @@ class _History:
     surface: Array
     trend: Array
     vertex: NDArray[np.intp]
+    wear: Array
+    worn: Array
 
     @property
     def _friction(self) -> Array:
@@ -125,6 +127,8 @@ class State(_History):
         the pairing of the next one begins. Empty for small sliding [length].
     vertex : ndarray of int, shape (m,)
         The vertex of the primary whose row a point carries, or -1, see `Kinematics.vertex`.
+    wear, worn : ndarray, shape (m,)
+        Depth and volume worn off so far [length], [volume].
     normal : ndarray, shape (m, d)
         Unit normals that the vectors are across.
     """
@@ -170,6 +174,6 @@ class State(_History):
             source[part.start + after] = part.start + before
             left = np.setdiff1d(before, after)
             source[part.start + left] = part.start + np.setdiff1d(after, before)
-        known = ("surface", "trend", "vertex")
+        known = ("surface", "trend", "vertex", "wear", "worn")  # wear stays with the surface
         names = [field.name for field in fields(self) if field.name not in known]
         return replace(self, **{name: getattr(self, name)[source] for name in names}, vertex=vertex)

@@ -2,7 +2,8 @@
 
 * `read`: the user's step as loads;
 * `load_step`: from where to where, one attempt, how far it has come; `energy`: what friction took;
-* `stepper`, `placing`, `cutting`: one attempt; on the pairing of its own answer; in smaller steps;
+* `stepper`, `placing`, `wearing`, `cutting`: one attempt; on the pairing of its own answer; with what
+  it wears off; in smaller steps;
 * `grip`, `nearest`, `indifference`, `finding`: bodies whose place nothing decides, and the answer;
 * `answering`, `failure`: from a load case to a result, or to an error in words;
 * `recovery`, `yielded`: displacements when asked for; the results of a history that fails;

@@ -68,7 +68,7 @@ class Answering:
             watched = self.watch.look(
                 result.state,
                 result.gap,
-                result.case,
+                result.worn_case,
                 said,
                 result.recover.at_contact,
                 lambda: result.u,

@@ -21,7 +21,7 @@ from skfem_contact.errors import ContactWarning, InputError
 
 Array = NDArray[np.float64]
 
-FORMAT = 6  # of the file; a file of another one is refused
+FORMAT = 7  # of the file; a file of another one is refused
 # What reading a file may raise that is damaged, or that is none of ours.
 DAMAGED = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error)
 

@@ -14,9 +14,9 @@ from dataclasses import replace
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.energy import nothing
 from skfem_contact.history.load_step import Advance, LoadStep
-from skfem_contact.history.placing import attempted
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
 from skfem_contact.history.thresholds import AIM, LONGER, SHORTER
+from skfem_contact.history.wearing import attempted
 from skfem_contact.linalg.singular import SingularMatrix
 
 logger = logging.getLogger("skfem_contact")

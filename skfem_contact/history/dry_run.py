@@ -76,6 +76,8 @@ def _model_words(contact: Contact) -> str:
     law = "frictionless: nothing tangential is modelled"
     if contact.friction is not None:
         law = f"friction {contact.friction!r}"
+    if contact.wear is not None:
+        law += f"; wear {contact.wear!r} of {contact.secondary.label}"
     return f"method {method}; {law}"
 
 

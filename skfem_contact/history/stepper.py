@@ -180,4 +180,6 @@ class Stepper:
             surface,
             (surface - last.surface) / share,
             problem.kin.vertex,
+            last.wear,
+            last.worn,
         )

@@ -24,6 +24,20 @@ EDGE = 5
 # A point that slides over just one facet per step does so up to this.
 TRAVEL_DIGITS = 1e-9
 
+# -- wearing -----------------------------------------------------
+
+# The share of the depth worn off in a step that the bodies may answer by another pressure. Beyond one
+# a point would wear until it is open, where it has only got lighter. Secants need far less.
+ANSWERED, ANSWERED_BY_SECANTS = 1.0, 0.3
+# What a step is shortened by where pressures have become zero: how far it is too long is not known.
+FAR_TOO_LONG = 4.0
+
+# What a round may still change of the depth worn in the step: pressures have six digits then.
+WEAR_SETTLED = 1e-6
+# The same where next to nothing wears off, of the whole depth: round-off of gaps.
+WEAR_DIGITS = 1e-13
+WEAR_ROUNDS = 20
+
 # -- stepper -----------------------------------------------------
 
 # Round-off of contact forces over the terms that cancel where nothing presses.

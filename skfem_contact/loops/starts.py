@@ -103,7 +103,9 @@ def natural_state(kin: Kinematics, surface: int) -> State:
     zero = np.zeros((kin.m, kin.tangents))
     none, status = np.zeros(surface), np.zeros(kin.m, dtype=int)
     force = np.zeros(kin.m)
-    local = LocalState(status, zero, zero, force, zero, kin.gap0, kin.area, none, none, kin.vertex)
+    local = LocalState(
+        status, zero, zero, force, zero, kin.gap0, kin.area, none, none, kin.vertex, force, force
+    )
     return local.in_space(kin)
 
 

@@ -93,7 +93,7 @@ class Intrusions:
             self.system.index(s.body): result.displacement(s.body) for s in _sides(self.contacts[i])
         }
         places = {b: self.skins[b].placed(u) for b, u in parts.items()}
-        given = result.state, result.case, result.watched.tracks, soft, result.mismatch
+        given = result.state, result.worn_case, result.watched.tracks, soft, result.mismatch
         found = self._found([i], parts, places, *given).get(i)
         if found is None or not found.excessive:
             return found

@@ -263,9 +263,9 @@ def _contact(result: Answer, i: int, outlines: Mapping[str, Outline | Hull]) -> 
         gap = result.gap[part]
         force = result.state.normal_force[part]
         tool = tool_motion(result.system, contact, track, result.u)
-        found = track.drift(closed, slip, gap, force, drift.approach, result.case, i, part, tool)
+        found = track.drift(closed, slip, gap, force, drift.approach, result.worn_case, i, part, tool)
         if looked_at(contact):
-            answer = result.state, result.gap, result.case, result.u, drift.approach
+            answer = result.state, result.gap, result.worn_case, result.u, drift.approach
             found |= obstacle_drift(result.recover.model.geometry, i, *answer)
         drift = replace(drift, **found)
     else:
@@ -273,7 +273,7 @@ def _contact(result: Answer, i: int, outlines: Mapping[str, Outline | Hull]) -> 
     chord_gaps = float(np.max(track.chord[closed], initial=0.0))
     secondary = contact.secondary
     moved = secondary.points + result.displacement(secondary.body)[secondary.dofs]
-    added = track.added - result.case.interference[part]
+    added = track.added - result.worn_case.interference[part]
     args = moved, added, closed, result.kin.paired[part]
     if isinstance(contact.primary, Obstacle):
         # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap

@@ -1,0 +1,156 @@
+"""Where surfaces wear: every attempt at a load step is solved again with the depth that it wears off.
+
+The depth worn in a step opens the gaps at its end, and follows from the forces there: an equation
+``w = w_n + c (lambda_n + lambda(w))`` with ``c = k |slip| / 2A`` at every point. Closed points answer
+a depth by ``d lambda = -S dw``, with the stiffness S that the contact problem has on gaps and slips;
+Newton's method with that settles in few rounds. Where there is no such matrix, secants take its place.
+
+The largest eigenvalue of ``c S`` is the share of the depth worn that elastic bodies answer by another
+pressure. It says how long a step may be: what is rough from point to point changes in a step by the
+factor ``(1 - c S) / (1 + c S)``, which must not be negative. Longer steps are cut.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError
+
+from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.return_map import lengths
+from skfem_contact.conditions.state import OPEN, STICK, LocalState
+from skfem_contact.history import placing
+from skfem_contact.history.load_step import Attempt, LoadStep
+from skfem_contact.history.stepper import Stepper
+from skfem_contact.history.thresholds import (
+    ANSWERED,
+    ANSWERED_BY_SECANTS,
+    FAR_TOO_LONG,
+    WEAR_DIGITS,
+    WEAR_ROUNDS,
+    WEAR_SETTLED,
+)
+from skfem_contact.linalg.dense_factors import cholesky
+from skfem_contact.loops.anderson import Anderson
+from skfem_contact.loops.step import Record
+
+Array = NDArray[np.float64]
+
+
+def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
+    """One attempt at a load step, with what wears off in it."""
+    interface, last = by.model.interface, step.state
+    if not interface.wear:
+        return _with_depth(by, step, start, last.wear)
+    depth, secant, trace = last.wear, Anderson(), list[Record]()
+    share = before = 0.0
+    for number in range(WEAR_ROUNDS):
+        attempt = _with_depth(by, step, start, depth)
+        trace += attempt.outcome.trace
+        attempt = replace(attempt, outcome=replace(attempt.outcome, trace=tuple(trace)))
+        if not attempt.good:
+            return attempt
+        volume = worn_volume(interface, attempt.start, attempt.local, attempt.plastic_slip)
+        area = attempt.local.area
+        grown = np.divide(volume, area, out=np.zeros_like(volume), where=area > 0)
+        change = last.wear + grown - depth
+        left, size = float(np.linalg.norm(change)), float(np.linalg.norm(grown))
+        answer = Answering.of(interface, attempt)
+        if answer is not None:
+            share = max(share, answer.share / ANSWERED) if number < 2 else share
+        elif number == 1:
+            share = left / before / ANSWERED_BY_SECANTS if before > 0 else 0.0
+        if share > 1.0:
+            words = f"its wear would change the pressures {share:.2g} times as much as they may"
+            # where pressures have become zero how far the step is too long is not known
+            far = share if answer is not None else max(share, FAR_TOO_LONG)
+            return replace(attempt, failure=words, travel=max(attempt.travel, far))
+        if left <= max(WEAR_SETTLED * size, WEAR_DIGITS * float(np.linalg.norm(depth))):
+            local = replace(attempt.local, wear=last.wear + grown, worn=last.worn + volume)
+            return replace(attempt, local=local, travel=max(attempt.travel, share))
+        before, start = left, "warm"
+        depth = secant.next(depth, depth + change) if answer is None else depth + answer.settle(change)
+        step = replace(step, known=attempt.state)
+    return replace(attempt, failure=f"the depth worn off did not settle in {WEAR_ROUNDS} rounds")
+
+
+@dataclass(frozen=True, eq=False)
+class Answering:
+    """How closed points that wear answer a depth worn off them.
+
+    Attributes
+    ----------
+    points : ndarray of bool, shape (m,)
+        Closed ones that slip, k of them.
+    c : ndarray, shape (k,)
+        Depth per force [length/force].
+    S : ndarray, shape (k, k)
+        Force per depth [force/length].
+    """
+
+    points: NDArray[np.bool_]
+    c: Array
+    S: Array
+
+    @classmethod
+    def of(cls, interface: Interface, attempt: Attempt) -> Answering | None:
+        """At the end of an attempt; None where the contact problem has no matrix of its own."""
+        space, local = attempt.problem.points, attempt.local
+        if space is None:
+            return None
+        closed = (local.status != OPEN) & (space.normal_rows >= 0)
+        c = 0.5 * volumes(interface, np.ones(len(closed)), lengths(attempt.plastic_slip))
+        c = np.divide(c, local.area, out=np.zeros_like(c), where=local.area > 0)
+        points = closed & (c > 0)
+        stuck = (local.status == STICK)[:, None] & (space.tangential_rows >= 0)
+        held = np.concatenate([space.normal_rows[closed], space.tangential_rows[stuck]])
+        free = np.setdiff1d(np.arange(len(space.S)), held)
+        own = space.normal_rows[points]
+        S = space.S[np.ix_(own, own)]
+        try:
+            follow = cholesky(space.S[np.ix_(free, free)]).solve(space.S[np.ix_(free, own)])
+        except LinAlgError:  # bodies that friction alone holds: as if nothing slipped
+            follow = np.zeros((len(free), len(own)))
+        S = S - space.S[np.ix_(own, free)] @ follow
+        return cls(points, c[points], 0.5 * (S + S.T))
+
+    @property
+    def share(self) -> float:
+        """The largest eigenvalue of ``c S``."""
+        root = np.sqrt(self.c)
+        values = np.linalg.eigvalsh(root[:, None] * self.S * root)
+        return float(np.max(values, initial=0.0))
+
+    def settle(self, change: Array) -> Array:
+        """The change of depths (m,) that comes of one that the forces do not answer yet."""
+        out = change.copy()
+        matrix = np.eye(len(self.c)) + self.c[:, None] * self.S
+        out[self.points] = np.linalg.solve(matrix, change[self.points])
+        return out
+
+
+def _with_depth(by: Stepper, step: LoadStep, start: str, depth: Array) -> Attempt:
+    """One attempt with the gaps that a depth worn off leaves, (m,)."""
+    if not depth.any():
+        return placing.attempted(by, step, start)
+    attempt = placing.attempted(by, replace(step, target=step.target.worn(depth)), start)
+    return replace(attempt, case=step.target)
+
+
+def worn_volume(interface: Interface, last: LocalState, new: LocalState, plastic: Array) -> Array:
+    """Volume worn off each point between two states, (m,).
+
+    The mean of the forces at both ends, zero at open points, on the way that friction acts on.
+    """
+    pressing = [np.where(s.status != OPEN, np.maximum(s.normal_force, 0.0), 0.0) for s in (last, new)]
+    return volumes(interface, 0.5 * (pressing[0] + pressing[1]), lengths(plastic))
+
+
+def volumes(interface: Interface, force: Array, way: Array) -> Array:
+    """Volume worn off by forces (m,) on ways (m,), by the laws of all contacts."""
+    volume = np.zeros(len(force))
+    for part, law in interface.wear:
+        volume[part] = law.volume(force[part], way[part])
+    return volume
