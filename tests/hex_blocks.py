@@ -26,6 +26,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.conditions.state import OPEN
+from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.loops.driver import drive
 from skfem_contact.loops.starts import admissible, natural_state, possible_starts, starting_values
@@ -33,6 +34,8 @@ from skfem_contact.loops.step import Step
 from skfem_contact.loops.table import LOOPS
 from skfem_contact.problem.condensed import Condensed, SurfaceProblem
 from skfem_contact.problem.full import FullSystem
+from skfem_contact.problem.iterated import IteratedBodies
+from skfem_contact.problem.multigrid import MultigridBodies
 from skfem_contact.problem.seam import PosedOn
 
 
@@ -135,7 +138,7 @@ def hats(x, count):
 
 
 class Blocks:
-    """Two blocks, their rows, and the contact problem: on "points", on the "surface", or in "full"."""
+    """Two blocks, their rows, and the contact problem: by one of the routes."""
 
     def __init__(self, scene, route="points"):
         self.scene = scene
@@ -192,7 +195,12 @@ class Blocks:
             bodies = Condensed(self.system, self.stiffness, wanted)
             self.problem = SurfaceProblem(bodies, on, prefer, labels)
         else:
-            self.problem = Condensed(self.system, self.stiffness, wanted).attach(on, prefer, labels)
+            if route == "multigrid":
+                bodies = MultigridBodies(self.system, self.stiffness, wanted, settings=AMG(tol=1e-12))
+            else:
+                kind = {"points": Condensed, "iterated": IteratedBodies}[route]
+                bodies = kind(self.system, self.stiffness, wanted)
+            self.problem = bodies.attach(on, prefer, labels)
         self.law = CheckedLaw(sc.Coulomb(scene.mu), "joint", points)
 
     def moved(self, shift, turn=(0.0, 0.0, 0.0)):

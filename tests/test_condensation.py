@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tracemalloc
 
 import numpy as np
@@ -253,14 +254,20 @@ def test_the_route_follows_the_memory_of_dense_matrices():
     assert forced.linear_model.route == "condensed"
     # on either side 16 contact DOFs, 16 gaps and slips: 8 (2 2 16^2 + 2.5 16^2)
     assert plain.linear_model.dense_bytes == 13312
-    assert "at most 13.3 kB of dense matrices (max_dense_bytes allows 3 GB)" in str(plain)
-    assert "forces by GMRES, dense matrices would take 13.3 kB, max_dense_bytes allows 3 kB" in str(
-        many
-    )
-    assert "at most 13.3 kB of dense matrices\n" in str(forced)
+    assert "at most 13.3 kB of dense matrices, max_dense_bytes allows 3 GB" in str(plain)
+    assert "because dense matrices would take 13.3 kB: max_dense_bytes allows 3 kB" in str(many)
+    assert "at most 13.3 kB of dense matrices, as chosen" in str(forced)
     with pytest.raises(sc.UnknownKeyword, match=r"max_candidates.*write max_dense_bytes"):
         sc.Options(max_candidates=3)
-    assert_allclose(many.solve().u, plain.solve().u, rtol=0, atol=1e-11)
+    large = sc.ContactSolver(bodies, contacts, options=sc.Options(max_factor_bytes=3000))
+    assert large.linear_model.route == "multigrid"
+    assert re.search(r"because factors would take \S+ kB: max_factor_bytes allows 3 kB", str(large))
+    assert "linear problems" not in str(plain.solve())
+    words = "displacements and forces by GMRES with multigrid, because factors would take"
+    assert f"linear problems: {words}" in large.solve().report()
+    u = plain.solve().u
+    assert_allclose(many.solve().u, u, rtol=0, atol=1e-12 * np.abs(u).max())
+    assert_allclose(large.solve().u, u, rtol=0, atol=1e-8 * np.abs(u).max())  # AMG's tolerance
 
 
 @pytest.mark.parametrize("floating", [False, True], ids=["held", "floating"])

@@ -9,13 +9,15 @@ import pytest
 from numpy.testing import assert_allclose
 from solid_blocks import Blocks, two_blocks
 
+from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-from skfem_contact.linalg.multifrontal.response import Response
+from skfem_contact.linalg.multifrontal.response import Response as Substitution
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem.condensed import Condensed, PointProblem
 from skfem_contact.problem.iterated import IteratedBodies, IteratedProblem
-from skfem_contact.problem.response import Conditions
+from skfem_contact.problem.multigrid import MultigridBodies, MultigridProblem
+from skfem_contact.problem.response import Conditions, Resistance
 
 
 def conditions(blocks: Blocks, seed: int = 0, *, mu: float = 0.4) -> Conditions:
@@ -38,10 +40,12 @@ def conditions(blocks: Blocks, seed: int = 0, *, mu: float = 0.4) -> Conditions:
     )
 
 
-def both(blocks: Blocks) -> tuple[PointProblem, IteratedProblem]:
-    dense = Condensed(blocks.system, blocks.stiffness, blocks.wanted)
-    whole = IteratedBodies(blocks.system, blocks.stiffness, blocks.wanted)
-    return PointProblem(dense, blocks.on()), IteratedProblem(whole, blocks.on())
+def posed(blocks: Blocks) -> tuple[PointProblem, IteratedProblem, MultigridProblem]:
+    """The dense problem, and those without dense matrices and without factors."""
+    parts, on = (blocks.system, blocks.stiffness, blocks.wanted), blocks.on()
+    grids = MultigridBodies(*parts, settings=AMG(tol=1e-13))
+    dense, whole = Condensed(*parts), IteratedBodies(*parts)
+    return PointProblem(dense, on), IteratedProblem(whole, on), MultigridProblem(grids, on)
 
 
 @pytest.mark.parametrize("E", [1.0, 1e4])
@@ -56,7 +60,7 @@ def test_forces_are_those_of_the_dense_problem(floating, E):
         x[blocks.system.offsets[1] + upper.D] = 1e-2 * rng.standard_normal(len(upper.D))
     case = blocks.case(f, x)
     answers = []
-    for problem in both(blocks):
+    for problem in posed(blocks):
         load, of = problem.load(case), []
         for seed in range(2):
             found = problem.solve(conditions(blocks, seed), load)
@@ -65,60 +69,87 @@ def test_forces_are_those_of_the_dense_problem(floating, E):
             surface = problem.surface(source, case)[blocks.wanted]
             assert_allclose(surface, of[-1][1][blocks.wanted], rtol=0, atol=1e-11)
         answers.append(of)
-    for (dense, u), (iterated, v) in zip(*answers, strict=True):
-        force = np.abs(dense.normal_force).max()
-        # GMRES to 1e-13, times the condition of the points, some hundreds
-        assert_allclose(iterated.normal_force, dense.normal_force, rtol=0, atol=1e-10 * force)
-        assert_allclose(iterated.tangential_force, dense.tangential_force, rtol=0, atol=1e-10 * force)
-        for name in ("gap", "slip"):
-            a, b = getattr(iterated, name), getattr(dense, name)
-            assert_allclose(a, b, rtol=0, atol=1e-10 * np.abs(b).max())
-        assert_allclose(v, u, rtol=0, atol=1e-10 * np.abs(u).max())
+    for of in answers[1:]:
+        for (found, u), (dense, exact) in zip(of, answers[0], strict=True):
+            force = np.abs(dense.normal_force).max()
+            # GMRES to 1e-13, times the condition of the points, some hundreds
+            assert_allclose(found.normal_force, dense.normal_force, rtol=0, atol=1e-10 * force)
+            assert_allclose(found.tangential_force, dense.tangential_force, rtol=0, atol=1e-10 * force)
+            for name in ("gap", "slip"):
+                a, b = getattr(found, name), getattr(dense, name)
+                assert_allclose(a, b, rtol=0, atol=1e-10 * np.abs(b).max())
+            assert_allclose(u, exact, rtol=0, atol=1e-10 * np.abs(exact).max())
 
 
 def _column(source):
     return type(source)(source.values[:, None], source.forces)
 
 
-def test_number_of_products_hardly_grows_with_the_number_of_points():
+def test_springs_in_series_with_the_points():
+    """As on gaps and slips: forces, and gaps and slips as they are seen through the springs."""
+    blocks = two_blocks(6, 3)
+    m, rng = blocks.kin.m, np.random.default_rng(2)
+    case = blocks.case(1e-4 * rng.standard_normal(blocks.system.n), np.zeros(blocks.system.n))
+    springs = Resistance(10.0 ** rng.uniform(-2, 1, m), 10.0 ** rng.uniform(-2, 1, m))
+    forces = 1e-3 * rng.random(m), 1e-3 * rng.standard_normal((m, 2))
+    answers = []
+    for problem in posed(blocks):
+        together = problem.in_series(springs)
+        load = together.at_forces(problem.load(case), *forces)
+        answers.append(together.solve(conditions(blocks), load))
+    dense = answers[0]
+    for found in answers[1:]:
+        for name in ("gap", "slip", "normal_force", "tangential_force"):
+            a, b = getattr(found, name), getattr(dense, name)
+            # as above
+            assert_allclose(a, b, rtol=0, atol=1e-10 * np.abs(b).max(), err_msg=name)
+
+
+def test_number_of_iterations_hardly_grows_with_the_number_of_points():
     """The layer takes the growth away that forces alone have, from 30 to 45 and more."""
     counts = []
     for n in (5, 9, 13):
         blocks = two_blocks(n, n // 2)
-        whole = IteratedBodies(blocks.system, blocks.stiffness, blocks.wanted)
-        problem = IteratedProblem(whole, blocks.on())
         x = np.zeros(blocks.system.n)
         x[blocks.system.offsets[1] + blocks.system.bodies[1].D] = -0.01
-        problem.solve(conditions(blocks), problem.load(blocks.case(np.zeros_like(x), x)))
-        counts += problem.products
-    assert max(counts) <= 30
-    assert counts[2] <= counts[1] + 4
+        case = blocks.case(np.zeros_like(x), x)
+        parts, on = (blocks.system, blocks.stiffness, blocks.wanted), blocks.on()
+        problems = (
+            IteratedProblem(IteratedBodies(*parts), on),
+            MultigridProblem(MultigridBodies(*parts), on),
+        )
+        for problem in problems:
+            problem.solve(conditions(blocks), problem.load(case))
+        counts.append([problem.iterations[0] for problem in problems])
+    assert np.max(counts) <= 35
+    assert counts[2][0] <= counts[1][0] + 4
 
 
 def test_points_that_do_not_hold_a_body():
     """A body that the closed points leave free to move is a singular problem, said so."""
     blocks = two_blocks(4, 2, floating=True)
-    problem = both(blocks)[1]
-    load = problem.load(blocks.case(np.ones(blocks.system.n), np.zeros(blocks.system.n)))
     few = conditions(blocks)
     only = np.zeros(blocks.kin.m, dtype=bool)
     only[:2] = True
     free = Conditions(only, only & False, few.anchor, 0 * few.spring, 0 * few.offset, 0 * few.coupling)
-    with pytest.raises(SingularMatrix, match="do not hold the bodies"):
-        problem.solve(free, load)
+    for problem in posed(blocks)[1:]:
+        load = problem.load(blocks.case(np.ones(blocks.system.n), np.zeros(blocks.system.n)))
+        with pytest.raises(SingularMatrix, match="do not hold the bodies"):
+            problem.solve(free, load)
 
 
 def test_one_load_solved_again_is_the_same_to_the_last_bit():
     """What an iteration begins with comes from its own load alone."""
     blocks = two_blocks(5, 3)
-    problem, case = both(blocks)[1], blocks.case(np.ones(blocks.system.n), np.zeros(blocks.system.n))
+    case = blocks.case(np.ones(blocks.system.n), np.zeros(blocks.system.n))
     first, other = conditions(blocks), conditions(blocks, 5)
-    answers = []
-    for _ in range(2):
-        load = problem.load(case)
-        problem.solve(first, load)
-        answers.append(problem.solve(other, load).normal_force)
-    assert np.array_equal(*answers)
+    for problem in posed(blocks)[1:]:
+        answers = []
+        for _ in range(2):
+            load = problem.load(case)
+            problem.solve(first, load)
+            answers.append(problem.solve(other, load).normal_force)
+        assert np.array_equal(*answers)
 
 
 def test_response_of_some_dofs():
@@ -132,7 +163,7 @@ def test_response_of_some_dofs():
     load = np.zeros(len(free))
     load[dofs] = force
     exact = factor.solve(load)[dofs]
-    assert_allclose(Response(factor, dofs)(force), exact, rtol=0, atol=1e-13 * np.abs(exact).max())
+    assert_allclose(Substitution(factor, dofs)(force), exact, rtol=0, atol=1e-13 * np.abs(exact).max())
 
 
 def test_gmres():

@@ -42,6 +42,8 @@ class Answer:
         finite tangential stiffness gives back; positive as the resisting force is [length].
     conditions : Conditions
         What the last linear solve held every point to: with it the answer can be differentiated.
+    linear : str
+        How linear problems were solved, and why, where bodies or surfaces are large; else empty.
     indifferent : tuple of str
         A sentence per motion that nothing loads and nothing holds.
     watched : Watched
@@ -71,6 +73,7 @@ class Answer:
     recover: Any = field(repr=False)
     conditions: Conditions = field(repr=False)
     factor: float | None = None
+    linear: str = ""
     indifferent: tuple[str, ...] = ()
     watched: Watched = field(default_factory=Watched, repr=False)
 

@@ -93,7 +93,9 @@ def _last_lines(result: ContactResult) -> list[str]:
     lines = ["", "Certificate (dimensionless; round-off where everything holds)"]
     lines += str(result.certificate).splitlines()
     seconds = ", ".join(f"{k} {v:.3g} s" for k, v in result.timings.items())
-    return [*lines, "", f"{result.iterations} iterations; {seconds}"]
+    linear = result._answer.linear
+    lines += ["", f"linear problems: {linear}"] if linear else [""]
+    return [*lines, f"{result.iterations} iterations; {seconds}"]
 
 
 def _watched_line(answer: Answer) -> str:

@@ -145,6 +145,7 @@ class Answering:
             recover=Recovery.of(attempt) if rest is None else rest.recover,
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
+            linear=model.said,
             indifferent=self._places(found),
         )
 

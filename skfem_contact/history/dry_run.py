@@ -38,24 +38,18 @@ def dry_run(solver: ContactSolver) -> str:
 
 
 def _linear_words(solver: ContactSolver) -> str:
-    model, points = solver.linear_model, int(solver.kin.paired.sum())
+    model, points, n = solver.linear_model, int(solver.kin.paired.sum()), solver.system.n
     dofs = len(np.setdiff1d(model.touched(), solver.system.D))
-    dense, most = written_bytes(model.dense_bytes), written_bytes(solver.options.max_dense_bytes)
-    if model.route != "full":
-        factors = written_bytes(sum(size.memory for size in solver.sizes().values()))
-        sizes = (
-            f"{model.route}: {solver.system.n} DOFs -> {dofs} contact DOFs -> {model.rows} gaps and "
-            f"slips of {points} points; {factors} for the factors"
-        )
-        limit = f"max_dense_bytes allows {most}"
-        if model.route == "condensed":
-            limit = f" ({limit})" if solver.linear == "auto" else ""
-            return f"{sizes}, at most {dense} of dense matrices{limit}"
-        why = f"dense matrices would take {dense}, {limit}" if solver.linear == "auto" else "as chosen"
-        return f"{sizes}; forces by GMRES, {why}"
-    why = "as chosen"
-    backend = solver.linear_model.backend
-    return f"linear solver {backend!r} on all {solver.system.n} DOFs in every iteration, {why}"
+    sizes = f"{n} DOFs -> {dofs} contact DOFs -> {model.rows} gaps and slips of {points} points"
+    if model.route == "full":
+        return f"linear solver {model.backend!r} on all {n} DOFs in every iteration, {model.reason}"
+    if model.route == "multigrid":
+        return f"multigrid: {sizes}; {model.backend!r}, {model.reason}"
+    factors = written_bytes(sum(size.memory for size in solver.sizes().values()))
+    if model.route == "iterated":
+        return f"iterated: {sizes}; {factors} for the factors; forces by GMRES, {model.reason}"
+    dense = f"at most {written_bytes(model.dense_bytes)} of dense matrices"
+    return f"condensed: {sizes}; {factors} for the factors, {dense}, {model.reason}"
 
 
 def _free_words(solver: ContactSolver) -> str:

@@ -33,15 +33,13 @@ from skfem_contact.history.read import StepReader
 from skfem_contact.history.recovery import recover_all
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.yielded import Yielded
+from skfem_contact.linalg.memory import Limits
 from skfem_contact.linalg.multifrontal.size import FactorSize
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
 from skfem_contact.loops.table import LOOPS
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.problem.condensed import Condensed
-from skfem_contact.problem.full import FullSystem
-from skfem_contact.problem.iterated import IteratedBodies
-from skfem_contact.problem.model import LinearModel
+from skfem_contact.problem.model import AnyBodies, LinearModel
 from skfem_contact.problem.substructure import Substructure
 from skfem_contact.sealed import sealed
 
@@ -81,7 +79,8 @@ class ContactSolver:
     linear : "auto", "condensed", "iterated", a backend such as `AMG()`, or a solver callable
         Where the linear problems are solved. "condensed" eliminates everything but the contact
         points once; "iterated", for more points than dense matrices have room for, finds their forces
-        by GMRES, with products through the factors of the bodies; a backend solves ``T'KT`` with all
+        by GMRES, with products through the factors of the bodies; `AMG()`, for bodies too large to be
+        factorised, finds displacements and forces together. Another backend solves ``T'KT`` with all
         DOFs in every iteration. A callable is anything that scikit-fem takes as ``solver(A, b)``.
     options : Options
 
@@ -154,7 +153,7 @@ class ContactSolver:
             self._stiffness,
             rigid_motions(self.system, self.kin, self._stiffness),
             self.linear,
-            self.options.max_dense_bytes,
+            Limits(self.options.max_dense_bytes, self.options.max_factor_bytes),
             self.timings,
             reuse,
         )
@@ -175,7 +174,7 @@ class ContactSolver:
         return Answering(Stepper(self.linear_model, self.loop, self.options), self._reader)
 
     @property
-    def model(self) -> Condensed | IteratedBodies | FullSystem:
+    def model(self) -> AnyBodies:
         """The linear problem of the bodies without contact; condensed when first asked for."""
         return self.linear_model.bodies
 

@@ -6,6 +6,6 @@
 * `krylov`: iterations for unsymmetric equations;
 * `in_place`: large dense matrices changed in place;
 * `singular`, `threads`: singular matrices recognised; one BLAS thread for small blocks;
-* `memory`: bytes in words;
+* `memory`: what a factorisation will take;
 * `thresholds`: numbers, and where they come from.
 """

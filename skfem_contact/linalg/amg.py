@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,36 +39,65 @@ class AMG(Backend):
     def _factorize(
         self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
     ) -> Factorisation:
-        from pyamg import smoothed_aggregation_solver  # imports slowly, and only this solver needs it
-
         A = sp.csr_matrix(A)
         # slipping rows of the loop newton make A unsymmetric; its symmetric part preconditions it
-        hierarchy = smoothed_aggregation_solver(
-            A if spd else sp.csr_matrix(0.5 * (A + A.T)),
-            B=None if modes is None else np.array(modes, dtype=float),
-            strength=("symmetric", {"theta": 0.0}),
-            presmoother=("gauss_seidel", {"sweep": "forward"}),
-            postsmoother=("gauss_seidel", {"sweep": "backward"}),
-            coarse_solver="splu",  # the default, a pseudo-inverse, takes ten times as long
-        )
-        cycle = hierarchy.aspreconditioner(cycle="V")
-
-        method = _pcg if spd else _gmres
+        grids = hierarchy(A if spd else sp.csr_matrix(0.5 * (A + A.T)), modes)
+        method = conjugate_gradients if spd else _gmres
 
         def solve(b: np.ndarray) -> np.ndarray:
-            return method(A, b, cycle, self.tol, self.max_iterations)
+            return method(A, b, grids.cycle, self.tol, self.max_iterations)
 
-        parts = [level.A for level in hierarchy.levels]
-        parts += [part for level in hierarchy.levels[:-1] for part in (level.P, level.R)]
-        memory = sum(part.data.nbytes + part.indices.nbytes + part.indptr.nbytes for part in parts)
-        return Factorisation("AMG + CG" if spd else "AMG + GMRES", memory, by_column(solve))
+        return Factorisation("AMG + CG" if spd else "AMG + GMRES", grids.memory, by_column(solve))
+
+
+@dataclass(frozen=True, eq=False)
+class Hierarchy:
+    """Grids of a matrix.
+
+    Attributes
+    ----------
+    cycle : callable
+        A V-cycle, ``b -> x`` with ``A x`` about b: symmetric.
+    memory : int
+        Of all grids [bytes].
+    """
+
+    cycle: Callable[[np.ndarray], np.ndarray]
+    memory: int
+
+
+def hierarchy(A: Any, modes: np.ndarray | None) -> Hierarchy:
+    """Smoothed aggregation of a symmetric positive definite matrix.
+
+    Parameters
+    ----------
+    A : csr_matrix, shape (n, n)
+    modes : ndarray, shape (n, k), or None
+        Rigid motions.
+    """
+    from pyamg import smoothed_aggregation_solver  # imports slowly, and only this solver needs it
+
+    grids = smoothed_aggregation_solver(
+        A,
+        B=None if modes is None else np.array(modes, dtype=float),
+        strength=("symmetric", {"theta": 0.0}),
+        presmoother=("gauss_seidel", {"sweep": "forward"}),
+        postsmoother=("gauss_seidel", {"sweep": "backward"}),
+        coarse_solver="splu",  # the default, a pseudo-inverse, takes ten times as long
+    )
+    parts = [level.A for level in grids.levels]
+    parts += [part for level in grids.levels[:-1] for part in (level.P, level.R)]
+    memory = sum(part.data.nbytes + part.indices.nbytes + part.indptr.nbytes for part in parts)
+    return Hierarchy(grids.aspreconditioner(cycle="V").matvec, memory)
 
 
 class _NoEnergy(Exception):
     """A direction of conjugate gradients has no stiffness, or is not a number."""
 
 
-def _pcg(A: Any, b: np.ndarray, preconditioner: Any, tol: float, most: int) -> np.ndarray:
+def conjugate_gradients(
+    A: Any, b: np.ndarray, cycle: Callable[[np.ndarray], np.ndarray], tol: float, most: int
+) -> np.ndarray:
     """Preconditioned conjugate gradients of SciPy; residual and energy are measured.
 
     SciPy's own residual is updated and drifts away from the truth; and SciPy goes on where a direction
@@ -91,6 +121,7 @@ def _pcg(A: Any, b: np.ndarray, preconditioner: Any, tol: float, most: int) -> n
         change = found
 
     operator = LinearOperator(A.shape, matvec=product, dtype=A.dtype)
+    preconditioner = LinearOperator(A.shape, matvec=cycle, dtype=A.dtype)
     while iterations < most:
         left, change = most - iterations, np.zeros_like(b)
         try:
@@ -111,12 +142,15 @@ def _pcg(A: Any, b: np.ndarray, preconditioner: Any, tol: float, most: int) -> n
     raise _too_many(A, b, x, tol, iterations)
 
 
-def _gmres(A: Any, b: np.ndarray, preconditioner: Any, tol: float, most: int) -> np.ndarray:
+def _gmres(
+    A: Any, b: np.ndarray, cycle: Callable[[np.ndarray], np.ndarray], tol: float, most: int
+) -> np.ndarray:
     """Preconditioned GMRES of SciPy for unsymmetric systems; the residual is measured."""
     norm = float(np.linalg.norm(b))
     if norm == 0.0:
         return np.zeros_like(b)
     restart = min(100, len(b))
+    preconditioner = LinearOperator(A.shape, matvec=cycle, dtype=A.dtype)
     x = np.zeros_like(b)
     # SciPy stops by the preconditioned residual: go on from there until the true one is small
     for _ in range(max(1, most // restart)):
@@ -128,7 +162,11 @@ def _gmres(A: Any, b: np.ndarray, preconditioner: Any, tol: float, most: int) ->
 
 
 def _too_many(A: Any, b: np.ndarray, x: np.ndarray, tol: float, iterations: int) -> LinearSolveError:
-    residual = float(np.linalg.norm(b - A @ x) / np.linalg.norm(b))
+    return not_within(float(np.linalg.norm(b - A @ x) / np.linalg.norm(b)), tol, iterations)
+
+
+def not_within(residual: float, tol: float, iterations: int) -> LinearSolveError:
+    """The error for a solution that was not found within a tolerance."""
     return LinearSolveError(
         f"AMG: the residual is {residual:.1e} of the load after {iterations} iterations, above "
         f"tol={tol:.1e}. Usually a rigid motion is left free, the modes are missing, or springs "

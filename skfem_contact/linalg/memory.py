@@ -1,6 +1,35 @@
-"""Memory in words."""
+"""Memory: how much a factorisation may take, before anything is known of it, and in words."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skfem_contact.linalg.thresholds import FACTORS_2D, FACTORS_3D
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a solver may take [bytes]."""
+
+    dense: float
+    factors: float
+
+
+def factor_bound(n: int, dim: int) -> float:
+    """About twice what the factors of a body of n DOFs take in general [bytes].
+
+    Where this is allowed, nobody needs to look closer.
+
+    >>> f"{factor_bound(100_000, 3):.2g}", f"{factor_bound(100_000, 2):.2g}"
+    ('2.1e+09', '4e+08')
+    """
+    if n < 2:
+        return 0.0
+    if dim < 3:
+        return float(FACTORS_2D * n * np.log2(n))
+    return float(FACTORS_3D * n**1.37)
 
 
 def written_bytes(count: float) -> str:

@@ -40,6 +40,9 @@ class Options:
     max_dense_bytes : int
         Memory up to which ``linear="auto"`` forms the dense contact problem [bytes];
         ``print(solver)`` says how much it will take.
+    max_factor_bytes : int
+        Memory up to which ``linear="auto"`` factorises the bodies [bytes]; beyond it takes multigrid,
+        as ``linear=AMG()`` does.
     placement_tolerance : float
         With ``sliding="finite"``: how far the pairing of a load step may be from that of its own
         answer: gaps of closed points over the extent of the bodies, and change of the contact
@@ -62,6 +65,7 @@ class Options:
     max_iterations: int | None = None
     max_cuts: int = 6
     max_dense_bytes: int = 3_000_000_000
+    max_factor_bytes: int = 6_000_000_000
     placement_tolerance: float = 1e-4
     max_placements: int = 20
     max_travel: float = 1.0

@@ -4,7 +4,8 @@
 * `points`: the problem on gaps and slips; `sparse`, `displacements`: on displacements;
 * `substructure`, `condensed`: bodies condensed onto their contact DOFs; `delassus`: the dense matrix of
   their gaps and slips, and its size;
-* `whole`, `held`, `layer`, `iterated`: the same without dense matrices, for very many points;
+* `whole`, `held`, `layer`, `forces`, `iterated`: the same without dense matrices, for very many points;
+* `multigrid`: without factors, for very large bodies;
 * `full`: all DOFs, for any linear solver;
 * `resistance`: what each point resists by itself; `series`: the problem with springs in series;
 * `model`: the problem on one pairing, made from the bodies;

@@ -19,19 +19,24 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
 from skfem_contact.elimination.rows import point_labels, secondary_dofs
 from skfem_contact.errors import InputError
+from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.direct import Direct, as_linear_solver
+from skfem_contact.linalg.memory import Limits, factor_bound, written_bytes
 from skfem_contact.linalg.multifrontal.size import FactorSize
 from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.delassus import dense_bytes
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.iterated import IteratedBodies
+from skfem_contact.problem.multigrid import MultigridBodies
 from skfem_contact.problem.seam import Bodies, ContactProblem, PosedOn
 from skfem_contact.problem.substructure import Substructure, firmness
 from skfem_contact.problem.thresholds import MOST_TWINS
+from skfem_contact.problem.whole import Whole, WholeBody
 from skfem_contact.sealed import seal
 
 Array = NDArray[np.float64]
+AnyBodies = Condensed | IteratedBodies | MultigridBodies | FullSystem
 
 EVEN_CLOSED = "even with every contact point closed"
 
@@ -62,8 +67,8 @@ class LinearModel:
         Those that supports and stiffness leave free.
     linear : "auto", "condensed", "iterated", a backend or a solver callable
         As for `ContactSolver`.
-    max_dense_bytes : int
-        Memory up to which "auto" condenses [bytes].
+    limits : Limits
+        Memory up to which "auto" forms dense matrices, and factorises.
     timings : dict
         Seconds by stage are added here.
     reuse : sequence of Substructure or None
@@ -77,7 +82,7 @@ class LinearModel:
         stiffness: Sequence[csr_matrix],
         motions: RigidMotions,
         linear: Any,
-        max_dense_bytes: int,
+        limits: Limits,
         timings: dict[str, float],
         reuse: Sequence[Substructure | None] = (),
     ) -> None:
@@ -85,10 +90,10 @@ class LinearModel:
         self.system, self.kin = geometry.system, geometry.kin
         self.stiffness = tuple(stiffness)
         self.motions = motions
-        self.linear, self.max_dense_bytes = checked_linear(linear), max_dense_bytes
+        self.linear, self.limits = checked_linear(linear), limits
         self.timings = timings
         self._reuse = list(reuse)
-        self._bodies: Condensed | IteratedBodies | FullSystem | None = None
+        self._bodies: AnyBodies | None = None
         self._base: ContactProblem | None = None
         self._for_pivoting: Condensed | None = None
         self._on_points: tuple[ContactProblem, ContactProblem] | None = None
@@ -128,7 +133,7 @@ class LinearModel:
             self.stiffness,
             self.motions,
             self.linear,
-            self.max_dense_bytes,
+            self.limits,
             timings,
         )
         if same:
@@ -157,7 +162,7 @@ class LinearModel:
                 stiffness,
                 motions,
                 self.linear,
-                self.max_dense_bytes,
+                self.limits,
                 self.timings,
                 reuse,
             )
@@ -171,19 +176,25 @@ class LinearModel:
             self.problem_on(None, None)
 
     @property
-    def bodies(self) -> Condensed | IteratedBodies | FullSystem:
+    def bodies(self) -> AnyBodies:
         """The linear problem of the bodies without contact, made when first asked for."""
         if self._bodies is None:
             self._check_support()
             start = time.perf_counter()
             with single_threaded():
-                if self.route != "full":
-                    kind = Condensed if self.route == "condensed" else IteratedBodies
-                    self._bodies = kind(self.system, self.stiffness, self._wanted(), self._reuse)
-                else:
-                    self._bodies = FullSystem(self.system, self.stiffness, self.backend)
+                self._bodies = self._made(self.route)
             self.timings["condensation"] = time.perf_counter() - start
         return self._bodies
+
+    def _made(self, route: str) -> AnyBodies:
+        parts = self.system, self.stiffness, self._wanted(), self._reuse
+        if route == "condensed":
+            return Condensed(*parts)
+        if route == "iterated":
+            return IteratedBodies(*parts)
+        if route == "multigrid":
+            return MultigridBodies(*parts, self.backend)
+        return FullSystem(self.system, self.stiffness, self.backend)
 
     @property
     def known(self) -> np.ndarray:
@@ -195,7 +206,7 @@ class LinearModel:
         """The bodies as condensed so far; empty where they are not."""
         return (
             list(self._bodies.substructures)
-            if isinstance(self._bodies, Condensed | IteratedBodies)
+            if isinstance(self._bodies, Condensed | Whole)
             else list(self._reuse)
         )
 
@@ -203,14 +214,52 @@ class LinearModel:
     def route(self) -> str:
         """How the bodies enter the contact problem.
 
-        "condensed" to their contact DOFs, "iterated" by products with their factors, or "full", with
-        all of their DOFs.
+        "condensed" to their contact DOFs, "iterated" by products with their factors, by "multigrid"
+        without factors, or "full", with contact eliminated from all of their DOFs.
         """
         if not isinstance(self.linear, str):
-            return "full"
+            return "multigrid" if isinstance(self.linear, AMG) else "full"
         if self.linear != "auto":
             return self.linear
-        return "condensed" if self.dense_bytes <= self.max_dense_bytes else "iterated"
+        if self.factor_bytes > self.limits.factors:
+            return "multigrid"
+        return "condensed" if self.dense_bytes <= self.limits.dense else "iterated"
+
+    @property
+    def reason(self) -> str:
+        """Why this route, in words."""
+        if self.linear != "auto":
+            return "as chosen"
+        if self.route == "multigrid":
+            most = f"max_factor_bytes allows {written_bytes(self.limits.factors)}"
+            return f"because factors would take {written_bytes(self.factor_bytes)}: {most}"
+        most = f"max_dense_bytes allows {written_bytes(self.limits.dense)}"
+        if self.route == "condensed":
+            return most
+        return f"because dense matrices would take {written_bytes(self.dense_bytes)}: {most}"
+
+    @property
+    def said(self) -> str:
+        """What a report says of the route: nothing of the usual one."""
+        words = {
+            "iterated": "forces by GMRES through the factors of the bodies",
+            "multigrid": "displacements and forces by GMRES with multigrid",
+        }
+        return f"{words[self.route]}, {self.reason}" if self.route in words else ""
+
+    @cached_property
+    def factor_bytes(self) -> float:
+        """Memory that the factorisation of all bodies takes at most, or would [bytes].
+
+        A bound where this is far from the limit, as it costs nothing; else what it will be.
+        """
+        bodies = self.system.bodies
+        bound = sum(factor_bound(body.n - len(body.D), body.dim) for body in bodies)
+        if bound <= self.limits.factors:
+            return bound
+        sizes = self._sizes(Substructure).values()
+        waiting = max((size.peak - size.memory for size in sizes), default=0)
+        return float(sum(size.memory for size in sizes) + waiting)
 
     @cached_property
     def dense_bytes(self) -> int:
@@ -228,11 +277,16 @@ class LinearModel:
 
     @property
     def backend(self) -> Any:
-        """The solver of the sparse route."""
-        return Direct() if isinstance(self.linear, str) else self.linear
+        """The solver of the routes that factorise nothing beforehand."""
+        if isinstance(self.linear, str):
+            return AMG() if self.route == "multigrid" else Direct()
+        return self.linear
 
     def sizes(self) -> dict[str, FactorSize]:
         """What the factorisation of each body in contact will take, before anything is computed."""
+        return self._sizes(WholeBody if self.route == "iterated" else Substructure)
+
+    def _sizes(self, kind: type[Substructure]) -> dict[str, FactorSize]:
         wanted = self._wanted()
         out = {}
         for i, (body, name) in enumerate(zip(self.system.bodies, self.system.names, strict=True)):
@@ -240,7 +294,7 @@ class LinearModel:
             mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
             mine = np.setdiff1d(mine, body.D)
             if len(mine):
-                out[name] = Substructure(body, self.stiffness[i], mine).factor_size()
+                out[name] = kind(body, self.stiffness[i], mine).factor_size()
         return out
 
     def problem_on(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:

@@ -31,6 +31,15 @@ UNHELD = 1e-10
 # Couplings of K from the surface to the bottom of its layer: elements, in effect.
 LAYERS = 4
 
+# -- multigrid ---------------------------------------------------
+
+# Residual to which the springs on the anchors are known: whether a body is held shows in what is left
+# where they are taken away.
+ANCHORED = 1e-13
+
+# Round-off of K u over the sum of its terms' sizes: a few units in the last place.
+ROUND_OFF = 1e-15
+
 # -- model -------------------------------------------------------
 
 # Sets of springs whose twins are kept: two weak ones, and some of single DOFs.

@@ -108,6 +108,9 @@ class Whole:
         Springs on the anchors.
     """
 
+    kind = WholeBody
+    substructures: Sequence[WholeBody]
+
     def __init__(
         self,
         system: System,
@@ -117,15 +120,15 @@ class Whole:
     ) -> None:
         self.system, self.stiffness = system, stiffness
         self.spans = slices(system.offsets)
-        self.substructures: list[WholeBody] = []
+        found: list[WholeBody] = []
         for i, (body, span) in enumerate(zip(system.bodies, self.spans, strict=True)):
             old = reuse[i] if len(reuse) else None
-            if not isinstance(old, WholeBody):
+            if not isinstance(old, self.kind):
                 mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
                 firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
-                old = WholeBody(body, stiffness[i], np.setdiff1d(mine, body.D), firm)
-            self.substructures.append(old)
-        parts = self.substructures
+                old = self.kind(body, stiffness[i], np.setdiff1d(mine, body.D), firm)
+            found.append(old)
+        self.substructures = parts = found
         columns = [part.columns + span.start for part, span in zip(parts, self.spans, strict=True)]
         self.columns = np.concatenate(columns)
         self.column_spans = slices(np.cumsum([0, *map(len, columns)]))

@@ -72,7 +72,7 @@ def test_random_histories(seeds, coefficients):
     assert worst < 1e-10
 
 
-@pytest.mark.parametrize("route", ["points", "surface", "full"])
+@pytest.mark.parametrize("route", ["points", "surface", "full", "iterated", "multigrid"])
 def test_nothing_depends_on_the_frames(route):
     """Tangents turned at random point by point: as many iterations, and the same forces in space.
 

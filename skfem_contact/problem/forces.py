@@ -1,0 +1,197 @@
+r"""Contact problems on the forces of points: what those iterated through factors and multigrid share.
+
+With the gaps and slips ``z0`` and the extensions ``q0`` of the springs on the anchors (`condensed`)
+that the loads alone cause, and the compliance W of all these rows,
+
+    z = z0 + W_zz p + W_zq q,      q = q0 + W_qz p + W_qq q;
+
+p is zero on the rows of open points, and what contact asks of the others is in `held`. With springs in
+series with the points (`series`) it is ``W_zz + C^-1``, and the layers that precondition are as much
+softer as the springs make each row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+from typing import Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from skfem_contact.linalg.dense_factors import lu
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.problem.condensed import CondensedProblem
+from skfem_contact.problem.held import Held
+from skfem_contact.problem.layer import Layers
+from skfem_contact.problem.resistance import point_resistance
+from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
+from skfem_contact.problem.seam import PosedOn
+from skfem_contact.problem.thresholds import STIFFER, UNHELD
+from skfem_contact.problem.whole import Whole
+
+Array = NDArray[np.float64]
+W = TypeVar("W", bound=Whole)
+
+
+class DependentRows(Exception):
+    """Contact rows depend on each other: their forces are not unique."""
+
+
+class OnForces(CondensedProblem[W]):
+    """A contact problem on forces.
+
+    Attributes
+    ----------
+    G : csr_matrix, shape (r, n_c)
+        Rows of gaps and slips that can change.
+    normal_rows, tangential_rows : ndarray of int, shapes (m,) and (m, d-1)
+        Where in them each point has its own; -1 where it has none.
+    own : ndarray, shape (r,)
+        Stiffness of each row by itself, by the diagonal of K [force/length].
+    give : ndarray, shape (r,)
+        Compliance of the springs in series with each row; zero without [length/force].
+    FP : ndarray, shape (n_c, k)
+        What the springs on the anchors do to the contact DOFs.
+    iterations : list of int
+        That every solve has taken so far.
+
+    Raises
+    ------
+    DependentRows
+    """
+
+    points = None
+
+    def __init__(self, bodies: W, on: PosedOn) -> None:
+        super().__init__(bodies, on)
+        self.G, self.normal_rows, self.tangential_rows = self.changing_rows(on)
+        self.layers = Layers(bodies)
+        if not self.layers.independent(self.G, self._positions()):
+            raise DependentRows
+        self.own = 1.0 / self.layers.compliance(self.G)
+        self.give, self._share = np.zeros(len(self.own)), np.ones(len(self.own))
+        columns = [bodies.flexibility(column) for column in bodies.P.T]
+        self.FP = np.column_stack(columns) if columns else bodies.P
+        self.iterations: list[int] = []
+
+    @cached_property
+    def resistance(self) -> Resistance:
+        """What each point resists by itself, by the diagonal of K."""
+        return point_resistance(
+            self.rows, self.slips, lambda rows: STIFFER * self.layers.flexibility(rows)
+        )
+
+    def in_series(self, C: Resistance) -> Self:
+        """The same problem with springs of the stiffness C in series with its points."""
+        new = copy(self)
+        new.give = np.zeros(len(self.own))
+        for rows, stiff in ((self.normal_rows, C.normal), (self.tangential_rows.T, C.tangential)):
+            exists = rows >= 0
+            new.give[rows[exists]] = 1.0 / np.broadcast_to(stiff, rows.shape)[exists]
+        new._share = 1.0 / (1.0 + self.own * new.give)
+        new.own = self.own * new._share
+        new._begin_anew()
+        return new
+
+    def _begin_anew(self) -> None:
+        """Forget the iteration before."""
+        raise NotImplementedError
+
+    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
+        """The load with the forces at which the springs have no strain."""
+        assert load.moved is not None
+        p = np.zeros(len(self.own) + 1)
+        p[self.normal_rows], p[self.tangential_rows] = normal_force, -tangential_force
+        moved = load.moved.copy()
+        moved[: len(self.own)] -= self.give * p[:-1]
+        return replace(load, moved=moved)
+
+    def stiffness(self, rows: NDArray[np.intp]) -> Callable[[Array], Array]:
+        """Forces on some of the rows that hold them at gaps and slips, nearly."""
+        bare, share = self.layers.stiffness(csr_matrix(self.G[rows])), np.sqrt(self._share[rows])
+        return lambda z: share * bare(share * z)
+
+    def _positions(self) -> Array:
+        """Where the point of each row is, (r, d)."""
+        points = np.zeros((self.G.shape[0], self.kin.points.shape[1]))
+        for rows in (self.normal_rows[:, None], self.tangential_rows):
+            point, column = np.nonzero(rows >= 0)
+            points[rows[point, column]] = self.kin.points[point]
+        return points
+
+    def held(self, conditions: Conditions, load: Load) -> Held:
+        """The rows on which contact acts."""
+        return Held.under(conditions, load, self.normal_rows, self.tangential_rows, self.own)
+
+    def response(
+        self, conditions: Conditions, load: Load, z: Array, p: Array, solution: Array
+    ) -> Response:
+        """Gaps, slips and forces of all points from those of the rows, (r,)."""
+        # a row of -1, one that can not change, finds the zero at the end
+        z, p = np.append(z, 0.0), np.append(p, 0.0)
+        exists = self.tangential_rows >= 0
+        closed, sticks = conditions.closed & (self.normal_rows >= 0), conditions.stick[:, None] & exists
+        gap, slip = load.gap0 + z[self.normal_rows], load.slip0 + z[self.tangential_rows]
+        gap[closed], slip[sticks] = 0.0, conditions.anchor[sticks]
+        normal_force = np.where(closed, p[self.normal_rows], 0.0)
+        found = np.where(conditions.closed[:, None] & exists, -p[self.tangential_rows], 0.0)
+        # by the law itself to the last digit; but a stiff spring would magnify the round-off of slips
+        lawful = friction_force(conditions, slip, normal_force)
+        rigid = conditions.closed & ~conditions.stick & ~conditions.spring.any(axis=(1, 2))
+        tangential = np.where(rigid[:, None] & exists, lawful, found)
+        return Response(gap, slip, normal_force, tangential, solution)
+
+
+class HeldForces:
+    """Forces that about fulfil the equations of held rows, the springs on the anchors included.
+
+    Parameters
+    ----------
+    problem : OnForces
+    held : Held
+
+    Attributes
+    ----------
+    scale : ndarray, shape (h,)
+        Roots of the rows' own stiffness: forces divided by it and gaps times it have one unit.
+
+    Raises
+    ------
+    SingularMatrix
+        The rows do not hold the bodies.
+    """
+
+    def __init__(self, problem: OnForces[W], held: Held) -> None:
+        self.held, self.P = held, problem.bodies.P
+        self.scale = np.sqrt(problem.own[held.rows])
+        self.G = csr_matrix(problem.G[held.rows])
+        self._stiffness = problem.stiffness(held.rows)
+        # with forces nearly eliminated, the springs on the anchors are left, a small dense problem
+        self._back = problem.FP.T @ self.G.T
+        ahead = [held.equations(column, np.zeros(len(held.rows))) for column in self._back]
+        self._forces = np.array([held.solved(column, self._stiffness) for column in ahead])
+        k = len(self._back)
+        left = self.P.T @ problem.FP - np.eye(k)
+        self._rigid = lu(left - self._back @ self._forces.T if k else left)
+        if not self._rigid.even(UNHELD):
+            raise SingularMatrix("the points that are closed do not hold the bodies")
+
+    def solved(self, known: Array, extensions: Array) -> tuple[Array, Array]:
+        """Forces (h,) and extensions (k,) for right-hand sides of both."""
+        p, q = self.held.solved(known, self._stiffness), extensions
+        if len(q):
+            q = self._rigid.solve(extensions - self._back @ p)
+            p = p - self._forces.T @ q
+        return p, q
+
+
+def could_not(what: str, share: float, iterations: int) -> SingularMatrix:
+    """The error for forces that were not found."""
+    return SingularMatrix(
+        f"the contact forces could not be found: {share:.1e} of {what} is left after {iterations} "
+        "iterations. Usually the points that are closed hardly hold the bodies"
+    )
