@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -145,3 +146,26 @@ def test_a_rough_ball_that_turns():
         assert abs(moment) == pytest.approx(bound, rel=4e-3)
         assert result.certificate.worst < 1e-8
     assert_allclose(results[0].force, first.force, atol=1e-2 * abs(first.force[2]))
+
+
+@pytest.mark.parametrize("method", ["node", "mortar"])
+def test_an_end_that_nodes_have_slid_past(method):
+    """Two blocks of one width: beside the end of the lower one no node presses, and that is said."""
+    lower = elastic(
+        box("quad4", (0, 0, 0), (1, 1, 1), 2), "quad4", "low", held=((at(2, 0.0), (0, 1, 2)),)
+    )
+    upper = elastic(
+        box("quad4", (0, 0, 1), (1, 1, 2), 2), "quad4", "up", held=((at(2, 2.0), (0, 1, 2)),)
+    )
+    forces = {}
+    for sliding in ("small", "finite"):
+        sides = upper.surface(at(2, 1.0)), lower.surface(at(2, 1.0))
+        contact = sc.Contact(*sides, method=method, sliding=sliding)
+        solver = sc.ContactSolver([lower, upper], contact)
+        with warnings.catch_warnings(record=True) as seen:
+            warnings.simplefilter("always")
+            forces[sliding] = solver.solve(**moved(upper, (1e-4, 0.0, -1e-3))).force[2]
+    lost = 1 - forces["finite"] / forces["small"]
+    told = [str(w.message) for w in seen if "have slid past the end" in str(w.message)]
+    assert (lost > 0.05) == bool(told) == (method == "node")
+    assert abs(lost) < 1e-3 or "Take method='mortar'" in told[0]

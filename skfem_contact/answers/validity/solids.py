@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import NO_LENGTH
+from skfem_contact.answers.thresholds import GAP, NO_LENGTH
 from skfem_contact.answers.validity.drift import distances
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import FaceSurface
@@ -17,7 +17,7 @@ from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.faces.unseen import unseen_overlaps
+from skfem_contact.pairing.faces.unseen import past_ends, unseen_overlaps
 
 Array = NDArray[np.float64]
 
@@ -109,6 +109,40 @@ def unseen_words(geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Arra
         f"{found.count} corners of {obstacle.label!r} stand in {surface.label!r} between its nodes, "
         f"the deepest, at {written(found.place)}, by {found.depth:.3g} more than the nodes around it. "
         "Node by node nothing presses there: refine the surface, to facets smaller than what presses."
+    )
+
+
+def slides_off(contact: Contact) -> bool:
+    """Whether nodes of a solid may slide off another one, and are let go."""
+    solids = isinstance(contact.secondary, FaceSurface) and isinstance(contact.primary, FaceSurface)
+    node = contact.sliding == "finite" and contact.method == "node"
+    return solids and node and not contact.tied and contact.gap is None
+
+
+def past_words(
+    geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Array, approach: float
+) -> str:
+    """What to say of ends of a solid that stand in another one, whose nodes have slid past them.
+
+    Parameters are those of `obstacle_drift`; empty where there are none.
+    """
+    contact, part = geometry.contacts[i], geometry.point_slices[i]
+    one, other = contact.secondary, contact.primary
+    assert isinstance(one, FaceSurface) and isinstance(other, FaceSurface)
+    paired = np.isfinite(gap[part])
+    if paired.all() or case.interference[part].any():
+        return ""
+    least = max(GAP * approach, NO_LENGTH * float(np.abs(one.points).max()))
+    at, end = (side.moved(u[geometry.system.slice(side.body)]) for side in (one, other))
+    found = past_ends(at, end, paired, least)
+    if found is None:
+        return ""
+    size = f", {100 * found.depth / approach:.3g} % of the elastic approach" if approach > 0 else ""
+    return (
+        f"nodes of {one.label!r} have slid past the end of {other.label!r}, which stands in its faces "
+        f"by up to {found.depth:.3g}{size}, at {written(found.place)}. Node by node nothing presses "
+        "there, and forces are wrong by as much. Take method='mortar', which follows faces to the end, "
+        "or let the surface that reaches beyond the other one be the primary."
     )
 
 

@@ -20,6 +20,8 @@ from skfem_contact.answers.validity.solids import (
     looked_at,
     obstacle_drift,
     of_triangles,
+    past_words,
+    slides_off,
     unseen_words,
 )
 from skfem_contact.answers.validity.support import Support, unit_motions
@@ -61,6 +63,7 @@ class Watch:
         self.dim = kin.points.shape[1]
         self.on_obstacles = {i for i, contact in enumerate(self.contacts) if looked_at(contact)}
         self.of_triangles = {i for i, contact in enumerate(self.contacts) if of_triangles(contact)}
+        self.slides_off = {i for i, contact in enumerate(self.contacts) if slides_off(contact)}
         self.moves = kin.tangents == self.dim - 1
         if not self.moves:  # a scalar field
             return
@@ -156,7 +159,7 @@ class Watch:
         """
         if not self.moves:
             return Watched(said=said)
-        wanted = self.follows_tools or bool(self.on_obstacles | self.of_triangles)
+        wanted = self.follows_tools or bool(self.on_obstacles | self.of_triangles | self.slides_off)
         wanted |= any(loose is not None for loose in self.loose)
         u = (everywhere if self.inside else displacement)() if wanted else np.zeros(0)
         motions = [support.motion(case.x) for support in self.supports]
@@ -169,6 +172,8 @@ class Watch:
         turns |= rigid_rotations(self.system, self.contacts, state.surface)
         overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
         words = {i: unseen_words(self.geometry, i, gap, case, u) for i in self.of_triangles}
+        for i in self.slides_off:
+            words[i] = past_words(self.geometry, i, gap, case, u, drifts[i].approach)
         unseen = {i: text for i, text in words.items() if text}
         return Watched(drifts, turns, said, tuple(self.tracks), overlaps, unseen)
 

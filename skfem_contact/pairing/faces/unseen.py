@@ -61,6 +61,29 @@ def unseen_overlaps(secondary: FaceSurface, primary: FaceSurface, pairing: Pairi
     return Unseen(len(found), float(hidden[deepest]), primary.points[deepest])
 
 
+def past_ends(
+    secondary: FaceSurface, primary: FaceSurface, paired: NDArray[np.bool_], least: float
+) -> Unseen | None:
+    """Nodes at the end of the primary that stand in faces whose own nodes are past it; None if none.
+
+    A node of the secondary that has slid off the primary has no partner. Its face, which still
+    covers the end of the primary, is held by the nodes on the other side alone, or by none.
+    `least` is the depth from which it counts [length].
+    """
+    lost = ~paired[secondary.facets].all(axis=1)
+    if not lost.any():
+        return None
+    back = node_to_face(primary, secondary)
+    facet = np.where(back.paired, back.facet, 0)
+    chords = _sagittas(secondary)[facet] + _largest_around(primary, _sagittas(primary))
+    depth = np.where(back.paired & lost[facet], -back.gap - chords, 0.0)
+    found = np.flatnonzero(depth > least)
+    if not len(found):
+        return None
+    deepest = found[np.argmax(depth[found])]
+    return Unseen(len(found), float(depth[deepest]), primary.points[deepest])
+
+
 def _sagittas(surface: FaceSurface) -> Array:
     """How far smooth boundaries stand off faces between their nodes, by the turn of normals, (nf,)."""
     corner = surface.facet_node_normals[:, : surface.kind.corners]
