@@ -11,9 +11,9 @@ import zlib
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +95,7 @@ def _array(name: str, values: NDArray[Any], unit: str | None = None) -> str:
     """An array as an element of the file, with its unit where VTK looks for it."""
     kind = TYPES.get(np.asarray(values).dtype.str[1:], "Float64")
     data = np.ascontiguousarray(values, dtype=next(k for k, v in TYPES.items() if v == kind))
-    about = f"type={quoteattr(kind)} Name={quoteattr(name)}"
+    about = f'type="{kind}" Name="{escape(name)}"'
     if data.ndim == 2:
         about += f' NumberOfComponents="{data.shape[1]}"'
         if data.shape[1] == len(SIX):
@@ -106,8 +106,7 @@ def _array(name: str, values: NDArray[Any], unit: str | None = None) -> str:
 
 
 def _unit(unit: str) -> str:
-    text = unit.replace("&", "&amp;").replace("<", "&lt;")
-    return f'<InformationKey name="UNITS_LABEL" location="vtkDataArray">{text}</InformationKey>'
+    return f'<InformationKey name="UNITS_LABEL" location="vtkDataArray">{escape(unit)}</InformationKey>'
 
 
 def _encoded(data: bytes) -> str:
@@ -120,6 +119,6 @@ def _encoded(data: bytes) -> str:
 
 def _field(name: str, value: float) -> str:
     return (
-        f'<DataArray type="Float64" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">'
+        f'<DataArray type="Float64" Name="{escape(name)}" NumberOfTuples="1" format="ascii">'
         f"{float(value)!r}</DataArray>"
     )
