@@ -57,7 +57,8 @@ class NoEquilibrium(ContactError):
     bodies : tuple of str
         The bodies that move together.
     motion : str
-        The motion in words: "translation along x", "rotation", or both, joined by "with".
+        The motion in words: "translation along x", "translation along x and y with rotation", or of
+        bodies that move in different ways "low: translation along x; up: rotation".
     result : ContactResult or None
         The last state reached, where there is one.
     """

@@ -62,7 +62,7 @@ def test_bodies_free_together_are_named_together():
     """Two glued blocks that nothing holds move as one."""
     low, up = block("low"), block("up", y=(1.0, 2.0), f=(0.0, -1e-3))
     glue = sc.Contact(up.surface("bottom"), low.surface("top"), tied=True)
-    with pytest.raises(sc.NoEquilibrium, match=r"Body 'low' and 'up' are together free to move"):
+    with pytest.raises(sc.NoEquilibrium, match=r"Bodies 'low' and 'up' are free to move together: "):
         sc.ContactSolver([low, up], glue).solve()
 
 
@@ -396,6 +396,66 @@ def test_progress_needs_tqdm(monkeypatch):
     monkeypatch.undo()
     pytest.importorskip("tqdm")
     assert len(list(pair().history([0.5, 1.0], progress=True))) == 2
+
+
+def test_progress_has_load_iterations_and_no_condensation(capsys):
+    """The bar counts the steps, whose time is that after the bodies have been condensed."""
+    pytest.importorskip("tqdm")
+    solver, seen = pair(), []
+    prepare = solver.prepare
+
+    def prepared():
+        seen.append("condensed")
+        return prepare()
+
+    solver.prepare = prepared
+    for i, result in enumerate(solver.history([0.5, 1.0, 1.5], progress=True)):
+        seen.append(result.factor)
+        if i == 1:
+            break
+    assert seen == ["condensed", 0.5, 1.0]
+    said = capsys.readouterr().err
+    assert "condensing the bodies" in said and "load steps" in said
+    assert "2/3" in said and "load factor 1, " in said and "3/3" not in said
+
+
+def test_log_lines_have_step_and_contact(caplog):
+    """At the level INFO every step has a line: which it is, how it ended, what each contact does."""
+    with caplog.at_level("INFO", logger="skfem_contact"):
+        list(pair().history([0.5, 1.0]))
+    lines = [record.getMessage() for record in caplog.records if record.levelname == "INFO"]
+    assert [text.split(":")[0] for text in lines] == [
+        "step 1 of 2, load factor 0.5",
+        "step 2 of 2, load factor 1",
+    ]
+    assert all(
+        "converged in" in text and "joint: frictionless: 5 points closed" in text for text in lines
+    )
+
+
+def test_an_interrupted_history_keeps_what_it_has():
+    """Ctrl-C in the third step: two results are in the exception, which says so; the solver goes on."""
+    solver, reached = pair(), []
+
+    def steps():
+        yield 0.5
+        yield 1.0
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as raised:
+        reached.extend(solver.history(steps()))
+    assert [result.factor for result in raised.value.results] == [0.5, 1.0]
+    if sys.version_info >= (3, 11):
+        assert raised.value.__notes__[0].startswith("2 load steps were finished before: their results")
+    (last,) = solver.history([1.5], start=raised.value.results[-1])
+    assert last.converged
+
+
+def test_notebooks_show_solvers():
+    """The dry run, as text that HTML does not take for its own; repr is a line."""
+    solver = pair()
+    assert solver._repr_html_().startswith("<pre>") and "->" not in solver._repr_html_()
+    assert repr(solver) == "<ContactSolver: bodies table, punch; contacts joint; loop 'newton'>"
 
 
 # -- the dry run ----------------------------------------------------------------------------------

@@ -59,7 +59,8 @@ def table(result: ContactResult) -> str:
     return (
         f"<p><b>Contact result:</b> {escape(_headline(result))}</p>"
         f"<table><thead><tr>{head}</tr></thead><tbody>{cells}</tbody></table>"
-        f"<p>certificate: {result.certificate.worst:.1e} at worst</p>"
+        f"<p>{escape(_watched_line(result._answer))}; "
+        f"certificate: {result.certificate.worst:.1e} at worst</p>"
     )
 
 

@@ -156,7 +156,36 @@ def _motion_words(modes: Array, names: tuple[str, ...], u: Array) -> str:
     scaled = modes / np.max(np.abs(modes), axis=0)
     share = np.abs(np.linalg.lstsq(scaled, u, rcond=None)[0])
     share = share if share.ndim == 1 else np.max(share, axis=1)
-    return " with ".join(np.array(names)[share > NOT_NAMED * share.max()])
+    return joined([name for name, s in zip(names, share, strict=True) if s > NOT_NAMED * share.max()])
+
+
+def joined(names: Sequence[str]) -> str:
+    """Rigid motions as one: those of a kind by their axes, one kind with the other.
+
+    >>> joined(["translation along x", "translation along y", "rotation"])
+    'translation along x and y with rotation'
+    >>> joined(
+    ...     [
+    ...         "translation along x of part 2",
+    ...         "rotation about x",
+    ...         "rotation about y",
+    ...         "rotation about z",
+    ...     ]
+    ... )
+    'translation along x of part 2 with rotation about x, y and z'
+    """
+    kinds: dict[tuple[str, str], list[str]] = {}
+    for name in names:
+        motion, _, part = name.partition(" of part ")
+        kind, _, axis = motion.rpartition(" ")
+        if axis not in ("x", "y", "z"):
+            kind, axis = motion, ""
+        kinds.setdefault((kind, part), []).append(axis)
+    words = []
+    for (kind, part), axes in kinds.items():
+        listed = " and ".join(filter(None, (", ".join(axes[:-1]), axes[-1])))
+        words.append(f"{kind} {listed}".strip() + (f" of part {part}" if part else ""))
+    return " with ".join(words)
 
 
 def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matrix]) -> RigidMotions:
@@ -221,13 +250,15 @@ def no_equilibrium(
         moves = driven if driven.any() else moves
     bodies, motion = motions.describe(moves)
     names = " and ".join(f"'{name}'" for name in bodies)
-    verb = "is" if len(bodies) == 1 else "are together"
+    subject, together = (
+        (f"Body {names} is", "") if len(bodies) == 1 else (f"Bodies {names} are", " together")
+    )
     known = "" if f is None else NOT_SHOWN
     known = SHOWN if shown else known
     if pull > 0.0:
         known = DRIVEN.format(pull)
     return NoEquilibrium(
-        f"Body {names} {verb} free to move: {motion}, {when}. {known}Usually a support is missing, "
+        f"{subject} free to move{together}: {motion}, {when}. {known}Usually a support is missing, "
         "the load pulls the bodies apart, or friction is too weak for the load. Prescribe a "
         "DOF (D=...), press the bodies together first, add friction, or hold the body with "
         "weak springs in K.",

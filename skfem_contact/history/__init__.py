@@ -8,6 +8,6 @@
 * `answering`, `failure`: from a load case to a result, or to an error in words;
 * `recovery`, `yielded`: displacements when asked for; the results of a history that fails;
 * `checkpoint`: states on disk;
-* `solver`, `dry_run`: the object that users hold, and what it says before solving;
+* `solver`, `dry_run`, `progress`: what users hold, what it says before it solves and meanwhile;
 * `thresholds`: numbers, and where they come from.
 """

@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.errors import InputError
 from skfem_contact.history.answering import Answering
 from skfem_contact.history.checkpoint import SavedState, load_state, save_state
+from skfem_contact.history.progress import Progress, Silent, count, line, reached
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.recovery import recover_all
 from skfem_contact.history.stepper import Stepper
@@ -182,10 +184,17 @@ class ContactSolver:
         """What the factorisation of each body in contact will take, before anything is computed."""
         return self.linear_model.sizes()
 
+    def __repr__(self) -> str:
+        bodies, contacts = ", ".join(self.system.names), ", ".join(self.names)
+        return f"<ContactSolver: bodies {bodies}; contacts {contacts}; loop {self.loop!r}>"
+
     def __str__(self) -> str:
         from skfem_contact.history.dry_run import dry_run  # it is about solvers, and stands after them
 
         return dry_run(self)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
 
     def prepare(self) -> ContactSolver:
         """Do now what the first load step would do once: condense the bodies. Returns the solver."""
@@ -406,7 +415,9 @@ class ContactSolver:
         start : ContactResult, optional
             The state to continue from, or one from `load_state`, as in `solve`.
         progress : bool
-            Show a progress bar; needs tqdm (the extra ``progress``).
+            Show a bar with the load factor, the iterations of the last step, and the time left, by the
+            mean of the steps before. The condensation of the bodies comes first and is not counted.
+            Needs tqdm (the extra ``progress``).
 
         Yields
         ------
@@ -414,7 +425,7 @@ class ContactSolver:
             One per step. A step that does not converge is cut and recovered; the substeps are not
             yielded, their dissipation is summed. If a step fails for good, all results before it
             have been yielded, and are in ``results`` of the exception: the history can go on from
-            the last of them.
+            the last of them. So they are if you interrupt it by Ctrl-C.
 
         Warns
         -----
@@ -436,18 +447,26 @@ class ContactSolver:
             raise InputError(
                 f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
             )
-        yielded = Yielded()
+        yielded, total = Yielded(), count(steps)
+        shown_as = Progress(steps, self.prepare) if progress else Silent()
         try:
-            for step in _with_progress(steps, progress):
+            for i, step in enumerate(steps, start=1):
+                logger.debug("step %d begins", i)
                 target = self._reader.read(step, target)
                 before = self._answering.solve(target, before, None, None, True)
-                logger.info("step %s: %s", "" if before.factor is None else step, before.message)
+                if logger.isEnabledFor(logging.INFO):
+                    logger.info("%s", line(i, total, before))
                 result = ContactResult(before)
                 yielded.add(result, self._reader)
+                shown_as.shows(before)
                 yield result
         except (Exception, KeyboardInterrupt) as error:
             error.results = yielded.all()  # type: ignore[union-attr]
+            if isinstance(error, KeyboardInterrupt) and hasattr(error, "add_note"):
+                error.add_note(reached(len(error.results), total))  # type: ignore[attr-defined]
             raise
+        finally:
+            shown_as.close()
 
     @known_keywords()
     def save_state(self, path: str | Path, result: ContactResult | SavedState) -> Path:
@@ -557,15 +576,3 @@ class ContactSolver:
         results = members(results, ContactResult, "results", "give results of this solver")
         recover_all([answer_of(r) for r in results])
         return [r.u for r in results]
-
-
-def _with_progress(steps: Iterable[Any], progress: bool) -> Iterable[Any]:
-    if not progress:
-        return steps
-    try:
-        from tqdm.auto import tqdm
-    except ImportError:
-        raise InputError(
-            "progress=True needs tqdm, which is not installed: pip install 'skfem-contact[progress]'"
-        ) from None
-    return tqdm(steps, unit="step")
