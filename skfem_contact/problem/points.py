@@ -24,6 +24,49 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
+# What rows of -1 find at the end of a vector: those that can not change.
+NOTHING = np.zeros(1)
+
+
+class HeldRows:
+    """Which rows conditions hold, and which carry friction: the same for all with one `matrix_key`.
+
+    Parameters
+    ----------
+    space : PointSpace
+    conditions : Conditions
+
+    Attributes
+    ----------
+    closed : ndarray of bool, shape (m,)
+    stick, slides : ndarray of bool, shape (m, d-1)
+    gaps, slips, sliding : ndarray of int
+        The rows of these.
+    free : ndarray of int
+        All rows but `gaps` and `slips`.
+    rubbing, pressing : ndarray of int, share : ndarray
+        Rows whose friction follows the normal force, on which row that is, and how much of it.
+    """
+
+    def __init__(self, space: PointSpace, conditions: Conditions) -> None:
+        has_gap, has_slip = space.normal_rows >= 0, space.tangential_rows >= 0
+        slides = conditions.closed & ~conditions.stick
+        self.closed = conditions.closed & has_gap
+        self.stick = conditions.stick[:, None] & has_slip
+        self.slides = slides[:, None] & has_slip
+        self.gaps = space.normal_rows[self.closed]
+        self.slips = space.tangential_rows[self.stick]
+        self.sliding = space.tangential_rows[self.slides]
+        free = np.ones(len(space.S), dtype=bool)
+        free[self.gaps] = free[self.slips] = False
+        self.free = np.flatnonzero(free)
+        coupled = self.closed & np.any(conditions.coupling != 0, axis=1)
+        follows = self.slides & coupled[:, None]
+        self.rubbing = space.tangential_rows[follows]
+        self.pressing = space.normal_rows[np.nonzero(follows)[0]]
+        self.share = conditions.coupling[follows]
+
+
 @dataclass(eq=False)
 class PointSpace:
     r"""Gaps and slips as unknowns: ``S z = h + p`` with ``p = (lambda, -tau)``.
@@ -41,55 +84,60 @@ class PointSpace:
     S: Array
     normal_rows: NDArray[np.intp]
     tangential_rows: NDArray[np.intp]
+    # rows and factor for the conditions of this key: most iterations ask for the set of the last one
     _key: bytes = field(default=b"", repr=False)
+    _rows: HeldRows | None = field(default=None, repr=False)
     _factor: DenseFactors | None = field(default=None, repr=False)
     _reduction: Reduction | None = field(default=None, repr=False)
     _last: Array | None = field(default=None, repr=False)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Solve for the gaps and slips that the conditions leave free."""
-        reduction = self._reduce(conditions, load)
+        rows = self._held(conditions)
+        reduction = self._reduce(rows.closed, load)
         if reduction is None:
             z, p = self.unknowns(conditions, load)
         else:
             z, p = reduction.unknowns(conditions, load)
-        response = self._response(conditions, load, z, p)
+        response = self._response(conditions, load, rows, z, p)
         self._last = response.gap
         return response
 
     def unknowns(self, conditions: Conditions, load: Load) -> tuple[Array, Array]:
         """Gaps and slips z, and the forces p on them, both (q,)."""
+        rows = self._held(conditions)
         z = np.zeros(len(self.S))
-        held = np.zeros(len(self.S), dtype=bool)
-        closed = conditions.closed & (self.normal_rows >= 0)
-        held[self.normal_rows[closed]] = True
-        z[self.normal_rows[closed]] = -load.gap0[closed]
-        stick = conditions.stick[:, None] & (self.tangential_rows >= 0)
-        held[self.tangential_rows[stick]] = True
-        z[self.tangential_rows[stick]] = (conditions.anchor - load.slip0)[stick]
-        free = np.flatnonzero(~held)
-        slides = conditions.closed & ~conditions.stick
-        coupled = slides & np.any(conditions.coupling != 0, axis=1) & (self.normal_rows >= 0)
-
+        z[rows.gaps] = -load.gap0[rows.closed]
+        z[rows.slips] = (conditions.anchor - load.slip0)[rows.stick]
         rhs = load.force - self.S @ z
-        self._friction_rhs(conditions, load, slides, coupled, rhs)
-        key = conditions.matrix_key()
-        if key != self._key or self._factor is None:
-            self._factor = self._factorize(conditions, slides, coupled, free)
-            self._key = key
-        z[free] = self._factor.solve(rhs[free])
+        # friction of what slides, as far as it follows from what is held
+        known = conditions.offset
+        if conditions.gives:
+            known = known + np.einsum("ikl,il->ik", conditions.spring, load.slip0)
+        rhs[rows.sliding] -= known[rows.slides]
+        rhs[rows.rubbing] += rows.share * rhs[rows.pressing]
+        if self._factor is None:
+            self._factor = self._factorize(conditions, rows)
+        z[rows.free] = self._factor.solve(rhs[rows.free])
         return z, self.S @ z - load.force
 
-    def _reduce(self, conditions: Conditions, load: Load) -> Reduction | None:
+    def _held(self, conditions: Conditions) -> HeldRows:
+        """The rows that conditions hold; of the last ones, if their matrix is the same."""
+        key = conditions.matrix_key()
+        if self._rows is None or key != self._key:
+            self._key, self._rows, self._factor = key, HeldRows(self, conditions), None
+        return self._rows
+
+    def _reduce(self, needed: Mask, load: Load) -> Reduction | None:
         """The reduction in use, or a new one where it is too small or much too large."""
-        needed = conditions.closed & (self.normal_rows >= 0)
-        spare = max(FEWEST, int(SPARE * needed.sum()), int(SHARE * len(needed)))
+        count = np.count_nonzero(needed)
+        spare = max(FEWEST, int(SPARE * count), int(SHARE * len(needed)))
         old = self._reduction
-        if old is not None and old.keeps(needed, SURPLUS * (needed.sum() + spare)):
+        if old is not None and old.keeps(needed, SURPLUS * (count + spare)):
             return old if old.good else None
         gap = np.where(needed, -np.inf, load.gap0 if self._last is None else self._last)
         keep = needed.copy()
-        keep[np.argsort(gap, kind="stable")[: needed.sum() + spare]] = True
+        keep[np.argsort(gap, kind="stable")[: count + spare]] = True
         keep |= self.normal_rows < 0
         if 4 * keep.sum() > 3 * len(keep):
             if self.S.nbytes > thresholds.KEPT_BESIDE:
@@ -99,51 +147,31 @@ class PointSpace:
         self._reduction = Reduction(self, keep)
         return self._reduction if self._reduction.good else None
 
-    def _friction_rhs(
-        self, conditions: Conditions, load: Load, slides: Mask, coupled: Mask, rhs: Array
-    ) -> None:
-        """Add the constant part of ``-tau`` on the rows of points that slide."""
-        normal_force = -np.append(rhs, 0.0)[self.normal_rows]  # as far as it follows from what is held
-        known = conditions.offset
-        if conditions.gives:
-            known = known + np.einsum("ikl,il->ik", conditions.spring, load.slip0)
-        for k in range(self.tangential_rows.shape[1]):
-            on = slides & (self.tangential_rows[:, k] >= 0)
-            rhs[self.tangential_rows[on, k]] -= known[on, k]
-            on &= coupled
-            rhs[self.tangential_rows[on, k]] -= conditions.coupling[on, k] * normal_force[on]
-
-    def _factorize(
-        self, conditions: Conditions, slides: Mask, coupled: Mask, free: NDArray[np.intp]
-    ) -> DenseFactors:
+    def _factorize(self, conditions: Conditions, rows: HeldRows) -> DenseFactors:
+        free = rows.free
         where = np.full(len(self.S), -1)
         where[free] = np.arange(len(free))
         At = self.S[np.ix_(free, free)]  # transposed, as LAPACK has it
         t = self.tangential_rows.shape[1]
-        for k in range(t):
-            for j in range(t):
-                on = slides & (self.tangential_rows[:, k] >= 0) & (self.tangential_rows[:, j] >= 0)
-                row = where[self.tangential_rows[on, k]]
-                column = where[self.tangential_rows[on, j]]
-                At[column, row] += conditions.spring[on, k, j]
-            on = coupled & (self.tangential_rows[:, k] >= 0)
-            row, normal = where[self.tangential_rows[on, k]], self.normal_rows[on]
-            At[:, row] += conditions.coupling[on, k] * self.S[np.ix_(free, normal)]
-        return factorised(At.T, symmetric=not coupled.any())
+        for k, j in np.ndindex(t, t) if conditions.gives else ():
+            on = rows.slides[:, k] & rows.slides[:, j]
+            row, column = where[self.tangential_rows[on, k]], where[self.tangential_rows[on, j]]
+            At[column, row] += conditions.spring[on, k, j]
+        At[:, where[rows.rubbing]] += rows.share * self.S[np.ix_(free, rows.pressing)]
+        return factorised(At.T, symmetric=not len(rows.rubbing))
 
-    def _response(self, conditions: Conditions, load: Load, z: Array, p: Array) -> Response:
-        # a row of -1, one that can not change, finds the zero at the end
-        p, moved = np.append(p, 0.0), np.append(z, 0.0)
-        closed = conditions.closed & (self.normal_rows >= 0)
-        slides = conditions.closed & ~conditions.stick
+    def _response(
+        self, conditions: Conditions, load: Load, rows: HeldRows, z: Array, p: Array
+    ) -> Response:
+        moved = np.concatenate((z, NOTHING))
         gap = load.gap0 + moved[self.normal_rows]
-        gap[closed] = 0.0
-        exists = self.tangential_rows >= 0
+        gap[rows.closed] = 0.0
         slip = load.slip0 + moved[self.tangential_rows]
-        normal_force = np.where(closed, p[self.normal_rows], 0.0)
-        sticking = np.where(conditions.stick[:, None] & exists, -p[self.tangential_rows], 0.0)
+        normal_force, tangential = np.zeros(gap.shape), np.zeros(slip.shape)
+        normal_force[rows.closed] = p[rows.gaps]
+        tangential[rows.stick] = -p[rows.slips]
         sliding = friction_force(conditions, slip, normal_force)
-        tangential = np.where((slides[:, None]) & exists, sliding, sticking)
+        tangential[rows.slides] = sliding[rows.slides]
         return Response(gap, slip, normal_force, tangential, z)
 
 
@@ -165,7 +193,7 @@ class Reduction:
     """
 
     def __init__(self, space: PointSpace, keep: Mask) -> None:
-        self.keep = keep
+        self.keep, self._dropped, self._count = keep, ~keep, np.count_nonzero(keep)
         rows = np.concatenate([space.normal_rows[keep], space.tangential_rows[keep].ravel()])
         self.rows = rows = np.sort(rows[rows >= 0])
         self.rest = rest = np.setdiff1d(np.arange(len(space.S)), rows)
@@ -192,7 +220,7 @@ class Reduction:
 
     def keeps(self, needed: Mask, most: float) -> bool:
         """Whether all these points are kept, and not many more."""
-        return not np.any(needed & ~self.keep) and self.keep.sum() <= most
+        return self._count <= most and not np.count_nonzero(needed & self._dropped)
 
     def load(self, load: Load) -> Load:
         """A load on the rows that are kept; the same load is reduced once."""
