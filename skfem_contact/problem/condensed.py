@@ -24,7 +24,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, block_diag
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import csc_matrix, csr_matrix, vstack
 
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.kinematics import without_columns
@@ -170,6 +170,12 @@ class CondensedProblem(Posed, Generic[B]):
         self.rows = without_columns(on.kin, bodies.columns)
         self.prescribed = without_columns(on.kin, bodies.system.D)
 
+    @cached_property
+    def onto_dofs(self) -> tuple[csc_matrix, csc_matrix]:
+        """From forces on gaps and on slips to those on the contact DOFs: the rows transposed."""
+        kin = self.rows
+        return kin.B_n.T, kin.B_t.T if self.slips else csc_matrix((len(self.bodies.columns), 0))
+
     def changing_rows(self, on: PosedOn) -> tuple[csr_matrix, Index, Index]:
         """Rows (q, n_c) of gaps and slips that can change, and where in them each point has its own.
 
@@ -246,9 +252,10 @@ class PointProblem(CondensedProblem[Condensed]):
         z, known = response.solution, load.moved
         along = self.A_zq.T @ (known[: self.q] - z)
         q = self.rigid.solve(along + self.A_qq @ known[self.q :])
-        force = load.prescribed + self.rows.B_n.T @ response.normal_force + self.bodies.P @ q
+        from_gaps, from_slips = self.onto_dofs
+        force = load.prescribed + from_gaps @ response.normal_force + self.bodies.P @ q
         if self.slips:
-            force -= self.rows.B_t.T @ response.tangential_force.ravel()
+            force -= from_slips @ response.tangential_force.ravel()
         return Source(force, forces=True)
 
 

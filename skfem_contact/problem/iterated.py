@@ -75,9 +75,10 @@ class IteratedProblem(OnForces[IteratedBodies]):
     def source(self, load: Load, response: Response) -> Source:
         """Forces on the contact DOFs: contact, and the springs on the anchors."""
         q = response.solution[len(self.own) :]
-        force = self.rows.B_n.T @ response.normal_force + self.bodies.P @ q
+        from_gaps, from_slips = self.onto_dofs
+        force = from_gaps @ response.normal_force + self.bodies.P @ q
         if self.slips:
-            force -= self.rows.B_t.T @ response.tangential_force.ravel()
+            force -= from_slips @ response.tangential_force.ravel()
         return Source(force, forces=True)
 
 
