@@ -47,8 +47,9 @@ def check_finite(
         ...
     skfem_contact.errors.InputError: f holds NaN or infinite numbers: 1 of 2 entries, ...
     """
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
+    finite = np.isfinite(values)
+    if np.count_nonzero(finite) < finite.size:
+        bad = np.flatnonzero(~finite)
         first = bad[0] if number is None else number[bad[0]]
         raise InputError(
             f"{what} holds NaN or infinite numbers: {bad.size} of {values.size} entries, the first "

@@ -176,7 +176,7 @@ def check_loads(
     ConstraintError
         Tied points whose relative displacement is prescribed otherwise.
     """
-    prescribed = fixed.any() or kin.bilateral.any()
+    prescribed = np.count_nonzero(fixed) or np.count_nonzero(kin.bilateral)
     if prescribed:
         x = np.zeros(system.n)
         x[system.D] = case.x[system.D]

@@ -222,7 +222,7 @@ class Coulomb(FrictionLaw):
         return bound if self.tau_max == np.inf else np.minimum(bound, self.tau_max * area)
 
     def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        steady = self.mu * np.ones_like(normal_force)
+        steady = self.mu + np.zeros(normal_force.shape)
         if self.tau_max == np.inf:
             return steady
         return np.where(self._uncapped(normal_force, area) >= self.tau_max * area, 0.0, steady)

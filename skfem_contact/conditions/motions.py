@@ -110,7 +110,7 @@ class RigidMotions:
     def rows(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_]) -> Array:
         """Motion of closed points along normals, then of sticking ones along tangents, (r, k)."""
         normal = self.normal[closed]
-        if not stick.any():
+        if not np.count_nonzero(stick):
             return normal
         return np.concatenate([normal, self.tangential[stick].reshape(-1, self.k)])
 

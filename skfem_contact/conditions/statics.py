@@ -138,12 +138,12 @@ def balanced(
         return True
     force, friction = state.normal_force, state.tangential_force.ravel()  # zero at open points
     parts = [(motions.normal, force), (motions.modes, f)]
-    if friction.any():
+    if np.count_nonzero(friction):
         parts.append((motions.tangential.reshape(-1, motions.k), -friction))
     left = np.abs(sum(rows.T @ values for rows, values in parts))
     # along a motion that nothing pushes there is only the round-off of what acts across it; the largest
     # displacement of each motion is one. Nearly always the rest need not be looked at
-    if np.all(left <= LEFT_ACROSS * np.abs(force).sum()):
+    if (left <= LEFT_ACROSS * np.abs(force).sum()).all():
         return True
     across = sum(float(np.abs(values).sum()) for _, values in parts)
     size = sum(np.abs(rows).T @ np.abs(values) for rows, values in parts)

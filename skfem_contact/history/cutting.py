@@ -41,7 +41,8 @@ def advance(
     done, share, fails, smallest = 0.0, 1.0, 0, SHORTER**most
     while True:
         aim = min(1.0, done + share)
-        part = replace(part, target=step.before.towards(step.target, aim), share=aim - done)
+        if share < 1.0:
+            part = replace(part, target=step.before.towards(step.target, aim), share=aim - done)
         try:
             attempt = attempted(by, part, starts[0])
         except ConstraintError:

@@ -54,7 +54,7 @@ def friction_energy(
     `plastic_slip` between the two and the `friction_bound` of the new one.
     """
     lost = 0.5 * (friction_bound(interface, last) + bound) * lengths(plastic)
-    work = np.sum(0.5 * (last.tangential_force + new.tangential_force) * plastic, axis=1)
+    work = (0.5 * (last.tangential_force + new.tangential_force) * plastic).sum(axis=1)
     force = 0.5 * (last.normal_force + new.normal_force)
     # points without partner have no gap, also one that finds or loses it between the two states
     acts = (force != 0) & np.isfinite(new.gap) & np.isfinite(last.gap)
@@ -70,7 +70,7 @@ def friction_energy(
 def plastic_slip(interface: Interface, last: LocalState, new: LocalState) -> Array:
     """Slip between two states that a finite tangential stiffness does not give back, (m, d-1)."""
     G = interface.stiffness[:, None]
-    elastic = np.where(np.isfinite(G), (new.tangential_force - last.tangential_force) / G, 0.0)
+    elastic = (new.tangential_force - last.tangential_force) / G  # zero where sticking is exact
     return np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
 
 
@@ -81,7 +81,8 @@ def friction_bound(interface: Interface, state: LocalState) -> Array:
         pressing = np.maximum(state.normal_force[part], 0.0)
         slip = (state.slip - state.reference)[part]
         bound[part] = law.limit(pressing, state.area[part], slip)
-    return np.where(state.status != OPEN, bound, 0.0)
+    bound[state.status == OPEN] = 0.0
+    return bound
 
 
 def rough_at_rest(interface: Interface, state: LocalState) -> bool:

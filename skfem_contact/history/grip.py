@@ -72,29 +72,27 @@ class Grip:
         anything (a point of an arc, that a body has rolled to by several widths) holds by round-off.
         """
         motions, carrying = self.motions, self.carrying
-        rows, across = motions.rows(carrying, self.stick), self._across(self._slips)
+        rows, across = motions.rows(carrying, self.stick), self._across()
         if null_space(np.concatenate([rows, across]), self.firmly).shape[1]:
             return True
         share = np.where(motions.kin.bilateral, 1.0, self.attempt.local.normal_force / self.largest)
-        rows[: carrying.sum()] *= share[carrying, None]
+        rows[: np.count_nonzero(carrying)] *= share[carrying, None]
         return null_space(np.concatenate([rows, across]), FAINT).shape[1] > 0
 
-    @property
-    def _slips(self) -> Mask:
-        """Carrying points whose friction is at its bound, (m,)."""
-        local = self.attempt.local
-        return self.carrying & (local.status == SLIP) & np.any(local.tangential_force != 0, axis=1)
-
-    def _across(self, at: Mask) -> Array:
+    def _across(self, full: Mask | None = None) -> Array:
         """Rows (r, k) by which friction at its bound holds motions across its direction.
 
+        At carrying points that slip, and at sticking ones whose friction is at its bound too, `full`.
         In space it turns with the slip, and so resists what turns it. How stiffly falls with the square
         of the angle between the motion and the friction, and with the way that has been slid.
         """
-        motions = self.motions
-        if motions.kin.tangents < 2 or not at.any():
+        motions, local = self.motions, self.attempt.local
+        if motions.kin.tangents < 2:
             return np.zeros((0, motions.k))
-        friction = self.attempt.local.tangential_force[at]
+        at = self.carrying & (local.status == SLIP) & np.any(local.tangential_force != 0, axis=1)
+        if full is not None:
+            at |= full
+        friction = local.tangential_force[at]
         d = friction / lengths(friction)[:, None]
         slip = motions.tangential[at]
         left = slip - d[:, :, None] * np.einsum("pt,ptk->pk", d, slip)[:, None]
@@ -107,14 +105,14 @@ class Grip:
         others that slipped do so less, and all forces stay. On which of them the body comes to rest is
         a matter of the iterations. So it is where forces are round-off and contact slides far.
         """
-        motions, state, full = self.motions, self.attempt.local, np.zeros_like(self.stick)
+        motions, state, full = self.motions, self.attempt.local, np.zeros(len(self.stick), dtype=bool)
         if state.tangential_force.size:
             friction = lengths(state.tangential_force)
             bound = np.where(interface.frictional, self.attempt.friction_bound, np.inf)
             full = self.stick & (friction >= (1 - HOLDS_NOTHING) * bound) & (friction > 0)
-        if not (full.any() or self.idles):  # all that sticks holds, and that is enough
+        if not (np.count_nonzero(full) or self.idles):  # all that sticks holds, and that is enough
             return ()
-        free = motions.free(self.carrying, self.stick & ~full, more=self._across(self._slips | full))
+        free = motions.free(self.carrying, self.stick & ~full, more=self._across(full))
         if not free.shape[1]:
             return ()
         if free.shape[1] == 1 and full.any():  # all of them have to slip against their friction at once

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skfem_contact.arguments import number, numbers, shown, suggest
 from skfem_contact.arrays import check_finite, check_size
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.system import System
+from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics
@@ -38,6 +38,7 @@ class StepReader:
     ) -> None:
         self.system, self.contacts, self.names, self.kin = system, contacts, names, kin
         self.own_f = own_f
+        self._spans = slices(system.offsets)  # DOFs of each body
         self.point_slices = point_slices(contacts)
         self._own = [
             field_values(contact.interference, kin.points[part], f"interference of contact '{name}'")
@@ -154,7 +155,8 @@ class StepReader:
             return whole * units
         out = np.array(before)
         for name, value in given.items():
-            part, body = self.system.slice(name), self.system.bodies[self.system.index(name)]
+            i = self.system.index(name)
+            part, body = self._spans[i], self.system.bodies[i]
             label, scale = f"{what} of body {name!r}", units
             if not isinstance(units, float):
                 scale = units[part]
@@ -249,6 +251,8 @@ def _checked(value: Any, size: int | None, what: str) -> Array:
 
 
 def _check_size(array: Array, size: int, what: str) -> None:
+    if array.shape == (size,):
+        return
     why = (
         f"but {size} DOFs belong to it. Usually the vector was assembled on another basis, or the "
         "load is not stacked in the order of the bodies."

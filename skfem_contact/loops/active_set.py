@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.pace import Pace
 from skfem_contact.loops.rules import disagreement, hold, law_residual, propose, violations
@@ -46,15 +48,16 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             wrong = disagreement(current, proposal)
             residual = law_residual(step, status, current.direction, response)
         changing = wrong if held is None else wrong & ~held.points
-        kept = held is not None and bool((wrong & held.points).any())
+        kept = held is not None and np.count_nonzero(wrong & held.points) > 0
         yield Iterate(
             status,
             current.direction,
             response,
             conditions,
-            int(wrong.sum()),
+            int(np.count_nonzero(wrong)),
             residual,
-            converged=not (changing.any() or kept) and (residual <= tolerance or pace.settled),
+            converged=not (np.count_nonzero(changing) or kept)
+            and (residual <= tolerance or pace.settled),
             note=pace.note(),
             held=held.motion if held is not None and kept else None,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -171,7 +172,7 @@ def drive(
         record = _record(len(trace) + 1, step, iterate)
         trace.append(record)
         logger.debug("%s", record)
-        if not np.isfinite(iterate.residual) or not np.isfinite(iterate.response.solution).all():
+        if not (math.isfinite(iterate.residual) and _finite(iterate.response.solution)):
             message = "the linear solve returned numbers that are not finite"
             break
         if iterate.converged:
@@ -217,6 +218,10 @@ class Progress:
             self.residual = min(self.residual, record.residual)
             self.waited = 0
         return self.waited >= patience
+
+
+def _finite(values: np.ndarray) -> bool:
+    return np.count_nonzero(np.isfinite(values)) == values.size
 
 
 def _record(number: int, step: Step, iterate: Iterate) -> Record:

@@ -32,7 +32,7 @@ def guided_friction(
     In `step` guided points are none with friction: there is no equation for it.
     """
     at = guided & (status != OPEN)
-    if not at.any():
+    if not np.count_nonzero(at):
         return status, response.tangential_force
     moved = response.slip - step.last.slip
     size = np.linalg.norm(moved, axis=1)

@@ -110,7 +110,7 @@ def law_residual(step: Step, status: NDArray[np.intp], direction: Array, respons
     if scale <= step.noise:
         return 0.0
     slips = (status == SLIP) & ((response.normal_force >= 0) | step.bilateral)
-    if not slips.any():
+    if not np.count_nonzero(slips):
         return 0.0
     lawful = step.sliding(direction, response.normal_force, response.slip)
     error = lengths(response.tangential_force - lawful)

@@ -116,8 +116,8 @@ def as_guess(state: LocalState) -> Guess:
     if state.slip.shape[1] > 1:  # slip may go on in any direction: until that is known, nothing slips
         slips = np.zeros_like(slips)
     status = np.where((state.status == SLIP) & ~slips, STICK, state.status)
-    unit = state.tangential_force / np.where(slips, size, 1.0)[:, None]
-    direction = np.where(slips[:, None], unit, 0.0)
+    direction = np.zeros(state.slip.shape)
+    direction[slips] = state.tangential_force[slips] / size[slips, None]
     return Guess(status, direction, state.normal_force, state.tangential_force, state.slip)
 
 

@@ -42,11 +42,11 @@ def linear_conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
     stick = sticks & (step.exact & step.frictional | step.tied)
     m, t = current.direction.shape
     offset, coupling, spring = np.zeros((m, t)), np.zeros((m, t)), np.zeros((m, t, t))
-    if slips.any():
+    if np.count_nonzero(slips):
         force, spring, coupling = _slipping(step, current, slips, coupled)
         offset[slips] = force[slips]
     elastic = sticks & step.frictional & ~step.exact
-    if elastic.any():
+    if np.count_nonzero(elastic):
         offset[elastic] = step.trial(np.zeros((m, t)))[elastic]
         spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
     return Conditions(closed, stick, step.last.slip, spring, offset, coupling)
@@ -63,7 +63,7 @@ def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[A
         pressed = slips & ~(step.bilateral & (current.normal_force < 0))
         coupling[pressed] = by.normal_force[pressed]
         force -= coupling * np.maximum(current.normal_force, 0.0)[:, None]
-        if by.slip.any():
+        if np.count_nonzero(by.slip):
             # a bound that falls with the slip lags: it would take stiffness away from the bodies
             grows = slips & (np.einsum("ikk->i", by.slip) > 0)
             spring[grows] = by.slip[grows]

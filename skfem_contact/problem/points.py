@@ -220,7 +220,7 @@ class Reduction:
 
     def keeps(self, needed: Mask, most: float) -> bool:
         """Whether all these points are kept, and not many more."""
-        return self._count <= most and not np.count_nonzero(needed & self._dropped)
+        return bool(self._count <= most and not np.count_nonzero(needed & self._dropped))
 
     def load(self, load: Load) -> Load:
         """A load on the rows that are kept; the same load is reduced once."""

@@ -46,7 +46,7 @@ class Conditions:
     @cached_property
     def gives(self) -> bool:
         """Whether any point has a spring."""
-        return bool(self.spring.any())
+        return bool(np.count_nonzero(self.spring))
 
     def matrix_key(self) -> bytes:
         """Equal for conditions with the same matrix, so that a factorisation can be kept."""

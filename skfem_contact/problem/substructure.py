@@ -7,6 +7,7 @@ trailing block of the factors is S, and the same factors recover the interior.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
@@ -61,17 +62,15 @@ class LoadSpan:
 
         None where there are too many directions already.
         """
-        if np.array_equal(b, self._last):  # most steps change one of many loads
-            return self._known
+        if len(b) == len(self._last) and np.count_nonzero(b == self._last) == len(b):
+            return self._known  # most steps change one of many loads
         Q = self._directions
-        if not b.any():
-            return np.zeros(Q.shape[1])
         c = Q.T @ b
         rest = b - _combined(Q, c)
         again = Q.T @ rest  # once more: the first pass leaves round-off of |b|
         c, rest = c + again, rest - _combined(Q, again)
-        size = np.linalg.norm(rest)
-        if size <= SAME_LOAD * np.linalg.norm(b):
+        size = math.sqrt(rest @ rest)
+        if size <= SAME_LOAD * math.sqrt(b @ b):
             self._last, self._known = b, c
             return c
         if Q.shape[1] >= MOST_DIRECTIONS:

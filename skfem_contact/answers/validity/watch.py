@@ -164,10 +164,11 @@ class Watch:
         u = (everywhere if self.inside else displacement)() if wanted else np.zeros(0)
         motions = [support.motion(case.x) for support in self.supports]
         drifts = tuple(self._drift(i, motions, state, gap, case, u) for i in range(len(self.contacts)))
+        solids = self.system.solids  # rigid bodies may turn
         turns = {
             name: float(motion[2] if self.dim == 2 else np.linalg.norm(motion[3:])) / support.arm
             for name, support, motion in zip(self.system.names, self.supports, motions, strict=True)
-            if len(support.dofs) and name in self.system.solids  # rigid bodies may turn
+            if len(support.dofs) and name in solids
         }
         turns |= rigid_rotations(self.system, self.contacts, state.surface)
         overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
