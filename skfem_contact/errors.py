@@ -10,7 +10,24 @@ from typing import Any
 
 
 class ContactWarning(UserWarning):
-    """Something works but is probably not what was meant; the message says what to look at."""
+    """Something works but is probably not what was meant; the message says what to look at.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> import warnings
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0, -0.3)}, name="block")
+    >>> foot = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)))
+    >>> with warnings.catch_warnings(record=True) as said:
+    ...     warnings.simplefilter("always")
+    ...     result = sc.ContactSolver(block, foot).solve()
+    >>> said[0].category.__name__, "strain" in str(said[0].message)
+    ('ContactWarning', True)
+    """
 
 
 class ContactError(Exception):
@@ -22,17 +39,44 @@ class ContactError(Exception):
         Where a step of `history` failed, the results of the steps before it: also those of
         ``list(solver.history(steps))``, which nobody has seen. Any other exception that ends a history
         has them too, KeyboardInterrupt included.
+
+    Examples
+    --------
+    >>> import skfem_contact as sc
+    >>> try:
+    ...     sc.Coulomb(-0.3)
+    ... except sc.ContactError as error:
+    ...     print(type(error).__name__)
+    InputError
     """
 
     results: tuple[Any, ...] = ()
 
 
 class InputError(ContactError, ValueError):
-    """The problem as given can not be set up: shapes, NaN, surfaces, names, element types."""
+    """The problem as given can not be set up: shapes, NaN, surfaces, names, element types.
+
+    Examples
+    --------
+    >>> import skfem_contact as sc
+    >>> sc.Coulomb(-0.3)
+    Traceback (most recent call last):
+    ...
+    skfem_contact.errors.InputError: ...
+    """
 
 
 class UnknownKeyword(InputError, TypeError):
-    """An argument by a name that there is not; a TypeError as well, as everywhere in Python."""
+    """An argument by a name that there is not; a TypeError as well, as everywhere in Python.
+
+    Examples
+    --------
+    >>> import skfem_contact as sc
+    >>> sc.Options(tol=1e-8)
+    Traceback (most recent call last):
+    ...
+    skfem_contact.errors.UnknownKeyword: ...tolerance...
+    """
 
 
 class ConstraintError(ContactError, ValueError):
@@ -42,6 +86,15 @@ class ConstraintError(ContactError, ValueError):
     ----------
     rows : tuple of int
         The rows involved, numbered as they were given.
+
+    Examples
+    --------
+    >>> import skfem_contact as sc
+    >>> try:
+    ...     sc.eliminate([[1.0, 0.0], [1.0, 0.0]], [0.0, 1.0])  # the same DOF is to be 0 and 1
+    ... except sc.ConstraintError as error:
+    ...     print("contradict" in str(error))
+    True
     """
 
     def __init__(self, message: str, rows: Any = ()) -> None:
@@ -61,6 +114,23 @@ class NoEquilibrium(ContactError):
         bodies that move in different ways "low: translation along x; up: rotation".
     result : ContactResult or None
         The last state reached, where there is one.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> loose = sc.Body(basis, linear_elasticity(), f={"top": (0.5, -1.0)}, name="loose")
+    >>> foot = sc.Contact(
+    ...     loose.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.3)
+    ... )
+    >>> try:
+    ...     sc.ContactSolver(loose, foot).solve()
+    ... except sc.NoEquilibrium as error:
+    ...     print(error.bodies, error.motion)
+    ('loose',) translation along x
     """
 
     def __init__(
@@ -83,6 +153,25 @@ class NotConverged(ContactError):
     ----------
     result : ContactResult
         The best iterate, with its certificate.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> solver = sc.ContactSolver(
+    ...     block, foot, loop="fictitious", options=sc.Options(max_iterations=1, max_cuts=0)
+    ... )
+    >>> try:
+    ...     solver.solve(x={"block": {"top": (0.02, -0.01)}})
+    ... except sc.NotConverged as error:
+    ...     print(error.result.converged, error.result.pressure.shape)
+    False (5,)
     """
 
     def __init__(self, message: str, result: Any = None) -> None:

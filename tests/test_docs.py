@@ -67,3 +67,9 @@ def test_files_that_pages_name_exist() -> None:
     for page in DOCS.rglob("*.md"):
         for path in re.findall(pattern, page.read_text(encoding="utf-8")):
             assert (DOCS.parent / path).exists(), f"{page.name}: {path}"
+
+
+@pytest.mark.parametrize("name", sorted(sc.__all__))
+def test_every_public_name_has_an_example(name: str) -> None:
+    """The docstring of a public class or function has an example, which runs as a doctest."""
+    assert ">>> " in (getattr(sc, name).__doc__ or "")

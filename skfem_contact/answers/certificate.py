@@ -53,6 +53,21 @@ class Certificate:
     placement : float
         With ``sliding="finite"``: gaps of closed points on the pairing of the answer itself over the
         extent, or the change of the contact forces' distribution, whichever is larger.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> certificate = result.certificate
+    >>> certificate.penetration < 1e-12, certificate.worst < 1e-12
+    (True, True)
     """
 
     equilibrium: float

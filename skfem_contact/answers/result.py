@@ -42,6 +42,23 @@ class ContactResult(OfTheContact):
 
     ``print(result)`` shows what costs nothing, ``print(result.report())`` also how far the mesh may be
     off, whether the model holds, and whether there are other answers.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> result
+    <ContactResult: converged in ... iterations (load factor 1)
+      foot: Coulomb: 0 open, 3 stick, 2 slip; force (..., ...)>
+    >>> result.pressure.shape, result.displacement("block").shape == (basis.N,)
+    ((5,), True)
     """
 
     _answer: Answer

@@ -72,6 +72,24 @@ class ContactValues:
         Depth worn off so far by `Archard`; `gap` is that of the worn surface [length].
     worn_volume : float
         Volume worn off so far [volume]: `k` times force times way, summed over points and steps.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> values = result["foot"]
+    >>> values.pressure.shape, values.traction.shape, values.slip.shape
+    ((5,), (5, 2), (5, 1))
+    >>> import numpy as np
+    >>> bool(np.allclose(values.integrate(values.traction), values.force))
+    True
     """
 
     name: str

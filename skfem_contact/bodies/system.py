@@ -34,6 +34,21 @@ class System:
         A body without a name is "body 1", "body 2", ... after its position.
     offsets : ndarray of int, shape (number of bodies + 1,)
         Body `i` has the DOFs ``offsets[i]`` to ``offsets[i + 1]``.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> def square(y, **settings):
+    ...     mesh = fem.MeshQuad().refined(1).translated((0, y)).with_defaults()
+    ...     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    ...     return sc.Body(basis, linear_elasticity(), **settings)
+    >>> low = square(0, D="bottom", name="low")
+    >>> high = square(1, D="top", x={"top": (0, 0.01)}, name="high")
+    >>> system = sc.stack([low, high])
+    >>> system.K.shape, len(system.D), system.names
+    ((36, 36), 12, ('low', 'high'))
     """
 
     bodies: tuple[Member, ...]

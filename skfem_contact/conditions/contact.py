@@ -91,6 +91,21 @@ class Contact(PrintedAsCall):
     ------
     InputError
         If a setting is not one of those above.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> foot.friction, foot.tied, foot.sliding
+    (Coulomb(mu=0.3), False, 'small')
+    >>> sc.ContactSolver(block, foot).solve().status.tolist()  # two points slip
+    [2, 1, 1, 1, 2]
     """
 
     secondary: ContactSurface

@@ -72,6 +72,26 @@ class Kinematics:
         The primary node whose row a point carries in place of its own; -1 where none.
     gap_weights : csr_matrix, shape (m, m), or None
         Gaps given at the points in those of the rows (`faces.control`); None where they are the same.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> def square(y, **settings):
+    ...     mesh = fem.MeshQuad().refined(1).translated((0, y)).with_defaults()
+    ...     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    ...     return sc.Body(basis, linear_elasticity(), **settings)
+    >>> low = square(0, D="bottom", name="low")
+    >>> high = square(1, D="top", x={"top": (0, 0.01)}, name="high")
+    >>> contact = sc.Contact(high.surface("bottom"), low.surface("top"))
+    >>> from skfem_contact.conditions.kinematics import kinematics
+    >>> from skfem_contact.pairing.node import node_to_segment
+    >>> kin = kinematics(
+    ...     sc.stack([low, high]), contact, node_to_segment(contact.secondary, contact.primary)
+    ... )
+    >>> kin.gap0.tolist(), kin.B_n.shape
+    ([0.0, 0.0, 0.0], (3, 36))
     """
 
     B_n: csr_matrix

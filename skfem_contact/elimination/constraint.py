@@ -54,6 +54,26 @@ class AffineConstraint:
         The rows as given.
     pivot_inverse : csr_matrix, shape (r, r)
         Inverse of ``C[rows_kept][:, dependent]``.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> def square(y, **settings):
+    ...     mesh = fem.MeshQuad().refined(1).translated((0, y)).with_defaults()
+    ...     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    ...     return sc.Body(basis, linear_elasticity(), **settings)
+    >>> low = square(0, D="bottom", name="low")
+    >>> high = square(1, D="top", x={"top": (0, 0.01)}, name="high")
+    >>> system = sc.stack([low, high])
+    >>> glued = sc.Contact(high.surface("bottom"), low.surface("top"), tied=True)
+    >>> rows = sc.contact_rows(system, glued)
+    >>> constraint = sc.eliminate(rows.C, rows.b, D=system.D, x=system.x)
+    >>> K, f = constraint.reduce(system.K, system.f)
+    >>> u = constraint.expand(fem.solve(K, f))
+    >>> K.shape, u.shape  # all 36 DOFs, less 12 that are prescribed and 6 that are glued
+    ((18, 18), (36,))
     """
 
     T: sp.csr_matrix

@@ -32,6 +32,22 @@ class ConstraintRows:
     labels : tuple of str
     scale : float
         Size of the bodies: gaps below its round-off are zero [length].
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> def square(y, **settings):
+    ...     mesh = fem.MeshQuad().refined(1).translated((0, y)).with_defaults()
+    ...     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    ...     return sc.Body(basis, linear_elasticity(), **settings)
+    >>> low = square(0, D="bottom", name="low")
+    >>> high = square(1, D="top", x={"top": (0, 0.01)}, name="high")
+    >>> glued = sc.Contact(high.surface("bottom"), low.surface("top"), tied=True)
+    >>> rows = sc.contact_rows(sc.stack([low, high]), glued)
+    >>> rows.C.shape  # gap and slip of three points, and all 36 DOFs
+    (6, 36)
     """
 
     C: csr_matrix

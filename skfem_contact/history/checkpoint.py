@@ -45,6 +45,25 @@ class SavedState:
     message : str
     u : ndarray, shape (n,)
         Displacements of all bodies, from which movement counts where a place is indifferent [length].
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> import tempfile, pathlib
+    >>> solver = sc.ContactSolver(block, foot)
+    >>> path = solver.save_state(pathlib.Path(tempfile.mkdtemp()) / "state.npz", solver.solve())
+    >>> start = solver.load_state(path)
+    >>> start.converged
+    True
+    >>> solver.solve(start=start).converged  # the same loads again
+    True
     """
 
     state: State

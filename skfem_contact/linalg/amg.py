@@ -31,6 +31,23 @@ class AMG(Backend):
     Give *all* rigid motions of each body as modes: with translations only it takes half as many
     iterations again, with constants ten times as many. Springs much stiffer than the bodies ruin
     it, eliminated constraints do not.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> solver = sc.ContactSolver(block, foot, linear=sc.AMG(tol=1e-12))
+    >>> factorised = sc.ContactSolver(block, foot).solve()
+    >>> bool(
+    ...     abs(solver.solve().pressure - factorised.pressure).max() < 1e-8 * factorised.pressure.max()
+    ... )
+    True
     """
 
     tol: float = 1e-10

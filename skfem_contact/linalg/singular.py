@@ -44,6 +44,16 @@ class SingularMatrix(ContactError):
         The DOF (row) at which it shows; -1 where unknown.
     ratio : float
         Stiffness left there divided by its diagonal entry; NaN where unknown.
+
+    Examples
+    --------
+    >>> import skfem_contact as sc
+    >>> from scipy.sparse import csr_matrix
+    >>> try:
+    ...     sc.Direct().factorize(csr_matrix([[1.0, 1.0], [1.0, 1.0]]))
+    ... except sc.SingularMatrix:
+    ...     print("no unique answer")
+    no unique answer
     """
 
     def __init__(self, message: str, dof: int = -1, ratio: float = np.nan) -> None:

@@ -171,7 +171,23 @@ class Guess:
 
 @dataclass(frozen=True)
 class Record:
-    """What one iteration did: a line of the log."""
+    """What one iteration did: a line of the log.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> last = result.trace[-1]
+    >>> last.changes, last.residual < 1e-10
+    (0, True)
+    """
 
     iteration: int
     open: int

@@ -153,6 +153,14 @@ class RigidSphere(Obstacle):
     hollow : bool, optional
         The body is inside.
     name : str, optional
+
+    Examples
+    --------
+    >>> import skfem_contact as sc
+    >>> ball = sc.RigidSphere((0, 0, 2), 1.0, name="ball")
+    >>> moved = ball.moved((0, 0, -0.1))
+    >>> moved.centre.tolist(), moved.radius
+    ([0.0, 0.0, 1.9], 1.0)
     """
 
     centre: np.ndarray

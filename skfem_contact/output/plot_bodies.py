@@ -87,6 +87,21 @@ def plot_deformed(
     ------
     InputError
         If matplotlib is missing, the problem has no displacements, or there is no such component.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> ax = sc.plot_deformed(result, units={"length": "mm"})
+    >>> ax.get_title()
+    'deformation magnified 5 times'
     """
     solid, words = is_solid(result), checked(units)
     seen, bodies = view(result, scale), list(result.system.solids.values())

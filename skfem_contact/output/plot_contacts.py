@@ -67,6 +67,21 @@ def plot_contact(
     ------
     InputError
         If matplotlib is missing, the contact is not one of the result, or there are no displacements.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> ax = sc.plot_contact(result, units={"length": "mm", "stress": "MPa"})
+    >>> ax.get_xlabel()
+    'arc length along block/bottom [mm]'
     """
     solid, i, words = is_solid(result), which(result, contact), checked(units)
     if solid:

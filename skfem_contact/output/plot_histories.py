@@ -68,6 +68,20 @@ def plot_history(
     ------
     InputError
         No results, another number of places than of results, an unknown quantity.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> steps = [{"x": {"block": {"top": (s, -0.01)}}} for s in (0, 0.001, 0.002)]
+    >>> results = list(sc.ContactSolver(block, foot).history(steps))
+    >>> ax = sc.plot_history(results)
     """
     results, words = _several(results), checked(units)
     x = _places(results, over)
@@ -126,6 +140,22 @@ def plot_force(
     ------
     InputError
         Unknown names, a body with a mesh and no boundary.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> steps = [{"x": {"block": {"top": (0, -s)}}} for s in (0.005, 0.01)]
+    >>> results = list(sc.ContactSolver(block, foot).history(steps))
+    >>> ax = sc.plot_force(results, "block", "top")
+    >>> len(ax.get_lines()[0].get_xdata())
+    2
     """
     results, words = _several(results), checked(units)
     pairs = [_force_and_way(result, body, boundary) for result in results]

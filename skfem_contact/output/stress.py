@@ -56,6 +56,21 @@ def nodal_stress(
     ``sigma = lambda tr(eps) 1 + 2 mu eps``, in plane stress with ``eps_zz = -nu/(1 - nu)
     (eps_xx + eps_yy)``; strains are projected in L2 on the continuous finite elements (`projection`).
     The first stress of a body takes as long as its assembly; the next ones take a tenth of that.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> stress = sc.nodal_stress(block, result.displacement("block"), E=2.5, nu=0.25)
+    >>> stress.shape == (mesh.nvertices, 3, 3)
+    True
     """
     if plane not in PLANES:
         raise InputError(f"plane = {plane!r} is not one of {PLANES}.")

@@ -71,6 +71,23 @@ def write(
     body 1 is "block"; contacts and obstacles have theirs, too. Tensors have six components, in the
     order XX, YY, ZZ, XY, YZ, XZ. Planes and other obstacles without end are written as far as the
     bodies reach. An obstacle of a user's own class is not written: its shape is not known.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> import tempfile, pathlib
+    >>> folder = pathlib.Path(tempfile.mkdtemp())
+    >>> path = sc.write(folder / "block.vtu", result)
+    >>> sorted(file.name for file in folder.iterdir())
+    ['block.vtu', 'block_contact.vtu', 'block_obstacles.vtu']
     """
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:
@@ -146,6 +163,23 @@ def write_series(
     ------
     InputError
         If the extension is not ``.pvd``, or there are fewer times than results.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> import tempfile, pathlib
+    >>> folder = pathlib.Path(tempfile.mkdtemp())
+    >>> results = list(sc.ContactSolver(block, foot).history([0.5, 1.0]))
+    >>> path = sc.write_series(folder / "press.pvd", results, times=[0.0, 1.0])
+    >>> len(list(folder.glob("*.vtu")))  # bodies, contacts and obstacles of two steps
+    6
     """
     path = Path(path)
     if path.suffix.lower() != ".pvd":

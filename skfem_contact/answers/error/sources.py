@@ -23,6 +23,21 @@ class ErrorSources:
         See the top of the module `estimate`. `bodies` is NaN where a body was given a matrix instead
         of a `BilinearForm`: then there is no measure of energy, and it is left out. In 3-D `edges`,
         `facets` and `scatter` are NaN, and so is `total`: they are not estimated yet.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> parts = result.error_estimate.pressure
+    >>> parts.chords, parts.stiffness, bool(parts.total >= parts.facets)
+    (0.0, 0.0, True)
     """
 
     edges: float = 0.0
@@ -79,6 +94,21 @@ class ErrorEstimate:
         None in 3-D.
     advice : str
         What would improve the answer most.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> error = result.error_estimate
+    >>> error.pressure.largest, bool(0 < error.pressure.total < 1)
+    ('edges', True)
     """
 
     pressure: ErrorSources

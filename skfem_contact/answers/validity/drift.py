@@ -79,6 +79,24 @@ class Drift:
         The approach over the extent of the bodies, or the mean pressure over the modulus.
     sagitta : float
         Height of the curves over one facet, the mean over the normal forces (`chords`) [length].
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> drift = result.validity.contacts["foot"].drift
+    >>> (
+    ...     bool(drift.widths < 0.1),
+    ...     drift.beyond,
+    ... )  # slip over the width of the contact, points past the end
+    (True, 0)
     """
 
     closed: int = 0

@@ -64,6 +64,24 @@ class ContactValidity:
     angle_over_mu : float
         That over the coefficient of friction: what the choice of one side's normal may change of the
         friction; NaN without a coefficient.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> measured = result.validity.contacts["foot"]
+    >>> (
+    ...     bool(measured.overlap < 1e-9),
+    ...     bool(measured.opening < 1e-9),
+    ... )  # of the deformed block and the floor
+    (True, True)
     """
 
     drift: Drift
