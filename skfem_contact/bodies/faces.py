@@ -32,15 +32,15 @@ def seen_from_outside(mesh: Any, numbers: Index) -> tuple[Index, Index]:
     vertices = mesh.facets[:, numbers].T.astype(np.intp)
     x = np.transpose(mesh.p[:, vertices], (1, 2, 0))
     outward = x.mean(axis=1) - mesh.p[:, mesh.t[:, element]].mean(axis=1).T
-    wrong = np.einsum("fd,fd->f", _area_vectors(x), outward) < 0
+    wrong = np.einsum("fd,fd->f", area_vectors(x), outward) < 0
     vertices[wrong, 1:] = vertices[wrong, :0:-1]
     return numbers, vertices
 
 
-def _area_vectors(corners: Array) -> Array:
-    """Twice the area times the mean normal of faces (nf, c, 3), warped ones included, (nf, 3)."""
-    first = corners[:, 2] - corners[:, 0]
-    second = corners[:, 3 if corners.shape[1] == 4 else 2] - corners[:, 1]
+def area_vectors(corners: Array) -> Array:
+    """Twice the area times the mean normal of faces (..., c, 3), warped ones included, (..., 3)."""
+    first = corners[..., 2, :] - corners[..., 0, :]
+    second = corners[..., 3 if corners.shape[-2] == 4 else 2, :] - corners[..., 1, :]
     return np.cross(first, second)
 
 

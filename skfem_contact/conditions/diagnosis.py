@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import structural_rank
 
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.interface import Interface
@@ -23,7 +23,6 @@ from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.conditions.thresholds import HUGE, NO_OVERLAP
 from skfem_contact.errors import ConstraintError, ContactWarning, InputError
 from skfem_contact.pairing.diagnosis import diagnose, say_wrong_side
-from skfem_contact.pairing.faces.unseen import unseen_overlaps
 from skfem_contact.pairing.node import Pairing
 
 Array = NDArray[np.float64]
@@ -104,37 +103,6 @@ def warn_redundant_glue(contact: Contact, pairing: Pairing) -> None:
         "are those of the glue, but how its force is shared out among too many points is not unique, "
         "and tractions there may be far too large. Take the surface whose nodes are free as the "
         "secondary one: swap the two.",
-        ContactWarning,
-        stacklevel=2,
-    )
-
-
-def warn_unseen(contact: Contact, pairing: Pairing) -> None:
-    """Warn of corners and edges of the primary that stand in the secondary between its nodes, in 3-D.
-
-    Warns
-    -----
-    ContactWarning
-    """
-    secondary, primary = contact.secondary, contact.primary
-    if not (isinstance(secondary, FaceSurface) and isinstance(primary, FaceSurface)):
-        return
-    if (
-        contact.method != "node"
-        or contact.bilateral
-        or contact.gap is not None
-        or secondary.body is primary.body
-    ):
-        return
-    found = unseen_overlaps(secondary, primary, pairing)
-    if found is None or found.depth <= contact.adjust:
-        return
-    warnings.warn(
-        f"Contact {contact.label}: {found.count} nodes of '{primary.label}' overlap "
-        f"'{secondary.label}' between its nodes, the deepest, at {written(found.place)}, by "
-        f"{found.depth:.3g} more than the nodes around it. Node by node nothing presses there. Usually "
-        "a corner or an edge of the primary meets larger faces: swap secondary and primary, refine the "
-        "secondary, or use method='mortar'.",
         ContactWarning,
         stacklevel=2,
     )

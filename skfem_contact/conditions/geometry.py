@@ -30,7 +30,6 @@ from skfem_contact.conditions.diagnosis import (
     check_pairing,
     check_side,
     warn_redundant_glue,
-    warn_unseen,
 )
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.identity import Identity
@@ -59,7 +58,6 @@ class Geometry:
             check_pairing(contact, pairing)
             check_side(contact, pairing)
             warn_redundant_glue(contact, pairing)
-            warn_unseen(contact, pairing)
         self._first = [
             kinematics(system, contact, pairing)
             for contact, pairing in zip(contacts, self.pairings, strict=True)

@@ -63,6 +63,15 @@ KINK = float(np.radians(2.0))
 # The spread of normals at which a surface has a corner, 45 degrees [rad].
 SPREAD = float(np.arccos(CORNER))
 
+# -- faces.edges -------------------------------------------------
+
+# Turn of a boundary from which on an edge is sharp [rad]: with less it may stand for a curve of 16
+# faces to the circle (`bodies.thresholds.STEEPEST`).
+SHARP = float(np.pi / 8)
+
+# By which part of its length two edges that touch may do so beyond the end of one.
+BEYOND = 0.25
+
 # -- faces.search ------------------------------------------------
 
 # By which part of its box, and of the turn of its normals at the nodes, a quadratic face may go beyond

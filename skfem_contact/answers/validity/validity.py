@@ -23,6 +23,7 @@ from skfem_contact.answers.thresholds import FACETS, GAP, LARGE, OVERLAP, SAGITT
 from skfem_contact.answers.validity.drift import Drift, Track, tool_motion
 from skfem_contact.answers.validity.hull import Hull, hull
 from skfem_contact.answers.validity.intrusion import elastic_approach
+from skfem_contact.answers.validity.lookout import Lookouts
 from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, sagitta, strains
 from skfem_contact.answers.validity.overlap import Outline, outline
 from skfem_contact.answers.validity.rotation import rotation_words
@@ -249,6 +250,8 @@ def assess(result: Answer) -> Validity:
             problems["sliding", name] = label + sliding_words(part.drift)
         elif part.excess > 1.0:  # small sliding that does not follow is the reason already
             problems["overlap", name] = label + _overlap_words(part, contact)
+        elif (words := _unseen_words(result, i, part)) and not part.drift.facets_too_long:
+            problems["overlap", name] = label + words
         if part.drift.facets_too_long:
             problems["facets", name] = label + facet_words(part.drift)
         if part.chord_share > GAP:
@@ -270,6 +273,16 @@ def assess(result: Answer) -> Validity:
         if result.converged and key not in result.watched.said:
             warnings.warn(text, ContactWarning, stacklevel=4)
     return Validity(contacts, strain, largest, rotation, problems)
+
+
+def _unseen_words(result: Answer, i: int, part: ContactValidity) -> str:
+    """What no row of the contact sees: corners of obstacles, vertices and edges of solids."""
+    if i in result.watched.unseen:
+        return result.watched.unseen[i]
+    if i not in result.watched.standing:
+        return ""
+    lookouts = Lookouts(result.recover.model.geometry, lambda: np.arange(result.system.n))
+    return lookouts.sure(i, result, part.drift)
 
 
 def _contact(result: Answer, i: int, outlines: Mapping[str, Outline | Hull]) -> ContactValidity:

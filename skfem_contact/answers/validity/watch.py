@@ -15,6 +15,7 @@ from skfem_contact.answers.validity.drift import Drift, Track, tool_motion
 from skfem_contact.answers.validity.face_track import FaceTrack
 from skfem_contact.answers.validity.give import soft, spared
 from skfem_contact.answers.validity.intrusion import Intrusions, elastic_approach
+from skfem_contact.answers.validity.lookout import Lookouts
 from skfem_contact.answers.validity.rotation import rigid_rotations, rotation_words
 from skfem_contact.answers.validity.solids import (
     looked_at,
@@ -68,6 +69,7 @@ class Watch:
         if not self.moves:  # a scalar field
             return
         self.intrusions = Intrusions(geometry, self.contacts)
+        self.lookouts = Lookouts(geometry, known) if self.dim == 3 else None
         self.supports = [
             Support.of(body, int(start), arm=self.system.extent)
             for body, start in zip(self.system.bodies, self.system.offsets[:-1], strict=True)
@@ -161,6 +163,7 @@ class Watch:
             return Watched(said=said)
         wanted = self.follows_tools or bool(self.on_obstacles | self.of_triangles | self.slides_off)
         wanted |= any(loose is not None for loose in self.loose)
+        wanted |= self.lookouts is not None and self.lookouts.asks
         u = (everywhere if self.inside else displacement)() if wanted else np.zeros(0)
         motions = [support.motion(case.x) for support in self.supports]
         drifts = tuple(self._drift(i, motions, state, gap, case, u) for i in range(len(self.contacts)))
@@ -176,7 +179,10 @@ class Watch:
         for i in self.slides_off:
             words[i] = past_words(self.geometry, i, gap, case, u, drifts[i].approach)
         unseen = {i: text for i, text in words.items() if text}
-        return Watched(drifts, turns, said, tuple(self.tracks), overlaps, unseen)
+        found = Watched(drifts, turns, said, tuple(self.tracks), overlaps, unseen)
+        if self.lookouts is None:
+            return found
+        return replace(found, standing=self.lookouts.look(state, case, u, self.tracks, drifts))
 
     def _drift(
         self,
@@ -276,6 +282,15 @@ class Watch:
             if i in watched.unseen and ("overlap", name) not in watched.said:
                 new.add(("overlap", name))
                 lines.append(watched.unseen[i])
+            # facets that are too long, and slips that are not followed, are the reason already
+            reason = drift.facets_too_long or not drift.small_sliding_holds
+            asked = self.lookouts is not None and i in watched.standing
+            if asked and not reason and ("overlap", name) not in watched.said | new:
+                assert self.lookouts is not None
+                text = self.lookouts.sure(i, result, drift)
+                if text:
+                    new.add(("overlap", name))
+                    lines.append(text)
             if not drift.small_sliding_holds and ("sliding", name) not in watched.said:
                 new.add(("sliding", name))
                 lines.append(sliding_words(drift))

@@ -9,6 +9,7 @@ import numpy as np
 
 from skfem_contact.answers.thresholds import BULGE, CHORDS
 from skfem_contact.answers.validity.drift import Drift, Track
+from skfem_contact.answers.validity.standing import Standing
 from skfem_contact.bodies.selection import written
 
 #: What has been warned of in a history: kind, and name of the contact or body.
@@ -87,6 +88,8 @@ class Watched:
         number.
     unseen : dict
         What is to be said of corners of obstacles that stand between nodes, by the contact's number.
+    standing : dict
+        Vertices and edges of solids that seem to overlap where no row sees it, by the contact's number.
     """
 
     drifts: tuple[Drift, ...] = ()
@@ -95,6 +98,7 @@ class Watched:
     tracks: tuple[Track, ...] = ()
     intrusions: dict[int, Intrusion] = field(default_factory=dict)
     unseen: dict[int, str] = field(default_factory=dict)
+    standing: dict[int, Standing] = field(default_factory=dict)
 
     @property
     def beyond(self) -> list[tuple[str, str]]:

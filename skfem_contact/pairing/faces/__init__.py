@@ -5,7 +5,8 @@
 * `control`: rows of quadratic faces whose nodal forces have no sign; `rollers`: tangents at supports;
 * `moduli`: stiffness of solids at their nodes, for the frames of small sliding;
 * `projection`, `closest`, `node`: closest points of faces and of surfaces, node-to-face contact;
-* `unseen`: corners and edges of the primary that stand between the nodes of the secondary;
+* `unseen`: corners of triangles that stand between the nodes of the secondary;
+* `edges`: sharp edges, and where those of two solids cross;
 * `distance`: how far points are from a surface, and on which side;
 * `cells`, `clipping`, `candidates`, `layers`: plane parts of faces, and what two have in common;
 * `meeting`, `segmentation`: pieces of an interface, and points on both of its sides;

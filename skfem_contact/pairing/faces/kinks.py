@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.bodies.thresholds import CORNER, STRAIGHT
+from skfem_contact.pairing.faces.joints import sharp_points
 from skfem_contact.pairing.faces.meeting import meet
 from skfem_contact.pairing.faces.segmentation import Segmentation
 from skfem_contact.pairing.facing import angle_between
@@ -96,7 +97,8 @@ def least_gaps(parts: Segmentation, kinks: tuple[Array, Array], acts: Mask) -> A
     face = [own.facet[cell] for own, cell in zip(parts.cells, cells, strict=True)]
     over = np.zeros(len(parts.e), dtype=bool)
     for surface, angles, facet in zip(surfaces, kinks, face, strict=True):
-        over |= np.any(angles[surface.facets] > BENT, axis=1)[facet]
+        bent = (angles > BENT) | sharp_points(surface)
+        over |= np.any(bent[surface.facets], axis=1)[facet]
     if not over.any():
         return None
     node, m = parts.secondary.facets[face[0]], len(parts.secondary.points)

@@ -1,0 +1,251 @@
+"""Looks after every step for vertices and edges of solids that overlap where no row sees it.
+
+Overlaps (`standing`) are compared with what smooth boundaries stand off the faces of the secondary, and
+with what the bodies take up elastically: a part of that changes forces by as little. Where contact does
+not slide far, nodes that are in no row have displacements that only the interior knows: they follow
+the rigid motion of what is known, and the nearest node that is known. What seems to overlap is looked
+at again with all displacements before anything is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.thresholds import CHORDS, NO_OVERLAP, OVERLAP, TILT
+from skfem_contact.answers.validity.drift import Drift, Track
+from skfem_contact.answers.validity.face_chords import face_bends
+from skfem_contact.answers.validity.standing import Nearby, Standing, standing_nodes
+from skfem_contact.answers.validity.support import Support
+from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.geometry import Geometry
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.pairing.faces.edges import crossings, sharp_edges_of
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+class Lookouts:
+    """What is known beforehand of all contacts of two solids.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    known : callable
+        Gives the DOFs whose displacements are known without the interior.
+    """
+
+    def __init__(self, geometry: Geometry, known: Callable[[], Index]) -> None:
+        self.geometry, self.system = geometry, geometry.system
+        self.each = {
+            i: Lookout(contact, self.system.extent)
+            for i, contact in enumerate(geometry.contacts)
+            if _looked_out_for(contact)
+        }
+        small = [i for i in self.each if geometry.contacts[i].sliding == "small"]
+        self.asks = bool(small)  # for displacements at the contact DOFs
+        there = np.zeros(self.system.n, dtype=bool)
+        if small:
+            there[known()] = True
+            there[self.system.D] = True
+        sides = {i: (self.each[i].secondary, self.each[i].primary) for i in small}
+        self.missing = {i: [self._missing(side, there) for side in sides[i]] for i in small}
+
+    def look(
+        self,
+        state: State,
+        case: LoadCase,
+        u: Array,
+        tracks: Sequence[Track],
+        drifts: Sequence[Drift],
+    ) -> dict[int, Standing]:
+        """Overlaps that seem to be too deep, by the number of the contact.
+
+        Parameters
+        ----------
+        state, case : State, LoadCase
+        u : ndarray, shape (n,)
+            Displacements that are right at the contact DOFs; empty where nothing `asks` for them.
+        tracks, drifts : sequence of Track and Drift
+            Of every contact.
+        """
+        found = {}
+        for i in self.each:
+            if self.geometry.contacts[i].sliding == "small":
+                parts = [self._part(missing, u) for missing in self.missing[i]]
+            else:
+                known = self.geometry.spread(state.surface)
+                known[self.system.D] = case.x[self.system.D]
+                sides = self.each[i].secondary, self.each[i].primary
+                parts = [known[self.system.slice(side.body)] for side in sides]
+            standing = self._look(i, parts, case, tracks, drifts[i].approach)
+            if standing is not None:
+                found[i] = standing
+        return found
+
+    def sure(self, i: int, result: Answer, drift: Drift) -> str:
+        """What to say of one contact, with the displacements of whole bodies; empty for nothing."""
+        one = self.each[i]
+        parts = [result.displacement(side.body) for side in (one.secondary, one.primary)]
+        found = self._look(i, parts, result.worn_case, result.watched.tracks, drift.approach)
+        if found is None or (found.what == "touch" and not self._beside(i, result, found)):
+            return ""
+        return found.words(one.secondary.label, one.primary.label, one.contact.method)
+
+    def _beside(self, i: int, result: Answer, found: Standing) -> bool:
+        """Whether the point that presses where two edges touch does so in another direction."""
+        assert found.across is not None
+        part, side = self.geometry.point_slices[i], self.each[i].secondary
+        closed = np.flatnonzero(result.state.status[part] != OPEN)
+        if not len(closed):
+            return False
+        apart = np.linalg.norm(side.points[closed] - found.place, axis=1)
+        nearest = closed[np.argmin(apart)]
+        if apart.min() > side.lengths.max():
+            return False
+        along = abs(float(result.kin.normal[part][nearest] @ found.across))
+        return bool(along < np.cos(3 * TILT))  # edges lean with the strains of their bodies
+
+    def _look(
+        self, i: int, parts: Sequence[Array], case: LoadCase, tracks: Sequence[Track], approach: float
+    ) -> Standing | None:
+        added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
+        return self.each[i].look(parts, added, approach)
+
+    def _missing(self, side: FaceSurface, there: Mask) -> Missing:
+        start = int(self.system.slice(side.body).start)
+        return Missing(side, start, np.flatnonzero(there[self.system.slice(side.body)]))
+
+    def _part(self, missing: Missing, u: Array) -> Array:
+        return missing.filled(u[self.system.slice(missing.side.body)], u)
+
+
+class Missing:
+    """Nodes of a surface whose displacements are not known without the interior."""
+
+    def __init__(self, side: FaceSurface, start: int, known: Index) -> None:
+        self.side = side
+        there = np.isin(side.dofs, known).all(axis=1)
+        self.nodes, known_nodes = np.flatnonzero(~there), np.flatnonzero(there)
+        if not len(self.nodes):
+            return
+        self.support = Support.of(side.body, start, known)
+        self.beside = known_nodes[:0]
+        if len(known_nodes):
+            nearest = cKDTree(side.points[known_nodes]).query(side.points[self.nodes])[1]
+            self.beside = known_nodes[nearest]
+
+    def filled(self, part: Array, u: Array) -> Array:
+        """Displacements of the body, with those of the missing nodes as near as one can say."""
+        if not len(self.nodes):
+            return part
+        x, dofs = self.side.points, self.side.dofs
+        motion = self.support.motion(u)
+        moved = self.support.at(x[self.nodes], motion)
+        if len(self.beside):
+            moved += part[dofs[self.beside]] - self.support.at(x[self.beside], motion)
+        part = part.copy()
+        part[dofs[self.nodes]] = moved
+        return part
+
+
+class Lookout:
+    """What is known beforehand of one contact of two solids."""
+
+    def __init__(self, contact: Contact, extent: float) -> None:
+        assert isinstance(contact.secondary, FaceSurface)
+        assert isinstance(contact.primary, FaceSurface)
+        self.contact, self.secondary, self.primary = contact, contact.secondary, contact.primary
+        self.noise = NO_OVERLAP * extent
+        self.chords = [CHORDS * _heights(side) for side in (self.secondary, self.primary)]
+        self.near = [Nearby(self.secondary, self.primary), Nearby(self.primary, self.secondary)]
+        self.edges = [sharp_edges_of(side) for side in (self.secondary, self.primary)]
+
+    def look(self, u: Sequence[Array], added: Array, approach: float) -> Standing | None:
+        """The deepest overlap that no row sees and that is too deep.
+
+        Parameters
+        ----------
+        u : two of ndarray
+            Displacements of the bodies of both sides, right on their surfaces [length].
+        added : ndarray, shape (m,)
+            What the user has the gaps be larger than the meshes say, at the secondary's nodes [length].
+        approach : float
+            What the bodies take up elastically [length].
+        """
+        least = max(self.noise, OVERLAP * approach)
+        sides = self.secondary, self.primary
+        x = [side.points + v[side.dofs] for side, v in zip(sides, u, strict=True)]
+        # of nearly all answers this is all that is asked
+        pairs = [self.near[0].under(x[0], x[1], least), self.near[1].under(x[1], x[0], least)]
+        found = None
+        if len(pairs[0][0]) + len(pairs[1][0]):
+            moved = self.secondary.moved(u[0]), self.primary.moved(u[1])
+            found = self._vertices(*moved, pairs, added, least)
+        return found or self._edges(x, added, least)
+
+    def _vertices(
+        self,
+        secondary: FaceSurface,
+        primary: FaceSurface,
+        pairs: Sequence[tuple[Index, Index]],
+        added: Array,
+        least: float,
+    ) -> Standing | None:
+        """The deepest vertex of either side in the other one."""
+        best: Standing | None = None
+        for what, own, other, chords, pair in (
+            ("primary", primary, secondary, self.chords[0], pairs[0]),
+            ("secondary", secondary, primary, self.chords[1], pairs[1]),
+        ):
+            node, face, depth = standing_nodes(other, own, *pair, least)
+            if added.any() and len(node):
+                nearest = cKDTree(secondary.points).query(own.points[node])[1]
+                depth = depth - added[nearest]
+            hidden = depth > least + chords[face]
+            if not hidden.any() or (best and depth[hidden].max() <= best.depth):
+                continue
+            deepest = np.argmax(np.where(hidden, depth, 0.0))
+            place = own.points[node[deepest]]
+            best = Standing(int(hidden.sum()), float(depth[deepest]), place, what)
+        return best
+
+    def _edges(self, points: Sequence[Array], added: Array, least: float) -> Standing | None:
+        """The deepest crossing of two edges; or the nearest one, where they only touch."""
+        if not all(len(edges.ends) for edges in self.edges):
+            return None
+        one, other = (edges.at(x) for edges, x in zip(self.edges, points, strict=True))
+        # what touches has been moved aside by no more than the approach, a few times what is allowed
+        depth, place, across = crossings(one, other, apart=least / OVERLAP)
+        if added.any() and len(depth):
+            depth = depth - added[cKDTree(points[0]).query(place)[1]]
+        if not len(depth):
+            return None
+        i, count = int(np.argmax(depth)), int(np.count_nonzero(depth > least))
+        what = "edges" if count else "touch"
+        return Standing(max(count, 1), float(depth[i]), place[i], what, across[i])
+
+
+def _looked_out_for(contact: Contact) -> bool:
+    """Whether two solids press each other where the meshes say."""
+    secondary, primary = contact.secondary, contact.primary
+    if not (isinstance(secondary, FaceSurface) and isinstance(primary, FaceSurface)):
+        return False
+    if contact.bilateral or contact.gap is not None:
+        return False
+    return secondary.body is not primary.body and secondary.dofs.shape[1] == 3
+
+
+def _heights(surface: FaceSurface) -> Array:
+    """How far the smooth boundary stands off the middles of faces, shape (nf,) [length]."""
+    bend, edges = face_bends(surface)
+    spread = np.einsum("fcd,fce->fde", edges, edges) / (9 if surface.kind.triangle else 8)
+    return np.asarray(0.5 * np.abs(np.einsum("fde,fde->f", bend, spread)))

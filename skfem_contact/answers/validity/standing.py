@@ -1,0 +1,183 @@
+r"""Where solids overlap and no row of the contact sees it: vertices and edges, after every step.
+
+Conditions hold at the nodes of the secondary, or in the mean over its faces. A vertex of the primary
+that stands in the middle of a face of the secondary, as the tip of a dome does or the corner of a box,
+lies between the nodes, and a vertex of either side may leave the mean open. Two edges that cross each
+other meet between the nodes of both. Both are looked for on the deformed surfaces:
+
+* nodes of each side under faces of the other, by the closest point of the face;
+* sharp edges of both sides that cross (`pairing.faces.edges`).
+
+Who looks when, and what is too deep, is in `lookout`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from skfem_contact.bodies.faces import area_vectors
+from skfem_contact.bodies.selection import written
+from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.pairing.faces.projection import project
+from skfem_contact.pairing.thresholds import COINCIDENT
+from skfem_contact.pairing.vectors import dot
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The deepest overlap that no row sees.
+
+    Attributes
+    ----------
+    count : int
+        Vertices, or pairs of edges.
+    depth : float
+        Of the deepest [length].
+    place : ndarray, shape (3,)
+        Where it is [length].
+    what : str
+        "primary" or "secondary", whose vertices they are; "edges" that cross, or "touch".
+    across : ndarray, shape (3,), or None
+        Unit vector across two edges.
+    """
+
+    count: int
+    depth: float
+    place: Array
+    what: str
+    across: Array | None = None
+
+    def words(self, secondary: str, primary: str, method: str) -> str:
+        """What was found, and what to change."""
+        at, deep = written(self.place), f"{self.depth:.3g}"
+        if self.what == "edges":
+            return (
+                f"{self.count} edges of {secondary!r} and {primary!r} cross inside each other, by up "
+                f"to {deep} at {at}: no condition holds where edges meet between their nodes, and "
+                "nothing presses there. Refine both sides at the edges, so that nodes come close to "
+                "where they cross, or round the edges off by faces that turn by less than 45 degrees."
+            )
+        if self.what == "touch":
+            return (
+                f"edges of {secondary!r} and {primary!r} meet at {at}, where forces act along normals "
+                "of faces and not across both edges: their size and direction are wrong. Round the "
+                "edges off by faces that turn by less than 45 degrees, or take method='mortar'."
+            )
+        mean = "in the mean over faces" if method == "mortar" else "at the nodes of the secondary"
+        own, other = (primary, secondary) if self.what == "primary" else (secondary, primary)
+        way = "Refine the larger faces"
+        if self.what == "primary":
+            way = "Swap the two, so that these are nodes of the secondary, or refine the larger faces"
+        elif method == "mortar":
+            way += ", or take method='node', which holds each of them"
+        return (
+            f"{self.count} vertices of {own!r} stand in faces of {other!r}, the deepest, at {at}, by "
+            f"{deep}: conditions hold {mean}, where this is not seen. {way}."
+        )
+
+
+class Nearby:
+    """Nodes of one surface near the faces of another; searched again where they have moved.
+
+    Parameters
+    ----------
+    other, own : FaceSurface
+        With the faces, and with the nodes.
+    """
+
+    def __init__(self, other: FaceSurface, own: FaceSurface) -> None:
+        self.corners = other.facets[:, : other.kind.corners]
+        self.facets = other.facets
+        x = other.points[other.facets]
+        middle = x[:, : other.kind.corners].mean(axis=1, keepdims=True)
+        # to the corners, and so much more that a node below one of them is found
+        self.reach = 1.5 * np.linalg.norm(x - middle, axis=2).max(axis=1)
+        self.slack = 0.1 * float(self.reach.min())
+        self.at: tuple[Array, Array] | None = None
+        self.node = self.face = np.zeros(0, dtype=np.intp)
+
+    def under(self, other: Array, own: Array, least: float) -> tuple[Index, Index]:
+        """Pairs (node, face) of nodes that are deeper than `least` under the plane of a face.
+
+        By the places of the nodes of both surfaces, (m, 3). What is curved or warped stands off its
+        plane by a part of its size.
+        """
+        if (
+            self.at is None
+            or max(_farthest(other, self.at[0]), _farthest(own, self.at[1])) > self.slack
+        ):
+            self._search(other, own)
+        x = other[self.facets]
+        middle = x[:, : self.corners.shape[1]].mean(axis=1)
+        across = area_vectors(other[self.corners])
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        highest = dot(x - middle[:, None], across[:, None]).max(axis=1)
+        away = own[self.node] - middle[self.face]
+        under = dot(away, across[self.face]) < highest[self.face] - least
+        node, face = self.node[under], self.face[under]
+        near = np.linalg.norm(away[under], axis=1) <= self.reach[face]
+        return node[near], face[near]
+
+    def __getstate__(self) -> dict[str, object]:
+        none = np.zeros(0, dtype=np.intp)  # what was found is found again
+        return {**vars(self), "at": None, "node": none, "face": none}
+
+    def _search(self, other: Array, own: Array) -> None:
+        self.at = other, own
+        x = other[self.facets]
+        middle, reach = x[:, : self.corners.shape[1]].mean(axis=1), self.reach + 2 * self.slack
+        low, high = middle.min(axis=0) - reach.max(), middle.max(axis=0) + reach.max()
+        near = np.flatnonzero(((own >= low) & (own <= high)).all(axis=1))
+        self.node = self.face = near[:0]
+        if not len(near):
+            return
+        found = cKDTree(own[near]).query_ball_point(middle, reach)
+        count = np.array([len(some) for some in found])
+        self.face = np.repeat(np.arange(len(middle)), count)
+        self.node = near[np.concatenate([np.asarray(some, dtype=np.intp) for some in found])]
+
+
+def standing_nodes(
+    other: FaceSurface, own: FaceSurface, node: Index, face: Index, least: float
+) -> tuple[Index, Index, Array]:
+    """Nodes of one surface that lie in the body of the other, under a face that looks at them.
+
+    Parameters
+    ----------
+    other, own : FaceSurface
+        With the faces, and with the nodes.
+    node, face : ndarray of int, shape (q,)
+        Pairs to look at.
+    least : float
+        What is less deep need not be found [length].
+
+    Returns
+    -------
+    node, face : ndarray of int, shape (p,)
+        A node may lie under several faces; it is listed with the nearest.
+    depth : ndarray, shape (p,)
+        Distances from these faces, > 0 [length].
+    """
+    looks = dot(own.normals[node], other.facet_normals[face]) < 0
+    node, face = node[looks], face[looks]
+    if not len(node):
+        return node, face, np.zeros(0)
+    feet = project(other, face, own.points[node])
+    depth = -dot(own.points[node] - feet.foot, feet.own)
+    within = feet.over <= COINCIDENT * other.lengths[face]
+    there = np.flatnonzero(within & (depth > least))
+    order = there[np.lexsort((depth[there], node[there]))]
+    first = np.r_[True, np.diff(node[order]) != 0] if len(order) else np.zeros(0, dtype=bool)
+    order = order[first]
+    return node[order], face[order], depth[order]
+
+
+def _farthest(points: Array, before: Array) -> float:
+    return float(np.sqrt(np.max(np.sum((points - before) ** 2, axis=1), initial=0.0)))

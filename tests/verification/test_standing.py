@@ -1,0 +1,203 @@
+"""Vertices in faces, edges across edges: seen by the rows, or warned of after the step."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import skfem as fem
+from scipy.spatial.transform import Rotation
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from solids import at, cube, elastic
+
+import skfem_contact as sc
+
+DEEP = 0.02
+STAND = "stand in faces of"
+CROSS = "cross inside each other"
+MEET = "where forces act along normals of faces"
+
+
+def slab(n, kind="quad4"):
+    """A block of 1.4 x 1.4 x 1 whose upper side is the plane z = 0."""
+    mesh = cube(kind, n, lambda x: np.stack([1.4 * x[0] - 0.7, 1.4 * x[1] - 0.7, x[2] - 1]))
+    block = elastic(mesh, kind, "slab", held=((at(2, -1.0), (0, 1, 2)),))
+    return block, block.surface(at(2, 0.0), name="top")
+
+
+def dome(height):
+    """A cube of 2 x 2 x 2 elements, the middle of whose lower side is out by a height, pushed down."""
+
+    def place(x):
+        y = np.stack([x[0] - 0.5, x[1] - 0.5, x[2] + height])
+        y[2] -= (1 - x[2]) * height * (1 - 2 * np.maximum(np.abs(y[0]), np.abs(y[1])))
+        return y
+
+    end = at(2, 1 + height)
+    solid = elastic(
+        cube("quad4", 2, place), "quad4", "dome", held=((end, (0, 1, 2)),), push=(end, (0, 0, -DEEP))
+    )
+    low = np.flatnonzero(solid.basis.mesh.p[2, solid.basis.mesh.facets].max(axis=0) < height + 1e-9)
+    return solid, solid.surface(low, name="low")
+
+
+def tipped(n, turn, up, push=0.0, shift=(0.0, 0.0), name="box"):
+    """A unit cube turned, standing with its lowest or hanging with its highest points on z = 0."""
+    t = np.linspace(-0.5, 0.5, n + 1)
+    mesh = fem.MeshHex.init_tensor(t, t, t)
+    p = turn.as_matrix() @ mesh.p
+    first = np.argmin(p[2]) if up else np.argmax(p[2])
+    p[2] -= p[2, first]
+    p[:2] += np.array(shift)[:, None]
+    mesh = fem.MeshHex(np.ascontiguousarray(p), mesh.t)
+    sign = 1 if up else -1
+    size = np.abs(p[2]).max()
+    end = lambda x: sign * x[2] > 0.55 * size  # noqa: E731
+    solid = elastic(mesh, "quad4", name, held=((end, (0, 1, 2)),), push=(end, (0, 0, -push)))
+    whole = solid.surface(None)
+    low = whole.mesh_facets[sign * whole.facet_normals[:, 2] < -0.1]
+    return solid, solid.surface(low, name="tip")
+
+
+def solved(one, other, swap=False, **settings):
+    """The result of two bodies with their surfaces, and what was said."""
+    pair = (one[1], other[1])[:: -1 if swap else 1]
+    solver = sc.ContactSolver([one[0], other[0]], [sc.Contact(*pair, **settings)])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = solver.solve()
+    return result, " ".join(str(w.message) for w in caught)
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("height", [0.04, 0.2])
+def test_the_tip_of_a_dome_in_one_face(height, n, sliding):
+    """By mortar a coarse flat secondary sees its mean only: that is said. Swapped it is right."""
+    result, said = solved(slab(n), dome(height), sliding=sliding)
+    if result.normal_force.any():
+        assert STAND in said  # the tip is in by more than the mean is
+    else:
+        assert f"1 vertices of 'dome/low' {STAND} 'slab/top'" in said and "by 0.02:" in said
+    assert not result.validity.holds and ("overlap", "contact 1") in result.validity.problems
+    right, said = solved(slab(n), dome(height), swap=True, sliding=sliding)
+    assert right.force[2] > 1e-3 and STAND not in said
+    # one node presses: where it meets the slab by mortar is a mean over the faces round it
+    node, said = solved(slab(n), dome(height), swap=True, sliding=sliding, method="node")
+    assert node.force[2] == pytest.approx(right.force[2], rel=0.05 if n < 3 else 0.2)
+    assert STAND not in said
+
+
+def test_what_the_user_knows_is_not_told():
+    """A given gap says what touches; an interference is part of what overlaps."""
+    result, said = solved(slab(1), dome(0.2), gap=0.0)
+    assert STAND not in said
+    result, said = solved(slab(1), dome(0.2), interference=-0.03)
+    assert not result.normal_force.any() and STAND not in said
+    result, said = solved(slab(1), dome(0.2), interference=0.01)
+    assert "by 0.03:" in said
+
+
+CORNER = Rotation.align_vectors([[0, 0, -1]], [[1, 1, 1]])[0]
+RIDGES = Rotation.from_euler("x", 45, degrees=True), Rotation.from_euler("y", 45, degrees=True)
+
+
+@pytest.mark.parametrize(("n", "n_slab"), [(1, 1), (1, 2), (2, 2), (2, 3), (3, 4)])
+@pytest.mark.parametrize("method", ["node", "mortar"])
+@pytest.mark.parametrize("swap", [False, True])
+def test_a_corner_pushed_into_a_face(n, n_slab, method, swap):
+    """The corner of a box: pressed as by a hand-made row at it, within a third, or told."""
+    box, flat = tipped(n, CORNER, True, DEEP), slab(n_slab)
+    result, said = solved(box, flat, swap=swap, method=method)
+    # by hand: one condition between the corner and the face under it, along the face's normal
+    tip = box[1].dofs[np.argmin(box[1].points[:, 2])]
+    whole, _ = solved(box, flat, method="node")
+    assert whole.displacement(box[0])[tip[2]] != 0.0
+    right = reference(box[0], tip[2], flat)
+    if STAND in said:
+        assert not result.normal_force.any()
+    else:
+        # where the face has no node under the corner both rows press a little beside it
+        tolerance = 1e-9 if method == "node" and not swap else 0.75
+        assert abs(result.force[2]) == pytest.approx(right, rel=tolerance)
+
+
+def reference(box, tip, flat):
+    """The force that closes one gap: prescribed approach over the sum of two compliances."""
+    compliance, moved = 0.0, 0.0
+    for body, where, sign in ((box, {int(tip): 1.0}, 1.0), (flat[0], under(flat[1]), -1.0)):
+        row = np.zeros(body.n)
+        for dof, share in where.items():
+            row[dof] = share
+        free = np.setdiff1d(np.arange(body.n), body.D)
+        inside = body.K[free][:, free].tocsc()
+        lu = fem.solver_direct_scipy()
+        x = np.zeros(body.n) if body.x is None else np.array(body.x)
+        load = -(body.K @ x)[free]
+        u = lu(inside, load)
+        moved += sign * row[free] @ u
+        compliance += row[free] @ lu(inside, row[free])
+    return -moved / compliance
+
+
+def under(side):
+    """Weights of the DOFs of the flat side under the origin."""
+    near = np.abs(side.points[side.facets, :2]).max(axis=2)
+    size = np.ptp(side.points[side.facets[0], 0])
+    face = np.flatnonzero((near <= size + 1e-9).all(axis=1))[0]
+    x = side.points[side.facets[face], :2]
+    weight = np.prod(1 - np.abs(x) / size, axis=1)
+    weight = weight / weight.sum() if np.any(np.abs(x) < 1e-9) else np.full(4, 0.25)
+    return dict(zip(side.dofs[side.facets[face], 2].tolist(), weight, strict=True))
+
+
+@pytest.mark.parametrize("method", ["node", "mortar"])
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.07, 0.13)])
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_an_edge_across_an_edge(n, shift, method):
+    """Told with the place and the depth; right where nodes of both meet at the crossing, by mortar."""
+    high = tipped(n, RIDGES[0], True, DEEP, name="high")
+    low = tipped(n, RIDGES[1], False, shift=shift, name="low")
+    result, said = solved(high, low, method=method)
+    assert result.converged
+    if method == "mortar" and n == 2 and shift == (0.0, 0.0):
+        assert CROSS not in said and STAND not in said and MEET not in said
+        force = result.force / np.linalg.norm(result.force)
+        np.testing.assert_allclose(np.abs(force), [0, 0, 1], atol=0.01)
+    else:
+        assert CROSS in said or STAND in said or MEET in said
+        if not result.normal_force.any():
+            assert f"1 edges of 'high/tip' and 'low/tip' {CROSS}, by up to 0.02 at " in said
+
+
+def test_edges_that_meet_at_nodes():
+    """Node by node they are pressed along the normals of faces, aside: told as that."""
+    high = tipped(4, RIDGES[0], True, DEEP, name="high")
+    low = tipped(4, RIDGES[1], False, name="low")
+    result, said = solved(high, low, method="node")
+    assert result.normal_force.any() and MEET in said
+
+
+@pytest.mark.parametrize("method", ["node", "mortar"])
+@pytest.mark.parametrize("angle", [0.0, 30.0, 90.0])
+def test_bars_that_lie_across_each_other_are_not_told(method, angle):
+    """Flat on flat, edges of one cross those of the other on the same plane: nothing is wrong."""
+    bars = []
+    for name, turn, sign in (("high", angle, 1.0), ("low", 0.0, -1.0)):
+        lines = np.linspace(-1, 1, 11), np.linspace(-0.2, 0.2, 3), np.linspace(0, 0.3, 3)
+        mesh = fem.MeshHex.init_tensor(*lines)
+        p = Rotation.from_euler("z", turn, degrees=True).as_matrix() @ mesh.p
+        if sign < 0:
+            p[2] -= 0.3
+        end = at(2, 0.3 * sign)
+        held = ((end, (0, 1, 2)),)
+        mesh = fem.MeshHex(np.ascontiguousarray(p), mesh.t)
+        push = (end, (0, 0, -0.003)) if sign > 0 else None
+        body = elastic(mesh, "quad4", name, held=held, push=push)
+        bars.append((body, body.surface(at(2, 0.0), name="side")))
+    result, said = solved(*bars, method=method)
+    assert result.force[2] > 0 and not said, said
