@@ -14,8 +14,23 @@ from pairs import pairwise
 HERE = Path(__file__).parent
 
 
+# Instances that took more than some 0.6 CPU s, by `pytest --durations=0`.
+SLOW = (HERE / "slow.txt").read_text(encoding="utf-8").splitlines()
+
+
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """What the default run leaves to the slow one, besides what is marked in the files themselves."""
+    _leave_pairs(items)
+    found = {item.nodeid: item for item in items}
+    for name in SLOW:
+        if name in found:
+            found[name].add_marker(pytest.mark.slow)
+        elif not config.option.file_or_dir:  # all tests are here
+            raise pytest.UsageError(f"tests/slow.txt names {name}, which does not exist")
+
+
+def _leave_pairs(items: list[pytest.Item]) -> None:
     """Of the full products marked `pairwise` only pairs stay in the default run; the rest is slow."""
     products = defaultdict(list)
     for item in items:
