@@ -115,18 +115,25 @@ print(f"\nfor {last_error:.1%} refining everywhere takes {last_dofs / np.exp(sam
 error, tolerance = adaptive[-1, 2], goal
 
 # %% Picture: the mesh around the contact, and the errors over the number of unknowns
-figure, axes = plt.subplots(1, 2, figsize=(9, 4))
+figure, axes = plt.subplots(1, 2, figsize=(11, 4.4))
 edge = np.abs(result.contact_edges[:, 0]).max()
 for body in result.system.bodies:
     mesh = body.basis.mesh
     axes[0].triplot(*mesh.p, mesh.t.T, color="0.4", linewidth=0.3)
 scale = 0.6 * edge / result.pressure.max()
 order = np.argsort(result.points[:, 0])
-axes[0].plot(result.points[order, 0], scale * result.pressure[order], "C3", label="pressure")
-axes[0].set(xlim=(-2 * edge, 2 * edge), ylim=(-1.2 * edge, 1.2 * edge), xlabel="x [mm]")
-axes[0].set_aspect("equal")
-axes[0].legend(loc="upper right")
-for rows, colour, label in ((uniform, "C0", "everywhere"), (adaptive, "C1", "where it says")):
+axes[0].plot(result.points[order, 0], scale * result.pressure[order], "C3", lw=2)
+axes[0].set(
+    xlim=(-2 * edge, 2 * edge), ylim=(-1.2 * edge, 1.2 * edge), xlabel="x [mm]", ylabel="y [mm]",
+    aspect="equal", title="the last mesh, and its pressure",
+)  # fmt: skip
+right = axes[0].secondary_yaxis("right", functions=(lambda y: y / scale, lambda p: p * scale))
+right.set_ylabel("pressure [MPa]", color="C3", loc="top")
+right.set_yticks([0, 200, 400, 600])
+for rows, colour, label in (
+    (uniform, "C0", "refined everywhere"),
+    (adaptive, "C1", "refined where it says"),
+):
     axes[1].loglog(rows[:, 0], 100 * rows[:, 2], f"{colour}o-", ms=4, label=f"{label}: true")
     axes[1].loglog(rows[:, 0], 100 * rows[:, 1], f"{colour}x:", ms=4, label=f"{label}: estimated")
 axes[1].set(xlabel="degrees of freedom", ylabel="L2 error of the pressure [%]")

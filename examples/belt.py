@@ -82,28 +82,50 @@ ratio, expected = pull[-1], capstan_ratio(mu, wrap, thickness)
 error, tolerance = abs(ratio / expected - 1), 1e-3
 print(f"ratio of the tensions {ratio:.5f}; thick belt {expected:.5f}, thin {np.exp(mu * wrap):.5f}")
 
-# %% Picture
-figure, (along, history) = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
+# %% Picture: the belt on the drum, half of it slipping, and the tensions (lengths over R)
+
+
+def hoop(body, u):
+    """The stress along the belt, over that of the slack end."""
+    x = body.basis.with_element(fem.ElementQuad1()).doflocs
+    direction = np.array([-x[1], x[0]]) / np.hypot(*x)
+    stress = sc.nodal_stress(body, u, E=E, nu=0.0)[:, :2, :2]
+    return thickness * np.einsum("im,mij,jm->m", direction, stress, direction)
+
+
+figure, (scene, places, history) = plt.subplots(1, 3, figsize=(13.5, 4.6), layout="constrained")
+figure.get_layout_engine().set(wspace=0.07)
+half = 5
+sc.plot_deformed(
+    results[half], scale=20, stress=hoop, ax=scene, label="tension / that of the slack end"
+)
+scene.set(title="the belt on the drum, deformation magnified 20 times", xlabel="x / R", ylabel="y / R")
+scene.annotate("slack end: 1", (1.01, 0), (0.1, -0.3), arrowprops={"arrowstyle": "-", "lw": 0.6})
+scene.annotate(
+    f"pulled with {pull[half]:.2f}",
+    (-1.01, 0),
+    (-0.75, -0.3),
+    arrowprops={"arrowstyle": "-", "lw": 0.6},
+)
 shown = [k for k in (1, 3, 5, 7) if pull[k] < 0.99 * ratio] + [len(results) - 1]
 for k, shade in zip(shown, plt.cm.viridis(np.linspace(0.9, 0.1, len(shown))), strict=True):
     place, T = tension(results[k])
-    along.plot(np.degrees(place), T, color=shade, label=f"pulled with {pull[k]:.2f}")
+    places.plot(np.degrees(place), T, color=shade, label=f"pulled with {pull[k]:.2f}")
 phi = np.linspace(0, wrap, 100)
-along.plot(
-    np.degrees(phi),
-    [capstan_ratio(mu, p, thickness) for p in phi],
-    "k:",
-    lw=2,
-    label="thick-belt formula",
+formula = [capstan_ratio(mu, p, thickness) for p in phi]
+places.plot(np.degrees(phi), formula, "k:", lw=2, label="formula for thick belts")
+places.set(xlabel="angle from the slack end [degrees]", ylabel="tension over that of the slack end")
+places.legend(frameon=False)
+history.plot(1e3 * pulled, pull, "o-", ms=3, color="#20618d", label="finite elements")
+history.axhline(expected, color="k", ls=":", label="formula for thick belts")
+history.axhline(np.exp(mu * wrap), color="gray", ls="--", lw=1, label="Euler, exp(μφ)")
+history.set(
+    xlabel="motion of the end of the spring [R / 1000]",
+    ylabel="tension of the tight end over that of the slack end",
+    ylim=(0, None),
 )
-along.set(xlabel="angle from the slack end [degrees]", ylabel="tension over that of the slack end")
-along.legend(frameon=False)
-history.plot(1e3 * pulled, pull, "o-", ms=3, color="#20618d", label="tension of the tight end")
-history.axhline(expected, color="k", ls=":", label="thick-belt formula")
-history.axhline(np.exp(mu * wrap), color="gray", ls="--", lw=1, label="Euler, exp(mu phi)")
-history.set(xlabel="end of the spring moved by [1e-3 R]", ylim=(0, None))
 history.legend(frameon=False, loc="lower right")
-for axes in (along, history):
+for axes in (places, history):
     axes.spines[["top", "right"]].set_visible(False)
 figure.savefig(out / "belt.png", dpi=90)
 

@@ -99,11 +99,11 @@ for degrees, colour in zip(shown, colours, strict=True):
     u = result.displacement(block)
     stress = sc.von_mises(block, u, **material, plane="strain")
     p = turn((mesh.p + magnified * u[basis.nodal_dofs]).T).T
-    ax.tripcolor(*p, cells, stress, shading="gouraud", cmap="YlGnBu", vmin=0, vmax=5e-4)
+    image = ax.tripcolor(*p, cells, stress, shading="gouraud", cmap="YlGnBu", vmin=0, vmax=5e-4)
     ax.plot(*p[:, sides], color="#3a3a3a", lw=0.7)
     ax.plot(*turn([(-45, 0), (45, 0)]).T, color="#3a3a3a", lw=1.5)
     every = order[::4]
-    ax.quiver(
+    arrows = ax.quiver(
         *turn(result.points[every]).T, *turn(result.traction[every]).T,
         color="#b5441c", scale=2.2e-3, width=0.006, pivot="tip",
     )  # fmt: skip
@@ -112,8 +112,10 @@ for degrees, colour in zip(shown, colours, strict=True):
     used = result.tangential_force[order, 0] * result.tangent[order, 0, 0]
     used = used / np.where(result.status[order] == 0, np.inf, result.normal_force[order])
     axes["used"].plot(result.points[order, 0], used, color=colour, lw=1.6, label=f"{degrees} degrees")
+figure.colorbar(image, ax=[axes[k] for k in shown], label="von Mises stress [MPa]", shrink=0.7)
+axes[0].quiverkey(arrows, 0.3, 0.05, 4e-4, "4·10⁻⁴ MPa", labelpos="E", color="#b5441c")
 axes["used"].axhspan(-mu, mu, color="#f0ece4", zorder=0)
-axes["used"].set(xlabel="along the base [mm]", ylabel="friction / pressure")
+axes["used"].set(xlabel="along the base [mm]", ylabel="friction on the base / pressure")
 axes["used"].legend(frameon=False, loc="lower left", bbox_to_anchor=(0, 0.1))
 axes["used"].spines[["top", "right"]].set_visible(False)
 out.mkdir(parents=True, exist_ok=True)

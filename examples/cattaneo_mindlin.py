@@ -156,11 +156,13 @@ traction_axes.set(xlim=(-1.12, 1.7), xlabel="x / a", ylabel="traction / largest 
 traction_axes.set_title("dots: finite elements; lines: theory; shaded: |q| < μp", fontsize="medium")
 traction_axes.legend(frameon=False, title="Q, in order", loc="center right")
 
-# a share of the shift that is proportional to Q does not change the area of the loop
+# taking off what is proportional to Q widens the loop, and does not change its area
 lean = (shift - Q * shift[turn[0]] / Q0) / hertz.a * 1e3
 loop_axes.fill(lean[cycle], Q[cycle] / (mu * P), color="#e3eef5")
 loop_axes.plot(lean, Q / (mu * P), "-o", ms=2.5, color="#20618d")
-loop_axes.set(xlabel="shift less its share along Q  [a / 1000]", ylabel="Q / μP")
+loop_axes.set(
+    xlabel="shift − (largest shift / largest Q) · Q   [a / 1000]", ylabel="tangential force Q / μP"
+)
 loop_axes.set_title("two cycles, one loop: its area is the energy lost", fontsize="medium")
 for axes in (traction_axes, loop_axes):
     axes.spines[["top", "right"]].set_visible(False)

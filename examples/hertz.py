@@ -105,9 +105,9 @@ sc.write(out / "hertz.vtu", result, stress=mises)
 figure, (left_axes, right_axes) = plt.subplots(
     1, 2, figsize=(11, 4.6), width_ratios=[1.05, 1], layout="constrained"
 )
-sc.plot_deformed(result, 1.0, stress=mises, ax=left_axes, arrows=False, label="von Mises stress [MPa]")
-left_axes.set_title("Mises: it is largest under the surface", fontsize="medium")
-left_axes.set(xlim=(-2, 2), ylim=(-2, 2), xlabel="x [mm]", ylabel="y [mm]")
+units, window = {"length": "mm", "stress": "MPa"}, (-2, 2, -2, 2)
+sc.plot_deformed(result, 1.0, stress=mises, ax=left_axes, arrows=False, units=units, window=window)
+left_axes.set_title("the stress is largest below the surface", fontsize="medium")
 fine = np.linspace(-exact.a, exact.a, 400)
 right_axes.plot(fine, exact.pressure(fine), color="#b5441c", lw=1.5, label="Hertz")
 right_axes.plot(x, p, ".", ms=5, color="#20618d", label="finite elements")

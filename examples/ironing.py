@@ -14,7 +14,7 @@ from the ends of the block the ratio of horizontal to vertical force ripples by 
 cent as nodes meet and leave the die. The ratio itself is 0.295, below mu: friction shifts the contact
 to the trailing side of the die, where the pressure leans forward and helps to push.
 
-Run ``python examples/ironing.py [folder]``: a picture, and a series for ParaView.
+Run ``python examples/ironing.py [folder]``: a picture, an animation, and a series for ParaView.
 """
 
 import sys
@@ -24,6 +24,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import skfem as fem
+from matplotlib.animation import PillowWriter
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
@@ -100,18 +101,33 @@ def mises(body, u):
     return sc.von_mises(body, u, E={"block": 1.0, "die": 10.0}[body.name], nu=0.3)
 
 
+# lengths in heights of the block, stresses in its modulus
+units = {"length": "H", "stress": "E"}
 figure, (deformed, forces) = plt.subplots(
-    2, 1, figsize=(8, 5.6), height_ratios=[3, 2], layout="constrained"
+    2, 1, figsize=(8, 6.4), height_ratios=[3, 2], layout="constrained"
 )
-middle_way = results[len(press) + 49]
-sc.plot_deformed(middle_way, scale=1.0, stress=mises, ax=deformed, label="von Mises stress")
-deformed.set_title("the die after 1.5 of its way, displacements as they are")
-forces.plot(travel, -force[:, 1], label="vertical force on the block")
-forces.plot(travel, force[:, 0], label="horizontal force")
-forces.plot(travel, -mu * force[:, 1], "k:", label="mu times the vertical force")
-forces.set(xlabel="travel", ylabel="force per thickness", ylim=(0, None))
+shown = results[len(press) + 49]
+sc.plot_deformed(shown, stress=mises, ax=deformed, units=units)
+deformed.set_title(f"the die has travelled {travel[49]:.1f} H; true positions")
+forces.plot(travel, -force[:, 1], color="#20618d", label="vertical force on the block")
+forces.plot(travel, force[:, 0], color="#b5441c", label="horizontal force")
+forces.plot(travel, -mu * force[:, 1], "k:", label="μ times the vertical force")
+forces.set(xlabel="travel of the die [H]", ylabel="force per thickness [E H]", ylim=(0, None))
 forces.legend(loc="center right", frameon=False)
+forces.spines[["top", "right"]].set_visible(False)
 figure.savefig(out / "ironing.png", dpi=120)
+
+# %% The same as an animation, with one scale of colours for all frames
+figure = plt.figure(figsize=(6.4, 3.1), layout="constrained")
+writer = PillowWriter(fps=8)
+with writer.saving(figure, str(out / "ironing.gif"), dpi=70):
+    for result in [*results[: len(press)], *results[len(press) :: 2]]:
+        figure.clf()
+        axes = sc.plot_deformed(result, scale=1.0, stress=mises, ax=figure.add_subplot(), units=units)
+        axes.set(xlim=(-0.1, 4.1), ylim=(-1.1, 0.7), title="")
+        for image in axes.collections[:1] + axes.collections[2:3]:  # the colours of the two bodies
+            image.set_clim(0.0, 0.13)
+        writer.grab_frame()
 
 # %% The sentence of the docstring
 error, tolerance = ripple, 0.005

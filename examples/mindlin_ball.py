@@ -139,7 +139,7 @@ for radius, style in ((hertz.a, "-"), (exact(turn).c, "--")):
 for status, mark, label in ((1, "o", "stick"), (2, "x", "slip")):
     at = turned.points[turned.status == status]
     plan.plot(at[:, 0], at[:, 1], mark, ms=3.5, color="#20618d", label=label, fillstyle="none")
-plan.set(xlim=(-1.4, 1.4), ylim=(-1.4, 1.4), aspect="equal", xlabel="x", ylabel="y")
+plan.set(xlim=(-1.4, 1.4), ylim=(-1.4, 1.4), aspect="equal", xlabel="x [R / 100]", ylabel="y [R / 100]")
 plan.set_title(f"Q = {share[turn]:.2f} μP; circles of contact and of stick", fontsize="medium")
 plan.legend(frameon=False, loc="lower left")
 fine = np.linspace(-1.25, 1.25, 400)

@@ -131,11 +131,12 @@ print(f"pressure {pressure:.6f} MPa, error and residuals at most {error:.1e}")
 assert error <= tolerance
 
 # %% Picture
-figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-sc.plot_deformed(rough, ax=axes[0], scale=1.0)
-axes[0].set(xlabel="x [mm]", ylabel="y [mm]")
-sc.plot_contact(rough, ax=axes[1])
-axes[1].axhline(pressure, color="0.6", lw=1, ls=":")
-axes[1].text(7, pressure, "without friction", va="top", color="0.3")
-axes[1].set(xlabel="along the floor [mm]", ylabel="stress on the initial area [MPa]")
+units = {"length": "mm", "stress": "MPa"}
+figure, axes = plt.subplots(2, 1, figsize=(7.5, 8), height_ratios=[1, 1.1], layout="constrained")
+sc.plot_deformed(rough, ax=axes[0], units=units)
+axes[0].set_title("squeezed by 15 %; true positions")
+sc.plot_contact(rough, ax=axes[1], units=units)
+axes[1].axhline(pressure, color="0.4", lw=1, ls=":")
+axes[1].text(7, pressure - 0.03, "pressure without friction", va="top", color="0.3")
+axes[1].set(xlabel="place along the floor [mm]", ylabel="force over initial area [MPa]")
 figure.savefig(out / "nonlinear_body.png", dpi=90)

@@ -108,10 +108,10 @@ figure, axes = plt.subplot_mosaic(
     "AB;AC", figsize=(11, 6.4), width_ratios=[1, 1.15], layout="constrained"
 )
 last = results[-1]
-sc.plot_deformed(last, stress=mises, ax=axes["A"], label="von Mises stress [MPa]")
-axes["A"].set(xlabel="x [mm]", ylabel="y [mm]")
-sc.plot_contact(last, ax=axes["B"])
-axes["B"].set(xlabel="along the hole [mm]", ylabel="stress [MPa]")
+units = {"length": "mm", "stress": "MPa"}
+sc.plot_deformed(last, stress=mises, ax=axes["A"], units=units)
+sc.plot_contact(last, ax=axes["B"], units=units)
+axes["B"].set(xlabel="arc length along the hole [mm]")
 turn = fem.LinearForm(lambda v, w: (v.grad[1, 0] - v.grad[0, 1]) / (2 * section))
 rotation = [turn.assemble(pin_basis) @ result.displacement(pin) for result in results]
 axes["C"].plot(angles, 1e3 * np.array(rotation), "o-", ms=3, color="#20618d")

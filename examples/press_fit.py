@@ -7,7 +7,7 @@ r"""A press fit: a hub shrunk on a shaft, and the force that pushes it off again
         |    |          |   interference 0.02 mm of the radii, Coulomb friction 0.2
         |    |   hub    |
         |    |__________|
-        |    |   ^  ^  ^    puller: a rigid plate, moved up from below
+        |    |   ^  ^  ^    puller: a rigid ring, moved up from below
         |____|
        ///////              half a section; steel, axisymmetric
 
@@ -75,7 +75,8 @@ hub = sc.Body(hub_basis, axisymmetric, measure=circle, name="hub")
 
 # %% Contacts: the hub is held by nothing but the joint
 joint = sc.Contact(hub.surface("left"), shaft.surface("right"), friction=sc.Coulomb(mu), name="joint")
-plate = sc.RigidPlane((0, bottom - clear), (0, 1), name="puller")
+ring = np.array([(Rc, -5), (Ro + 4, -5), (Ro + 4, 0), (Rc, 0)])
+plate = sc.RigidPolyline(ring + [0, bottom - clear], closed=True, name="puller")
 pushed = sc.Contact(hub.surface("bottom"), plate, name="face")
 solver = sc.ContactSolver([shaft, hub], [joint, pushed])
 
@@ -112,11 +113,12 @@ def mises(body, u):
 
 sc.write_series(out / "press_fit.pvd", results, stress=mises)
 
+units = {"length": "mm", "stress": "MPa"}
 figure, axes = plt.subplots(
-    1, 4, figsize=(12, 4.8), width_ratios=[0.75, 1, 0.8, 1.5], layout="constrained"
+    1, 4, figsize=(13, 4.6), width_ratios=[1.15, 1, 0.8, 1.4], layout="constrained"
 )
-sc.plot_deformed(fitted, 1.0, stress=mises, ax=axes[0], arrows=False, label="von Mises stress [MPa]")
-axes[0].set(title="the fit", xlabel="r [mm]", ylabel="z [mm]", xticks=[0, Rc])
+sc.plot_deformed(last, scale=1.0, stress=mises, ax=axes[0], units=units, window=(0, 36, 30, 84))
+axes[0].set(title="pushed off: the lower end", xlabel="r [mm]", ylabel="z [mm]")
 
 half = len(fit) + len(travel) // 3
 order = np.argsort(height)
@@ -136,7 +138,7 @@ axes[2].axvline(0, color="#3a3a3a", lw=0.6)
 axes[2].set(xlabel="friction on the hub [MPa]", ylim=(bottom, top))
 axes[3].plot(1e3 * travel, 1e-3 * mu * normal, "--", color="#b5441c", label="μ times normal force")
 axes[3].plot(1e3 * travel, 1e-3 * force, color="#20618d", lw=1.8, label="force of the puller")
-axes[3].set(xlabel="travel of the puller [µm]", ylabel="force [kN]", ylim=(0, None))
+axes[3].set(xlabel="travel of the puller [µm]", ylabel="force on the full circle [kN]", ylim=(0, None))
 axes[3].legend(frameon=False, loc="lower right")
 for ax in axes[1:]:
     ax.spines[["top", "right"]].set_visible(False)

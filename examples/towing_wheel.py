@@ -99,29 +99,28 @@ def mises(body, u):
     return sc.von_mises(body, u, E=E, nu=nu)
 
 
-sc.plot_deformed(towing, scale=1.0, stress=mises, ax=scene, label="von Mises stress")
-(dx, dy), angle, axle = towing.motion("wheel")
-round_ = np.linspace(0, 2 * np.pi, 721)
-scene.plot(dx + R * np.cos(round_), R + dy + R * np.sin(round_), "k", lw=1.2)
-for mark in np.arange(-20, 21) * 0.02:  # marks on the rim: where they were at the bottom, and now
-    rim = np.array([0.97 * R, R])
-    scene.plot(dx + rim * np.sin(mark + angle), R + dy - rim * np.cos(mark + angle), "k", lw=0.7)
-scene.set(xlim=(-1.5, 5), ylim=(-1.6, 1.2))
-scene.set_title("towing half of what friction bears, displacements as they are", pad=8)
+(dx, dy), _, _ = towing.motion("wheel")
+units = {"length": "R/10", "stress": "E"}
+window = (-1.5, 5, -1.6, 1.2)
+sc.plot_deformed(towing, scale=1.0, stress=mises, ax=scene, window=window, units=units)
+scene.set_title("a wheel that tows half of what friction bears; true positions", pad=8)
 traction, curve = below.subplots(1, 2)
 values = towing[contact]
 order = np.argsort(values.points[:, 0])
 s = (values.points[order, 0] - dx) / a
 p0 = 2 * P / (np.pi * a)
 traction.plot(s, values.pressure[order] / p0, label="pressure")
-traction.plot(s, values.friction_stress[order, 0] / (mu * p0), label="friction over mu")
+traction.plot(s, values.friction_stress[order, 0] / (mu * p0), label="friction / μ")
 traction.plot(s, -values.pressure[order] / p0, "k:", lw=0.8)
-traction.set(xlim=(-1.6, 1.6), xlabel="place over half width", ylabel="over Hertz' pressure")
-traction.legend(frameon=False, loc="lower right")
+traction.plot([], [], "k:", lw=0.8, label="−pressure")
+traction.set(
+    xlim=(-1.6, 1.6), xlabel="place from below the axle [a]", ylabel="stress over Hertz' pressure"
+)
+traction.legend(frameon=False, fontsize="small", loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
 q = np.linspace(0, 1, 200)
 curve.plot(q, 1 - np.sqrt(1 - q), "k", lw=0.8, label="Carter")
 curve.plot(shares, found / (mu * a / R), "o", label="rigid wheel on the strip")
-curve.set(xlabel="Q / (mu P)", ylabel="creep over mu a / R")
+curve.set(xlabel="Q / (μP)", ylabel="creep over μa / R")
 curve.legend(frameon=False)
 figure.savefig(out / "towing_wheel.png", dpi=120)
 

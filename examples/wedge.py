@@ -33,9 +33,9 @@ from skfem_contact.reference import taper_force
 out = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "out"
 out.mkdir(parents=True, exist_ok=True)
 
-# %% Numbers
+# %% Numbers (mm, MPa; forces per mm of thickness)
 mu, width, depth = 0.15, 1.0, 1.0  # the wedge is 2 `width` wide at its top
-spring, guide = 10.0, 1e5  # of a jaw: against translation [force/length], against rotation
+spring, guide = 10.0, 1e5  # of a jaw: against translation [N/mm per mm], against rotation
 element = fem.ElementVector(fem.ElementQuad1())
 stiffness = linear_elasticity(*lame_parameters(1e3, 0.3))
 
@@ -127,23 +127,25 @@ def mises(body, u):
     return sc.von_mises(body, u, E=1e3, nu=0.3)
 
 
-figure, (deformed, forces_5, forces_12) = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
-sc.plot_deformed(results[12][20], scale=1.0, stress=mises, ax=deformed, label="von Mises stress")
-deformed.set_title("12 degrees, pushed in")
-for angle, axes in ((5, forces_5), (12, forces_12)):
-    a = np.radians(angle)
-    axes.plot(moves[angle], F[angle], "o-", ms=3, color="#20618d", label="force on the wedge")
-    half = len(moves[angle]) // 2 + 1
-    axes.plot(
-        moves[angle][:half], taper_force(a, mu) * N[angle][:half], "k:", lw=2, label="formulas times N"
-    )
-    axes.plot(moves[angle][half:], -taper_force(a, mu, pull_out=True) * N[angle][half:], "k:", lw=2)
-    axes.axhline(0, color="gray", lw=0.8)
-    axes.set(xlabel="depth of the wedge", title=f"{angle} degrees")
-    axes.spines[["top", "right"]].set_visible(False)
-forces_5.set_ylabel("force on the top of the wedge")
-forces_5.legend(frameon=False)
-figure.savefig(out / "wedge.png", dpi=90)
+units = {"length": "mm", "stress": "MPa"}
+figure, axes = plt.subplot_mosaic(
+    [["in", "in"], [5, 12]], figsize=(9, 7.6), height_ratios=[1, 1.1], layout="constrained"
+)
+sc.plot_deformed(results[12][20], stress=mises, ax=axes["in"], units=units)
+axes["in"].set_title("12 degrees, pushed in by 0.4 mm; true positions")
+for angle in (5, 12):
+    ax, a, half = axes[angle], np.radians(angle), len(moves[angle]) // 2 + 1
+    ax.plot(moves[angle], F[angle], "o-", ms=3, color="#20618d", label="finite elements")
+    pushing, pulling = taper_force(a, mu) * N[angle], -taper_force(a, mu, pull_out=True) * N[angle]
+    ax.plot(moves[angle][:half], pushing[:half], "k:", lw=2, label="formulas, with N as computed")
+    ax.plot(moves[angle][half:], pulling[half:], "k:", lw=2)
+    ax.axhline(0, color="gray", lw=0.8)
+    ax.set(xlabel="depth of the wedge [mm]", ylabel="force on its top, downwards [N/mm]")
+    ax.spines[["top", "right"]].set_visible(False)
+axes[5].set_title("5 degrees: it stays, and has to be pulled out")
+axes[12].set_title("12 degrees: it comes out by itself")
+axes[5].legend(frameon=False, loc="upper left")
+figure.savefig(out / "wedge.png", dpi=110)
 
 # %% The sentences of the docstring
 assert error < tolerance

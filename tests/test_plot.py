@@ -343,6 +343,22 @@ def test_arrows_have_a_scale() -> None:
         sc.plot_deformed(pressed().solve(), units={"strss": "MPa"})
 
 
+def test_a_window_is_what_is_shown() -> None:
+    """Limits are those of the window, and arrows have its size: a tenth, a tenth of the length."""
+    result = pressed().solve()
+    lengths = []
+    for window in ((-1.0, 2.0, -1.0, 2.0), (0.3, 0.6, -0.1, 0.2)):
+        ax = sc.plot_deformed(result, scale=1.0, window=window)
+        assert (*ax.get_xlim(), *ax.get_ylim()) == window
+        (arrows,) = (c for c in ax.collections if isinstance(c, matplotlib.quiver.Quiver))
+        lengths.append(np.abs(arrows.V).max())
+        x = arrows.get_offsets()[:, 0]
+        assert np.all((x >= window[0]) & (x <= window[1]))
+    assert lengths[0] == pytest.approx(10 * lengths[1])
+    with pytest.raises(sc.InputError, match="left, right, bottom, top"):
+        sc.plot_deformed(result, window=(1.0, 0.0, 0.0, 1.0))
+
+
 def test_components_of_tensors_are_drawn() -> None:
     """A bar of modulus 1 carries -0.01 along y and nothing across; colours are one of these."""
     result = pressed(levels=1).solve()

@@ -59,11 +59,13 @@ def for_gallery(path: Path, docs: Path) -> str:
     quotes, first, rest = re.match(r'(r?""")(.*?)\n(.*)', text, re.DOTALL).groups()
     picture = f"images/{path.stem}.png"
     shown = f"\n![{first}](../{picture})\n" if (docs / picture).exists() else ""
+    film = f"images/{path.stem}.gif"
+    moving = f"\n![The same, moving](../{film})\n" if (docs / film).exists() else ""
     body = re.sub(
         r"^# %% +(.)(.*)$", lambda m: f"# %%\n# ## {m[1].upper()}{m[2]}", rest, flags=re.MULTILINE
     )
     end = f"\n# mkdocs_gallery_thumbnail_path = '{picture}'\n" if shown else ""
-    return f"{quotes}# {first.split(':')[0].rstrip('.')}\n\n{first}\n{shown}{body}{end}"
+    return f"{quotes}# {first.split(':')[0].rstrip('.')}\n\n{first}\n{shown}{moving}{body}{end}"
 
 
 def mathml(match: re.Match[str]) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.output.drawing import LINES
 from skfem_contact.output.thresholds import AROUND, STROKES, WHOLE
-from skfem_contact.output.tools import tools
+from skfem_contact.output.tools import fits, tools
 from skfem_contact.output.view import View
 
 Array = NDArray[np.float64]
@@ -45,8 +45,9 @@ def with_tools(result: ContactResult, view: View, box: Box) -> Box:
             i = int(np.argmin(np.where(near, values.gap, np.inf)))
             foot = view.place(body.points, u)[i] - values.gap[i] * values.normal[i]
             low, high = np.minimum(low, foot), np.maximum(high, foot)
-    for points, _ in placed_tools(result, view, (low, high)):
-        if len(points) and np.all(np.ptp(points, axis=0) <= WHOLE * size):
+    drawn = placed_tools(result, view, (low, high))
+    for tool, (points, _) in zip(tools(result), drawn, strict=True):
+        if fits(tool.obstacle, WHOLE * size):
             low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     return low, high
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arguments import known_keywords
+from skfem_contact.arguments import known_keywords, numbers
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
@@ -50,6 +50,7 @@ def plot_deformed(
     cmap: str = "YlGnBu",
     component: str | None = None,
     units: Mapping[str, str] | None = None,
+    window: Sequence[float] | None = None,
 ) -> Any:
     """Draw the deformed bodies, coloured, and rigid obstacles, with arrows of the traction.
 
@@ -78,6 +79,8 @@ def plot_deformed(
         Of a tensor, "xx", "xy", ...; of a vector "x", "y", "z".
     units : dict, optional
         Words for labels, ``{"length": "mm", "stress": "MPa"}``.
+    window : (left, right, bottom, top), optional
+        In the plane: what part is shown; arrows and the strokes of obstacles have its size.
 
     Returns
     -------
@@ -86,7 +89,8 @@ def plot_deformed(
     Raises
     ------
     InputError
-        If matplotlib is missing, the problem has no displacements, or there is no such component.
+        If matplotlib is missing, the problem has no displacements, there is no such component, or the
+        window is none.
 
     Examples
     --------
@@ -104,6 +108,8 @@ def plot_deformed(
     'deformation magnified 5 times'
     """
     solid, words = is_solid(result), checked(units)
+    if solid and window is not None:
+        raise InputError("window is for plane pictures: set the limits of these axes instead")
     seen, bodies = view(result, scale), list(result.system.solids.values())
     values = [_colours(result, body, stress, component) for body in bodies]
     label = label or _name(stress, component, words)
@@ -113,19 +119,20 @@ def plot_deformed(
         for points, triangles in placed_tools(result, seen, box):
             draw_faces(ax, points, triangles, box)
     else:
-        box = _box(result, seen)
+        box = _box(result, seen) if window is None else _window(window)
         ax = new_axes(ax, _figure_size(box))
         image = _draw_cells(ax, result, seen, values, cmap)
         for points, lines in placed_tools(result, seen, box):
             draw_lines(ax, points, lines, float(np.max(box[1] - box[0])))
     remarks = [f"{v.name} is open" for v in result if not np.any(v.status != OPEN)]
     if arrows and not solid:
-        ends, peak = _arrows(ax, result, seen)
-        box = np.minimum(box[0], ends.min(axis=0)), np.maximum(box[1], ends.max(axis=0))
+        ends, peak = _arrows(ax, result, seen, box)
+        if window is None and len(ends):
+            box = np.minimum(box[0], ends.min(axis=0)), np.maximum(box[1], ends.max(axis=0))
         if peak > 0:
             remarks = [f"longest arrow: {quantity(peak, 'stress', words)}", *remarks]
     if not solid:
-        room = MARGIN_2D * float(np.max(box[1] - box[0]))
+        room = MARGIN_2D * float(np.max(box[1] - box[0])) if window is None else 0.0
         (left, low), (right, high) = box[0] - room, box[1] + room
         ax.set(aspect="equal", xlim=(left, right), ylim=(low, high))
     if remarks:
@@ -139,11 +146,20 @@ def plot_deformed(
     return ax
 
 
+def _window(window: Sequence[float]) -> Box:
+    usage = "give (left, right, bottom, top)"
+    edges = numbers(window, "window", usage)
+    if edges.shape != (4,) or not (edges[0] < edges[1] and edges[2] < edges[3]):
+        raise InputError(f"window is {window!r}; {usage}")
+    return edges[[0, 2]], edges[[1, 3]]
+
+
 def _name(stress: Stress | None, component: str | None, units: Mapping[str, str]) -> str:
     """What the colour bar is called."""
     if stress is None:
         return labelled("displacement", "length", units)
     name = next(iter(wanted.asked(stress))).replace("_", " ")
+    name = "von Mises stress" if name in ("von mises", "mises") else name
     return labelled(f"{name} {component or ''}".strip(), "stress", units)
 
 
@@ -204,22 +220,24 @@ def _outline(ax: Any, x: Array, cells: NDArray[np.int64], kind: str) -> None:
     ax.add_collection(LineCollection(list(lines), colors=LINES, linewidths=0.7))
 
 
-def _arrows(ax: Any, result: ContactResult, seen: View) -> tuple[Array, float]:
-    """Tractions at closed points, the longest 8 % of the extent; about 60 arrows at most.
+def _arrows(ax: Any, result: ContactResult, seen: View, box: Box) -> tuple[Array, float]:
+    """Tractions at closed points in a box, the longest 8 % of it; about 60 arrows at most.
 
     Returns their ends, (p, 2), and the largest traction.
     """
-    sizes = [np.linalg.norm(v.traction, axis=1) for v in result.values]
+    heads, sizes, ends = [], [], []
+    for contact, values in zip(result.contacts, result.values, strict=True):
+        surface = contact.secondary
+        heads.append(seen.place(values.points, result.displacement(surface.body)[surface.dofs]))
+        inside = np.all((heads[-1] >= box[0]) & (heads[-1] <= box[1]), axis=1)
+        sizes.append(np.where(inside, np.linalg.norm(values.traction, axis=1), 0.0))
     peak = max(float(size.max(initial=0.0)) for size in sizes)
     if peak == 0.0:
-        return _places(result, seen)[:1], 0.0
-    ends = []
-    length = LONGEST * result.system.extent / peak
-    for contact, values, size in zip(result.contacts, result.values, sizes, strict=True):
-        surface = contact.secondary
-        u = result.displacement(surface.body)[surface.dofs]
-        order = np.argsort(arc_length(surface, values.status != OPEN))
-        head = seen.place(values.points, u)[order]
+        return np.zeros((0, 2)), 0.0
+    length = LONGEST * float(np.max(box[1] - box[0])) / peak
+    for contact, values, place, size in zip(result.contacts, result.values, heads, sizes, strict=True):
+        order = np.argsort(arc_length(contact.secondary, values.status != OPEN))
+        head = place[order]
         tail = head - length * values.traction[order]
         ends.append(tail)
         ax.plot(*_only(tail, size[order] > 0).T, color=FRICTION, lw=0.8, zorder=3)

@@ -94,7 +94,8 @@ def plot_contact(
     s, closed = arc[order], values.status[order] != 0
     _shade(ax, s, values.status[order])
     pressure = values.pressure[order]
-    ax.fill_between(s, pressure, color=PRESSURE, alpha=0.12, linewidth=0)
+    if settings.friction is None:  # else what sticks and slips is shaded
+        ax.fill_between(s, pressure, color=PRESSURE, alpha=0.12, linewidth=0)
     ax.plot(s, pressure, color=PRESSURE, lw=1.8, label="pressure")
     if settings.friction is not None or settings.tied:
         # at a point merged into another it is that of its heir, as the pressure is

@@ -85,6 +85,17 @@ def tools(result: ContactResult) -> list[Tool]:
     return [Tool(name, shape, motion, tuple(own)) for name, shape, motion, own in found.values()]
 
 
+def fits(obstacle: Obstacle, size: float) -> bool:
+    """Whether an obstacle has an end, and is not longer than a size."""
+    if isinstance(obstacle, RigidPolyline | RigidSurface):
+        return bool(np.all(np.ptp(obstacle.points, axis=0) <= size))
+    if isinstance(obstacle, RigidSphere) or (
+        isinstance(obstacle, RigidCylinder) and obstacle.axis is None
+    ):
+        return 2 * obstacle.radius <= size
+    return False
+
+
 def _inverse(motion: Motion) -> Motion:
     """The way back: ``x -> R'(x - c - t) + c``, a turn about the place where the centre is now."""
     return Motion(-motion.translation, -motion.angle, motion.centre + motion.translation)
@@ -158,7 +169,7 @@ def _reach(centre: Array, radius: float, low: Array, high: Array) -> tuple[Array
     away = middle - centre
     distance = float(np.linalg.norm(away))
     if radius < MUCH_LARGER * size or distance <= size:
-        return away / distance if distance > 0 else np.eye(len(low))[0], np.pi
+        return np.eye(len(low))[0], np.pi  # a direction of its own, which turns with it
     return away / distance, float(np.arcsin(size / distance))
 
 
