@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -103,6 +104,25 @@ def test_springs_in_series_with_the_points():
             a, b = getattr(found, name), getattr(dense, name)
             # as above
             assert_allclose(a, b, rtol=0, atol=1e-10 * np.abs(b).max(), err_msg=name)
+
+
+def test_answers_on_the_way_are_rough_and_say_so():
+    """They take fewer iterations and are about right; the exact one after them is as without them."""
+    blocks = two_blocks(6, 3)
+    case = blocks.case(np.ones(blocks.system.n), np.zeros(blocks.system.n))
+    asked = conditions(blocks)
+    _, *problems = posed(blocks)
+    for problem in problems:
+        exact = problem.solve(asked, problem.load(case))
+        load = problem.load(case)
+        rough = problem.solve(replace(asked, rough=True), load)
+        assert rough.rough and not exact.rough
+        assert problem.iterations[1] < problem.iterations[0] / 2
+        force = np.abs(exact.normal_force).max()
+        assert 1e-8 * force < np.abs(rough.normal_force - exact.normal_force).max() < 0.05 * force
+        after = problem.solve(asked, load)
+        assert_allclose(after.normal_force, exact.normal_force, rtol=0, atol=1e-10 * force)
+        assert not problem.solve(replace(asked, rough=True), load).rough  # nothing is left to do
 
 
 def test_number_of_iterations_hardly_grows_with_the_number_of_points():

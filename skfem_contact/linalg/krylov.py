@@ -23,11 +23,14 @@ class Iterated:
         Products with the matrix, those that measure the residual apart.
     residual : float
         ``|b - A x|``, measured.
+    enough : bool
+        Whether it is as small as was asked for.
     """
 
     x: Array
     iterations: int
     residual: float
+    enough: bool
 
 
 def gmres(
@@ -38,8 +41,11 @@ def gmres(
     tolerance: float,
     most: int,
     restart: int = 100,
+    share: float = 0.0,
 ) -> Iterated:
     """Solve ``A x = b`` until ``|b - A x|`` is below a tolerance, which is absolute.
+
+    Or below a share of what it is to begin with, if that is more.
 
     It ends after `most` iterations, or where a restart no longer halves the residual: what is left is
     for the caller to judge.
@@ -53,6 +59,7 @@ def gmres(
     """
     r = b - product(x)
     size, iterations = float(np.linalg.norm(r)), 0
+    tolerance = max(tolerance, share * size)
     while size > tolerance and iterations < most:
         correction, spent = _cycle(product, precondition, r, tolerance, min(restart, most - iterations))
         iterations += spent
@@ -60,11 +67,11 @@ def gmres(
         r = b - product(better)
         before, size = size, float(np.linalg.norm(r))
         if not size < before:  # a NaN as well
-            return Iterated(x, iterations, before)
+            return Iterated(x, iterations, before, False)
         x = better
         if size > 0.5 * before:
             break
-    return Iterated(x, iterations, size)
+    return Iterated(x, iterations, size, size <= tolerance)
 
 
 def _cycle(

@@ -36,11 +36,13 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
     current = guess
     # the limits of `direct` settle over several iterations: until then its sets may well change
     pace = Search(whole=not coupled) if step.turns else Pace(patience=4 if coupled else 15)
+    settled = False
     while True:
         status, held = hold(step, current)
         if held is not None:
             current = replace(current, status=status)
-        response, conditions = _solve(step, current, coupled)
+        rough = step.turns and coupled and held is None and not settled
+        response, conditions = _solve(step, current, coupled, rough)
         proposal = propose(step, current, response)
         if step.turns:
             wrong, residual = violations(step, response, tolerance)
@@ -56,17 +58,20 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             conditions,
             int(np.count_nonzero(wrong)),
             residual,
-            converged=not (np.count_nonzero(changing) or kept)
+            converged=not (np.count_nonzero(changing) or kept or response.rough)
             and (residual <= tolerance or pace.settled),
             note=pace.note(),
             held=held.motion if held is not None and kept else None,
         )
         current = pace.advance(step, current, proposal, changing, response)
+        settled = step.turns and not np.count_nonzero(changing)
 
 
-def _solve(step: Step, current: Guess, coupled: bool) -> tuple[Response, Conditions]:
+def _solve(step: Step, current: Guess, coupled: bool, rough: bool) -> tuple[Response, Conditions]:
     """Solve for a set; where the law's tangent has no unique answer, with limits that lag."""
     conditions = linear_conditions(step, current, coupled)
+    if rough:
+        conditions = replace(conditions, rough=True)
     try:
         return step.problem.solve(conditions, step.load), conditions
     except SingularMatrix:

@@ -12,6 +12,7 @@ softer as the springs make each row.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.linalg.dense_factors import lu
+from skfem_contact.linalg.krylov import Iterated, gmres
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem.condensed import CondensedProblem
 from skfem_contact.problem.held import Held
@@ -30,7 +32,7 @@ from skfem_contact.problem.layer import Layers
 from skfem_contact.problem.resistance import point_resistance
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
 from skfem_contact.problem.seam import PosedOn
-from skfem_contact.problem.thresholds import STIFFER, UNHELD
+from skfem_contact.problem.thresholds import ROUGHLY, STIFFER, UNHELD
 from skfem_contact.problem.whole import Whole
 
 Array = NDArray[np.float64]
@@ -128,7 +130,7 @@ class OnForces(CondensedProblem[W]):
         return Held.under(conditions, load, self.normal_rows, self.tangential_rows, self.own)
 
     def response(
-        self, conditions: Conditions, load: Load, z: Array, p: Array, solution: Array
+        self, conditions: Conditions, load: Load, z: Array, p: Array, solution: Array, rough: bool
     ) -> Response:
         """Gaps, slips and forces of all points from those of the rows, (r,)."""
         # a row of -1, one that can not change, finds the zero at the end
@@ -143,19 +145,23 @@ class OnForces(CondensedProblem[W]):
         lawful = friction_force(conditions, slip, normal_force)
         rigid = conditions.closed & ~conditions.stick & ~conditions.spring.any(axis=(1, 2))
         tangential = np.where(rigid[:, None] & exists, lawful, found)
-        return Response(gap, slip, normal_force, tangential, solution)
+        return Response(gap, slip, normal_force, tangential, solution, rough)
 
 
-class HeldForces:
-    """Forces that about fulfil the equations of held rows, the springs on the anchors included.
+class HeldForces(ABC):
+    """The equations of held rows, and forces that about fulfil them, the springs on anchors included.
 
     Parameters
     ----------
     problem : OnForces
-    held : Held
+    conditions : Conditions
+    load : Load
 
     Attributes
     ----------
+    held : Held
+    rough : bool
+        Whether the equations need not be fulfilled, and then, whether they are not.
     scale : ndarray, shape (h,)
         Roots of the rows' own stiffness: forces divided by it and gaps times it have one unit.
 
@@ -165,8 +171,9 @@ class HeldForces:
         The rows do not hold the bodies.
     """
 
-    def __init__(self, problem: OnForces[W], held: Held) -> None:
-        self.held, self.P = held, problem.bodies.P
+    def __init__(self, problem: OnForces[W], conditions: Conditions, load: Load) -> None:
+        self.held = held = problem.held(conditions, load)
+        self.P, self.rough, self._counts = problem.bodies.P, conditions.rough, problem.iterations
         self.scale = np.sqrt(problem.own[held.rows])
         self.G = csr_matrix(problem.G[held.rows])
         self._stiffness = problem.stiffness(held.rows)
@@ -179,6 +186,22 @@ class HeldForces:
         self._rigid = lu(left - self._back @ self._forces.T if k else left)
         if not self._rigid.even(UNHELD):
             raise SingularMatrix("the points that are closed do not hold the bodies")
+
+    @abstractmethod
+    def _product(self, x: Array) -> Array:
+        """The left-hand sides for some unknowns."""
+
+    @abstractmethod
+    def _precondition(self, r: Array) -> Array:
+        """Unknowns for some left-hand sides, about."""
+
+    def iterated(self, b: Array, begin: Array, tolerance: float, most: int) -> Iterated:
+        """Unknowns by GMRES, from some to begin with; counted."""
+        share = ROUGHLY if self.rough else 0.0
+        found = gmres(self._product, b, self._precondition, begin, tolerance, most, share=share)
+        self._counts.append(found.iterations)
+        self.rough = self.rough and found.enough and found.residual > tolerance
+        return found
 
     def solved(self, known: Array, extensions: Array) -> tuple[Array, Array]:
         """Forces (h,) and extensions (k,) for right-hand sides of both."""

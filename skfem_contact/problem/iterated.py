@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.krylov import gmres
 from skfem_contact.problem.forces import DependentRows, HeldForces, OnForces, could_not
 from skfem_contact.problem.full import FullProblem, FullSystem
 from skfem_contact.problem.response import Conditions, Load, Response, Source
@@ -68,9 +67,11 @@ class IteratedProblem(OnForces[IteratedBodies]):
         begin = np.zeros(len(z0)), np.zeros(len(q0))
         if self._last is not None and self._last[0] is load:
             begin = self._last[1:]
-        p, q = _Forces(self, conditions, load).found(z0, q0, *begin)
+        system = _Forces(self, conditions, load)
+        p, q = system.found(z0, q0, *begin)
         self._last = load, p, q
-        return self.response(conditions, load, z0 + self.moved(p, q)[0], p, np.append(p, q))
+        z = z0 + self.moved(p, q)[0]
+        return self.response(conditions, load, z, p, np.append(p, q), system.rough)
 
     def source(self, load: Load, response: Response) -> Source:
         """Forces on the contact DOFs: contact, and the springs on the anchors."""
@@ -86,7 +87,7 @@ class _Forces(HeldForces):
     """The equations of held rows in one unit for all unknowns and residuals, the root of an energy."""
 
     def __init__(self, problem: IteratedProblem, conditions: Conditions, load: Load) -> None:
-        super().__init__(problem, problem.held(conditions, load))
+        super().__init__(problem, conditions, load)
         self.problem = problem
 
     def found(self, z0: Array, q0: Array, p: Array, q: Array) -> tuple[Array, Array]:
@@ -102,10 +103,9 @@ class _Forces(HeldForces):
         b = np.append(self.scale * (known - by_loads), -q0)
         size = float(np.linalg.norm(np.concatenate([self.scale * known, self.scale * by_loads, q0])))
         begin = np.append(p[rows] / self.scale, q)
-        found = gmres(self._product, b, self._precondition, begin, ITERATED * size, MOST_PRODUCTS)
-        self.problem.iterations.append(found.iterations)
+        found = self.iterated(b, begin, ITERATED * size, MOST_PRODUCTS)
         logger.debug("contact forces: %d products, residual %.1e", found.iterations, found.residual)
-        if not found.residual <= STAGNANT * size:
+        if not (self.rough or found.residual <= STAGNANT * size):
             raise could_not("the motion by loads", found.residual / size, found.iterations)
         return self._forces_of(found.x)
 

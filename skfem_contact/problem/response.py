@@ -34,6 +34,9 @@ class Conditions:
         [length], [force], [1]
     spring : ndarray, shape (m, d-1, d-1)
         [force/length]
+    rough : bool
+        Whether an answer on the way will do: where linear problems are iterated, one that leaves a
+        thousandth of what is wrong with the iterate before.
     """
 
     closed: Mask
@@ -42,6 +45,7 @@ class Conditions:
     spring: Array
     offset: Array
     coupling: Array
+    rough: bool = False
 
     @cached_property
     def gives(self) -> bool:
@@ -56,13 +60,17 @@ class Conditions:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Gaps, slips and forces of all points, and the solution in the space's own unknowns."""
+    """Gaps, slips and forces of all points, and the solution in the space's own unknowns.
+
+    `rough`: bodies are not yet in equilibrium as well as they will be, see `Conditions`.
+    """
 
     gap: Array
     slip: Array
     normal_force: Array
     tangential_force: Array
     solution: Array
+    rough: bool = False
 
     @cached_property
     def largest_force(self) -> float:

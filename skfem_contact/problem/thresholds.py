@@ -31,6 +31,13 @@ UNHELD = 1e-10
 # Couplings of K from the surface to the bottom of its layer: elements, in effect.
 LAYERS = 4
 
+# -- forces ------------------------------------------------------
+
+# What an answer on the way leaves of the residual: points change by much more than a thousandth from
+# one of Newton's iterations to the next, and what is left is taken up there. An increment takes half as
+# long as with all digits in all iterations; with a tenth of it, or ten times, as long as with this.
+ROUGHLY = 1e-3
+
 # -- multigrid ---------------------------------------------------
 
 # Residual to which the springs on the anchors are known: whether a body is held shows in what is left

@@ -100,6 +100,21 @@ def test_nothing_depends_on_the_frames(route):
         np.testing.assert_allclose(mine, first, rtol=0, atol=1e-9 * np.abs(first).max())
 
 
+@pytest.mark.parametrize("route", ["iterated", "multigrid"])
+def test_a_rough_answer_is_not_the_last(route):
+    """Where no point changes in the first iteration, another finds forces to all digits."""
+    scene = Scene(nodes=5, below=4, mu=5.0)
+    forces, counts = [], []
+    for blocks in (Blocks(scene), Blocks(scene, route)):
+        down = [(0.0, 0.0, -0.01), (1e-3, 0.0, -0.011)]
+        *_, (_, _, state, outcome) = run(blocks, [blocks.moved(shift) for shift in down])
+        forces.append(np.column_stack([state.normal_force, state.tangential_force]))
+        counts.append(len(outcome.trace))
+    assert counts == [1, 2]
+    # multigrid's residual of 1e-12, times the condition of the bodies
+    np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=1e-9 * np.abs(forces[0]).max())
+
+
 @pytest.mark.parametrize("scene", [Scene(mu=0.5), Scene(below=4, mu=0.3, wave=0.1, ratio=100.0)])
 def test_all_loops_find_the_same(scene):
     """`direct` what `newton` finds with exact sticking, all three with the same springs."""
