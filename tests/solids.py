@@ -173,6 +173,11 @@ def elastic(
     )
 
 
+def elastic_form(E: float, nu: float) -> Any:
+    """The stiffness form of an isotropic solid, or of plane strain."""
+    return linear_elasticity(*lame_parameters(E, nu))
+
+
 def at(axis: int, value: float) -> Any:
     """A function of position: on the plane where a coordinate has a value."""
     return lambda x: np.isclose(x[axis], value, rtol=0, atol=1e-9)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import CHORDS, NO_OVERLAP, OVERLAP, TILT
+from skfem_contact.answers.thresholds import CHORDS, NO_OVERLAP, STANDING, TILT
 from skfem_contact.answers.validity.drift import Drift, Track
 from skfem_contact.answers.validity.face_chords import face_bends
 from skfem_contact.answers.validity.standing import Nearby, Standing, standing_nodes
@@ -181,7 +181,7 @@ class Lookout:
         approach : float
             What the bodies take up elastically [length].
         """
-        least = max(self.noise, OVERLAP * approach)
+        least = max(self.noise, STANDING * approach)
         sides = self.secondary, self.primary
         x = [side.points + v[side.dofs] for side, v in zip(sides, u, strict=True)]
         # of nearly all answers this is all that is asked
@@ -223,8 +223,8 @@ class Lookout:
         if not all(len(edges.ends) for edges in self.edges):
             return None
         one, other = (edges.at(x) for edges, x in zip(self.edges, points, strict=True))
-        # what touches has been moved aside by no more than the approach, a few times what is allowed
-        depth, place, across = crossings(one, other, apart=least / OVERLAP)
+        # what touches has been moved aside by no more than the approach, twice what is allowed
+        depth, place, across = crossings(one, other, apart=least / STANDING)
         if added.any() and len(depth):
             depth = depth - added[cKDTree(points[0]).query(place)[1]]
         if not len(depth):
