@@ -74,6 +74,11 @@ MOST_ROWS = 2000
 # Of the parabola's height: a middle node that stands this high makes two facets of a quadratic one.
 CURVED = 0.5
 
+# Least singular value of the equations of unit directions from which the twist of a face is known: four
+# edges in pairs at an angle of 2 degrees have .05, edges and diagonals of a square 1.4, of 10:1 .28,
+# the edges of a triangle of 10:1 .14.
+TWIST = 0.1
+
 # -- validity.drift ----------------------------------------------
 
 # Slip over a facet of the primary: below one the mesh does not resolve where a force acts.

@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import skfem as fem
+from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import KINDS, at, body, elastic, octant_shell
+from solids import KINDS, at, body, cube, elastic, octant_shell
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
@@ -224,3 +225,33 @@ def test_what_is_no_curve_does_not_bend():
         [(-2, -0.5), (-1, -0.2), (0, 0.3), (1, -0.2), (2, -0.5)],  # a roof
     ):
         assert not face_bends(bent(steps))[0].any()
+
+
+@pytest.mark.parametrize("kind", ["quad4", "quad8"])
+def test_nearly_parallel_edges_do_not_tell_the_twist(kind):
+    """A wavy side: beside kinks only edges are curves, in pairs that are nearly parallel."""
+
+    def wavy(x):
+        wave = 0.04 * np.sin(2 * x[0]) * np.cos(2 * x[1])
+        return np.array([x[0], x[1], 0.7 * x[2] + x[2] * wave])
+
+    mesh = cube(kind, 4, wavy)
+    side = body(mesh, kind).surface(lambda x: x[2] > 0.65)
+    bend, _ = face_bends(side)
+    assert 0.05 < np.abs(bend).max() < 0.04 * 4 * 1.5  # its curvatures are .04 x 4 at most
+
+
+def test_plane_faces_have_no_height():
+    """Normals that differ by round-off are no curves."""
+    turn = Rotation.random(random_state=3).as_matrix()
+    one, two = (
+        body(cube("quad8", 3, lambda x, z=z: turn @ (x + np.array([[0.1], [0.2], [z]]))), "quad8")
+        for z in (1.0, 0.0)
+    )
+    up, low = (
+        b.surface(lambda x, c=c: np.abs(turn[:, 2] @ x - 1.0 - c) < 0.05)
+        for b, c in ((one, 0.0), (two, 0.0))
+    )
+    facet = np.zeros(len(up.points), dtype=int)
+    for by_node in (False, True):
+        assert not sagittas(up, low, facet, by_node).any()

@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import CURVED, FLAT
+from skfem_contact.answers.thresholds import CURVED, FLAT, NO_LENGTH, TWIST
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.bodies.thresholds import ALIKE, STEEPEST
@@ -59,7 +59,8 @@ def face_sagittas(secondary: FaceSurface, primary: FaceSurface, facet: Index, by
         whole = [np.abs(np.einsum("fkde,fde->fk", K[faces], spread)) for K in (bend, of_primary[facet])]
         around = np.maximum(around, 4 * np.minimum(*whole))
     np.maximum.at(out, faces, around)
-    return out / 8
+    # what normals of plane faces differ by
+    return np.where(out > 8 * NO_LENGTH * np.abs(secondary.points).max(), out / 8, 0.0)
 
 
 def _heights(edges: Array, bend: Array) -> Array:
@@ -110,6 +111,9 @@ def face_bends(surface: FaceSurface) -> tuple[Array, Array]:
     s, t = np.moveaxis(np.einsum("fad,fcd->fca", axes, along) / size[..., None], -1, 0)
     asked = np.stack([s * s, 2 * s * t, t * t], axis=2)
     asked[:, kind.corners :][~smooth] = 0.0
+    # edges that are nearly parallel in pairs do not tell the twist: without diagonals it is none
+    unit = asked / np.maximum((s * s + t * t)[..., None], np.finfo(float).tiny)
+    asked[np.linalg.svd(unit, compute_uv=False)[:, -1] < TWIST, :, 1] = 0.0
     said = np.linalg.pinv(asked) @ rise[..., None]
     a, b, c = np.moveaxis(said[..., 0] / size**2, -1, 0)
     plane = np.stack([np.stack([a, b], axis=-1), np.stack([b, c], axis=-1)], axis=-1)
