@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 import skfem as fem
+from scipy.sparse import coo_matrix
 from scipy.spatial.transform import Rotation
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 
@@ -91,6 +92,7 @@ class ContactSpec:
     method: str = "mortar"
     tied: bool = False
     interference: float = 0.0
+    G: float | None = None  # tangential stiffness over E times size of the secondary
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,20 @@ class Scene:
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
     size: float = 1.0
     unit: float = 1.0  # of stress
+    finite: bool = False
+    placement: float = 1e-7  # tolerance of finite sliding
+    rigid: tuple[tuple[str, float], ...] = ()  # obstacles on springs: stiffness over the unit and size
+
+    def springs(self, name: str) -> tuple[float, float]:
+        """Stiffness of the springs of a rigid body, and the arm by which they hold its turns."""
+        return dict(self.rigid)[name] * self.unit * self.size, 0.5 * self.size
+
+    @property
+    def mu(self) -> float:
+        """The largest coefficient of friction."""
+        return max(
+            (c.friction[1] for c in self.contacts if c.friction and len(c.friction) > 2), default=0.0
+        )
 
     @property
     def R(self) -> np.ndarray:
@@ -138,11 +154,44 @@ class Way:
     method: str | None = None
     linear: str = "auto"
     loop: str = "newton"
+    start: str = ""  # "proximal": no other start may find the answer
     shuffle: int = 0  # another numbering of the meshes
     turn: int = 0  # another rotation of the whole scene
 
 
 GIVEN = Way()
+
+
+class Mapping(fem.MappingIsoparametric):
+    """scikit-fem's mapping, inverted from several starts and without bounds.
+
+    Its own stops at faces of the element where a Newton step leaves it, and may not get away again.
+    """
+
+    def invF(self, x, tind=None, **_):  # type: ignore[no-untyped-def]
+        for start in (0.25, 0.5, 0.1):
+            X = np.full(x.shape, start)
+            for _ in range(30):
+                step = np.einsum("ijkl,jkl->ikl", self.invDF(X, tind), x - self.F(X, tind))
+                X = X + step
+                if np.abs(step).max() < 1e-12:
+                    return X
+        raise ValueError("a face of the scene is too crooked")
+
+
+def facet_basis(mesh: Any, element: Any, **given: Any) -> Any:
+    """A basis on facets."""
+    own = mesh.mapping()
+    if isinstance(own, fem.MappingIsoparametric):
+        given["mapping"] = Mapping(mesh, own.elem, own.bndelem)
+    return fem.FacetBasis(mesh, element, **given)
+
+
+def moved(m: Made, u: np.ndarray) -> Made:
+    """A body of linear elements where it is after displacements."""
+    mesh = m.basis.mesh
+    p = np.ascontiguousarray(mesh.p + u[m.basis.nodal_dofs])
+    return replace(m, basis=fem.Basis(type(mesh)(p, mesh.t), m.basis.elem, intorder=2))
 
 
 def unit_cube(spec: BodySpec, seed: int, shuffle: int) -> tuple[Any, dict[str, np.ndarray]]:
@@ -187,9 +236,10 @@ def _make(s: Scene, k: int, shuffle: int) -> Made:
     mesh = type(mesh)(np.ascontiguousarray(at), mesh.t)
     basis = fem.Basis(mesh, fem.ElementVector(element()), intorder=order)
     E = spec.E * s.unit
-    K = linear_elasticity(*lame_parameters(E, spec.nu)).assemble(basis)
+    K = stiffness(basis, *lame_parameters(E, spec.nu))
     if spec.bed:
-        mass = fem.BilinearForm(lambda u, v, w: sum(u[i] * v[i] for i in range(3))).assemble(basis)
+        values = np.array([np.broadcast_to(b[0], b[0].shape) for b in basis.basis])
+        mass = assembled(basis, np.einsum("aieq,bieq,eq->eab", values, values, basis.dx, optimize=True))
         K = K + spec.bed * E / s.size**2 * mass
     last = k == len(s.bodies) - 1
     D = [basis.get_dofs(tags[t]).all() for t in spec.clamped]
@@ -207,12 +257,30 @@ def _make(s: Scene, k: int, shuffle: int) -> Made:
                 x[np.intersect1d(dofs, basis.get_dofs(tags["top"]).all())] = v[c]
             drive.append(x)
         else:
-            facets = fem.FacetBasis(mesh, basis.elem, facets=tags["top"], intorder=order)
+            facets = facet_basis(mesh, basis.elem, facets=tags["top"], intorder=order)
             t = s.unit * s.R[:, axis]
             form = fem.LinearForm(lambda v, w, t=t: sum(t[i] * v[i] for i in range(3)))
             drive.append(form.assemble(facets))
     D = np.unique(np.concatenate(D)) if D else np.zeros(0, int)
     return Made(spec, basis, K.tocsr(), D, tags, tuple(drive))
+
+
+def stiffness(basis: Any, lam: float, mu: float) -> Any:
+    """Linear elasticity, all pairs of shape functions at once (scikit-fem takes them one by one)."""
+    grad = np.array([b[0].grad for b in basis.basis])  # (a, i, j, e, q)
+    strain = 0.5 * (grad + np.swapaxes(grad, 1, 2)).reshape(len(grad), 9, *grad.shape[3:])
+    div = strain[:, [0, 4, 8]].sum(axis=1)
+    blocks = lam * np.einsum("aeq,beq,eq->eab", div, div, basis.dx, optimize=True)
+    blocks += 2 * mu * np.einsum("aieq,bieq,eq->eab", strain, strain, basis.dx, optimize=True)
+    return assembled(basis, blocks)
+
+
+def assembled(basis: Any, blocks: np.ndarray) -> Any:
+    """The matrix of element matrices (e, a, b)."""
+    dofs = basis.element_dofs.T
+    rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
+    matrix = coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(basis.N, basis.N))
+    return matrix.tocsr()
 
 
 def components(basis: Any) -> list[np.ndarray]:
@@ -242,6 +310,7 @@ def build(s: Scene, made: dict[str, Made], way: Way = GIVEN) -> tuple[Any, list[
         b.name: sc.Body(made[b.name].basis, made[b.name].K.copy(), D=made[b.name].D, name=b.name)
         for b in specs
     }
+    tools = {name: tool(s, name) for name, _ in s.rigid}
     contacts = []
     for c in (s.contacts[i] for i in way.contacts or range(len(s.contacts))):
         sides = [
@@ -252,18 +321,31 @@ def build(s: Scene, made: dict[str, Made], way: Way = GIVEN) -> tuple[Any, list[
         contacts.append(
             sc.Contact(
                 sides[0],
-                sides[1] if c.primary else obstacle(s, c),
+                sides[1] if c.primary else tools.get(c.name) or obstacle(s, c),
                 friction=law(s, c),
                 method=way.method or c.method,
                 tied=c.tied,
                 interference=c.interference * s.size,
+                sliding="finite" if s.finite else "small",
                 name=c.name,
             )
         )
-    linear = sc.Direct() if way.linear == "direct" else "auto"
-    solver = sc.ContactSolver(list(bodies.values()), contacts, loop=way.loop, linear=linear)
+    linear = sc.Direct() if way.linear == "direct" else way.linear
+    most = 2 if way.start else None
+    options = sc.Options(placement_tolerance=s.placement, max_iterations=most)
+    solver = sc.ContactSolver(
+        [*bodies.values(), *tools.values()], contacts, loop=way.loop, linear=linear, options=options
+    )
     top = s.bodies[-1].name
     return solver, [{s.drive: {top: given(s, made[top], step)}} for step in s.steps]
+
+
+def tool(s: Scene, name: str) -> Any:
+    """An obstacle on springs."""
+    stiff, arm = s.springs(name)
+    c = next(c for c in s.contacts if c.name == name)
+    K = np.repeat([stiff, stiff * arm**2], 3)
+    return sc.RigidBody(obstacle(s, c), about=s.at((0.5, 0.5, 0.0)), K=K, name=name)
 
 
 def obstacle(s: Scene, c: ContactSpec) -> Any:
@@ -283,10 +365,12 @@ def law(s: Scene, c: ContactSpec) -> Any:
     """The friction law of a contact."""
     if c.friction is None:
         return None
+    body = next(b for b in s.bodies if b.name == c.secondary[0])
+    G = None if c.G is None else c.G * body.E * s.unit * s.size
     if c.friction[0] == "tresca":
-        return sc.Tresca(c.friction[1] * s.unit)
+        return sc.Tresca(c.friction[1] * s.unit, stiffness=G)
     _, mu, cap, cohesion = c.friction
-    return sc.Coulomb(mu, tau_max=cap * s.unit, cohesion=cohesion * s.unit)
+    return sc.Coulomb(mu, tau_max=cap * s.unit, cohesion=cohesion * s.unit, stiffness=G)
 
 
 # What is drawn
@@ -294,6 +378,30 @@ def law(s: Scene, c: ContactSpec) -> Any:
 
 def scene(seed: int, friction: bool = True) -> Scene:
     """The scene of a number; without `friction` the same one is smooth, and held by springs."""
+    s = _stack(seed, friction)
+    return _rough(s, np.random.default_rng([seed, 32])) if friction else s
+
+
+def _rough(s: Scene, rng: np.random.Generator) -> Scene:
+    """The scene with some large coefficients, soft friction, finite sliding and tools on springs."""
+    large, soft = rng.random(), rng.random() < 0.2
+    G = float(10 ** rng.uniform(-0.5, 1.5))
+    contacts = []
+    for c in s.contacts:
+        law = c.friction
+        if law and law[0] == "coulomb" and large < 0.12:
+            law = ("coulomb", 1.5 if large < 0.08 else 3.0, *law[2:])
+        contacts.append(replace(c, friction=law, G=G if law and soft else None))
+    straight = all(b.element in ("tet P1", "hex Q1") for b in s.bodies)
+    finite = bool(rng.random() < 0.3) and straight
+    rigid = ()
+    if s.contacts[0].primary is None and s.contacts[0].name == "floor" and rng.random() < 0.35:
+        rigid = (("floor", float(min(b.E for b in s.bodies) * 10 ** rng.uniform(-0.5, 1.5))),)
+    return replace(s, contacts=tuple(contacts), finite=finite, rigid=rigid)
+
+
+def _stack(seed: int, friction: bool) -> Scene:
+    """A random stack of blocks."""
     rng = np.random.default_rng([seed, 31])
     n = int(rng.choice([2, 2, 2, 3, 3, 4]))
     smooth = rng.random() < 0.3 or not friction
