@@ -113,3 +113,12 @@ def test_small_numbers_have_a_name_and_a_source(name):
         if isinstance(node, ast.Constant) and isinstance(node.value, float)
     ]
     assert not [value for value in numbers if 0 < abs(value) < 1e-2], name
+
+
+def test_what_takes_long_to_import_waits_until_it_is_used():
+    """Half of the import was SciPy's trees; `trees` has them, and others ask it for one."""
+    late = ("scipy.spatial", "scipy.optimize", "scipy.special", "scipy.interpolate", "scipy.integrate")
+    for name in MODULES:
+        for node in parsed(name).body:  # on top, not in functions
+            found = node.module if isinstance(node, ast.ImportFrom) else None
+            assert not str(found).startswith(late), f"{name}: import it where it is used"

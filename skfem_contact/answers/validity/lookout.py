@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import CHORDS, NO_OVERLAP, STANDING, TILT
@@ -27,6 +26,7 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.pairing.faces.edges import crossings, sharp_edges_of
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -140,7 +140,7 @@ class Missing:
         self.support = Support.of(side.body, start, known)
         self.beside = known_nodes[:0]
         if len(known_nodes):
-            nearest = cKDTree(side.points[known_nodes]).query(side.points[self.nodes])[1]
+            nearest = kd_tree(side.points[known_nodes]).query(side.points[self.nodes])[1]
             self.beside = known_nodes[nearest]
 
     def filled(self, part: Array, u: Array) -> Array:
@@ -208,7 +208,7 @@ class Lookout:
         ):
             node, face, depth = standing_nodes(other, own, *pair, least)
             if added.any() and len(node):
-                nearest = cKDTree(secondary.points).query(own.points[node])[1]
+                nearest = kd_tree(secondary.points).query(own.points[node])[1]
                 depth = depth - added[nearest]
             hidden = depth > least + chords[face]
             if not hidden.any() or (best and depth[hidden].max() <= best.depth):
@@ -226,7 +226,7 @@ class Lookout:
         # what touches has been moved aside by no more than the approach, twice what is allowed
         depth, place, across = crossings(one, other, apart=least / STANDING)
         if added.any() and len(depth):
-            depth = depth - added[cKDTree(points[0]).query(place)[1]]
+            depth = depth - added[kd_tree(points[0]).query(place)[1]]
         if not len(depth):
             return None
         i, count = int(np.argmax(depth)), int(np.count_nonzero(depth > least))

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.faces import area_vectors
 from skfem_contact.bodies.selection import written
@@ -25,6 +24,7 @@ from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.faces.projection import project
 from skfem_contact.pairing.thresholds import COINCIDENT
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -138,7 +138,7 @@ class Nearby:
         self.node = self.face = near[:0]
         if not len(near):
             return
-        found = cKDTree(own[near]).query_ball_point(middle, reach)
+        found = kd_tree(own[near]).query_ball_point(middle, reach)
         count = np.array([len(some) for some in found])
         self.face = np.repeat(np.arange(len(middle)), count)
         self.node = near[np.concatenate([np.asarray(some, dtype=np.intp) for some in found])]

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from skfem_contact.bodies.faces import area_vectors, seen_from_outside, twin_edges
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.thresholds import BEYOND, LEAN, SHARP
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -126,8 +126,8 @@ def crossings(one: Edges, other: Edges, apart: float = 0.0) -> tuple[Array, Arra
         return empty
     a, b = one.points, other.points
     half = [0.5 * np.linalg.norm(x[:, 1] - x[:, 0], axis=1).max() for x in (a, b)]
-    near = cKDTree(a.mean(axis=1)).sparse_distance_matrix(
-        cKDTree(b.mean(axis=1)), half[0] + half[1], output_type="ndarray"
+    near = kd_tree(a.mean(axis=1)).sparse_distance_matrix(
+        kd_tree(b.mean(axis=1)), half[0] + half[1], output_type="ndarray"
     )
     i, j = near["i"], near["j"]
     way = a[i, 1] - a[i, 0], b[j, 1] - b[j, 0]
