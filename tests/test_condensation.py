@@ -333,7 +333,7 @@ def test_a_load_that_comes_again_is_reduced_as_if_it_were_new():
         (none, moved),
     ]
     for f, x in [*loads, *loads]:
-        reduced, components = part.load(f, x)
+        reduced, components = part.load(f, x), part.components(f, x)
         # independent of the directions: the interior eliminated from this one load
         u = np.zeros(body.n)
         K, free = body.K.toarray(), np.setdiff1d(part.free, part.kept)

@@ -107,13 +107,19 @@ class Condensed:
         ]
         return np.concatenate(pieces, axis=1)
 
-    def load(self, f: Array, x: Array) -> tuple[Array, tuple[Components | None, ...]]:
-        """Loads condensed onto the contact DOFs, and what `recover` wants to know of them."""
-        pieces = [
-            part.load(f[span], x[span])
-            for part, span in zip(self.substructures, self.spans, strict=True)
-        ]
-        return np.concatenate([piece[0] for piece in pieces]), tuple(p[1] for p in pieces)
+    def components(self, f: Array, x: Array) -> tuple[Components | None, ...]:
+        """What `recover` wants to know of loads: of each body, see `Substructure.components`."""
+        parts = zip(self.substructures, self.spans, strict=True)
+        return tuple([part.components(f[span], x[span]) for part, span in parts])
+
+    def load(self, f: Array, x: Array) -> Array:
+        """Loads condensed onto the contact DOFs, (n_c,)."""
+        parts = zip(self.substructures, self.spans, strict=True)
+        return np.concatenate([part.load(f[span], x[span]) for part, span in parts])
+
+    def directions(self) -> Array:
+        """Loads on the contact DOFs that have one component, as many as loads span so far, (n_c, k)."""
+        return block_diag(*(part.directions for part in self.substructures))
 
     def contact_dofs(self, source: Source) -> Array:
         """Displacements of the contact DOFs, (n_c,) or (n_c, r)."""
@@ -222,6 +228,8 @@ class PointProblem(CondensedProblem[Condensed]):
         self.rigid = lu(self.A_qq - np.eye(len(A) - q))
         S = delassus.without_anchors(A, self.A_zq, self.rigid)
         self.points = PointSpace(S, normal_rows, tangential_rows)
+        # what follows from loads that have one component along the directions known so far
+        self._follows = np.zeros((len(bodies.columns) + 2 * q + len(self.A_qq), 0))
 
     @cached_property
     def resistance(self) -> Resistance:
@@ -230,12 +238,26 @@ class PointProblem(CondensedProblem[Condensed]):
 
     def load(self, case: LoadCase) -> Load:
         """A load case on gaps and slips."""
-        f_c, components = self.bodies.load(case.f, case.x)
+        components = self.bodies.components(case.f, case.x)
+        known = [c for pair in components if pair is not None for c in pair]
+        if len(known) == 2 * len(components):
+            c = np.concatenate(known)
+            if len(c) != self._follows.shape[1]:
+                self._follows = self._following(self.bodies.directions())
+            found = self._follows @ c
+        else:
+            found = self._following(self.bodies.load(case.f, case.x))
+        force, rest = found[: self.q], len(found) - len(self.bodies.columns)
+        gap0, slip0 = self.constant(case)
+        return Load(force, gap0, slip0, found[rest:], components, found[self.q : rest])
+
+    def _following(self, f_c: Array) -> Array:
+        """From loads on the contact DOFs, (n_c,) or (n_c, r): forces on gaps and slips, and changes
+        of gaps, slips and anchors; then the loads themselves."""
         moved = self.G @ self.bodies.flexibility(f_c)
         # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
         force = self.points.S @ moved[: self.q] - self.A_zq @ self.rigid.solve(moved[self.q :])
-        gap0, slip0 = self.constant(case)
-        return Load(force, gap0, slip0, f_c, components, moved)
+        return np.concatenate([force, moved, f_c])
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
@@ -282,7 +304,7 @@ class SurfaceProblem(OnDisplacements, CondensedProblem[Condensed]):
 
     def load(self, case: LoadCase) -> Load:
         """A load case on the contact DOFs."""
-        f_c, components = self.bodies.load(case.f, case.x)
+        f_c, components = self.bodies.load(case.f, case.x), self.bodies.components(case.f, case.x)
         gap0, slip0 = self.constant(case)
         return Load(f_c, gap0, slip0, np.zeros(len(f_c)), components)
 

@@ -81,10 +81,10 @@ class LoadSpan:
         self._eliminated = np.column_stack([self._eliminated, new])
         return np.append(c, size)
 
-    def reduced(self, c: Array) -> Array:
-        """The load on the kept DOFs with these components."""
-        first = len(self._eliminated) - len(self._factor.keep)
-        return self._eliminated[first:, : len(c)] @ c
+    @property
+    def directions(self) -> Array:
+        """Loads on the kept DOFs that have one component, which is one, (n_c, k)."""
+        return self._eliminated[len(self._eliminated) - len(self._factor.keep) :]
 
     def eliminated(self, components: Sequence[Array]) -> Array:
         """Loads with these components, the interior eliminated, (n, r)."""
@@ -205,24 +205,31 @@ class Substructure:
         """The DOFs in the order in which `recover` returns them: all but the prescribed ones."""
         return np.asarray(self.free[self._factor.fronts.order])
 
-    def load(self, f: Array, x: Array) -> tuple[Array, Components | None]:
-        """Load on the kept DOFs, those of the interior and of prescribed DOFs included.
+    def components(self, f: Array, x: Array) -> Components | None:
+        """Components of forces and of prescribed displacements along the directions known so far.
 
-        Returns
-        -------
-        reduced : ndarray, shape (n_c,)
-        components : pair of ndarray, or None
-            Along the directions known so far, for `recover`.
+        None of a body without part in the contact problem, for which nothing is factorised yet; of a
+        rigid one, whose load is a few numbers and none of the interior; and of too many directions.
         """
-        if len(self.kept) == 0:  # no part in the contact problem: nothing to factorise yet
-            return np.zeros(0), None
-        if not isinstance(self.body, Body):  # a few numbers, none of the interior
-            return self._factor.reduce_load(self._free_load(f, x)), None
+        if len(self.kept) == 0 or not isinstance(self.body, Body):
+            return None
         force = self._forces.components(f[self.free])
         move = self._moves.components(x[self.body.D])
-        if force is None or move is None:
-            return self._factor.reduce_load(self._free_load(f, x)), None
-        return self._forces.reduced(force) + self._moves.reduced(move), (force, move)
+        return None if force is None or move is None else (force, move)
+
+    @property
+    def directions(self) -> Array:
+        """Loads on the kept DOFs with one component, (n_c, k): those of forces, then those of moves."""
+        return np.concatenate([self._forces.directions, self._moves.directions], axis=1)
+
+    def load(self, f: Array, x: Array) -> Array:
+        """Load on the kept DOFs, those of the interior and of prescribed DOFs included, (n_c,)."""
+        if len(self.kept) == 0:
+            return np.zeros(0)
+        known = self.components(f, x)
+        if known is None:
+            return self._factor.reduce_load(self._free_load(f, x))
+        return self.directions @ np.concatenate(known)
 
     def recover(
         self,
@@ -236,7 +243,7 @@ class Substructure:
         ----------
         kept : ndarray, shape (n_c, r)
         components : sequence of pairs or None
-            From `load`.
+            From `components`.
         loads : sequence of (f, x)
         """
         known = [(np.zeros(0), np.zeros(0)) if c is None else c for c in components]
