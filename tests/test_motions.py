@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.motions import _holds_all, null_space
+from skfem_contact.conditions.motions import RigidMotions, _held, null_space
 from skfem_contact.conditions.thresholds import RESISTS
 
 
@@ -32,7 +32,7 @@ def test_quick_answer_is_that_of_the_singular_values(k: int, least: float) -> No
             assert found.shape == (k, free)
             # what a direction is off by: round-off of the rows over the distance to the other values
             assert_allclose(rows @ found, 0.0, atol=1.01 * least * max(1.0, held.max()))
-            if _holds_all(rows, least):
+            if _held(rows.T @ rows, least):
                 assert not free
 
 
@@ -42,8 +42,33 @@ def test_quick_answer_is_given_where_contact_holds() -> None:
     normals = np.array([[0.0, 1.0], [0.0, 1.0], [1.0, 0.0]])
     turn = normals[:, 1] * points[:, 0] - normals[:, 0] * points[:, 1]
     rows = np.column_stack([normals, turn])
-    assert _holds_all(rows, 1e-2)
-    assert not _holds_all(rows[:2], RESISTS)  # nothing holds it sideways
+    assert _held(rows.T @ rows, 1e-2)
+    assert not _held(rows[:2].T @ rows[:2], RESISTS)  # nothing holds it sideways
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("seed", range(6))
+def test_held_by_products_is_held_by_rows(seed: int, d: int) -> None:
+    """What products of single points say is held, singular values of all rows find no motion of."""
+    rng = np.random.default_rng(seed)
+    m, k = 8, 3 * (d - 1)
+    motions = RigidMotions(np.zeros((1, k)), None, None)
+    normal, tangential = rng.standard_normal((m, k)), rng.standard_normal((m, d - 1, k))
+    if seed % 2:  # in the last motion nothing moves along the normals
+        normal[:, -1] = 0.0
+    vars(motions).update(normal=normal, tangential=tangential)
+    answers = set()
+    for count in range(m + 1):
+        closed, stick = np.arange(m) < count, np.arange(m) < count // 3
+        weights = np.where(closed, rng.uniform(0.1, 1.0, m), 0.0)
+        for weighted, least in ((closed.astype(float), 1e-2), (weights**2, 1e-7)):
+            rows = np.concatenate([normal, tangential[stick].reshape(-1, k)])
+            rows[:m] *= np.sqrt(weighted)[:, None]
+            held = motions.held(weighted, stick, least)
+            answers.add(held)
+            # no singular value of these rows is near the bounds, where the two may differ
+            assert held == (null_space(rows, 2 * least).shape[1] == 0)
+    assert answers == {True, False}
 
 
 def test_no_rows_and_no_motions() -> None:

@@ -19,11 +19,19 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.thresholds import DIGITS, NO_WORK, NOT_MOVED, NOT_NAMED, RESISTS
+from skfem_contact.conditions.thresholds import (
+    DIGITS,
+    FEW_MODES,
+    NO_WORK,
+    NOT_MOVED,
+    NOT_NAMED,
+    RESISTS,
+)
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 # What is known of an equilibrium that was not found.
 SHOWN = (
@@ -106,6 +114,31 @@ class RigidMotions:
             return np.zeros((0, 0))
         rows = self.rows(closed, stick)
         return null_space(rows if more is None else np.concatenate([rows, more]), firmly)
+
+    @cached_property
+    def _normal_products(self) -> Array:
+        """Of each point the products of the numbers in its row of `normal`, (m, k k)."""
+        products = self.normal[:, :, None] * self.normal[:, None, :]
+        return products.reshape(len(products), -1)
+
+    @cached_property
+    def _tangential_products(self) -> Array:
+        """The same of `tangential`, the sum over the tangents, (m, k k)."""
+        products = np.einsum("mtk,mtl->mkl", self.tangential, self.tangential)
+        return products.reshape(len(products), -1)
+
+    def held(self, closed: Array | Mask, stick: Mask, least: float = RESISTS) -> bool:
+        """Whether closed and sticking points hold all motions by far, as in nearly every step.
+
+        Where they do `free` finds none, and takes longer. `closed` may be weights: the squares of what
+        the rows of `normal` are multiplied by, (m,).
+        """
+        if self.k > FEW_MODES:
+            return False
+        products = closed @ self._normal_products
+        if np.count_nonzero(stick):
+            products = products + stick @ self._tangential_products
+        return _held(products.reshape(self.k, self.k), least)
 
     def rows(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_]) -> Array:
         """Motion of closed points along normals, then of sticking ones along tangents, (r, k)."""
@@ -273,20 +306,19 @@ def null_space(rows: Array, least: float = RESISTS) -> Array:
     k = rows.shape[1]
     if rows.size == 0:
         return np.eye(k)
-    if _holds_all(rows, least):
+    if _held(rows.T @ rows, least):
         return np.zeros((k, 0))
     _, values, directions = np.linalg.svd(rows, full_matrices=rows.shape[0] < k)
     values = np.concatenate([values, np.zeros(len(directions) - len(values))])
     return directions[values < least * max(1.0, np.max(values, initial=0.0))].T
 
 
-def _holds_all(rows: Array, least: float) -> bool:
-    """Whether no direction is anywhere near the bound: what nearly every load step asks.
+def _held(products: Array, least: float) -> bool:
+    """Whether no direction is anywhere near the bound, from the products ``rows' rows``, (k, k).
 
     By the squares of the singular values, the eigenvalues of a matrix of few directions. They have
     half of the digits, so the bound is taken twice as high, and above their round-off.
     """
-    products = rows.T @ rows
     squares = np.linalg.eigvalsh(products) if len(products) > 1 else products.ravel()
     smallest, largest = float(squares[0]), float(squares[-1])
     return smallest > (2 * least) ** 2 * max(1.0, largest) + DIGITS * largest

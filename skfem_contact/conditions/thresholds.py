@@ -69,6 +69,10 @@ NO_WORK = 1e-14
 # round-off. Everything below this counts as free: the matrix would lose more digits than it has.
 RESISTS = 1e-9
 
+# Free motions up to which the products of their rows are kept point by point: those of two bodies in
+# space, which take less than the rows' own matrix.
+FEW_MODES = 12
+
 # Round-off of squares of singular values, over the largest of them.
 DIGITS = 1e-12
 

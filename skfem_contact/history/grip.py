@@ -71,11 +71,15 @@ class Grip:
         A point holds a motion by the work of its force: one that hardly moves on it and hardly carries
         anything (a point of an arc, that a body has rolled to by several widths) holds by round-off.
         """
-        motions, carrying = self.motions, self.carrying
-        rows, across = motions.rows(carrying, self.stick), self._across()
+        motions, carrying, stick = self.motions, self.carrying, self.stick
+        share = self.attempt.local.normal_force / self.largest
+        share[motions.kin.bilateral] = 1.0
+        by_work = motions.held(carrying * share**2, stick, FAINT)
+        if by_work and motions.held(carrying, stick, self.firmly):
+            return False
+        rows, across = motions.rows(carrying, stick), self._across()
         if null_space(np.concatenate([rows, across]), self.firmly).shape[1]:
             return True
-        share = np.where(motions.kin.bilateral, 1.0, self.attempt.local.normal_force / self.largest)
         rows[: np.count_nonzero(carrying)] *= share[carrying, None]
         return null_space(np.concatenate([rows, across]), FAINT).shape[1] > 0
 
@@ -108,8 +112,8 @@ class Grip:
         motions, state, full = self.motions, self.attempt.local, np.zeros(len(self.stick), dtype=bool)
         if state.tangential_force.size:
             friction = lengths(state.tangential_force)
-            bound = np.where(interface.frictional, self.attempt.friction_bound, np.inf)
-            full = self.stick & (friction >= (1 - HOLDS_NOTHING) * bound) & (friction > 0)
+            full = self.stick & interface.frictional & (friction > 0)
+            full &= friction >= (1 - HOLDS_NOTHING) * self.attempt.friction_bound
         if not (np.count_nonzero(full) or self.idles):  # all that sticks holds, and that is enough
             return ()
         free = motions.free(self.carrying, self.stick & ~full, more=self._across(full))

@@ -97,9 +97,13 @@ def _slip_rule(
 
 def disagreement(current: Guess, proposal: Guess) -> Mask:
     """Points whose status or slip direction changes."""
-    turned = lengths(current.direction - proposal.direction) > 1.0
-    turned |= ~current.direction.any(axis=1) & proposal.direction.any(axis=1)  # which way was not known
-    return (current.status != proposal.status) | (turned & (proposal.status == SLIP))
+    changes, slips = current.status != proposal.status, proposal.status == SLIP
+    if np.count_nonzero(slips):
+        turned = lengths(current.direction - proposal.direction) > 1.0
+        # which way was not known
+        turned |= (lengths(current.direction) == 0) & (lengths(proposal.direction) > 0)
+        changes |= turned & slips
+    return changes
 
 
 def law_residual(step: Step, status: NDArray[np.intp], direction: Array, response: Response) -> float:
@@ -154,6 +158,8 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
     if motions.k == 0:
         return status, None
     holds = step.frictional | step.tied
+    if motions.held(status != OPEN, (status == STICK) & holds, FIRMLY):
+        return status, None
 
     def still_free() -> Array:
         closed, stick = status != OPEN, (status == STICK) & holds
