@@ -9,6 +9,7 @@ friction on the secondary surface is ``-tau`` ([M] eqs. (6), (7), (11); [M] is V
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -228,7 +229,12 @@ class Coulomb(FrictionLaw):
         return np.where(self._uncapped(normal_force, area) >= self.tau_max * area, 0.0, steady)
 
     def _uncapped(self, normal_force: Array, area: Array) -> Array:
-        return np.asarray(self.mu * normal_force + self.cohesion * area)
+        bound = np.asarray(self.mu * normal_force)
+        return np.asarray(bound + self.cohesion * area) if self._coheres else bound
+
+    @cached_property
+    def _coheres(self) -> bool:
+        return bool(np.any(self.cohesion))
 
 
 @with_known_keywords(limit="write tau_max", k="write tau_max")

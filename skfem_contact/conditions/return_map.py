@@ -107,14 +107,18 @@ def map_by_bound(
     size = lengths(trial)
     slips = size > limit
     kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)[:, None]
-    direction = np.divide(trial, size[:, None], out=np.zeros(trial.shape), where=slips[:, None])
-    across = np.eye(trial.shape[1]) - direction[:, :, None] * direction[:, None, :]
+    if trial.shape[1] == 1:  # nothing turns: along the only tangent what slips has its bound
+        direction, by_trial = np.sign(trial) * slips[:, None], (~slips)[:, None, None].astype(float)
+    else:
+        direction = np.divide(trial, size[:, None], out=np.zeros(trial.shape), where=slips[:, None])
+        by_trial = np.eye(trial.shape[1]) - direction[:, :, None] * direction[:, None, :]
+        by_trial *= kept[:, :, None]
     by_normal = law.slope(normal_force, area, slip)[:, None] * direction
-    by_slip = np.zeros(across.shape)
+    by_slip = np.zeros(by_trial.shape)
     if hardens:
         ask = partial(law.limit, normal_force, area)
         by_slip = direction[:, :, None] * slip_gradient(ask, limit, slip, direction)[:, None, :]
-    return trial * kept, slips, Derivatives(kept[:, :, None] * across, by_normal, by_slip)
+    return trial * kept, slips, Derivatives(by_trial, by_normal, by_slip)
 
 
 def slip_gradient(limit: Callable[[Array], Array], here: Array, slip: Array, direction: Array) -> Array:

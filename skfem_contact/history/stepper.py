@@ -162,19 +162,23 @@ class Stepper:
         if step.laws:
             guided = problem.guided & interface.frictional
             status, friction = guided_friction(step, guided, status, response)
-        opened = (status == OPEN)[:, None]
+        opened = status == OPEN
         surface, slip = last.surface, response.slip
         if geometry.follows:
             dofs = geometry.surface_dofs
             source = problem.source(load, response)
             surface = problem.surface(source, case)[dofs]
             slip = geometry.slip(problem.kin, seen, surface, slip, interface.slipping)
+        friction, normal_force = friction.copy(), response.normal_force.copy()
+        friction[opened] = normal_force[opened] = 0.0
+        reference = last.reference.copy()
+        reference[opened] = slip[opened]
         return LocalState(
             status,
             slip,
-            np.where(opened, 0.0, friction),
-            np.where(opened[:, 0], 0.0, response.normal_force),
-            np.where(opened, slip, last.reference),
+            friction,
+            normal_force,
+            reference,
             response.gap,
             problem.kin.area,
             surface,

@@ -115,7 +115,8 @@ def as_guess(state: LocalState) -> Guess:
     slips = (state.status == SLIP) & (size > 0)
     if state.slip.shape[1] > 1:  # slip may go on in any direction: until that is known, nothing slips
         slips = np.zeros_like(slips)
-    status = np.where((state.status == SLIP) & ~slips, STICK, state.status)
+    status = state.status.copy()
+    status[(status == SLIP) & ~slips] = STICK
     direction = np.zeros(state.slip.shape)
     direction[slips] = state.tangential_force[slips] / size[slips, None]
     return Guess(status, direction, state.normal_force, state.tangential_force, state.slip)
@@ -123,9 +124,10 @@ def as_guess(state: LocalState) -> Guess:
 
 def admissible(guess: Guess, step: Step) -> Guess:
     """The guess without points that have lost their partner, and with all that never open."""
-    status = np.where(step.paired, guess.status, OPEN)
-    status = np.where(step.bilateral & step.paired & (status == OPEN), STICK, status)
-    status = np.where(step.tied | ((status == SLIP) & ~step.frictional), STICK, status)
-    direction = np.where((status == SLIP)[:, None], guess.direction, 0.0)
+    status, direction = guess.status.copy(), guess.direction.copy()
+    status[~step.paired] = OPEN
+    status[step.bilateral & step.paired & (status == OPEN)] = STICK
+    status[step.tied | ((status == SLIP) & ~step.frictional)] = STICK
+    direction[status != SLIP] = 0.0
     forces = guess.normal_force, guess.tangential_force
     return Guess(status, direction, *forces, guess.slip, guess.pivoted, guess.reach)

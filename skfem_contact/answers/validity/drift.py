@@ -225,7 +225,8 @@ class Track:
 
     def slip(self, vectors: Array, given: Array) -> Array:
         """Displacements along the tangents (m,) from slips (m, d), less given ones (m, d-1)."""
-        return np.asarray(np.einsum("id,id->i", vectors, self.tangent) - given[:, 0])
+        x, y = vectors.T, self.tangent.T
+        return np.asarray(x[0] * y[0] + x[1] * y[1] - given[:, 0])
 
     def tangential(self, vectors: Array) -> Array:
         """What is along the tangents; in 2-D rows of motions are already."""
