@@ -18,6 +18,7 @@ from skfem_contact.answers.validity.watched import Said
 from skfem_contact.arguments import check_kind
 from skfem_contact.conditions.diagnosis import check_loads
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.thresholds import SAME_PLACE
 from skfem_contact.errors import ContactWarning, InputError
 from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.failure import failure
@@ -58,7 +59,7 @@ class Answering:
             state = natural_state(kin, len(geometry.surface_dofs))
             state = replace(state, gap=before.gap0)  # without interference
         else:
-            state, before = start.state, start.case
+            state, before = start.state, self._left(start)
         warm = guess or start
         step = LoadStep(state, before, target, None if warm is None else warm.state, callback)
         found = Finding(self.stepper, step, start)
@@ -80,6 +81,22 @@ class Answering:
         if result.converged or not throw:
             return result
         raise failure(found, result)
+
+    def _left(self, start: Answer | SavedState) -> LoadCase:
+        """The loads of a state to go on from, with the places that new supports find DOFs at.
+
+        They hold from there on, also in parts of a step: not from zero.
+        """
+        model, case = self.stepper.model, start.case
+        if start.identity is model.geometry.identity:
+            return case
+        D = model.system.D
+        found, x = start.u[D], np.array(case.x)
+        elsewhere = np.abs(found - x[D]) > SAME_PLACE * np.max(np.abs(start.u), initial=0.0)
+        if not elsewhere.any():
+            return case
+        x[D[elsewhere]] = found[elsewhere]
+        return replace(case, x=x)
 
     @cached_property
     def watch(self) -> Watch:

@@ -670,3 +670,29 @@ def test_a_ball_that_is_led_in_space_is_an_obstacle_that_moves():
         # as far as the pairings are settled
         assert_allclose(here.slip_vector[on], there.slip_vector[on], rtol=0, atol=1e-11)
         assert here.certificate.worst < 1e-10
+
+
+def test_a_lock_holds_from_where_it_finds_the_body():
+    """A wheel that has rolled is locked by a second solver and drawn on: in parts of a step, too.
+
+    A new support begins at the place that the state has, not at zero: the wheel would turn back.
+    """
+    basis = block_basis(np.linspace(-1, 2, 49), np.linspace(-1, 0, 5))
+    strip = sc.Body(basis, elastic(1.0, 0.3), D="bottom", name="strip")
+
+    def with_wheel(*held):
+        wheel = sc.RigidBody(sc.RigidCylinder((0, 2.0), 2.0), D=("x", *held), name="wheel")
+        contact = sc.Contact(strip.surface("top"), wheel, friction=sc.Coulomb(0.3), sliding="finite")
+        return sc.ContactSolver([strip, wheel], contact)
+
+    steps = [{"f": {"wheel": {"y": -0.05}}}, *({"x": {"wheel": {"x": x}}} for x in (0.25, 0.5, 0.75))]
+    *_, rolled = with_wheel().history(steps)
+    turn = rolled.motion("wheel")[1]
+    assert abs(turn) > 0.3
+    step = {"x": {"wheel": {"x": 1.0, "rotation": turn}}}
+    (drawn,) = with_wheel("rotation").history([step], start=rolled)
+    assert "step cut" in drawn.message and drawn.motion("wheel")[1] == pytest.approx(turn)
+    closed = drawn.status > 0
+    assert np.all(drawn.status[closed] == 2)
+    # it slid by 0.25 less what the strip gives, against 0.3 of the weight
+    assert 0.8 < drawn.dissipation / (0.3 * 0.05 * 0.25) < 1.05
