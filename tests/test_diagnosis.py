@@ -489,6 +489,16 @@ def test_dry_run_says_what_is_modelled():
         assert words in text, words
 
 
+@pytest.mark.parametrize("kind", [{"tied": True}, {"separation": False}])
+def test_dry_run_tells_what_is_held_together_across(kind):
+    """A tie or bond takes the meshes as they are: how far they are apart is said beforehand."""
+    table, punch = block("table", D="bottom"), block("punch", y=(1.1, 2.1))
+    contact = sc.Contact(punch.surface("bottom"), table.surface("top"), **kind)
+    assert "held together as meshed: up to 0.1 apart, overlapping by up to 0" in str(
+        sc.ContactSolver([table, punch], contact)
+    )
+
+
 def test_dry_run_of_other_kinds():
     """Ties, frictionless contact on obstacles, and the sparse route are described as what they are."""
     assert "tied (node): gaps and slips are zero, also in tension" in str(

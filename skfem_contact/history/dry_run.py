@@ -10,6 +10,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.linalg.memory import written_bytes
 from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
+from skfem_contact.pairing.node import Pairing
 
 if TYPE_CHECKING:
     from skfem_contact.history.solver import ContactSolver
@@ -31,7 +32,7 @@ def dry_run(solver: ContactSolver) -> str:
         part = solver.interface.point_slices[solver.names.index(name)]
         lines += ["", f"{name}: {contact.label}"]
         lines.append(f"  {_model_words(contact)}")
-        lines += [f"  {line}" for line in _gap_words(solver, part)]
+        lines += [f"  {line}" for line in _gap_words(solver, contact, pairing, part)]
         sides = pairing, contact.secondary, contact.primary, contact.method
         lines += [f"  {line}" for line in (*diagnose(*sides), *say_stiffer(*sides))]
     return "\n".join(lines)
@@ -75,11 +76,17 @@ def _model_words(contact: Contact) -> str:
     return f"method {method}; {law}"
 
 
-def _gap_words(solver: ContactSolver, part: slice) -> list[str]:
-    gap = solver.kin.gap0[part][solver.kin.paired[part]]
-    total = part.stop - part.start
+def _gap_words(solver: ContactSolver, contact: Contact, pairing: Pairing, part: slice) -> list[str]:
+    paired = solver.kin.paired[part]
+    gap, total = solver.kin.gap0[part][paired], part.stop - part.start
     lines = [f"{len(gap)} of {total} points have a partner"]
-    if len(gap):
+    if len(gap) and contact.bilateral:
+        apart = pairing.gap[paired]
+        widest, deepest = max(apart.max(), 0.0), max(-apart.min(), 0.0) + 0.0
+        lines.append(
+            f"held together as meshed: up to {widest:.6g} apart, overlapping by up to {deepest:.6g}"
+        )
+    elif len(gap):
         touching = int(np.sum(gap == 0.0))
         widest, deepest = max(gap.max(), 0.0), max(-gap.min(), 0.0) + 0.0
         lines.append(
