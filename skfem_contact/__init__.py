@@ -71,6 +71,7 @@ from skfem_contact.obstacles.triangles import RigidSurface
 from skfem_contact.output.plot_bodies import plot_deformed
 from skfem_contact.output.plot_contacts import plot_contact
 from skfem_contact.output.plot_histories import plot_force, plot_history
+from skfem_contact.output.scene import scene
 from skfem_contact.output.stress import nodal_stress, von_mises
 from skfem_contact.output.vtk import write, write_series
 
@@ -125,6 +126,7 @@ __all__ = [
     "plot_deformed",
     "plot_force",
     "plot_history",
+    "scene",
     "stack",
     "von_mises",
     "write",

@@ -6,5 +6,6 @@
 * `vtu`, `grids`, `vtk`: files for ParaView;
 * `view`, `drawing`, `draw_tools`: what stands where in a picture;
 * `plot_bodies`, `plot_contacts`, `plot_histories`, `solids` (in 3-D): pictures with matplotlib;
+* `scene`: pictures in space with PyVista;
 * `thresholds`: numbers, and where they come from.
 """

@@ -111,8 +111,8 @@ def plot_deformed(
     if solid and window is not None:
         raise InputError("window is for plane pictures: set the limits of these axes instead")
     seen, bodies = view(result, scale), list(result.system.solids.values())
-    values = [_colours(result, body, stress, component) for body in bodies]
-    label = label or _name(stress, component, words)
+    values = [colours(result, body, stress, component) for body in bodies]
+    label = label or colour_name(stress, component, words)
     if solid:
         outside = [_on_boundary(body, v) for body, v in zip(bodies, values, strict=True)]
         ax, image, box = draw_bodies(result, seen, outside, ax, cmap)
@@ -137,7 +137,7 @@ def plot_deformed(
         ax.set(aspect="equal", xlim=(left, right), ylim=(low, high))
     if remarks:
         note(ax, remarks, None if solid else _places(result, seen))
-    shape = {"shrink": 0.7, "pad": 0.08} if solid else {"shrink": 0.85, "pad": 0.02}
+    shape = {"shrink": 0.7, "pad": 0.13} if solid else {"shrink": 0.85, "pad": 0.02}
     ax.figure.colorbar(image, ax=ax, label=label, **shape)
     ax.set_title(seen.words)
     for axis in "xyz"[: box[0].size]:
@@ -154,7 +154,7 @@ def _window(window: Sequence[float]) -> Box:
     return edges[[0, 2]], edges[[1, 3]]
 
 
-def _name(stress: Stress | None, component: str | None, units: Mapping[str, str]) -> str:
+def colour_name(stress: Stress | None, component: str | None, units: Mapping[str, str]) -> str:
     """What the colour bar is called."""
     if stress is None:
         return labelled("displacement", "length", units)
@@ -256,7 +256,7 @@ def _only(points: Array, keep: NDArray[np.bool_]) -> Array:
     return np.where(keep[:, None], points, np.nan)
 
 
-def _colours(result: ContactResult, body: Body, stress: Stress | None, component: str | None) -> Array:
+def colours(result: ContactResult, body: Body, stress: Stress | None, component: str | None) -> Array:
     """A number per node."""
     u, nodes = result.displacement(body), body_nodes(body)
     if stress is None:

@@ -66,7 +66,7 @@ def draw_contact(
         _lines(ax, values.contact_edges, color="black", lw=1.4, label="edge of contact")
     _states(ax, values, seen, surface, units)
     label = labelled("pressure", "stress", units)
-    ax.figure.colorbar(image, ax=ax, label=label, shrink=0.7, pad=0.08)
+    ax.figure.colorbar(image, ax=ax, label=label, shrink=0.7, pad=0.13)
     _look(ax, x.reshape(-1, 3), eye)
     ax.set_title(f"{values.name}: {surface.label}, seen from the other side", fontsize="medium")
     if not closed.any():

@@ -1,0 +1,188 @@
+"""Pictures in space that turn, with PyVista (the extra ``scene``): what is behind is hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.result import ContactResult
+from skfem_contact.arguments import known_keywords, members
+from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.errors import InputError
+from skfem_contact.output.draw_tools import TOOL, placed_tools, with_tools
+from skfem_contact.output.drawing import FRICTION, LINES, is_solid
+from skfem_contact.output.nodes import body_cells, body_nodes, three
+from skfem_contact.output.plot_bodies import colour_name, colours
+from skfem_contact.output.thresholds import LONGEST
+from skfem_contact.output.units import checked, quantity
+from skfem_contact.output.view import View, view
+from skfem_contact.output.vtu import VTK_CELLS
+from skfem_contact.output.wanted import Stress
+
+Array = NDArray[np.float64]
+
+
+@known_keywords()
+def scene(
+    result: ContactResult,
+    scale: float | Literal["auto"] = "auto",
+    stress: Stress | None = None,
+    *,
+    bodies: Sequence[Member | str] | None = None,
+    component: str | None = None,
+    arrows: bool = True,
+    label: str | None = None,
+    cmap: str = "YlGnBu",
+    units: Mapping[str, str] | None = None,
+    off_screen: bool | None = None,
+) -> Any:
+    """The deformed bodies and rigid obstacles in space, to be turned, or to be saved as a picture.
+
+    Better than `plot_deformed` where bodies hide each other. It needs PyVista, which has a window of
+    its own and a form for notebooks.
+
+    Parameters
+    ----------
+    result : ContactResult
+    scale, stress, component, label, cmap, units
+        As in `plot_deformed`.
+    bodies : sequence of Body or str, optional
+        Those that are shown: what touches is seen with the body before it left out. By default all.
+    arrows : bool
+        Draw the traction on the secondary surfaces of solids, if their bodies are shown.
+    off_screen : bool, optional
+        Without a window, for ``screenshot``; by default as PyVista is set up.
+
+    Returns
+    -------
+    pyvista.Plotter
+        ``.show()`` opens it, ``.screenshot("picture.png")`` saves it, and all else of PyVista is there.
+
+    Raises
+    ------
+    InputError
+        If PyVista is missing, the problem has no displacements, or there is no such body.
+
+    Examples
+    --------
+    Without PyVista the scene says what to install; with it the last two lines save a picture.
+
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshHex().refined(1).with_boundaries({"low": lambda x: x[2] < 1e-9})
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    >>> cube = sc.Body(basis, linear_elasticity(), f={"low": (0, 0, -1e-3)}, name="cube")
+    >>> floor = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    >>> glue = sc.Contact(cube.surface("low"), floor, tied=True)
+    >>> result = sc.ContactSolver(cube, glue).solve()
+    >>> plotter = sc.scene(result, off_screen=True)  # doctest: +SKIP
+    >>> plotter.screenshot("cube.png")  # doctest: +SKIP
+    """
+    solid, words = is_solid(result), checked(units)
+    try:
+        import pyvista  # optional, and slow to import
+    except ImportError:
+        raise InputError(
+            "scene needs PyVista, which is not installed: pip install 'skfem-contact[scene]'; "
+            "plot_deformed draws solids by matplotlib"
+        ) from None
+    seen, shown = view(result, scale), _chosen(result, bodies)
+    label = label or colour_name(stress, component, words)
+    plotter = pyvista.Plotter(off_screen=off_screen)
+    plotter.set_background("white")
+    values = [colours(result, body, stress, component) for body in shown]
+    limits = min(v.min() for v in values), max(v.max() for v in values)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for body, value in zip(shown, values, strict=True):
+        grid = _grid(pyvista, result, body, seen)
+        grid.point_data[label] = value
+        skin = _skin(pyvista, grid)
+        bar = {"title": f"{label}\n", "color": "black", "fmt": "%.3g"}
+        plotter.add_mesh(skin, scalars=label, cmap=cmap, clim=limits, ambient=0.25, scalar_bar_args=bar)
+        plotter.add_mesh(skin.extract_feature_edges(30.0), color=LINES, line_width=1.5)
+        low, high = np.minimum(low, grid.points.min(axis=0)), np.maximum(high, grid.points.max(axis=0))
+    d = 3 if solid else 2
+    box = with_tools(result, seen, (low[:d], high[:d]))
+    for points, cells in placed_tools(result, seen, box):
+        if len(cells):
+            plotter.add_mesh(_tool(pyvista, points, cells, box), color=TOOL, opacity=0.3)
+    remarks = [seen.words]
+    if arrows and solid:
+        remarks += _arrows(pyvista, plotter, result, shown, seen, float(np.max(high - low)), words)
+    plotter.add_text("\n".join(remarks), font_size=9, color="black")
+    plotter.add_axes(color="black")
+    plotter.camera_position = "iso" if solid else "xy"
+    return plotter
+
+
+def _chosen(result: ContactResult, bodies: Sequence[Member | str] | None) -> list[Any]:
+    """The bodies that are shown."""
+    solids = list(result.system.solids.values())
+    if bodies is None:
+        return solids
+    usage = "give bodies of the result, or their names"
+    given = [bodies] if isinstance(bodies, str) else members(bodies, object, "bodies", usage)
+    wished = [result.system.bodies[result.system.index(body)] for body in given]
+    found = [body for body in solids if any(body is own for own in wished)]
+    if not found:
+        raise InputError(f"bodies has none with a mesh; {usage}")
+    return found
+
+
+def _grid(pyvista: Any, result: ContactResult, body: Any, seen: View) -> Any:
+    nodes, (kind, cells) = body_nodes(body), body_cells(body)
+    x = seen.place(body.dof_points[nodes[:, 0]], result.displacement(body)[nodes])
+    return pyvista.UnstructuredGrid({VTK_CELLS[kind]: cells}, three(x))
+
+
+def _skin(pyvista: Any, grid: Any) -> Any:
+    """The boundary as triangles; by VTK itself, as PyVista's name for it changes."""
+    from vtkmodules.vtkFiltersGeometry import vtkGeometryFilter  # PyVista brings it
+
+    boundary = vtkGeometryFilter()
+    boundary.SetNonlinearSubdivisionLevel(2)
+    boundary.SetInputDataObject(grid)
+    boundary.Update()
+    return pyvista.wrap(boundary.GetOutput())
+
+
+def _tool(pyvista: Any, points: Array, cells: NDArray[np.intp], box: tuple[Array, Array]) -> Any:
+    """An obstacle as far as it is near the bodies."""
+    table = np.column_stack([np.full(len(cells), cells.shape[1]), cells]).ravel()
+    if points.shape[1] == 2:
+        return pyvista.PolyData(three(points), lines=table)
+    room = 0.25 * float(np.max(box[1] - box[0]))
+    bounds = np.column_stack([box[0] - room, box[1] + room]).ravel()
+    return pyvista.PolyData(points, table).clip_box(bounds, invert=False)
+
+
+def _arrows(
+    pyvista: Any,
+    plotter: Any,
+    result: ContactResult,
+    shown: list[Any],
+    seen: View,
+    size: float,
+    units: Mapping[str, str],
+) -> list[str]:
+    """Tractions on secondary surfaces, the longest 8 % of the scene; what is to be said of them."""
+    drawn = [values for values in result if any(values.surface.body is body for body in shown)]
+    lengths = [np.linalg.norm(values.traction, axis=1) for values in drawn]
+    peak = max((float(length.max(initial=0.0)) for length in lengths), default=0.0)
+    if peak == 0.0:
+        return []
+    for values in drawn:
+        surface = values.surface
+        assert isinstance(surface, FaceSurface)
+        u = result.displacement(surface.body)[surface.dofs]
+        way = LONGEST * size / peak * values.traction
+        tails = pyvista.PolyData(seen.place(values.points, u) - way)
+        tails.point_data["way"] = way
+        glyphs = tails.glyph(orient="way", scale="way", factor=1.0)
+        plotter.add_mesh(glyphs, color=FRICTION)
+    return [f"longest arrow: {quantity(peak, 'stress', units)}"]
