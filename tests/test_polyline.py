@@ -291,3 +291,21 @@ def test_corners_that_press_little_are_no_reason_to_warn():
             result = next(solver.history([{"motion": {"die": (0, -0.0005)}}]))
             result.report()
         assert result.force[1] < -1e-5
+
+
+@pytest.mark.parametrize("n, error", [(8, sc.ContactWarning), (0, sc.InputError)])
+def test_points_the_wrong_way_round_are_named(n, error):
+    """A groove with the solid on the right of its points: a disc, or a square, lies in the solid."""
+    mesh = fem.MeshQuad.init_tensor(*[np.linspace(-1, 1, (n or 4) + 1)] * 2)
+    x, y = mesh.p
+    if n:
+        round_ = np.array([x * np.sqrt(1 - y**2 / 2), y * np.sqrt(1 - x**2 / 2)])
+        mesh = fem.MeshQuad(round_, mesh.t)
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    body = sc.Body(basis, linear_elasticity(1.0, 1.0), name="ring")
+    groove = sc.RigidPolyline([(-1.1, 1.6), (-1.1, -1), (1.1, -1), (1.1, 1.6)], name="groove")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(error, match=r"it is solid on their left"):
+            contact = sc.Contact(body.surface(lambda x: x[1] < 0.6), groove)
+            sc.ContactSolver(body, contact).solve()

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import structural_rank
 
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.interface import Interface
@@ -22,6 +22,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.conditions.thresholds import HUGE, NO_OVERLAP
 from skfem_contact.errors import ConstraintError, ContactWarning, InputError
+from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.diagnosis import diagnose, say_wrong_side
 from skfem_contact.pairing.node import Pairing
 
@@ -222,10 +223,19 @@ def _warn_overlap(contact: Contact, name: str, gap: Array, interference: Array) 
             f"contact '{name}' starts with an overlap of {deepest:.6g}, {deepest / min(sizes):.2g} "
             f"times the extent of the smaller body ({min(sizes):.6g}). The answer is linear, but "
             "strains of this size are not small. Usually a unit or the sign of interference is "
-            "wrong, or the primary surface is on the far side of its body.",
+            f"wrong, or {_far_side(contact)}.",
             ContactWarning,
             stacklevel=5,
         )
+
+
+def _far_side(contact: Contact) -> str:
+    """In words how a primary comes to lie on the wrong side."""
+    primary = contact.primary
+    outline = primary.outline if isinstance(primary, Obstacle) else None
+    if isinstance(outline, CurveSurface):
+        return "the points of the polyline run the wrong way round: it is solid on their left"
+    return "the primary surface is on the far side of its body"
 
 
 def _extent(surface: ContactSurface) -> float:

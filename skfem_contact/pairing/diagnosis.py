@@ -138,6 +138,8 @@ def _say_beyond(
 
 def _say_why(secondary: ContactSurface, primary: Any) -> str:
     if not isinstance(primary, ContactSurface):
+        if getattr(primary, "outline", None) is not None and secondary.dim == 2:
+            return "; see its position, and which way round its points run: it is solid on their left."
         return "; see its position, the side it is on, and `hollow`."
     middle = primary.points[primary.facets].mean(axis=1)
     nearest, facet = map(np.asarray, kd_tree(middle).query(secondary.points))
