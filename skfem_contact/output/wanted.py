@@ -78,4 +78,5 @@ def component(values: Array, which: str | None, name: str) -> Array:
     if which not in known or (values.ndim == 2 and known[which] >= values.shape[1]):
         listed = ", ".join(map(repr, SIX if values.ndim == 3 else "xyz"[: values.shape[1]]))
         raise InputError(f"component={which!r} of {name!r}: a picture shows one of {listed}")
-    return values[(slice(None), *np.atleast_1d(known[which]))]
+    index = (slice(None), *np.atleast_1d(known[which]))
+    return values[index]

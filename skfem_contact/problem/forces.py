@@ -17,7 +17,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import Self, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ from skfem_contact.problem.whole import Whole
 
 Array = NDArray[np.float64]
 W = TypeVar("W", bound=Whole)
+P = TypeVar("P", bound="OnForces[Any]")
 
 
 class DependentRows(Exception):
@@ -87,7 +88,7 @@ class OnForces(CondensedProblem[W]):
             self.rows, self.slips, lambda rows: STIFFER * self.layers.flexibility(rows)
         )
 
-    def in_series(self, C: Resistance) -> Self:
+    def in_series(self: P, C: Resistance) -> P:
         """The same problem with springs of the stiffness C in series with its points."""
         new = copy(self)
         new.give = np.zeros(len(self.own))
