@@ -201,3 +201,44 @@ def test_bars_that_lie_across_each_other_are_not_told(method, angle):
         bars.append((body, body.surface(at(2, 0.0), name="side")))
     result, said = solved(*bars, method=method)
     assert result.force[2] > 0 and not said, said
+
+
+def floor_with_a_wall():
+    """A floor z < 0, -1 < x < 1.5, with a wall from x = 1 on; the floor before the wall is selected."""
+    x, y, z = np.linspace(-1, 1.5, 11), np.linspace(-0.5, 0.5, 5), np.linspace(-0.5, 0.5, 5)
+    mesh = fem.MeshHex.init_tensor(x, y, z)
+    middle = mesh.p[:, mesh.t].mean(axis=1)
+    mesh = mesh.restrict(np.flatnonzero((middle[2] < 0) | (middle[0] > 1)))
+    floor = elastic(mesh, "quad4", "floor", held=((at(2, -0.5), (0, 1, 2)),))
+    return floor, floor.surface(lambda x: np.isclose(x[2], 0) & (x[0] < 1), name="top")
+
+
+@pytest.mark.parametrize("method", ["node", "mortar"])
+def test_a_block_driven_into_a_wall(method):
+    """A side that is in no contact holds nothing; with finite sliding that is seen in every step."""
+    floor, top = floor_with_a_wall()
+    mesh = cube("quad4", 3, lambda x: np.stack([0.6 * x[0] - 0.8, 0.6 * x[1] - 0.3, 0.4 * x[2]]))
+    block = elastic(mesh, "quad4", "block", held=((at(2, 0.4), (0, 1, 2)),))
+    contact = sc.Contact(block.surface(at(2, 0.0), name="foot"), top, sliding="finite", method=method)
+    solver = sc.ContactSolver([floor, block], contact)
+
+    def step(way):
+        x = np.zeros(block.n)
+        end = np.isclose(block.dof_points[:, 2], 0.4)
+        x[end & (block.dof_component == 0)] = way
+        x[end & (block.dof_component == 2)] = -0.005
+        return {"x": {"block": x}}
+
+    # the foot ends at -0.2: free up to 1.1, from then on in the wall
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        before = list(solver.history([step(way) for way in (0.0, 0.5, 1.0, 1.15)]))[-1]
+        assert not caught
+        after = solver.solve(**step(1.25), start=before)
+    (said,) = (str(w.message) for w in caught)
+    if method == "node":  # which of the two is said first is all the same
+        assert "have slid past the end of 'floor/top'" in said
+    else:
+        assert "nodes of 'block/foot' are in the body of 'floor/top', behind sides of it" in said
+        assert "by 0.05" in said
+    assert ("overlap", "contact 1") in after.validity.problems

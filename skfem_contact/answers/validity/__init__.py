@@ -7,6 +7,7 @@
 * `solids`: the same at obstacles in 3-D;
 * `chords`, `face_chords` (in 3-D): facets that are too long for what presses on a curve;
 * `overlap`, `hull` (in 3-D), `meeting`, `skin`, `intrusion`: deformed boundaries against each other;
-* `standing`, `lookout`: vertices and edges of solids that overlap where no row sees it;
+* `standing`, `flanks`, `lookout`: vertices and edges of solids that overlap where no row sees it, and
+  what runs into sides that are in no contact;
 * `validity`: all of it, on request.
 """

@@ -156,6 +156,8 @@ class Track:
         Initial gaps with the contact's own interference [length].
     """
 
+    nodal = False  # whether only nodes see the primary; matters for faces
+
     def __init__(self, contact: Contact, pairing: Pairing, gap0: Array) -> None:
         secondary, primary = contact.secondary, contact.primary
         self.secondary, self.primary = secondary, primary
@@ -177,7 +179,7 @@ class Track:
         own = field_values(contact.interference, self.points, "interference")
         self.added = np.where(self.paired, gap0 + own - gap, 0.0)
         # nothing is wrong with gaps of glued points
-        self.follows, self.nodal = not contact.tied, contact.method == "node"
+        self.follows = not contact.tied
         self.chord, self.curved = np.zeros(len(self.points)), False
         if isinstance(primary, ContactSurface):
             facet = np.where(self.paired, pairing.facet, 0)

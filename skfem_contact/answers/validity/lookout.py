@@ -10,6 +10,7 @@ at again with all displacements before anything is said.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import CHORDS, NO_OVERLAP, STANDING, TILT
 from skfem_contact.answers.validity.drift import Drift, Track
 from skfem_contact.answers.validity.face_chords import face_bends
+from skfem_contact.answers.validity.flanks import Flanks, boundary
 from skfem_contact.answers.validity.standing import Nearby, Standing, standing_nodes
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.bodies.surface import FaceSurface
@@ -58,6 +60,11 @@ class Lookouts:
             there[self.system.D] = True
         sides = {i: (self.each[i].secondary, self.each[i].primary) for i in small}
         self.missing = {i: [self._missing(side, there) for side in sides[i]] for i in small}
+        far = [i for i in self.each if i not in small]
+        there[:] = False
+        there[geometry.surface_dofs] = True
+        there[self.system.D] = True
+        self.flanks = {i: self._flanks(self.each[i], there) for i in far}
 
     def look(
         self,
@@ -87,6 +94,8 @@ class Lookouts:
                 sides = self.each[i].secondary, self.each[i].primary
                 parts = [known[self.system.slice(side.body)] for side in sides]
             standing = self._look(i, parts, case, tracks, drifts[i].approach)
+            if standing is None and i in self.flanks:
+                standing = self._beside_surfaces(i, parts, known, drifts[i].approach)
             if standing is not None:
                 found[i] = standing
         return found
@@ -96,9 +105,34 @@ class Lookouts:
         one = self.each[i]
         parts = [result.displacement(side.body) for side in (one.secondary, one.primary)]
         found = self._look(i, parts, result.worn_case, result.watched.tracks, drift.approach)
+        if found is None and i in self.flanks:
+            found = self._beside_surfaces(i, parts, None, drift.approach)
         if found is None or (found.what == "touch" and not self._beside(i, result, found)):
             return ""
         return found.words(one.secondary.label, one.primary.label, one.contact.method)
+
+    def _flanks(self, one: Lookout, there: Mask) -> list[tuple[Flanks, Missing]]:
+        """The sides beside both surfaces of a contact, and what is not known of their places."""
+        found = []
+        for selected, own in ((one.primary, one.secondary), (one.secondary, one.primary)):
+            whole = boundary(selected)
+            if whole is not None:
+                found.append((Flanks(whole, selected, own), self._missing(whole, there)))
+        return found
+
+    def _beside_surfaces(
+        self, i: int, parts: Sequence[Array], known: Array | None, approach: float
+    ) -> Standing | None:
+        """What is in a side of the other body; with all displacements where nothing is `known`."""
+        one, best = self.each[i], None
+        least = max(one.noise, STANDING * approach)
+        for flanks, missing in self.flanks[i]:
+            k = 0 if flanks.own is one.secondary else 1
+            u = parts[1 - k] if known is None else missing.filled(parts[1 - k], known)
+            found = flanks.look(u, parts[k], least)
+            if found and (best is None or found.depth > best.depth):
+                best = replace(found, what="flank of primary" if k == 0 else "flank of secondary")
+        return best
 
     def _beside(self, i: int, result: Answer, found: Standing) -> bool:
         """Whether the point that presses where two edges touch does so in another direction."""

@@ -43,7 +43,8 @@ class Standing:
     place : ndarray, shape (3,)
         Where it is [length].
     what : str
-        "primary" or "secondary", whose vertices they are; "edges" that cross, or "touch".
+        "primary" or "secondary", whose vertices they are; "edges" that cross, or "touch"; "flank of
+        primary" or "flank of secondary", a side that is in no contact.
     across : ndarray, shape (3,), or None
         Unit vector across two edges.
     """
@@ -69,6 +70,15 @@ class Standing:
                 f"edges of {secondary!r} and {primary!r} meet at {at}, where forces act along normals "
                 "of faces and not across both edges: their size and direction are wrong. Round the "
                 "edges off by faces that turn by less than 45 degrees, or take method='mortar'."
+            )
+        if self.what.startswith("flank"):
+            own, other = secondary, primary
+            if self.what.endswith("secondary"):
+                own, other = other, own
+            return (
+                f"{self.count} nodes of {own!r} are in the body of {other!r}, behind sides of it that "
+                f"do not belong to the contact, the deepest, at {at}, by {deep}: nothing holds them "
+                "there. Take these sides into the surface, or make a second contact with them."
             )
         mean = "in the mean over faces" if method == "mortar" else "at the nodes of the secondary"
         own, other = (primary, secondary) if self.what == "primary" else (secondary, primary)

@@ -52,6 +52,8 @@ class Watch:
         nothing holds along a frictionless contact may slide on it.
     """
 
+    lookouts: Lookouts | None = None  # of solids
+
     def __init__(
         self,
         geometry: Geometry,
@@ -69,7 +71,8 @@ class Watch:
         if not self.moves:  # a scalar field
             return
         self.intrusions = Intrusions(geometry, self.contacts)
-        self.lookouts = Lookouts(geometry, known) if self.dim == 3 else None
+        if self.dim == 3:
+            self.lookouts = Lookouts(geometry, known)
         self.supports = [
             Support.of(body, int(start), arm=self.system.extent)
             for body, start in zip(self.system.bodies, self.system.offsets[:-1], strict=True)
