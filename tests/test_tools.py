@@ -122,3 +122,32 @@ def test_rigid_bodies_are_where_their_degrees_of_freedom_say() -> None:
     assert (first.name, second.name) == ("roller", "wall") and first.contacts == (0,)
     assert_allclose(first.motion.translation, result.motion("roller")[0])
     assert second.motion.translation.tolist() == [0.0, 0.0]
+
+
+def test_functions_without_values_somewhere_are_drawn_where_they_have_some() -> None:
+    """A root that ends at x = 0: its curve is drawn from there on, without a warning."""
+    root = sc.LevelSet(lambda x: x[1] - np.sqrt(x[0]), name="root")
+    x, lines = tool(root, STILL[2], 2).outline(LOW[:2], HIGH[:2])
+    assert len(lines) and np.all(x[:, 0] >= 0)
+    # a chord of the root over the first cell, h = 0.0116, is off by h / 4 in its square
+    assert_allclose(x[:, 1] ** 2, x[:, 0], rtol=0, atol=3e-3)
+
+
+def test_an_obstacle_of_unknown_shape_is_said_not_to_be_drawn() -> None:
+    """Nothing is drawn of it, nothing is written, and the picture says so."""
+    pytest.importorskip("matplotlib").use("Agg")
+    from skfem_contact.obstacles.obstacle import Obstacle
+
+    class Own(Obstacle):
+        name = "own"
+
+        def moved(self, motion: Any) -> Any:
+            return self
+
+        def distance(self, surface: Any) -> Any:
+            return sc.RigidPlane((0, 0), (0, 1)).distance(surface)
+
+    basis = fem.Basis(fem.MeshQuad().refined(1).with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    block = sc.Body(basis, linear_elasticity(), {"top": (0.0, -1e-3)}, D="left", name="block")
+    result = sc.ContactSolver(block, sc.Contact(block.surface("bottom"), Own())).solve()
+    assert "own is not drawn" in sc.plot_deformed(result).texts[0].get_text()

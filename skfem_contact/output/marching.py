@@ -74,7 +74,8 @@ def _on_simplices(function: Callable[[Array], Array], axes: Sequence[Array]) -> 
     """Values (t, d+1) and places (t, d+1, d) of the corners of triangles or tetrahedra on a grid."""
     d = len(axes)
     grid = np.stack(np.meshgrid(*axes, indexing="ij"))
-    values = np.asarray(function(grid.reshape(d, -1)), dtype=float).reshape(grid.shape[1:])
+    with np.errstate(all="ignore"):  # where it has no value there is nothing to draw
+        values = np.asarray(function(grid.reshape(d, -1)), dtype=float).reshape(grid.shape[1:])
     number = np.arange(values.size).reshape(values.shape)
     corners = []
     for order in permutations(range(d)):  # Kuhn's simplices: from one corner to the opposite one
@@ -87,8 +88,8 @@ def _on_simplices(function: Callable[[Array], Array], axes: Sequence[Array]) -> 
             shifted = [shifted[0], shifted[2], shifted[1]]  # counter-clockwise as the other
         corners.append(np.stack(shifted, axis=1))
     cells = np.concatenate(corners)
-    signs = values.ravel()[cells] < 0
-    cells = cells[signs.any(axis=1) & ~signs.all(axis=1)]
+    signs, known = values.ravel()[cells] < 0, np.isfinite(values.ravel()[cells]).all(axis=1)
+    cells = cells[signs.any(axis=1) & ~signs.all(axis=1) & known]
     return values.ravel()[cells], grid.reshape(d, -1).T[cells]
 
 

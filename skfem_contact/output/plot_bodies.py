@@ -19,6 +19,7 @@ from skfem_contact.output.drawing import FRICTION, LINES, arc_length, is_solid, 
 from skfem_contact.output.nodes import body_cells, body_nodes
 from skfem_contact.output.solids import draw_bodies
 from skfem_contact.output.thresholds import ARROWS, LONGEST, MARGIN_2D, SHORTEST
+from skfem_contact.output.tools import tools
 from skfem_contact.output.units import checked, labelled, quantity
 from skfem_contact.output.view import View, view
 from skfem_contact.output.wanted import Stress
@@ -125,6 +126,8 @@ def plot_deformed(
         for points, lines in placed_tools(result, seen, box):
             draw_lines(ax, points, lines, float(np.max(box[1] - box[0])))
     remarks = [f"{v.name} is open" for v in result if not np.any(v.status != OPEN)]
+    unknown = [tool.name for tool in tools(result) if not len(tool.outline(*box)[1])]
+    remarks += [f"{name} is not drawn" for name in unknown]
     if arrows and not solid:
         ends, peak = _arrows(ax, result, seen, box)
         if window is None and len(ends):
