@@ -24,7 +24,7 @@ Fields = Stress | Sequence[Stress] | Mapping[str, Stress]
 
 #: What kind of quantity the fields are, for their units; those that users give are stresses.
 QUANTITIES = {
-    "displacement": "length", "gap": "length", "slip": "length",
+    "displacement": "length", "gap": "length", "slip": "length", "wear_depth": "length",
     "pressure": "stress", "traction": "stress", "tangential_force": "force",
 }  # fmt: skip
 
@@ -140,6 +140,8 @@ def _point_data(
 ) -> dict[str, Array]:
     u = result.displacement(surface.body)[surface.dofs]
     data = {"u": u[:, 0]} if u.shape[1] == 1 else {"displacement": three(u)}
+    if any(v.contact.wear is not None or v.wear_depth.any() for v in result.values):
+        data["wear_depth"] = values.wear_depth
     return data | {
         "pressure": values.pressure,
         "traction": three(values.traction),

@@ -260,3 +260,16 @@ def test_words():
         solver.with_friction(None)
     with pytest.raises(TypeError, match="K / H"):
         sc.Archard(hardness=3.0)
+
+
+def test_files_have_the_depth(tmp_path):
+    """Where something wears, from the first step on; elsewhere there is no such field."""
+    meshio = pytest.importorskip("meshio")
+    for wear, wanted in ((sc.Archard(0.1), True), (None, False)):
+        solver, step = pushed(wear=wear)
+        first, last = solver.history([step(*way) for way in WAYS[:2]])
+        for result in (first, last):
+            data = meshio.read(sc.write(tmp_path / "worn.vtu", result)[1]).point_data
+            assert ("wear_depth" in data) == wanted
+            if wanted:
+                assert_allclose(data["wear_depth"], result.wear_depth)
