@@ -267,7 +267,8 @@ def _curve(body: Body, name: str, label: str, numbers: np.ndarray) -> CurveSurfa
 
     points = np.ascontiguousarray(basis.doflocs[:, dofs[:, 0]].T)
     check_facets(points, facets, numbers, mesh, label)
-    normals = lengths_and_normals(points, facets, _held(body, dofs), facet_neighbours(facets))
+    neighbours = facet_neighbours(facets)
+    normals = lengths_and_normals(points, facets, _held(body, dofs), neighbours)
     return CurveSurface(
         body=body,
         name=name,
@@ -278,7 +279,7 @@ def _curve(body: Body, name: str, label: str, numbers: np.ndarray) -> CurveSurfa
         mesh_facets=numbers,
         slopes=end_slopes(points, facets, normals["facet_node_normals"]),
         end_turns=end_turns(basis, points, facets, facets_v),
-        kinks=kink_angles(points, facets, facet_neighbours(facets)),
+        kinks=kink_angles(points, facets, neighbours),
         **normals,
     )
 
@@ -315,5 +316,6 @@ def _as_met(ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _held(body: Body, dofs: np.ndarray) -> np.ndarray:
     """Prescribed components, (m, d); a scalar field has no directions to hold."""
-    held = np.isin(dofs, body.D)
-    return held if dofs.shape[1] == body.dim else np.zeros((len(dofs), body.dim), dtype=bool)
+    held = np.zeros(body.n, dtype=bool)
+    held[body.D] = True
+    return held[dofs] if dofs.shape[1] == body.dim else np.zeros((len(dofs), body.dim), dtype=bool)

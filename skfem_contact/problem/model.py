@@ -102,6 +102,7 @@ class LinearModel:
     def __getstate__(self) -> dict[str, Any]:
         """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
         known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
+        known.pop("_wanted", None)
         return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting", "_on_points"))
 
     @cached_property
@@ -113,7 +114,7 @@ class LinearModel:
         own = [K.diagonal() for K in self.stiffness]
         if all(isinstance(body, Body) for body in self.system.bodies):
             return tuple(own)
-        firm = firmness(self.system, self.stiffness, self._wanted())
+        firm = firmness(self.system, self.stiffness, self._wanted)
         return tuple(
             diagonal if isinstance(body, Body) else np.maximum(diagonal, firm)
             for body, diagonal in zip(self.system.bodies, own, strict=True)
@@ -187,7 +188,7 @@ class LinearModel:
         return self._bodies
 
     def _made(self, route: str) -> AnyBodies:
-        parts = self.system, self.stiffness, self._wanted(), self._reuse
+        parts = self.system, self.stiffness, self._wanted, self._reuse
         if route == "condensed":
             return Condensed(*parts)
         if route == "iterated":
@@ -199,7 +200,7 @@ class LinearModel:
     @property
     def known(self) -> np.ndarray:
         """DOFs whose displacements a load step knows without the interior, supports apart."""
-        return self._wanted() if self.route == "condensed" else np.arange(self.system.n)
+        return self._wanted if self.route == "condensed" else np.arange(self.system.n)
 
     @property
     def substructures(self) -> list[Substructure | None]:
@@ -264,8 +265,10 @@ class LinearModel:
     @cached_property
     def dense_bytes(self) -> int:
         """Memory that the dense matrices of the contact problem take at most, or would [bytes]."""
-        wanted = np.setdiff1d(self._wanted(), self.system.D)
-        kept = np.diff(np.searchsorted(wanted, self.system.offsets))
+        enters = np.zeros(self.system.n, dtype=bool)
+        enters[self._wanted] = True
+        enters[self.system.D] = False
+        kept = np.diff(np.searchsorted(np.flatnonzero(enters), self.system.offsets))
         return dense_bytes(kept.tolist(), self.rows)
 
     @property
@@ -287,7 +290,7 @@ class LinearModel:
         return self._sizes(WholeBody if self.route == "iterated" else Substructure)
 
     def _sizes(self, kind: type[Substructure]) -> dict[str, FactorSize]:
-        wanted = self._wanted()
+        wanted = self._wanted
         out = {}
         for i, (body, name) in enumerate(zip(self.system.bodies, self.system.names, strict=True)):
             span = self.system.slice(body)
@@ -326,12 +329,13 @@ class LinearModel:
         if self.route != "full" or not isinstance(self.backend, Direct):
             return problem
         if self._for_pivoting is None:
-            self._for_pivoting = Condensed(self.system, self.stiffness, self._wanted())
+            self._for_pivoting = Condensed(self.system, self.stiffness, self._wanted)
         if self._on_points is None or self._on_points[0] is not problem:
             points = self._attach(self._for_pivoting, problem.kin, problem.u)
             self._on_points = problem, points
         return self._on_points[1]
 
+    @cached_property
     def _wanted(self) -> NDArray[np.intp]:
         """DOFs that contact rows may touch: those of now, and of surfaces that slide far."""
         return np.union1d(self.touched(), self.geometry.surface_dofs)

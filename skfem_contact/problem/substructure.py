@@ -124,7 +124,7 @@ class Substructure:
 
     def __init__(self, body: Member, K: csr_matrix, wanted: Index, firm: float = 0.0) -> None:
         self.body, self.K, self._firm = body, K, firm
-        self.free = np.setdiff1d(np.arange(body.n), body.D)
+        self.free = np.delete(np.arange(body.n), body.D)
         self.anchors = wanted
         if len(wanted):
             self.anchors = anchors(body, wanted) if isinstance(body, Body) else self.free

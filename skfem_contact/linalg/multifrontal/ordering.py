@@ -102,7 +102,8 @@ def dissection_order(A: Any, points: np.ndarray) -> np.ndarray:
 
 def distinct(x: np.ndarray) -> np.ndarray:
     """The distinct values of `x` in ascending order; twice as fast as ``np.unique`` on keys."""
-    x = np.sort(x)
+    # keys come in runs, one for each row of a matrix: merging them takes half of the time of sorting
+    x = np.sort(x, kind="stable")
     return x[_changes(x)]
 
 
