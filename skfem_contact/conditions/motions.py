@@ -135,9 +135,9 @@ class RigidMotions:
         """
         if self.k > FEW_MODES:
             return False
-        products = closed @ self._normal_products
+        products = closed.astype(float).dot(self._normal_products)
         if np.count_nonzero(stick):
-            products = products + stick @ self._tangential_products
+            products += stick.astype(float).dot(self._tangential_products)
         return _held(products.reshape(self.k, self.k), least)
 
     def rows(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_]) -> Array:

@@ -225,9 +225,9 @@ class Reduction:
     def load(self, load: Load) -> Load:
         """A load on the rows that are kept; the same load is reduced once."""
         if self._load is not load:
-            self._load = load
-            self._at_rest = self._factor.solve(load.force[self.rest])
-            force = load.force[self.rows] - self._follow.T @ load.force[self.rest]
+            self._load, rest = load, load.force[self.rest]
+            self._at_rest = self._factor.solve(rest)
+            force = load.force[self.rows] - self._follow.T @ rest
             self._reduced = Load(force, load.gap0, load.slip0, load.prescribed)
         return self._reduced
 

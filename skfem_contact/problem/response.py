@@ -47,7 +47,7 @@ class Conditions:
     coupling: Array
     rough: bool = False
 
-    @cached_property
+    @property
     def gives(self) -> bool:
         """Whether any point has a spring."""
         return bool(np.count_nonzero(self.spring))

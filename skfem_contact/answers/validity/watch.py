@@ -321,8 +321,8 @@ class Watch:
 
 def relative(rows: list[Array], motions: list[Array]) -> Array:
     """How far points move against each other, from the rows (m, r) or (m, d, r) and motions (r,)."""
-    own, *other = (side @ motion for side, motion in zip(rows, motions, strict=True))
-    return np.asarray(own - other[0] if other else own)
+    own = rows[0] @ motions[0]
+    return np.asarray(own - rows[1] @ motions[1] if len(rows) > 1 else own)
 
 
 ONCE = " (Said once in a history, at the first step beyond the bound; result.validity has the numbers.)"
