@@ -196,7 +196,8 @@ class _Fields(HeldForces):
         found = self.iterated(b, begin, settings.tol * size, settings.max_iterations)
         logger.debug("multigrid: %d iterations, residual %.1e", found.iterations, found.residual)
         u, own, q = self._parts(found.x)
-        if not (self.rough or found.residual <= max(settings.tol * size, self._round_off(u))):
+        good = self.rough or found.residual <= settings.tol * size
+        if not (good or found.residual <= self._round_off(u)):
             raise not_within(found.residual / size, settings.tol, found.iterations)
         p = np.zeros(len(p))
         p[rows] = own
