@@ -80,6 +80,24 @@ def test_meshio_reads_tensors_and_names(tmp_path: Path) -> None:
     assert_allclose(floor.point_data["displacement"][:, 1], 0.01)
 
 
+def test_tensors_are_in_the_order_of_vtk(tmp_path: Path) -> None:
+    """XX, YY, ZZ, XY, YZ, XZ, from a tensor whose entries say where they stand; factors are times."""
+
+    def where(body: sc.Body, u: np.ndarray) -> np.ndarray:
+        tensor = np.array([[11.0, 12, 13], [12, 22, 23], [13, 23, 33]])
+        return np.tile(tensor, (body.n // body.dim, 1, 1))
+
+    basis = fem.Basis(fem.MeshHex().refined(1), fem.ElementVector(fem.ElementHex1()), intorder=2)
+    cube = sc.Body(basis, linear_elasticity(), f=1e-6 - basis.doflocs[2] * 1e-5, name="cube")
+    glue = sc.Contact(
+        cube.surface(lambda x: x[2] < 1e-9), sc.RigidPlane((0, 0, 0), (0, 0, 1)), tied=True
+    )
+    (result,) = sc.ContactSolver(cube, glue).history([0.75])
+    mesh = meshio.read(sc.write(tmp_path / "a.vtu", result, stress=where)[0])
+    assert mesh.point_data["where"][3].tolist() == [11, 22, 33, 12, 23, 13]
+    assert mesh.field_data["TimeValue"] == mesh.field_data["load factor"] == 0.75
+
+
 def test_several_fields_by_name(tmp_path: Path) -> None:
     """A dict names them, a list takes the names of the functions, doubles are refused."""
     result, mises = pressed(), partial(sc.von_mises, E=1.0, nu=0.0)

@@ -315,6 +315,16 @@ def test_what_moves_far_is_where_it_is() -> None:
     assert 23 < low < 24 and 25 < high < 26 and np.ptp(obstacle_lines(ax)[..., 0]) > high - low
 
 
+def test_bodies_that_are_far_from_each_other_are_in_true_size() -> None:
+    """A floor that has gone down by 5 is five below: it was drawn at 0.05, "magnified 0.01 times"."""
+    solver = pressed(levels=1, depth=0.0)
+    result = next(solver.history([{"motion": {"floor": (0.0, -5.0)}}]))
+    assert view(result).factor == 1.0
+    ax = sc.plot_deformed(result)
+    assert_allclose(obstacle_lines(ax)[..., 1], -5.0)
+    assert ax.get_ylim()[0] < -5.0
+
+
 def test_a_shared_translation_is_not_magnified() -> None:
     """The same block is squeezed by 0.001: 50 times as in place, though it has moved by 24."""
     seen = view(slid(24.0, -0.001))
@@ -416,6 +426,9 @@ def test_force_over_displacement() -> None:
     x, y = sc.plot_force(lifted, "floor").get_lines()[0].get_data()
     assert_allclose(y, x, rtol=1e-9)
     assert_allclose(x, [0.004, 0.008])
+    # contact forces are no loads and no supports: none acts on the bottom from outside
+    x, y = sc.plot_force(results, "block", "bottom", component="y").get_lines()[0].get_data()
+    assert_allclose(y, 0.0, atol=1e-15)
     with pytest.raises(sc.InputError, match="boundary='top'"):
         sc.plot_force(results, "block")
     with pytest.raises(sc.InputError, match="no body 'flor'; did you mean 'floor'"):
