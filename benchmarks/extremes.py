@@ -2,11 +2,12 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/extremes.py [--slow] [--write]
 
-Runs tests/verification/test_extremes.py and test_extreme_cases.py. A case is a test with one set of
-parameters; its row is the number in the name of the test. It counts as refused if it passed and the
-assertion of an error's type and words was what it passed by (the fixture `refused`), as wrong if it
-failed, as right otherwise. The deviation is the largest that `assert_allclose` met in any case of the
-row, over the largest value compared, if that was more than the absolute tolerance.
+Runs test_extremes.py, test_extreme_cases.py and test_extremes_solids.py in tests/verification. A case
+is a test with one set of parameters; its row is the number in the name of the test. It counts as
+refused if it passed and the assertion of an error's type and words was what it passed by (the fixture
+`refused`), as wrong if it failed, as right otherwise. The deviation is the largest that
+`assert_allclose` met in any case of the row, over the largest value compared, if that was more than the
+absolute tolerance.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ import pytest
 HERE = Path(__file__).parent
 TESTS = [
     str(HERE.parent / "tests" / "verification" / name)
-    for name in ("test_extremes.py", "test_extreme_cases.py")
+    for name in ("test_extremes.py", "test_extreme_cases.py", "test_extremes_solids.py")
 ]
 
 STORED = HERE / "results" / "extremes.json"
@@ -78,6 +79,16 @@ ROWS = {
     "redundant": ("constraints that are nearly redundant, or contradict", "statics; named if they do"),
     "far": ("contact pairs 1e9 sizes apart, or that far from the origin", "the answer of one alone"),
     "crossed": ("moduli, mu, units, direction at their extremes together", "uniform stress"),
+    "S1": ("solids: moduli 1e-9 to 1e9", "springs in series"),
+    "S2": ("solids: nanometres to megametres, units of stress", "the same numbers times the units"),
+    "S3": ("solids: plates 1000 times as wide as high, walls, bars", "uniform stress"),
+    "S4": ("solids: mu from 0 to 1000", "slip with mu p; stick"),
+    "S5": ("solids: the corner of a box in a face, pressed by 1e-12 to 1e-2", "one condition, by hand"),
+    "S6": ("solids: one coarse face on 64 fine ones, either way", "uniform stress"),
+    "S7": ("solids: gaps and overlaps from 1e-12 to ten bodies", "exactly nothing; E g / 2 H"),
+    "S8": ("solids: equal squares turned by 1e-15 to 1e-3", "uniform stress, less what sticks out"),
+    "S9": ("solids: a thousand cycles of full slip", "every loop is the first"),
+    "S10": ("solids: nothing to touch, elements inside out", "named"),
 }
 
 

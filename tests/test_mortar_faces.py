@@ -10,7 +10,7 @@ import skfem as fem
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from skfem.models.elasticity import linear_elasticity
-from solids import KINDS, body, onto_octant, shuffled
+from solids import KINDS, at, body, cube, onto_octant, shuffled
 
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import KINDS as FACETS
@@ -647,3 +647,26 @@ def test_nodes_held_on_both_sides_meet_what_is_held(kinds):
         assert_allclose(getattr(pairing, weights).T @ pairing.area, force, rtol=0, atol=ROUND_OFF)
     away = pairing.secondary_weights @ top.points - pairing.primary_weights @ low.points
     assert_allclose(away, 0.0, rtol=0, atol=1e-10)
+
+
+def test_kinks_are_those_of_the_undeformed_bodies():
+    """Bent by strains, a chamfer of 3 degrees stays one: its row has the least gap in its support."""
+
+    def chamfered(x):
+        """The unit cube over z = 0 with the part beyond x = 0.5 of its lower side raised."""
+        return np.stack([x[0], x[1], x[2] + (1 - x[2]) * 0.05 * np.maximum(x[0] - 0.5, 0.0)])
+
+    high = body(cube("quad4", 4, chamfered), "quad4", name="high")
+    low = body(
+        cube("quad4", 3, lambda x: np.stack([1.2 * x[0] - 0.1, 1.2 * x[1] - 0.1, x[2] - 1])), "quad4"
+    )
+    foot = high.surface(lambda x: x[2] < 0.06)
+    contact = Contact(foot, low.surface(at(2, 0.0)), sliding="finite")
+    # from face to face by two thirds of the angle of the chamfer
+    bend = np.zeros(high.n)
+    up = high.dof_component == 2
+    bend[up] = 0.05 / 0.75 * high.dof_points[up, 0] ** 2
+    moved = bend, np.zeros(low.n)
+    assert kink_angles(foot).any() and not kink_angles(foot.moved(bend)).any()
+    known, lost = pair(contact, moved=moved), dual_mortar(foot.moved(bend), contact.primary)
+    assert lost.least_gap is None and np.isfinite(known.least_gap).any()

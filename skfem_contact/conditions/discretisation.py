@@ -17,6 +17,7 @@ from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corner_rows import Names
 from skfem_contact.pairing.corners import CornerContacts, corner_contacts
 from skfem_contact.pairing.faces.control import at_control_points
+from skfem_contact.pairing.faces.kinks import kink_angles
 from skfem_contact.pairing.faces.mortar import dual_mortar as mortar_of_faces
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.faces.rollers import along_supports
@@ -114,7 +115,12 @@ def _pair_faces(
     if len(moved) and isinstance(primary, FaceSurface):
         primary = primary.moved(moved[1])
     if isinstance(primary, FaceSurface) and contact.method == "mortar":
-        pairing = mortar_of_faces(secondary, primary, reach=contact.reach)
+        assert isinstance(contact.secondary, FaceSurface) and isinstance(contact.primary, FaceSurface)
+        kinks = (
+            kink_angles(contact.secondary),
+            kink_angles(contact.primary),
+        )  # before strains bend flats
+        pairing = mortar_of_faces(secondary, primary, reach=contact.reach, kinks=kinks)
     elif isinstance(primary, FaceSurface) or isinstance(outline, FaceSurface):
         faces = primary if isinstance(primary, FaceSurface) else outline
         assert isinstance(faces, FaceSurface)

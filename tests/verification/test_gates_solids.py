@@ -61,27 +61,30 @@ P2 = {  # U, tau_max, tau, slip of the whole joint
 }
 
 
-def sheared_pair(kind, n, method, law):
-    """Two cubes, E = 1 and 0.7, nu = 0; and how their sides are loaded for a uniform shear."""
-    cubes, sides, loads = [], [], []
-    for k, E, name in ((n[0], 0.7, "high"), (n[1], 1.0, "low")):
+def near(axis, value, scale):
+    """As `at`, within a part of a length."""
+    return lambda x: np.abs(x[axis] - value) < 1e-6 * scale
+
+
+def sheared_pair(kind, n, method, law, E=(0.7, 1.0), size=(1.0, 1.0, 1.0)):
+    """Two blocks of a size, nu = 0; and how their sides are loaded for a uniform shear."""
+    cubes, sides, loads, size = [], [], [], np.array(size)
+    for k, modulus, name in zip(n, E, ("high", "low"), strict=True):
         low = 0.0 if name == "high" else -1.0
-        mesh = cube(kind, k, lambda x, low=low: x + np.array([[0.0], [0.0], [low]]))
+        mesh = cube(kind, k, lambda x, low=low: size[:, None] * (x + np.array([[0.0], [0.0], [low]])))
         basis = fem.Basis(mesh, fem.ElementVector(KINDS[kind][2]()), intorder=4)
-        D = basis.get_dofs(lambda x, low=low: np.isclose(x[2], 1.0 if low == 0 else -1.0)).all()
-        cubes.append(sc.Body(basis, elastic_form(E, 0.0), D=D, name=name))
-        sides.append(cubes[-1].surface(at(2, 0.0)))
+        D = basis.get_dofs(near(2, size[2] if low == 0 else -size[2], size[2])).all()
+        cubes.append(sc.Body(basis, elastic_form(modulus, 0.0), D=D, name=name))
+        sides.append(cubes[-1].surface(near(2, 0.0, size[2])))
         across = []
         for axis in (0, 1):
-            ends = [
+            first, last = (
                 fem.LinearForm(lambda v, w: v[2]).assemble(
-                    fem.FacetBasis(
-                        mesh, basis.elem, facets=mesh.facets_satisfying(at(axis, end)), intorder=4
-                    )
+                    fem.FacetBasis(mesh, basis.elem, facets=mesh.facets_satisfying(end), intorder=4)
                 )
-                for end in (0.0, 1.0)
-            ]
-            across.append(ends[1] - ends[0])
+                for end in (near(axis, 0.0, size[axis]), near(axis, size[axis], size[axis]))
+            )
+            across.append(last - first)
         loads.append(across)
     contact = sc.Contact(*sides, friction=law, method=method)
     solver = sc.ContactSolver(cubes, contact)

@@ -79,7 +79,13 @@ class Moments:
         return cls(e, f, own, across.reshape(p, k, k_other))
 
 
-def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | None = None) -> Pairing:
+def dual_mortar(
+    secondary: FaceSurface,
+    primary: FaceSurface,
+    *,
+    reach: float | None = None,
+    kinks: tuple[Array, Array] | None = None,
+) -> Pairing:
     """Pair two surfaces of faces in the weighted mean, with dual multipliers on the secondary.
 
     Parameters
@@ -89,6 +95,9 @@ def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | 
     primary : FaceSurface
     reach : float, optional
         Parts of the surfaces farther apart than this along the normal do not meet [length].
+    kinks : (ndarray, ndarray), optional
+        `kinks.kink_angles` of both surfaces before they were displaced, where they are: strains bend
+        flats, and would make kinks come and go.
 
     Returns
     -------
@@ -105,7 +114,8 @@ def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | 
     owner, exchange = _own_rows(secondary, primary, supports, basis)
     D, area, normal = _secondary_matrix(secondary, basis.share, owner)
     M, facet = _primary_matrix(secondary, primary, moments, basis.A)
-    kinks = kink_angles(secondary), kink_angles(primary)
+    if kinks is None:
+        kinks = kink_angles(secondary), kink_angles(primary)
     of_secondary, of_primary = normals_of_sides(secondary, primary, moments, basis.A, normal, kinks)
     M = M + exchange
     paired = (area > 0) & ~shared_nodes(secondary, primary)
