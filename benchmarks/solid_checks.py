@@ -66,6 +66,7 @@ class Answer:
     contacts: dict[str, Told]
     message: str = ""
     motions: dict[str, tuple[np.ndarray, ...]] = field(default_factory=dict)
+    indifferent: bool = False  # whether the place of some body is said to be
 
     @property
     def cut(self) -> bool:

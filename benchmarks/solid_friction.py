@@ -267,7 +267,7 @@ def _lost(
     """The energy that is reported is the mean of the bounds times the slip."""
     b, R0, way, allowed = values
     told = a.contacts[c.name]
-    if not p.clean.all() or len(told.points) != len(p.nodes):
+    if a.indifferent or not p.clean.all() or len(told.points) != len(p.nodes):
         return []
     N0 = np.sum(R0[p.dofs] * p.normal, axis=1)
     x = court.made[c.secondary[0]].basis.mesh.p[:, p.nodes].T

@@ -20,6 +20,8 @@ SAME = 1e-6  # of the largest force
 
 def fits(s: Scene) -> bool:
     """Whether the own solution knows the scene: smooth, node to face on planes, linear faces, held."""
+    if s.finite or s.rigid:
+        return False
     for c in s.contacts:
         upper = max(int(side[0][4:]) for side in (c.secondary, c.primary) if side is not None)
         if c.friction or (c.primary and (c.method != "node" or c.tied)):
