@@ -59,7 +59,7 @@ class RigidBody(Member, Obstacle):
     D : (tuple of) names of DOFs, or their numbers, optional
         Motions that are prescribed; a rigid body is free in the others.
     x : dict by name of DOF, or array (3,) or (6,), optional
-        Their values; zero if not given [length] [rad].
+        Their values; zero if not given [length, rad].
     K : array (3,) or (3, 3), (6,) or (6, 6), optional
         Springs of its supports, to the ground: stiffness of every DOF, or a symmetric matrix
         [force/length], [force length/rad].
