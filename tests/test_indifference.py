@@ -93,12 +93,12 @@ def test_a_block_in_a_gap_stays_where_it_is(n, linear, friction, sliding):
         if y is None:
             assert result["above"].force[1] > 1e-3
             assert_allclose(result["below"].force[1], result["above"].force[1], rtol=1e-9)
-            assert not any("along y" in sentence for sentence in result.indifferent)
+            assert not any(re.search("along (x and )?y", text) for text in result.indifferent)
         else:
             assert_allclose(u[1], y, atol=1e-9)
             assert_allclose(u[0], 0.0, atol=1e-9)
             assert max(np.abs(v.forces).max() for v in result.values) < 1e-13
-            assert any("along y" in sentence for sentence in result.indifferent)
+            assert any(re.search("along (x and )?y", text) for text in result.indifferent)
     assert "'loose' is indifferent" in words
 
 
