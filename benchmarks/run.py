@@ -27,7 +27,9 @@ from typing import Any
 
 import numpy as np
 import scipy
+import scipy.spatial  # the library does so with its first pairing: the time is that of imports
 import skfem as fem
+import threadpoolctl  # noqa: F401 (likewise, with its first factorisation)
 from cases import CASES, Case, Scene
 
 import skfem_contact as sc
