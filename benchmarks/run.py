@@ -157,19 +157,26 @@ def worker(what: str, case: Case) -> dict[str, Any]:
 # -- the runner -------------------------------------------------------------------------------
 
 
-def measure(what: str, case: Case, library: str | None = None) -> dict[str, Any]:
+def measure(
+    what: str,
+    case: Any,
+    library: str | None = None,
+    *,
+    script: str = __file__,
+    limit: int = TIME_LIMIT,
+) -> dict[str, Any]:
     """Run a worker in a process of its own; a failure is an answer too.
 
-    `library`: a checkout whose library is measured in place of this one.
+    `library`: a checkout whose library is measured in place of this one; `limit`: seconds.
     """
-    command = [sys.executable, __file__, "--worker", what, case.name]
+    command = [sys.executable, script, "--worker", what, case.name]
     try:
         pinned = os.environ | dict.fromkeys(THREADS, "1")
         if library is not None:
             pinned |= {"PYTHONPATH": library}
-        done = subprocess.run(command, capture_output=True, text=True, timeout=TIME_LIMIT, env=pinned)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit, env=pinned)
     except subprocess.TimeoutExpired:
-        return {"failed": f"more than {TIME_LIMIT} s"}
+        return {"failed": f"more than {limit} s"}
     if done.returncode:
         lines = done.stderr.strip().splitlines()
         return {"failed": lines[-1] if lines else f"process ended with {done.returncode}"}
@@ -284,15 +291,16 @@ def growth(rows: list[dict[str, Any]]) -> dict[str, float]:
     return {name: float(np.polyfit(n, np.log(t), 1)[0]) for name, t in times.items()}
 
 
-def write_into(path: Path, text: str) -> None:
+def write_into(path: Path, text: str, marks: tuple[str, str] = (BEGIN, END)) -> None:
     """Replace the marked section of a document."""
+    begin, end = marks
     old = path.read_text(encoding="utf-8")
-    if BEGIN not in old:
+    if begin not in old:
         print(f"{path.name} has no marked section for the table", file=sys.stderr)
         return
-    before, _, rest = old.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    path.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+    before, _, rest = old.partition(begin)
+    _, _, after = rest.partition(end)
+    path.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
 
 
 def stored(path: Path) -> dict[str, dict[str, Any]]:

@@ -177,3 +177,42 @@ def test_tables_of_extremes_are_those_of_the_stored_runs(monkeypatch: pytest.Mon
     runs = [json.loads(path.read_text(encoding="utf-8")) for path in fuzz.STORED]
     assert marked("extremes.md", "fuzz") == fuzz.table(runs)
     assert sum(run["kinds"]["wrong"] + run["kinds"]["crashed"] for run in runs) == 0
+
+
+@pytest.fixture
+def solids(run: Any) -> Any:
+    """The benchmark of solids."""
+    import solids
+
+    yield solids
+    sys.modules.pop("solids")
+
+
+def test_solids_agree_on_all_routes(solids: Any) -> None:
+    """The smallest case: equilibrium and friction hold in the end, and the three routes agree."""
+    scene = solids.Scene(solids.QUICK)
+    measured = solids.history(scene)
+    assert len(measured["iterations"]) == 10
+    assert min(measured["open, stick, slip"]) > 5
+    assert measured["certificate"] < 1e-9
+    apart = solids.routes(scene)
+    assert apart["iterated apart"] < 1e-10
+    assert (
+        apart["multigrid apart"] < 1e-8
+    )  # it iterates to 1e-10 of the load, most of which moves the punch
+
+
+def test_table_of_solids_names_what_failed_and_what_is_not_run(solids: Any) -> None:
+    """A history that failed is a row with its reason; a linear solve that is not run is no number."""
+    failed = {"failed": "more than 3600 s"}
+    row = {"case": "large", "history": failed, "own": failed}
+    assert "| large | failed: more than 3600 s |" in solids.table([row])
+    assert solids.of_plain(row, "total") == "not run"
+    assert solids.of_plain(row | {"plain": failed}, "total") == "more than 3600 s"
+
+
+def test_newton_does_not_wait_for_multigrid(solids: Any) -> None:
+    """Loads met to 1e-10 leave forces less exact than Newton asks: it came no further, 117 times."""
+    scene = solids.Scene(solids.Case("some", 12, 10, 6, linear="AMG"))
+    results = list(scene.solver().history(scene.path[3:6]))
+    assert max(result.iterations for result in results) <= 6

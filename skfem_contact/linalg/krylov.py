@@ -41,11 +41,11 @@ def gmres(
     tolerance: float,
     most: int,
     restart: int = 100,
-    share: float = 0.0,
+    share: float = 1.0,
 ) -> Iterated:
     """Solve ``A x = b`` until ``|b - A x|`` is below a tolerance, which is absolute.
 
-    Or below a share of what it is to begin with, if that is more.
+    And, with a share below one, no more than that of what it is to begin with.
 
     It ends after `most` iterations, or where a restart no longer halves the residual: what is left is
     for the caller to judge.
@@ -59,7 +59,7 @@ def gmres(
     """
     r = b - product(x)
     size, iterations = float(np.linalg.norm(r)), 0
-    tolerance = max(tolerance, share * size)
+    tolerance = min(tolerance, share * size) if share < 1.0 else tolerance
     while size > tolerance and iterations < most:
         correction, spent = _cycle(product, precondition, r, tolerance, min(restart, most - iterations))
         iterations += spent

@@ -41,7 +41,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
         status, held = hold(step, current)
         if held is not None:
             current = replace(current, status=status)
-        rough = step.turns and coupled and held is None and not settled
+        rough = step.turns and held is None and not settled
         response, conditions = _solve(step, current, coupled, rough)
         proposal = propose(step, current, response)
         if step.turns:

@@ -188,6 +188,9 @@ class HeldForces(ABC):
         if not self._rigid.even(UNHELD):
             raise SingularMatrix("the points that are closed do not hold the bodies")
 
+    # What is left, at most, of the residual of the iterate before.
+    at_least = 1.0
+
     @abstractmethod
     def _product(self, x: Array) -> Array:
         """The left-hand sides for some unknowns."""
@@ -198,8 +201,8 @@ class HeldForces(ABC):
 
     def iterated(self, b: Array, begin: Array, tolerance: float, most: int) -> Iterated:
         """Unknowns by GMRES, from some to begin with; counted."""
-        share = ROUGHLY if self.rough else 0.0
-        found = gmres(self._product, b, self._precondition, begin, tolerance, most, share=share)
+        goal, share = (np.inf, ROUGHLY) if self.rough else (tolerance, self.at_least)
+        found = gmres(self._product, b, self._precondition, begin, goal, most, share=share)
         self._counts.append(found.iterations)
         self.rough = self.rough and found.enough and found.residual > tolerance
         return found
