@@ -89,10 +89,14 @@ figure = plt.figure(figsize=(12, 6.6), layout="constrained")
 left, right = figure.subfigures(1, 2, width_ratios=[9, 10])
 scene = left.add_subplot(projection="3d")
 sc.plot_deformed(
-    results[-1], scale=100, stress=mises, ax=scene, label="von Mises stress, up to 600 MPa"
+    results[-1],
+    scale=100,
+    stress=mises,
+    ax=scene,
+    label="von Mises stress, up to 600 [MPa]",
+    units={"length": "mm"},
+    obstacles=False,  # the two planes of symmetry would hide the bodies
 )
-for rigid in scene.collections[1:]:  # the two planes of symmetry would hide the bodies
-    rigid.set_visible(False)
 scene.set_title(
     f"pulled by {pulls[-1] / 1e3:.0f} kN, displacements magnified 100 times", fontsize="medium"
 )

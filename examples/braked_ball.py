@@ -120,7 +120,7 @@ for ax, (words, i) in zip(axes, shown.items(), strict=True):
             vmax=1,
         )
         friction = values.tangential_force_vector[closed] / values.area[closed, None]
-        ax.quiver(
+        arrows = ax.quiver(
             px[closed],
             side * py[closed],
             friction[:, 0],
@@ -135,11 +135,12 @@ for ax, (words, i) in zip(axes, shown.items(), strict=True):
     ax.set_title(f"the ball {words}", fontsize="medium")
 top.suptitle("friction on the track where it sticks (grey) and slips (red)", fontsize="medium")
 axes[0].set_ylabel("aside, over a")
+axes[2].quiverkey(arrows, 0.14, 0.93, mu * largest, "μ times the largest pressure", labelpos="E")
 top.colorbar(filled, ax=axes, label="pressure over the largest", shrink=0.8)
 pull, creep = below.subplots(1, 2)
 pull.plot(way / a, force / (mu * P), "o-", ms=3.5)
 pull.axhline(1, color="k", lw=0.8, ls=":")
-pull.set(xlabel="way over a", ylabel="force on the axle over $\\mu P$")
+pull.set(xlabel="way over a", ylabel="force on the axle over μP")
 creep.plot(way[1:] / a, 100 * slip, "o-", ms=3.5)
 creep.set(xlabel="way over a", ylabel="creep [%]", yscale="symlog")
 for ax in (pull, creep):

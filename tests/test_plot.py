@@ -369,6 +369,15 @@ def test_a_window_is_what_is_shown() -> None:
         sc.plot_deformed(result, window=(1.0, 0.0, 0.0, 1.0))
 
 
+def test_obstacles_can_be_left_out() -> None:
+    """Neither lines nor room for them, and a switch is one."""
+    result = next(pressed(levels=1, depth=0.0).history([{"motion": {"floor": (0.0, -5.0)}}]))
+    ax = sc.plot_deformed(result, obstacles=False)
+    assert not [c for c in ax.collections if c.get_gid()] and ax.get_ylim()[0] > -1
+    with pytest.raises(sc.InputError, match="obstacles is 'no'; it is a switch"):
+        sc.plot_deformed(result, obstacles="no")  # type: ignore[arg-type]
+
+
 def test_components_of_tensors_are_drawn() -> None:
     """A bar of modulus 1 carries -0.01 along y and nothing across; colours are one of these."""
     result = pressed(levels=1).solve()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arguments import known_keywords, numbers
+from skfem_contact.arguments import check_switch, known_keywords, numbers
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
@@ -52,6 +52,7 @@ def plot_deformed(
     component: str | None = None,
     units: Mapping[str, str] | None = None,
     window: Sequence[float] | None = None,
+    obstacles: bool = True,
 ) -> Any:
     """Draw the deformed bodies, coloured, and rigid obstacles, with arrows of the traction.
 
@@ -82,6 +83,8 @@ def plot_deformed(
         Words for labels, ``{"length": "mm", "stress": "MPa"}``.
     window : (left, right, bottom, top), optional
         In the plane: what part is shown; arrows and the strokes of obstacles have its size.
+    obstacles : bool
+        Draw rigid obstacles: planes of symmetry may hide what matters.
 
     Returns
     -------
@@ -109,6 +112,7 @@ def plot_deformed(
     'deformation magnified 5 times'
     """
     solid, words = is_solid(result), checked(units)
+    check_switch(obstacles, "plot_deformed: obstacles")
     if solid and window is not None:
         raise InputError("window is for plane pictures: set the limits of these axes instead")
     seen, bodies = view(result, scale), list(result.system.solids.values())
@@ -116,18 +120,19 @@ def plot_deformed(
     label = label or colour_name(stress, component, words)
     if solid:
         outside = [_on_boundary(body, v) for body, v in zip(bodies, values, strict=True)]
-        ax, image, box = draw_bodies(result, seen, outside, ax, cmap)
-        for points, triangles in placed_tools(result, seen, box):
+        ax, image, box = draw_bodies(result, seen, outside, ax, cmap, obstacles)
+        for points, triangles in placed_tools(result, seen, box) if obstacles else ():
             draw_faces(ax, points, triangles, box)
     else:
-        box = _box(result, seen) if window is None else _window(window)
+        box = _box(result, seen, obstacles) if window is None else _window(window)
         ax = new_axes(ax, _figure_size(box))
         image = _draw_cells(ax, result, seen, values, cmap)
-        for points, lines in placed_tools(result, seen, box):
+        for points, lines in placed_tools(result, seen, box) if obstacles else ():
             draw_lines(ax, points, lines, float(np.max(box[1] - box[0])))
     remarks = [f"{v.name} is open" for v in result if not np.any(v.status != OPEN)]
-    unknown = [tool.name for tool in tools(result) if not len(tool.outline(*box)[1])]
-    remarks += [f"{name} is not drawn" for name in unknown]
+    if obstacles:
+        unknown = [tool.name for tool in tools(result) if not len(tool.outline(*box)[1])]
+        remarks += [f"{name} is not drawn" for name in unknown]
     if arrows and not solid:
         ends, peak = _arrows(ax, result, seen, box)
         if window is None and len(ends):
@@ -190,10 +195,11 @@ def _places(result: ContactResult, seen: View) -> Array:
     return np.concatenate(places)
 
 
-def _box(result: ContactResult, seen: View) -> Box:
+def _box(result: ContactResult, seen: View, obstacles: bool) -> Box:
     """What is shown: the bodies where they are drawn, and obstacles next to them."""
     x = _places(result, seen)
-    return with_tools(result, seen, (x.min(axis=0), x.max(axis=0)))
+    box = x.min(axis=0), x.max(axis=0)
+    return with_tools(result, seen, box) if obstacles else box
 
 
 def _on_boundary(body: Body, values: Array) -> Array:

@@ -80,7 +80,7 @@ def draw_contact(
 
 
 def draw_bodies(
-    result: ContactResult, seen: View, colours: list[Array], ax: Any, cmap: str
+    result: ContactResult, seen: View, colours: list[Array], ax: Any, cmap: str, obstacles: bool
 ) -> tuple[Any, Any, Box]:
     """The outer faces of all bodies, displaced; `colours` per node of every boundary.
 
@@ -104,7 +104,9 @@ def draw_bodies(
     x = np.concatenate(parts)
     lines = np.concatenate(outlines) + 0.005 * float(np.ptp(x.reshape(-1, 3), axis=0).max()) * eye
     image = _faces(ax, x, np.concatenate(shades), cmap, (float(low), float(high)), lines)
-    box = with_tools(result, seen, (x.min(axis=(0, 1)), x.max(axis=(0, 1))))
+    box = x.min(axis=(0, 1)), x.max(axis=(0, 1))
+    if obstacles:
+        box = with_tools(result, seen, box)
     _look(ax, np.stack(box), eye)
     return ax, image, box
 
