@@ -60,6 +60,7 @@ from skfem_contact.history.solver import ContactSolver
 from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.direct import Direct
+from skfem_contact.linalg.distributed.petsc import PETSc
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
@@ -104,6 +105,7 @@ __all__ = [
     "NoEquilibrium",
     "NotConverged",
     "Options",
+    "PETSc",
     "Record",
     "RigidBody",
     "RigidCylinder",

@@ -216,3 +216,15 @@ def test_newton_does_not_wait_for_multigrid(solids: Any) -> None:
     scene = solids.Scene(solids.Case("some", 12, 10, 6, linear="AMG"))
     results = list(scene.solver().history(scene.path[3:6]))
     assert max(result.iterations for result in results) <= 6
+
+
+def test_tables_of_ranks_are_those_of_the_stored_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page on PETSc shows what the runs stored; iterations hardly depend on the number of ranks."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
+    import ranks
+
+    runs = json.loads(ranks.STORED.read_text(encoding="utf-8"))
+    assert {name: marked("petsc.md", name) for name in ("measured", "plan")} == ranks.tables(runs)
+    for size in {run["elements"] for run in runs}:
+        first = [run["solves"][0]["iterations"] for run in runs if run["elements"] == size]
+        assert max(first) <= min(40, 1.2 * min(first))

@@ -5,6 +5,7 @@ owns everything computed from A and solves for as many right-hand sides as asked
 
 * `Direct`: multifrontal Cholesky, or SuperLU where that does not apply;
 * `amg.AMG`: conjugate gradients, preconditioned by smoothed aggregation (pyamg);
+* `distributed.petsc.PETSc`: the same and others over MPI ranks;
 * `Dense`: LAPACK, for the small systems on contact DOFs;
 * `FromSolver`: any solver ``x = solver(A, b)`` as ``skfem.solve`` takes it.
 
@@ -169,7 +170,7 @@ def as_linear_solver(linear: Any) -> Backend:
     if callable(linear) and not isinstance(linear, type):
         return FromSolver(linear)
     raise InputError(
-        f"linear={linear!r} is no linear solver: use Direct(), AMG(), Dense() or a scikit-fem "
+        f"linear={linear!r} is no linear solver: use Direct(), AMG(), PETSc(), Dense() or a scikit-fem "
         "solver such as skfem.utils.solver_direct_scipy()."
     )
 

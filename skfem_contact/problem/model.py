@@ -46,7 +46,7 @@ def checked_linear(linear: Any) -> Any:
     if isinstance(linear, str) and linear not in ("auto", "condensed", "iterated"):
         raise InputError(
             f"linear = {linear!r} is neither 'auto' nor 'condensed' nor 'iterated'; a backend is "
-            "given as an object, Direct() or AMG(), or as a callable solver(A, b)."
+            "given as an object, Direct(), AMG() or PETSc(), or as a callable solver(A, b)."
         )
     if not isinstance(linear, str):
         as_linear_solver(linear)

@@ -90,6 +90,7 @@ class SparseSpace:
         K_r, f_r = trial.reduce(K, f, test=test)
         key = conditions.matrix_key()
         if key != self._key:
+            self._key = self._factor = None  # not two of them at once
             self._factor = self._factorize(K_r, trial, spd=test is trial)
             self._key = key
         u = trial.expand(self._factor.solve(f_r))

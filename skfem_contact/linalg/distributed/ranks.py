@@ -1,0 +1,283 @@
+"""Rank 0 runs the script, the other ranks serve it.
+
+As PETSc's own server of linear solvers does it: all ranks start the same script, and those other than
+0 leave it where the first `PETSc()` is made. From there on they wait for commands, hold their rows of
+matrices, and end with rank 0. So contact is solved, printed and written once, and nothing can come out
+differently on two ranks.
+
+A rank that fails says why and ends all; the others might wait for it in the middle of a solve.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import sys
+import time
+import traceback
+import warnings
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from skfem_contact.errors import ContactWarning, InputError
+from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.linalg.distributed.share import PREFIX, Settings, Share, Solved
+from skfem_contact.linalg.distributed.thresholds import (
+    AT_ONCE,
+    LATER,
+    MISSED_AFTER,
+    PATIENT,
+    SOON,
+)
+
+Array = NDArray[np.float64]
+
+INSTALL = (
+    "PETSc() needs petsc4py and mpi4py, which Python does not find ({error}). On Debian and Ubuntu: "
+    "apt-get install python3-petsc4py python3-mpi4py, with the system's own Python (or a venv of it "
+    "made with --system-site-packages) and PETSC_DIR set to the folder of PETSc, "
+    "/usr/lib/petscdir/petsc*/*-real; elsewhere: pip install 'skfem-contact[petsc]', which builds "
+    "PETSc, or conda install petsc4py mpi4py. See docs/petsc.md."
+)
+
+
+@lru_cache(maxsize=1)
+def ranks() -> Ranks:
+    """The ranks of this process. Does not return on ranks other than 0.
+
+    Raises
+    ------
+    InputError
+        If petsc4py or mpi4py are missing, or PETSc calculates with complex numbers.
+    """
+    try:
+        import petsc4py
+        from mpi4py import MPI
+
+        petsc4py.init(_arguments())
+        from petsc4py import PETSc
+    except ImportError as error:
+        raise InputError(INSTALL.format(error=error)) from None
+    if np.dtype(PETSc.ScalarType) != np.float64:
+        raise InputError(
+            f"PETSc calculates with {np.dtype(PETSc.ScalarType)} here; PETSc() needs one with real "
+            "numbers in double precision. On Debian set PETSC_DIR to a folder that ends in -real."
+        )
+    _wait_for_all(MPI.COMM_WORLD)
+    own = Ranks(PETSc, MPI, MPI.COMM_WORLD.Dup())
+    if own.rank:
+        own.serve()
+    atexit.register(own.stop)
+    return own
+
+
+def _arguments() -> list[str]:
+    """What the command line says to PETSc: ``-sc_...`` and its values."""
+    given, ours = [sys.argv[0] if sys.argv else ""], False
+    for word in sys.argv[1:]:
+        if word.startswith("-") and not word[1:2].isdigit():
+            ours = word.lstrip("-").startswith(PREFIX)
+            word = "-" + word.lstrip("-") if ours else word
+        if ours:
+            given.append(word)
+    return given
+
+
+def _wait_for_all(world: Any) -> None:
+    """Until all ranks have made a `PETSc()`."""
+    begin, here = time.monotonic(), world.Ibarrier()
+    late = False
+    while not here.Test():
+        time.sleep(LATER)
+        if world.rank == 0 and not late and time.monotonic() > begin + MISSED_AFTER:
+            late = True
+            warnings.warn(
+                f"rank 0 of {world.size} has waited for {MISSED_AFTER:.0f} s for the others to come to "
+                "PETSc(), which every rank has to make. Where that takes long, make it first of all.",
+                ContactWarning,
+                stacklevel=2,
+            )
+
+
+class Ranks:
+    """All ranks, as rank 0 commands them, or as another one serves.
+
+    Attributes
+    ----------
+    rank, size : int
+        Number of this one, and how many there are.
+    """
+
+    def __init__(self, PETSc: Any, MPI: Any, comm: Any) -> None:
+        self.PETSc, self.MPI, self.comm = PETSc, MPI, comm
+        self.rank, self.size = int(comm.rank), int(comm.size)
+        self.shares: dict[int, Share] = {}
+        self._count, self._dropped, self._stopped = 0, [], False  # type: int, list[int], bool
+
+    # -- commands of rank 0 -------------------------------------------------------------------
+
+    def factorize(
+        self, rows: Iterable[csr_matrix], directions: Iterable[Array | None], settings: Settings
+    ) -> int:
+        """Give each rank its rows; returns the number of the matrix."""
+        self._count += 1
+        with _Together(self, "factorize", (self._count, settings)):
+            mine: list[Array] = []
+            for rank, parts in enumerate(map(_parts, rows, directions)):
+                if rank == 0:
+                    mine = parts
+                else:
+                    self._send(parts, rank)
+                    parts.clear()
+            self._factorize(self._count, settings, mine)
+        return self._count
+
+    def solve(self, key: int, pieces: Iterable[Array]) -> tuple[Array, Solved]:
+        """All rows of the answer, those of rank 0 first, and how it went."""
+        with _Together(self, "solve", (key,)):
+            mine, *others = pieces
+            for rank, piece in enumerate(others, start=1):
+                self._send([piece], rank)
+            x, how = self.shares[key].solve(mine)
+            found = [x] + [self._receive(rank)[0] for rank in range(1, self.size)]
+        return np.concatenate(found), how
+
+    def drop(self, key: int) -> None:
+        """Forget a matrix, at the next command: the garbage is collected at any time."""
+        self._dropped.append(key)
+
+    def memory(self) -> list[int]:
+        """Largest memory that each rank has had so far [bytes]."""
+        with _Together(self, "memory", ()):
+            found = [_peak()] + [int(self._receive(rank)[0][0]) for rank in range(1, self.size)]
+        return found
+
+    def stop(self) -> None:
+        """Let the other ranks end; all free their matrices together, as PETSc needs it."""
+        if not self._stopped:
+            self._stopped = True
+            for rank in range(1, self.size):
+                self.comm.send(("stop", (), []), dest=rank)
+            self._end()
+
+    # -- what a serving rank does -------------------------------------------------------------
+
+    def serve(self) -> NoReturn:
+        """Carry out commands until rank 0 ends, and end."""
+        sys.stdout.flush()
+        try:
+            while True:
+                self._wait()
+                what, given, dropped = self.comm.recv(source=0)
+                if what == "stop":
+                    break
+                self.forget(dropped)
+                self._carry_out(what, given)
+        except BaseException:
+            self.fail()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        self._end()
+        os._exit(0)  # the rest of the script, and what it does at its end, is for rank 0
+
+    def _carry_out(self, what: str, given: tuple[Any, ...]) -> None:
+        if what == "factorize":
+            self._factorize(given[0], given[1], self._receive(0))
+        elif what == "solve":
+            x, _ = self.shares[given[0]].solve(self._receive(0)[0])
+            self._send([x], 0)
+        else:
+            self._send([np.array([_peak()])], 0)
+
+    def _wait(self) -> None:
+        looks = 0
+        while not self.comm.Iprobe(source=0):
+            looks += 1
+            time.sleep(SOON if looks < PATIENT else LATER)
+
+    # -- what all do --------------------------------------------------------------------------
+
+    def _factorize(self, key: int, settings: Settings, parts: list[Array]) -> None:
+        share = Share(self.PETSc, parts, settings)
+        parts.clear()  # PETSc has its own copies: the set-up of multigrid is where memory is short
+        share.set_up()
+        self.shares[key] = share
+
+    def forget(self, keys: list[int]) -> None:
+        """Free matrices, in the same order on all ranks, as PETSc needs it."""
+        for key in keys:
+            self.shares.pop(key).destroy()
+
+    def _end(self) -> None:
+        """Give everything back while all are there to do so together."""
+        self.forget(sorted(self.shares))
+        self.comm.Free()
+        self.PETSc._finalize()
+        self.MPI.Finalize()
+
+    def fail(self) -> NoReturn:
+        """Say what went wrong here, and end all ranks."""
+        words = (
+            f"rank {self.rank} of {self.size} failed, and all end with it:\n{traceback.format_exc()}"
+        )
+        print(words, file=sys.stderr, flush=True)
+        self.comm.Abort(1)
+        os._exit(1)
+
+    def _send(self, arrays: list[Any], rank: int) -> None:
+        self.comm.send([(array.shape, array.dtype.str) for array in arrays], dest=rank)
+        for array in arrays:
+            for piece in _pieces(np.ascontiguousarray(array)):
+                self.comm.Send(piece, dest=rank)
+
+    def _receive(self, rank: int) -> list[Array]:
+        arrays = [np.empty(shape, dtype) for shape, dtype in self.comm.recv(source=rank)]
+        for array in arrays:
+            for piece in _pieces(array):
+                self.comm.Recv(piece, source=rank)
+        return arrays
+
+
+class _Together:
+    """A command to all ranks. What fails on rank 0 meanwhile would leave them waiting: it ends all."""
+
+    def __init__(self, own: Ranks, what: str, given: tuple[Any, ...]) -> None:
+        self.own, self.what, self.given = own, what, given
+
+    def __enter__(self) -> None:
+        dropped, self.own._dropped = self.own._dropped, []
+        for rank in range(1, self.own.size):
+            self.own.comm.send((self.what, self.given, dropped), dest=rank)
+        self.own.forget(dropped)
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if error is not None and self.own.size > 1:
+            self.own.fail()
+        if isinstance(error, self.own.PETSc.Error):
+            raise LinearSolveError(
+                f"PETSc says what it can not do, first where and then why: {error}. Look at the "
+                "options that you gave, by options= or -sc_... on the command line."
+            ) from error
+
+
+def _parts(rows: csr_matrix, directions: Array | None) -> list[Array]:
+    """What a rank is sent: its rows, and rigid motions on them."""
+    parts = [np.array(rows.shape), rows.indptr, rows.indices, rows.data]
+    return parts if directions is None else [*parts, directions]
+
+
+def _pieces(array: Array) -> Iterator[Array]:
+    flat = array.reshape(-1)
+    return (flat[first : first + AT_ONCE] for first in range(0, len(flat), AT_ONCE))
+
+
+def _peak() -> int:
+    import resource  # not on every system, as MPI
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return int(peak if sys.platform == "darwin" else 1024 * peak)

@@ -1,0 +1,216 @@
+"""What one rank holds of a matrix, and how all ranks together solve with it.
+
+Every function here is called by all ranks at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.linalg.distributed.thresholds import AGAIN, SURPLUS
+
+Array = NDArray[np.float64]
+
+PREFIX = "sc_"
+
+# Defaults of the options database, by method and symmetry; users' own come after.
+MULTIGRID = {"pc_type": "gamg", "ksp_norm_type": "unpreconditioned"}
+DEFAULTS: dict[tuple[str, bool], dict[str, str]] = {
+    ("iterative", True): {"ksp_type": "cg", **MULTIGRID},
+    ("iterative", False): {
+        "ksp_type": "gmres",
+        "ksp_pc_side": "right",
+        "ksp_gmres_restart": "100",
+        **MULTIGRID,
+    },
+    ("direct", True): {"ksp_type": "preonly", "pc_type": "cholesky"},
+    ("direct", False): {"ksp_type": "preonly", "pc_type": "lu"},
+}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a matrix is to be solved with.
+
+    Attributes
+    ----------
+    spd : bool
+        Whether it is symmetric and positive definite.
+    method : "iterative" or "direct"
+    tol : float
+        Largest ``|b - A x| / |b|``.
+    max_iterations : int
+    block : int
+        Rows of a node.
+    options : mapping
+        Of PETSc, without prefix.
+    """
+
+    spd: bool
+    method: str
+    tol: float
+    max_iterations: int
+    block: int
+    options: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Solved:
+    """How a solve ended.
+
+    Attributes
+    ----------
+    iterations : int
+    residual : float
+        ``|b - A x| / |b|``, measured.
+    reason : int
+        PETSc's ``KSPConvergedReason``.
+    """
+
+    iterations: int
+    residual: float
+    reason: int
+
+
+class Share:
+    """The rows of one rank; ready to solve with after `set_up`.
+
+    Parameters
+    ----------
+    PETSc : module
+        ``petsc4py.PETSc``.
+    parts : list of ndarray
+        Numbers of rows of this rank and of all ranks; ``indptr``, ``indices`` and ``data`` of the rows
+        as of a csr_matrix; and, where there are any, rigid motions (rows of this rank, k).
+    settings : Settings
+
+    Attributes
+    ----------
+    memory : int
+        Matrices of all ranks together, the coarse ones or the factors included [bytes].
+    """
+
+    def __init__(self, PETSc: Any, parts: list[Array], settings: Settings) -> None:
+        (here, size), indptr, indices, data, *motions = parts
+        self.PETSc = PETSc
+        self.settings, self.index_bytes = settings, np.dtype(PETSc.IntType).itemsize
+        csr = tuple(a.astype(PETSc.IntType, copy=False) for a in (indptr, indices))
+        self.A = PETSc.Mat().createAIJ(
+            ((here, size), (here, size)), bsize=settings.block, csr=(*csr, data)
+        )
+        if settings.spd:
+            self.A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+            self.A.setOption(PETSc.Mat.Option.SPD, True)
+        if motions and motions[0].shape[1]:
+            columns = []
+            for column in motions[0].T:
+                vector = self.A.createVecLeft()
+                vector.array[:] = column
+                columns.append(vector)
+            self.A.setNearNullSpace(PETSc.NullSpace().create(vectors=columns))
+        self.x, self.b = self.A.createVecs()
+        self.r, self.dx = self.b.duplicate(), self.x.duplicate()
+        self.ksp = PETSc.KSP().create()
+        self.ksp.setOperators(self.A)
+        self.ksp.setOptionsPrefix(PREFIX)
+        self.ksp.setTolerances(rtol=settings.tol, atol=0.0, max_it=settings.max_iterations)
+        self.memory = 0
+
+    def set_up(self) -> None:
+        """Make the preconditioner; its options are in the database for as long as PETSc reads them."""
+        database = self.PETSc.Options()
+        given = database.getAll()  # the command line, and the variable PETSC_OPTIONS
+        own = {**self._defaults(), **self.settings.options}
+        own = {PREFIX + name: value for name, value in own.items() if PREFIX + name not in given}
+        for name, value in own.items():
+            database[name] = value
+        try:
+            self.ksp.setFromOptions()
+            self.ksp.setUp()
+        finally:
+            for name in own:
+                database.delValue(name)
+        self.memory = self._memory()
+
+    def _defaults(self) -> dict[str, str]:
+        defaults = dict(DEFAULTS[self.settings.method, self.settings.spd])
+        if self.settings.method == "direct":
+            package = direct_package(self.PETSc)
+            if package != "mumps":
+                defaults["pc_type"] = "lu"  # the others have no parallel Cholesky
+            defaults["pc_factor_mat_solver_type"] = package or "petsc"
+        return defaults
+
+    @property
+    def name(self) -> str:
+        """Iteration and preconditioner as PETSc calls them, such as ``cg + gamg``."""
+        return f"{self.ksp.getType()} + {self.ksp.getPC().getType()}"
+
+    def _memory(self) -> int:
+        pc, per_entry = self.ksp.getPC(), 8 + self.index_bytes
+        entries = _entries(self.A)
+        if pc.getType() in ("gamg", "mg"):
+            for level in range(1, pc.getMGLevels()):
+                entries += _entries(pc.getMGInterpolation(level))
+                entries += _entries(pc.getMGSmoother(level - 1).getOperators()[0])
+        elif pc.getType() in ("lu", "cholesky"):
+            factors = pc.getFactorMatrix()
+            mumps = factors.getType() == "mumps" or pc.getFactorSolverType() == "mumps"
+            entries += _mumps_entries(factors) if mumps else _entries(factors)
+        return per_entry * entries
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        for part in (self.ksp, self.A, self.x, self.b, self.r, self.dx):
+            part.destroy()
+
+    def solve(self, b: Array) -> tuple[Array, Solved]:
+        """This rank's rows of ``A^-1 b``, and how it went."""
+        tol, most = self.settings.tol, self.settings.max_iterations
+        self.b.array[:] = b
+        self.x.set(0.0)
+        size = self.b.norm()
+        if size == 0.0:
+            return self.x.array.copy(), Solved(0, 0.0, 1)
+        self.b.copy(self.r)
+        best, iterations, begin = 1.0, 0, self.ksp.rtol
+        for _ in range(1 + AGAIN):
+            self.ksp.solve(self.r, self.dx)
+            iterations += self.ksp.getIterationNumber()
+            reason = self.ksp.getConvergedReason()
+            self.dx.axpy(1.0, self.x)  # what would be the answer now
+            self.A.mult(self.dx, self.r)
+            self.r.aypx(-1.0, self.b)
+            residual, before = self.r.norm() / size, best
+            if not residual < before:  # or NaN
+                break
+            self.dx.copy(self.x)
+            best = residual
+            if reason < 0 or best <= tol or iterations >= most:
+                break
+            self.ksp.setTolerances(rtol=SURPLUS * tol / best, max_it=most - iterations)
+        self.ksp.setTolerances(rtol=begin, max_it=most)
+        return self.x.array.copy(), Solved(iterations, float(best), int(reason))
+
+
+def _entries(matrix: Any) -> int:
+    return int(matrix.getInfo(matrix.InfoType.GLOBAL_SUM)["nz_used"])
+
+
+def _mumps_entries(factors: Any) -> int:
+    """Entries of the factors, which MUMPS counts in millions where they are many."""
+    entries = int(factors.getMumpsInfog(29))
+    return entries if entries >= 0 else -1_000_000 * entries
+
+
+def direct_package(PETSc: Any) -> str:
+    """The package that factorises on these ranks; none is PETSc's own, for one rank."""
+    for package in ("mumps", "superlu_dist"):
+        if PETSc.Sys.hasExternalPackage(package):
+            return package
+    return ""

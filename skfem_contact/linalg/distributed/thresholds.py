@@ -1,0 +1,30 @@
+"""Numbers of distributed linear problems: what each is relative to, and where it comes from."""
+
+from __future__ import annotations
+
+# -- layout ------------------------------------------------------
+
+# Diagonal entry of the triangular factor over the largest one below which a rigid motion follows from
+# the others on the DOFs that are left, and is no direction of its own for multigrid.
+SAME_MOTION = 1e-8
+
+# -- ranks -------------------------------------------------------
+
+# Seconds between two looks for the next command, at first and after a while: a rank that waits takes
+# no core from the one that works. A linear problem that is worth distributing takes 1000 times as long.
+SOON, LATER = 5e-4, 1e-2
+
+# Looks for a command after which a rank looks less often: one second.
+PATIENT = 2000
+
+# Seconds after which rank 0 says that it waits for ranks that have not come to `PETSc()`.
+MISSED_AFTER = 60.0
+
+# Array entries that are sent in one message, whose length MPI counts in 32 bits.
+AT_ONCE = 2**28
+
+# -- share -------------------------------------------------------
+
+# The residual that conjugate gradients carry along drifts from the true one; an iteration is begun
+# again from where it ended so many times, asked for this part of what it has to gain.
+AGAIN, SURPLUS = 3, 0.5
