@@ -186,6 +186,8 @@ def test_how_a_sphere_bends(kind):
             - side.points[side.facets[:, side.kind.edges[:, 0]]]
         )
         np.testing.assert_allclose(edges[middle], ends[middle] * (0.5 if side.quadratic else 1.0))
+        if side.quadratic:
+            continue
         # two like spheres: their curvatures add; in a hollow one of the same radius there is no height
         facet = np.zeros(len(side.points), dtype=int)
         facet[side.facets[middle]] = middle[:, None]

@@ -45,7 +45,8 @@ def face_sagittas(secondary: FaceSurface, primary: FaceSurface, facet: Index, by
     m, faces = len(secondary.points), secondary.facets
     own, edges = face_bends(secondary)
     of_primary, others = face_bends(primary)
-    if not (own.any() or of_primary.any()):
+    # curved faces that fit are known to differ little; which of them bend is not known well enough
+    if not (own.any() or of_primary.any()) or (secondary.quadratic and primary.quadratic):
         return np.zeros(m)
     mean = np.zeros((m, 3, 3))
     np.add.at(mean, faces, own[:, None])
