@@ -48,7 +48,7 @@ KINDS = (
     "not judged",
     "WRONG",
 )
-REFUSALS = (sc.NoEquilibrium, sc.NotConverged)
+REFUSALS = (sc.NoEquilibrium, sc.NotConverged, sc.SingularMatrix)
 SAME = 1e-7  # of the largest force: round-off, times what contrasts of 1e6 and springs make of it
 METHODS = 0.5  # of a force: what mortar and node to face may differ by on meshes of 1 to 4 faces a side
 EVERY = 6  # scene is solved by both methods
@@ -328,10 +328,10 @@ def write_page() -> None:
 
 
 def again() -> None:
-    """Judge once more what the stored run finds fault with, after library or judge have been mended."""
+    """Judge once more what the stored run calls WRONG, after library or judge have been mended."""
     stored = json.loads(STORED.read_text(encoding="utf-8"))
     for i, known in enumerate(stored["noted"]):
-        if known["kind"] not in ("WRONG", "refused though feasible"):
+        if known["kind"] != "WRONG":
             continue
         new = judge(known["seed"], stored["friction"])
         print(f"{new.seed}: {new.kind}: {' | '.join(new.words)[:300]}", flush=True)
@@ -358,7 +358,7 @@ def main() -> None:
     parser.add_argument(
         "--again",
         action="store_true",
-        help="the scenes that the stored run calls WRONG or refused though feasible",
+        help="the scenes that the stored run calls WRONG",
     )
     parser.add_argument("--verbose", action="store_true", help="a line for every scene")
     parser.add_argument("--write", action="store_true", help="store the run, and put it into the docs")

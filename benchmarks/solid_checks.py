@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import skfem as fem
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 from solid_scenes import ContactSpec, Made, Scene, components, facet_basis, given, moved
 
 EPS = np.finfo(float).eps
@@ -431,7 +432,7 @@ class Court:
     def _lever(self, a: Answer, c: ContactSpec) -> float:
         """Moment that forces across a gap may leave: friction times gap, and normals times the turn."""
         one, two = self.patches[c.secondary], self.patches[c.primary]
-        apart = float(np.abs(self._gap0(c)).max())
+        apart = float(np.abs(self.gap0(c)).max())
         turn = max(float(one.turn.max()), float(two.turn.max()))
         chord = turn * (one.h + two.h) * (turn > 1e-9)
         size = float(np.abs(a.contacts[c.name].forces).sum())
@@ -442,7 +443,8 @@ class Court:
             * ((apart + chord) * (friction + 2 * turn) + 2 * c.interference * self.s.size * friction)
         )
 
-    def _gap0(self, c: ContactSpec) -> np.ndarray:
+    def gap0(self, c: ContactSpec) -> np.ndarray:
+        """Distances of the samples of one side from the other, where `place` has put them."""
         one, two = self.patches[c.secondary], self.patches[c.primary]
         f = feet(one.x, two)
         g = np.sum((one.x - f.foot) * f.normal, axis=1)
@@ -505,7 +507,7 @@ class Court:
             # normals of both sides differ by that; slip along them
             allowed = 2 * bent * np.linalg.norm(away, axis=1).max() + CHORD * bent * max(one.h, two.h)
             if bent > 1e-9:
-                allowed += CHORD * bent * float(np.abs(self._gap0(c)).max())
+                allowed += CHORD * bent * float(np.abs(self.gap0(c)).max())
             allowed += two.crooked(two.x) + two.crooked(two.displaced(a.u[c.primary[0]]))
             allowed += self.settled * self.s.size
             if c.tied:
@@ -549,9 +551,13 @@ class Court:
             d = d - (d @ axis)[:, None] * axis
         return np.linalg.norm(d, axis=1) - form * self.s.size
 
-    def obstacle_normals(self, c: ContactSpec, x: np.ndarray) -> np.ndarray:
-        """Unit normals of a rigid obstacle at points near it."""
+    def obstacle_normals(self, c: ContactSpec, x: np.ndarray, a: Answer | None = None) -> np.ndarray:
+        """Unit normals of a rigid obstacle at points near it; finite sliding turns them with it."""
         kind, point, form = c.obstacle
+        if a is not None and self.s.finite and c.name in a.motions:
+            way, turn, centre = a.motions[c.name]
+            R = Rotation.from_rotvec(turn).as_matrix()
+            return self.obstacle_normals(c, (x - way - centre) @ R + centre) @ R.T
         if kind == "plane":
             return np.tile(self.s.R @ np.array(form, dtype=float), (len(x), 1))
         d = x - self.s.at(point)

@@ -18,9 +18,9 @@ from solid_scenes import ContactSpec, Made, facet_basis
 #: Samples of a face a side. Slips bend where faces of the primary meet, within a sample.
 FINE = 8
 #: The mean of what bends within samples, with functions between -1 and 3, of how much it varies.
-SAMPLED = 0.05
+SAMPLED = 0.1
 #: Displacements that were solved for have lost this part to the condition of `K`.
-MOVED = 1e-8
+MOVED = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Points:
         return along, vary * (here.sum(axis=1) > 1), np.abs(across)
 
 
-def points(court: Court, c: ContactSpec) -> Points | None:
+def points(court: Court, c: ContactSpec, a: Answer) -> Points | None:
     """The points of a contact, where its secondary has linear faces."""
     m, one = court.placed[c.secondary[0]], court.patches[c.secondary]
     if one.fine:
@@ -67,7 +67,7 @@ def points(court: Court, c: ContactSpec) -> Points | None:
     x = mesh.p[:, one.nodes].T
     turn = float(one.turn.max())
     if c.primary is None:
-        normal, area = court.obstacle_normals(c, x), _areas(m, one, place)
+        normal, area = court.obstacle_normals(c, x, a), _areas(m, one)
         own = {c.secondary[0]: np.eye(len(x))}
         off = 2 * turn if c.obstacle[0] != "plane" else 0.0
         return Points(
@@ -79,16 +79,16 @@ def points(court: Court, c: ContactSpec) -> Points | None:
     tilt = angles(-one.normal, f.normal)[f.off <= 1e-6 * one.h].max(initial=0.0)
     off = 2 * max(bent, tilt) if max(bent, tilt) > 1e-7 else 0.0  # the arc cosine knows 1 to 1e-16
     if c.method == "node":
-        area = _areas(m, one, place)
+        area = _areas(m, one)
         clean = loose & (f.off <= 1e-6 * one.h)
         weights, jump = np.eye(len(x)), _at_nodes(c, dofs, None, (f, two))
         return Points(one.nodes, dofs, area, f.normal, clean, off, weights, jump)
-    weights, area, samples, f, whole = _dual(m, one, two, place)
+    weights, samples, f, whole = _dual(m, one, two, place)
     good = loose & whole
     beside = np.zeros(len(x), dtype=bool)  # rows are merged into those of neighbours
     beside[place[facets[:, ~good[place[facets]].all(axis=0)]]] = True
     jump = _at_samples(c, samples, f, two)
-    normal = feet(x, two).normal
+    normal, area = feet(x, two).normal, _areas(m, one)
     return Points(one.nodes, dofs, area, normal, good & ~beside, off, weights, jump)
 
 
@@ -115,7 +115,7 @@ def _linear(m: Made) -> Any:
     return fem.ElementTetP1() if m.spec.element.startswith("tet") else fem.ElementHex1()
 
 
-def _areas(m: Made, one: Patch, place: np.ndarray) -> np.ndarray:
+def _areas(m: Made, one: Patch) -> np.ndarray:
     """Integrals of the hats of all nodes."""
     hats = facet_basis(m.basis.mesh, _linear(m), facets=one.facets, intorder=6)
     total = fem.LinearForm(lambda v, w: v).assemble(hats)
@@ -143,7 +143,7 @@ def _dual(m: Made, one: Patch, two: Patch, place: np.ndarray) -> tuple[Any, ...]
         weights[np.ix_(at[on], np.arange(q * e, q * e + q))] += psi * dx[e]
         area[at[on]] += N @ dx[e]
         whole[at[on]] &= covered[e].all()
-    return weights / area[:, None], area, samples, f, whole
+    return weights / area[:, None], samples, f, whole
 
 
 def cells(triangle: bool, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -172,7 +172,7 @@ def rubbing(
     court: Court, k: int, a: Answer, before: Answer | None, c: ContactSpec, R: Any, noise: Any
 ) -> list[Finding]:
     """All that is asked of friction at the nodes of a contact in a step."""
-    p = points(court, c)
+    p = points(court, c, a)
     if p is None or c.tied:
         return []
     name = c.secondary[0]
@@ -181,7 +181,7 @@ def rubbing(
     Ft = F - N[:, None] * p.normal
     T, size = np.linalg.norm(Ft, axis=1), np.linalg.norm(F, axis=1)
     most = float(size.max(initial=0.0))
-    tiny = FORCE * most + noise[name] + court.faint + court.settled * most
+    tiny = FORCE * most + noise[name] + court.faint + court.settled * most + 1e-3 * court.least(a)
     mu = c.friction[1] if c.friction and c.friction[0] == "coulomb" else 0.0
     b = bounds(court, c, N, p.area)
     slack = (1 + mu) * (p.off * size + tiny)
@@ -251,12 +251,16 @@ def increments(
         ds -= np.sum(ds * p.normal, axis=1)[:, None] * p.normal
     spun = 0.0
     if c.name in a.motions:  # arms of a tool's turn end at its surface, or at the node across the gap
-        spun = np.linalg.norm(a.motions[c.name][1]) * np.abs(court.distance(c, x))
+        turns = [answer.motions[c.name][1] for answer in (a, before) if answer is not None]
+        spun = sum(np.linalg.norm(turn) for turn in turns) * np.abs(court.distance(c, x))
     far = np.linalg.norm(ds, axis=1)
     if c.primary is not None:  # quadratic faces are drawn by triangles
         two = court.patches[c.primary]
         u = a.u[c.primary[0]] - (0.0 if before is None else before.u[c.primary[0]])
         moved += two.crooked(two.displaced(u)) / MOVED
+        # on warped faces feet across a gap are known to the angle of the normals
+        gap = np.abs(court.gap0(c)).max(initial=0.0) + c.interference * court.s.size
+        spun += p.off * float(gap) / two.h * float(np.ptp(two.displaced(u), axis=0).max())
     allowed = SAMPLED * vary + 2 * p.off * (far + across) + MOVED * moved + court.settled * far + spun
     return ds, allowed
 
