@@ -135,7 +135,7 @@ for ax, (words, i) in zip(axes, shown.items(), strict=True):
     ax.set_title(f"the ball {words}", fontsize="medium")
 top.suptitle("friction on the track where it sticks (grey) and slips (red)", fontsize="medium")
 axes[0].set_ylabel("aside, over a")
-axes[2].quiverkey(arrows, 0.14, 0.93, mu * largest, "μ times the largest pressure", labelpos="E")
+axes[2].quiverkey(arrows, 0.22, 0.93, mu * largest, "μ times the largest pressure", labelpos="E")
 top.colorbar(filled, ax=axes, label="pressure over the largest", shrink=0.8)
 pull, creep = below.subplots(1, 2)
 pull.plot(way / a, force / (mu * P), "o-", ms=3.5)
