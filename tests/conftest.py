@@ -12,6 +12,7 @@ import pytest
 from pairs import pairwise
 
 HERE = Path(__file__).parent
+collect_ignore_glob = ["scenes/*"]  # scripts, which `test_scenes` runs
 
 
 # Instances that took more than some 0.6 CPU s, by `pytest --durations=0`.

@@ -180,8 +180,9 @@ def test_tables_of_extremes_are_those_of_the_stored_runs(monkeypatch: pytest.Mon
 
 
 @pytest.fixture
-def solids(run: Any) -> Any:
-    """The benchmark of solids."""
+def solids(run: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The benchmark of solids; the tests have a module of this name, too."""
+    monkeypatch.delitem(sys.modules, "solids", raising=False)
     import solids
 
     yield solids

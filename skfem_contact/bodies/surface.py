@@ -316,6 +316,8 @@ def _as_met(ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _held(body: Body, dofs: np.ndarray) -> np.ndarray:
     """Prescribed components, (m, d); a scalar field has no directions to hold."""
+    if dofs.shape[1] != body.dim or not len(body.D):
+        return np.zeros((len(dofs), body.dim), dtype=bool)
     held = np.zeros(body.n, dtype=bool)
     held[body.D] = True
-    return held[dofs] if dofs.shape[1] == body.dim else np.zeros((len(dofs), body.dim), dtype=bool)
+    return held[dofs]

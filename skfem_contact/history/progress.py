@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sized
+from collections.abc import Callable
 from typing import Any
 
 from skfem_contact.answers.answer import Answer
@@ -63,7 +63,10 @@ class Silent:
 
 def count(steps: Any) -> int | None:
     """How many steps there are, where that is known."""
-    return len(steps) if isinstance(steps, Sized) else None
+    try:
+        return len(steps)
+    except TypeError:  # a generator; or what is no list of steps, which is refused where it is read
+        return None
 
 
 def words(answer: Answer) -> str:
