@@ -277,7 +277,7 @@ def against(court: Court, first: Run, second: Run, way: Way) -> list[tuple[str, 
         if off[worst] > same * most:
             text = f"step {k}: {'+'.join(worst)} differs by {off[worst] / most:.1e} of the forces"
             told = {answer.message for answer in (a, b)}
-            several = s.mu >= SEVERAL and not way.turn
+            several = (s.mu >= SEVERAL or s.jumps) and not way.turn
             if several and not [f for f in examine(court, second.answers) if not f.geometric]:
                 return [("several answers", f"{text}; {told}")]
             return [("WRONG", f"{text}; {told}")]

@@ -281,7 +281,7 @@ def _lost(
     own = 0.5 * (b * closed + bounds(court, c, N0, p.area) * was) * way
     most = float(np.abs(told.forces).sum()) * max(float(np.abs(u).max()) for u in a.u.values())
     off = abs(float(own.sum()) - told.dissipation)
-    if off <= 1e-6 * float(own.sum()) + 1e-7 * most + float(b @ allowed):
+    if off <= (1e-6 + 1e3 * court.settled) * float(own.sum()) + 1e-7 * most + float(b @ allowed):
         return []
     return [
         Finding(

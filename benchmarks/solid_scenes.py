@@ -124,6 +124,12 @@ class Scene:
         )
 
     @property
+    def jumps(self) -> bool:
+        """Whether some friction does not begin at zero: a point may be closed by it, or open."""
+        laws = [c.friction for c in self.contacts if c.friction]
+        return any(law[0] == "tresca" or law[3] > 0 for law in laws)
+
+    @property
     def R(self) -> np.ndarray:
         """From local to global directions."""
         return np.array(self.turn)
