@@ -17,9 +17,9 @@ from unlike_meshes import rectangle
 import skfem_contact as sc
 
 LOOPS = ["newton", "direct", "fictitious"]
-# multigrid to the last digit: what is left of the load moves points that stick, and the certificate
-# of friction measures their slip against slips of the size of round-off
-ROUTES = {"condensed": "condensed", "sparse": sc.Direct(), "AMG": sc.AMG(tol=1e-15)}
+# multigrid nearly to the last digit: what is left of the load moves points that stick, and the
+# certificate of friction measures their slip against slips of the size of round-off
+ROUTES = {"condensed": "condensed", "sparse": sc.Direct(), "AMG": sc.AMG(tol=5e-15)}
 EXACT = sc.Options(placement_tolerance=1e-12)
 
 
