@@ -98,6 +98,16 @@ def test_many_whole_problems(choice, floating):
         assert kind not in DEFECTS
 
 
+def test_what_taking_a_load_away_leaves_is_round_off():
+    """Forces of 1e-20 after forces of 1e-3 are none, whatever their signs are to each other."""
+    begin = StepChoice(load=0, force=1.0, displacement=1.0, interference=None)
+    problem = Choice(
+        seed=69746542, mu=5.0, most=4, floating=False, scales=(0.1, 1.0), G=1.0, caps={}, method="node",
+        loop="direct", linear="sparse", cuts=0, steps=(begin, replace(begin, displacement=0.0)),
+    )  # fmt: skip
+    assert [kind.split(",")[0] for kind, _ in judge(problem)] == ["right", "right"]
+
+
 @pytest.mark.parametrize("seed", [4, 6, 11, 21, 41, 45, 55, 56])
 def test_bodies_without_stress_are_certified(seed):
     """Problems with a step in which nothing touches: the certificate divided by round-off."""
