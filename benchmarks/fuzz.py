@@ -47,9 +47,6 @@ PAGE = HERE.parent / "docs" / "extremes.md"
 BEGIN, END = "<!-- fuzz table: begin -->", "<!-- fuzz table: end -->"
 SAME = 1e-7  # an answer and an enumerated solution, with contrasts of up to 1e8 between the bodies
 RESIDUAL = 1e-4  # what is left of the conditions, over the largest force: more is wrong
-UNLOADED = (
-    1e-13  # forces and overlaps over those of the step before, which are what taking it away leaves
-)
 DIGITS = 1e-7  # and more than this is inaccurate
 MU = (0.0, 1e-6, 0.1, 0.3, 0.6, 1.0, 2.0, 5.0)
 # Without load, or pulled off, a floating body has no place of its own.
@@ -236,30 +233,19 @@ def _scale(size: float) -> float:
     return size if size > np.finfo(float).tiny else 1.0
 
 
-def _all_gone(
-    p: Problem, u: np.ndarray, lam: np.ndarray, tau: np.ndarray, begun: tuple[float, float]
-) -> bool:
-    """Whether a step took all load away and left nothing but round-off of the forces it began with.
-
-    What is left has no digits, and no scale of its own to be measured by.
-    """
-    force, length = UNLOADED * begun[0], UNLOADED * begun[1]
-    acting = (np.abs(p.K @ u), np.abs(p.f), np.abs(lam), np.abs(tau))
-    gap = p.gap0 + p.B_n @ u
-    return all(np.max(part, initial=0.0) <= force for part in acting) and bool(np.all(gap >= -length))
-
-
 def residual(p: Problem, u: np.ndarray, lam: np.ndarray, tau: np.ndarray, slip: np.ndarray) -> float:
     """Largest violation of equilibrium, Signorini and Coulomb, over the largest force."""
     free = np.setdiff1d(np.arange(len(u)), p.D)
     balance = p.K @ u - p.f - p.B_n.T @ lam + p.B_t.T @ tau
     # forces that act; not the terms that cancel in K u, which in a stiff body are any multiple of
-    # them and would hide what is wrong. Only where nothing acts are their last digits the scale
-    terms = np.abs(p.K) @ np.abs(u)
-    parts = [np.abs(p.K @ u), np.abs(p.f), np.abs(lam), np.abs(tau), ROUND_OFF * terms]
-    force = _scale(max(float(np.max(part, initial=0.0)) for part in parts))
+    # them and would hide what is wrong. Only where nothing acts are their last digits the scale, and
+    # those of the step's own motion, where a load is taken back
     touched = np.abs(p.B_n).sum(axis=0)[free] > 0
     stiff = np.median(np.diag(p.K)[free][touched]) if touched.any() else 1.0
+    terms = [np.abs(p.K) @ np.abs(u), stiff * np.abs(slip - p.slip_before)]
+    digits = [ROUND_OFF * part for part in terms]
+    parts = [np.abs(p.K @ u), np.abs(p.f), np.abs(lam), np.abs(tau), *digits]
+    force = _scale(max(float(np.max(part, initial=0.0)) for part in parts))
     gap = p.gap0 + p.B_n @ u
     plastic = slip - p.slip_before
     if np.isfinite(p.G):
@@ -300,7 +286,7 @@ def _judge(drawn: Drawn, show: bool) -> list[tuple[str, str]]:
     out: list[tuple[str, str]] = []
     p, before, points = drawn.problem, None, drawn.points
     shift = np.zeros(2)
-    over, begun = 0.0, (0.0, 0.0)
+    over = 0.0
     for number, step in enumerate(drawn.steps):
         shift = step.get("motion", {}).get("joint", shift)
         over = step.get("interference", {}).get("joint", over)
@@ -324,9 +310,6 @@ def _judge(drawn: Drawn, show: bool) -> list[tuple[str, str]]:
         # after cuts the start of the last substep is not known here
         left = 0.0 if cut else residual(same, result.u, lam, tau, slip)
         worst = max(left, result.certificate.worst)
-        if _all_gone(same, result.u, lam, tau, begun):
-            worst = 0.0
-        begun = float(max(np.abs(lam).max(), np.abs(tau).max())), float(np.abs(result.u).max())
         off = [distance(s, result.u, lam, tau) for s in known or []]
         near = min(off, default=np.inf)
         words = (

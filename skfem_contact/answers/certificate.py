@@ -1,8 +1,9 @@
 r"""The certificate: how well an answer satisfies the equations, measured from the answer itself.
 
 All numbers are dimensionless. Forces are divided by the largest force in the problem (load, contact
-or reaction), lengths by the extent of the bodies. Where unloaded bodies move rigidly, all forces are
-round-off and nothing to divide by: the scale is then `SCALE_FLOOR` of the terms that cancel in ``K u``.
+or reaction), lengths by the extent of the bodies. Where unloaded bodies move rigidly, or a step takes
+all load back, all forces are round-off and nothing to divide by: the scale is then `SCALE_FLOOR` of the
+terms that cancel in ``K u``, or of the force that strains the softest body by one.
 """
 
 from __future__ import annotations
@@ -115,6 +116,8 @@ def certify(result: Answer) -> Certificate:
     # a load is a scale however small: a body that ran away with it has not carried it
     noise = _largest(*terms)
     floor = SCALE_FLOOR * noise if not f.any() and force < NO_LOAD * noise else 0.0
+    if not (f.any() or result.case.x.any()):
+        floor = max(floor, _nothing_acts(result, force))
     force = max(force, floor)
     length = system.extent
     gap = result.kin.B_n @ u + result.seen.gap0
@@ -140,6 +143,17 @@ def certify(result: Answer) -> Certificate:
     )
 
 
+def _nothing_acts(result: Answer, force: float) -> float:
+    """The scale of forces where a load is taken back, or zero: they may act.
+
+    What is left of earlier forces is no scale for itself. The bodies' coordinates have rounding errors;
+    a force that is smaller than what such a distance makes in the softest of them is none.
+    """
+    stiffest = [float(K.diagonal().max()) for K in result.stiffness if K.nnz]
+    strained = min(stiffest, default=0.0) * result.system.extent
+    return SCALE_FLOOR * strained if force < float(np.finfo(float).eps) * strained else 0.0
+
+
 def _friction_violation(result: Answer, floor: float) -> float:
     """Largest distance of a friction force from what the law makes of it and of the slip.
 
@@ -161,7 +175,8 @@ def _friction_violation(result: Answer, floor: float) -> float:
         plastic = np.where(closed[:, None], result.plastic_slip[part], 0.0)
         scale = max(_largest(state.normal_force[part], force), floor)
         furthest = max(_largest(plastic), still)
-        r = scale / furthest if furthest > 0 else 0.0
+        # a slip so small that no number stretches it to a force is none
+        r = scale / furthest if furthest > scale * float(np.finfo(float).tiny) else 0.0
         lawful, _ = law.force(force + r * plastic, compressive, area, counted)
         away = np.linalg.norm(force - np.where(closed[:, None], lawful, 0.0), axis=1)
         # np.maximum keeps NaN, which Python's max drops

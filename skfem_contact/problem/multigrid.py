@@ -31,7 +31,7 @@ from skfem_contact.problem.full import FullProblem, FullSystem
 from skfem_contact.problem.response import Conditions, Load, Response, Source
 from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.substructure import Substructure
-from skfem_contact.problem.thresholds import ANCHORED, CLOSER, ROUND_OFF
+from skfem_contact.problem.thresholds import ANCHORED, CLOSER, ROUNDING
 from skfem_contact.problem.whole import Whole, WholeBody
 
 Array = NDArray[np.float64]
@@ -203,16 +203,27 @@ class _Fields(HeldForces):
         logger.debug("multigrid: %d iterations, residual %.1e", found.iterations, found.residual)
         u, own, q = self._parts(found.x)
         good = self.rough or found.residual <= settings.tol * size
-        if not (good or found.residual <= self._round_off(u)):
+        if not (good or found.residual <= self._round_off(u, own, q)):
             raise not_within(found.residual / size, settings.tol, found.iterations)
         p = np.zeros(len(p))
         p[rows] = own
         return u, p, q
 
-    def _round_off(self, u: Array) -> float:
-        """What K u is uncertain by: stiff bodies that move as they are have large terms that cancel."""
-        terms = self.bodies.times_K(np.abs(u), absolute=True)
-        return float(ROUND_OFF * np.linalg.norm(terms / self.diagonal))
+    def _round_off(self, u: Array, p: Array, q: Array) -> float:
+        """What the left-hand sides are uncertain by: large terms cancel.
+
+        So they do in stiff bodies that move as they are, and where a body that only contact holds is
+        held by springs, whose extensions q contact takes back. A sum of n terms is known to n roundings
+        of their sizes (Higham 2002, section 3.1).
+        """
+        per_row = max(int(np.diff(part.K_free.indptr).max()) for part in self.bodies.substructures)
+        u_c, G = u[self.bodies.place], abs(self.G)
+        bodies = self.bodies.times_K(np.abs(u), absolute=True)
+        bodies[self.bodies.place] += G.T @ np.abs(p) + abs(self.P) @ np.abs(q)
+        held = self.scale * (G @ np.abs(u_c) + self.problem.give[self.held.rows] * np.abs(p))
+        springs = abs(self.P).T @ np.abs(u_c) + np.abs(q)
+        terms = np.concatenate([bodies / self.diagonal, held, springs])
+        return float(per_row * ROUNDING * np.linalg.norm(terms))
 
     def _parts(self, x: Array) -> tuple[Array, Array, Array]:
         u, p, q = np.split(x, self._ends)

@@ -47,8 +47,8 @@ ANCHORED = 1e-13
 # Share of the residual that a solve leaves at most of that of the iteration before.
 CLOSER = 0.1
 
-# Round-off of K u over the sum of its terms' sizes: a few units in the last place.
-ROUND_OFF = 1e-15
+# Of one operation, relative: half a unit in the last place.
+ROUNDING = 2.0**-53
 
 # -- model -------------------------------------------------------
 
