@@ -197,6 +197,7 @@ TRI = fem.MeshTri().refined(1)
         (lambda: Body(BASIS, ELASTIC, D=np.array([0.5])), "not of DOF numbers"),
         (lambda: Body(BASIS, ELASTIC, measure=0.1), "pass measure=lambda x: 0.1"),
         (lambda: Body(BASIS, ELASTIC, name=3), "not a string"),
+        (lambda: Body(BASIS, ELASTIC, springs=1.0), "add their matrix to K"),
     ],
 )
 def test_what_is_no_body_is_refused_by_name(make, message):

@@ -90,6 +90,16 @@ class ContactValues:
     >>> import numpy as np
     >>> bool(np.allclose(values.integrate(values.traction), values.force))
     True
+
+    The block slips to the right, against the tangent, and friction on it acts to the left:
+
+    >>> values.tangent[0, 0].tolist()
+    [-1.0, 0.0]
+    >>> i = int(np.argmax(np.abs(values.slip)))
+    >>> bool(values.slip[i, 0] < 0), bool(values.slip_vector[i, 0] > 0)
+    (True, True)
+    >>> bool(values.tangential_force[i, 0] > 0), bool(values.traction[i, 0] < 0)
+    (True, True)
     """
 
     name: str
@@ -128,6 +138,10 @@ class ContactValues:
     @cached_property
     def slip(self) -> Array:
         """Of the secondary relative to the primary, since the point closed, (m, d-1) [length].
+
+        The component along `tangent`: in 2-D that is `normal`, which points from the primary to the
+        secondary, turned counter-clockwise, so that on a primary that faces upwards a slip to the
+        left is positive. `slip_vector` is the same in global axes.
 
         Without friction nothing tangential is solved for: the slip is then measured on the
         displacements of all bodies, which are recovered for it when first asked for.

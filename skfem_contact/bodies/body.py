@@ -63,7 +63,7 @@ class _Stiffness:
 _KNOWN: WeakValueDictionary[int, _Stiffness] = WeakValueDictionary()
 
 
-@with_known_keywords(stiffness="write K", load="write f")
+@with_known_keywords(stiffness="write K", load="write f", springs="add their matrix to K")
 @dataclass(frozen=True, eq=False, init=False)
 class Body(Member):
     """One body: a scikit-fem basis with the linear system assembled on it.
@@ -77,7 +77,7 @@ class Body(Member):
         for heat conduction and the like (tied contact only).
     K : sparse matrix, shape (n, n), or BilinearForm
         Stiffness [force/length]. A form is assembled on `basis` here, once. Of a matrix whose last
-        digits are not symmetric the symmetric part is kept.
+        digits are not symmetric the symmetric part is kept. Springs to the ground are added to it.
     f : ndarray, shape (n,), or LinearForm, or dict by boundary name, optional
         Load [force]; zero if not given. A form is integrated over the volume of `basis`. A dict
         gives uniform tractions on boundaries, ``{"top": (0.0, -5.0)}``, in global axes [stress];

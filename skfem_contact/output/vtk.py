@@ -57,7 +57,8 @@ def write(
         data of `ContactValues`: ``pressure``, ``traction`` on the secondary, ``gap`` (NaN where
         there is no partner), ``slip``, ``status`` (0 open, 1 stick, 2 slip), ``tangential_force``,
         ``wear_depth`` where surfaces wear, and the cell data ``contact`` (1 for the first). Slip and
-        tangential force are one number along the tangent in 2-D and a vector in global axes in 3-D.
+        tangential force are one number along `tangent` in 2-D (the normal from primary to secondary,
+        turned counter-clockwise) and a vector in global axes in 3-D.
         The third is written where there are rigid obstacles, and has the cell data ``obstacle``.
 
     Raises

@@ -187,6 +187,8 @@ def test_matrices_have_no_measure_of_energy():
     assert_allclose(matrix.traction.edges, form.traction.edges, rtol=1e-12)
     assert 0 < matrix.traction.total < form.traction.total
     assert "bodies not known" in str(matrix)
+    assert "a K was given as a matrix" in matrix.advice
+    assert "matrix" not in form.advice
 
 
 def test_a_replaced_stiffness_has_another_energy():

@@ -113,7 +113,22 @@ def _advice(
     elements: dict[str, Elements],
     across: int,
 ) -> str:
-    """The largest part in words, and what makes it smaller."""
+    """The largest part in words, and what makes it smaller; what is not known."""
+    known = _of_largest(contact, values, line, sources, share, elements, across)
+    if not np.isnan(sources.bodies):
+        return known
+    return f"{known}. What the meshes of the bodies lose is not in it: a K was given as a matrix"
+
+
+def _of_largest(
+    contact: Contact,
+    values: ContactValues,
+    line: Line,
+    sources: ErrorSources,
+    share: Array,
+    elements: dict[str, Elements],
+    across: int,
+) -> str:
     if sources.total <= NO_MISFIT:
         return "nothing to improve: exact, as far as the answer tells"
     worst, largest = int(np.argmax(share)), sources.largest
