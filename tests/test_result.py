@@ -57,6 +57,26 @@ def test_tractions_are_made_of_pressure_and_friction(result):
         assert_allclose(v.contact_area, v.area[v.status != 0].sum())
 
 
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+@pytest.mark.parametrize("deformable", [False, True])
+def test_moments_are_about_where_the_bodies_are(sliding, deformable):
+    """A block dragged over a floor: forces act at moved points; with small sliding at old ones."""
+    up = block("up", (0, 1), D="top", move=(0.05, -0.02))
+    law = {"friction": sc.Coulomb(0.3), "method": "node", "sliding": sliding}
+    low = sc.RigidPlane((0, 0), (0, 1))
+    if deformable:
+        mesh = fem.MeshQuad.init_tensor(np.linspace(-1, 2, 14), np.linspace(-1, 0, 4)).with_defaults()
+        basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+        low = sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), D="bottom", name="low")
+    primary = low.surface("top") if deformable else low
+    contact = sc.Contact(up.surface("bottom"), primary, **law)
+    bodies = [up, low] if deformable else [up]
+    v = sc.ContactSolver(bodies, contact, options=sc.Options(max_travel=np.inf)).solve()
+    dofs = contact.secondary.dofs
+    x = v.points + v.displacement("up")[dofs] * (sliding == "finite")
+    assert_allclose(v.moment(), np.sum(x[:, 0] * v.forces[:, 1] - x[:, 1] * v.forces[:, 0]), rtol=1e-12)
+
+
 def test_forces_balance_the_reactions(result):
     """The floor carries what the support of the upper block gives, and the joint passes it on."""
     up = result.system.bodies[1]

@@ -37,6 +37,9 @@ class Answer:
         Of sticking points, ``inf`` where they stick exactly [force/length].
     factor : float or None
         The number of the load step, where it was one.
+    action : ndarray, shape (m, d)
+        Where the force of each point acts on the secondary, see `Kinematics`; of bodies that slide far
+        at the end of the step [length].
     plastic_slip : ndarray, shape (m, d-1)
         What friction acts on: slip of this step, or of its last part where it was cut, less what a
         finite tangential stiffness gives back; positive as the resisting force is [length].
@@ -59,6 +62,7 @@ class Answer:
     seen: LoadCase
     state: State
     gap: Array = field(repr=False)
+    action: Array = field(repr=False)
     plastic_slip: Array = field(repr=False)
     mismatch: float
     converged: bool

@@ -41,7 +41,7 @@ def _values(answer: Answer, i: int, part: slice) -> ContactValues:
         area=np.where(own, kin.area[part], 0.0),
         surface=contact.secondary,
         heir=heir,
-        action=kin.action[part],
+        action=answer.action[part],
         dissipation=float(lost),
         dissipation_total=float(before + lost),
         energy_residual=float(answer.residual_by_contact[i]),

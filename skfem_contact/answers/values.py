@@ -56,7 +56,8 @@ class ContactValues:
     heir : ndarray of int, shape (m,)
         The point whose pressure and traction hold at each point; itself in general.
     action : ndarray, shape (m, d)
-        Where the force of each point acts; its position in general.
+        Where the force of each point acts; its position in general. On the undeformed bodies, and with
+        ``sliding="finite"`` where they are after the step [length].
     dissipation, dissipation_total : float
         Energy lost by friction in this step, and since the start of the history [energy]: the mean
         of the friction bounds at both ends of the step times the slip. Never negative, and exact
@@ -212,7 +213,8 @@ class ContactValues:
     def moment(self, about: ArrayLike | None = None) -> float | Array:
         """Moment of the forces on the secondary about a point, the origin if none is given.
 
-        A number in 2-D, shape (3,) in 3-D [force length].
+        A number in 2-D, shape (3,) in 3-D [force length]. Forces act at `action`: of bodies that slide
+        far where they are after the step, else on the undeformed ones.
         """
         d, F = self.points.shape[1], self.forces
         centre = np.zeros(d) if about is None else numbers(about, "about", f"give {d} coordinates")

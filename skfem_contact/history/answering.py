@@ -148,6 +148,7 @@ class Answering:
             seen=attempt.seen,
             state=attempt.state,
             gap=attempt.local.gap,
+            action=attempt.action,
             plastic_slip=attempt.plastic_slip,
             mismatch=attempt.mismatch,
             converged=attempt.good,

@@ -51,7 +51,8 @@ class LoadStep:
 class Attempt:
     """One attempt at a load: how the loop ended, from which state, and on which pairing.
 
-    `start` and `local` are the states before and after it, both along the tangents of its pairing.
+    `start` and `local` are the states before and after it, both along the tangents of its pairing;
+    `own_action` is where the forces act on the pairing of its answer, if that is another, (m, d).
     """
 
     outcome: Outcome
@@ -65,12 +66,18 @@ class Attempt:
     mismatch: float = 0.0
     failure: str = ""
     travel: float = 0.0  # of the point that slid furthest, over what is allowed
+    own_action: Array | None = None
     culprit: int = -1  # the point whose partner or way made the attempt fail
 
     @cached_property
     def state(self) -> State:
         """What is remembered of it."""
         return self.local.in_space(self.problem.kin)
+
+    @property
+    def action(self) -> Array:
+        """Where the forces of the points act at its end, (m, d) [length]."""
+        return self.problem.kin.action if self.own_action is None else self.own_action
 
     @cached_property
     def plastic_slip(self) -> Array:

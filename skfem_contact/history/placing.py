@@ -71,7 +71,8 @@ def _settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) ->
     """The attempt whose pairing is that of its own answer, with the gaps of that."""
     local = attempt.local
     gap = np.where(by.model.geometry.finite & (local.status == OPEN), own.gap0, local.gap)
-    attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap))
+    # an obstacle takes its points along without another condition, and forces act where they are now
+    attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap), own_action=own.action)
     return _travelled(by, attempt, 1.0)
 
 
