@@ -2,7 +2,8 @@
 
 * `answer`: all numbers of a load step, for the modules of this library; `fields`, `contours`,
   `values`, `split`: those of each contact; `reaction`: forces of supports;
-* `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers;
+* `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers,
+  by the `pieces` of the equation, and by a proof that there is only `one_answer`;
 * `validity`: whether the model holds; `error`: how far the mesh may be off;
 * `result`, `single`: all of it as users see it, and of the contact where there is one;
 * `contact_report`, `report`: all of it printed;

@@ -16,6 +16,7 @@ from skfem_contact.bodies.selection import written
 
 if TYPE_CHECKING:
     from skfem_contact.answers.result import ContactResult
+    from skfem_contact.answers.uniqueness import Uniqueness
 
 #: What a printed result leaves to the report, and how to get it.
 MORE = (
@@ -108,25 +109,35 @@ def _watched_line(answer: Answer) -> str:
     return f"Validity of the model: beyond its bounds in this history: {listed}"
 
 
+def _shown(known: Uniqueness) -> str:
+    """Whether there is one answer, as far as that is shown."""
+    if known.only_one:
+        return "this load has no other answer" + (
+            ""
+            if np.isinf(known.unique_up_to)
+            else f": shown for friction up to {known.unique_up_to:.3g} times this"
+        )
+    words = "whether this load has other answers is not known"
+    if known.unique_up_to > 0:
+        words += f"; that it has none is shown for friction up to {known.unique_up_to:.2g} times this"
+    return words
+
+
 def _uniqueness_lines(result: ContactResult) -> list[str]:
-    """What a report says of other answers: nothing where none are to be feared."""
+    """What a report says of other answers: in the plane nothing where none are to be feared."""
     answer = result._answer
     if not any(contact.friction for contact in result.contacts):
         return []
-    if answer.kin.tangents == 2:
-        return ["whether this load has other answers is not looked at in 3-D"]
-    if answer.kin.tangents != 1:
-        return []
-    if not 0 < answer.recover.unknowns <= MOST_ROWS:
-        return []
-    known = result.uniqueness
+    solid = answer.kin.tangents == 2
+    looked_at = 0 < answer.recover.unknowns <= MOST_ROWS
+    known = result.uniqueness if looked_at else None
     if known is None:
-        return []
+        return ["whether this load has other answers is not looked at"] if solid else []
     end = ["this is the one found from the state before"]
     if known.index < 0 and known.held:
         return ["this load has at least two other answers (the index of this one is -1);", *end]
     if not known.may_be_several.any():
-        return []
+        return [_shown(known)] if solid else []
     over = np.where(known.may_be_several, known.friction / known.critical_friction, 0.0)
     i = int(np.argmax(over))
     mu, critical = known.friction[i], known.critical_friction[i]

@@ -283,8 +283,9 @@ class ContactResult(OfTheContact):
     def uniqueness(self) -> Uniqueness | None:
         """Whether this load, or loads like it, have other answers; computed when first asked for.
 
-        The critical friction of every point, and the index of this answer, see `Uniqueness`. None
-        where it is not computed: on the sparse route, in 3-D, and where rows depend on each other.
+        The critical friction of every point, the index of this answer, and the friction up to which it
+        is shown to be the only one, see `Uniqueness`. None where it is not computed: on the routes
+        without a dense matrix, and where rows depend on each other.
         """
         return uniqueness(self._answer)
 

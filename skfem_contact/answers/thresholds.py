@@ -60,13 +60,26 @@ NO_MISFIT = 1e-9
 # them, a smooth function with a jump in its curvature about as much.
 SHARPER = 3.0
 
-# -- uniqueness --------------------------------------------------
+# -- uniqueness, pieces, one_answer --------------------------------------------------
 
 # Over the stiffness of a point along the normal: couplings below the first are round-off, and a
 # tangential stiffness below the second is none that the rest of the body would hold the point with.
 NO_COUPLING, NOT_HELD = 1e-12, 1e-9
 
-# Printed reports look for other answers up to so many gaps and slips: a second at most.
+# Directions of friction in half a turn that are tried in 3-D: the least coefficient to four digits.
+DIRECTIONS = 720
+
+# Over the largest stiffness of gaps and slips: a spring this stiff is as good as sticking.
+AS_STUCK = 1e9
+
+# What is shown of one answer is shown for this much less than eigenvalues say, so that their own error
+# and round-off of the matrices do not count. Eigenvalues of more than so few rows are iterated.
+SHOWN, CLOSE, FEW = 1e-3, 1e-4, 100
+
+# Shares of the normal compliance that are tried for the proof: each is as valid, one is the best.
+SHARES = (0.0, 0.5, 2.0, 8.0, 32.0, 1024.0)
+
+# Printed reports look for other answers up to so many gaps and slips: three seconds at most.
 MOST_ROWS = 2000
 
 # -- validity.chords ---------------------------------------------

@@ -1,8 +1,8 @@
-r"""Whether a load may have other answers: critical friction of the points, and the index of an answer.
+r"""Whether a load may have other answers: critical friction of points, index of an answer, and a proof.
 
-In 2-D a load step is a piecewise linear equation. Every pattern of open, sticking and slipping points
-is a piece, whose matrix has, with the stiffness S of gaps and slips (`problem.points`), the rows
-of open points, and for slipping points ``S_t + mu d S_n`` (`d` = 1 or -1, the direction of friction).
+With the stiffness S of gaps and slips (`problem.points`) a load step is an equation made of pieces. In
+2-D these are linear: the patterns of open, sticking and slipping points, with the rows of S of open
+points, and for slipping points ``S_t + mu d S_n`` (`d` = 1 or -1, the direction of friction).
 
 *Every load has exactly one answer if and only if the determinants of all 4^m pieces are positive*:
 at most four pieces meet in a face of codimension two, and then pieces of one orientation suffice (Kuhn
@@ -15,6 +15,14 @@ and Löwen, 1987). Too many to try; but two consequences of it are cheap:
 * The signs of all answers to one load, their indices, add up to one if supports hold all bodies, since
   the degree of the map does not change on the way from ``mu = 0``. So an answer of index -1 is
   *sufficient* for at least two further answers to this very load.
+
+In 3-D pieces are not linear, as the direction of friction turns with the slip s: it adds a spring
+``mu lambda / |s| (1 - d d')`` to the rows. Degree and indices are what they were, and so are both
+consequences, with the least coefficient for which any direction and any such spring makes the
+determinant of one point negative: `pieces.critical_friction`.
+
+That there is exactly *one* answer to every load is shown by energy, in both dimensions and up to a
+coefficient that falls with the number of points across the contact: `one_answer.unique_up_to`.
 """
 
 from __future__ import annotations
@@ -26,12 +34,11 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import NO_COUPLING, NOT_HELD
+from skfem_contact.answers.one_answer import unique_up_to
+from skfem_contact.answers.pieces import critical_friction, orientation, turning_springs
 from skfem_contact.conditions.checked_law import CheckedLaw
-from skfem_contact.conditions.state import OPEN, SLIP, LocalState
-from skfem_contact.linalg.dense_factors import DenseFactors, cholesky
-from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.thresholds import LOOSE
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction import Coulomb, Tresca
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -40,6 +47,8 @@ Mask = NDArray[np.bool_]
 @dataclass(frozen=True, eq=False)
 class Uniqueness:
     """What is known about other answers to the load of a result.
+
+    All of it is about this load step: from the state before it, on the pairing of the result.
 
     Attributes
     ----------
@@ -51,27 +60,41 @@ class Uniqueness:
         Coefficient of the friction law in this answer, ``dL / d lambda``; NaN at the same points.
     index : int
         Sign of the determinant of this answer's linear problem. If it is -1, and supports hold all
-        bodies, this very load has at least two other answers.
+        bodies, this very load has at least two other answers. 0 where nothing follows from it: with
+        wear, with a user's own law, and where a bound is not zero on points that open (Tresca,
+        cohesion).
     held : bool
         Whether they do.
+    unique_up_to : float
+        *Every* load has exactly one answer while no coefficient of friction is more than this many
+        times what it is here. That is shown, not measured: beyond it nothing is known, and 0 is where
+        nothing is known at all (bodies that supports do not hold, and where `index` is 0).
 
     Examples
     --------
-    >>> known = Uniqueness(np.array([1.5, np.inf]), np.array([2.0, 2.0]), 1, True)
+    >>> known = Uniqueness(np.array([1.5, np.inf]), np.array([2.0, 2.0]), 1, True, 0.5)
     >>> known.may_be_several
     array([ True, False])
+    >>> known.only_one
+    False
     """
 
     critical_friction: Array
     friction: Array
     index: int
     held: bool
+    unique_up_to: float = 0.0
 
     @property
     def may_be_several(self) -> Mask:
         """Points whose friction is above the critical one, shape (m,)."""
         with np.errstate(invalid="ignore"):
             return np.asarray(self.friction > self.critical_friction)
+
+    @property
+    def only_one(self) -> bool:
+        """Whether it is shown that this load has no other answer; False is not known."""
+        return self.unique_up_to >= 1.0
 
 
 def uniqueness(result: Answer) -> Uniqueness | None:
@@ -85,20 +108,26 @@ def uniqueness(result: Answer) -> Uniqueness | None:
     -------
     Uniqueness or None
         None where it is not computed: on the sparse route, with contact rows that depend on each
-        other, in 3-D, and where the answer leaves a motion free.
+        other, and where the answer leaves a motion free.
     """
-    found = result.recover.space(result.kin) if result.kin.tangents == 1 else None
+    found = result.recover.space(result.kin)
     if found is None:
         return None
     space, held = found
     friction, G = coefficients(result), result.tangential_stiffness
-    friction = np.where(_able(space, friction), friction, np.nan)
+    able = (space.normal_rows >= 0) & (space.tangential_rows >= 0).any(axis=1)
+    friction = np.where(able, friction, np.nan)
+    status, resisting = result.state.status, result.local.tangential_force
+    steepest = np.where(able, steepest_bounds(result), 0.0)
+    one = not np.isnan(steepest).any()
     try:
-        critical = critical_friction(space, result.state.status, friction, G)
-        index = orientation(space, result.local, friction, G)
+        critical = critical_friction(space, status, friction, G)
+        springs = turning_springs(resisting, result.plastic_slip, G, space)
+        index = orientation(space, status, resisting, friction, G, springs) if one else 0
     except LinAlgError:
         return None
-    return Uniqueness(critical, friction, index, held)
+    at_most = unique_up_to(space, steepest, G, result.kin.tied) if one and held else 0.0
+    return Uniqueness(critical, friction, index, held, at_most)
 
 
 def coefficients(result: Answer) -> Array:
@@ -115,106 +144,25 @@ def coefficients(result: Answer) -> Array:
     return np.where(kin.paired, out, np.nan)
 
 
-def critical_friction(space: PointSpace, status: NDArray[np.intp], friction: Array, G: Array) -> Array:
-    """``k_tt / |k_tn|`` of the stiffness that each point meets, the others open or stuck, (m,).
+def steepest_bounds(result: Answer) -> Array:
+    """By how much a bound changes at most with the normal force, whatever that is, shape (m,).
 
-    Parameters
-    ----------
-    space : PointSpace
-    status : ndarray of int, shape (m,)
-    friction : ndarray, shape (m,)
-        NaN at points to leave out.
-    G : ndarray, shape (m,)
-        Tangential stiffness of sticking points, ``inf`` for exact sticking.
-
-    Raises
-    ------
-    LinAlgError
-        If the points that are closed do not hold the bodies.
-
-    Examples
-    --------
-    One point on two springs that its gap and its slip share:
-
-    >>> S = np.array([[2.0, 1.0], [1.0, 3.0]])
-    >>> space = PointSpace(S, np.array([0]), np.array([[1]]))
-    >>> critical_friction(space, np.array([0]), np.ones(1), np.full(1, np.inf))
-    array([3.])
+    NaN where it may jump, or depend on more than the normal force. An open point has no friction: a
+    bound that is not zero without pressure jumps there.
     """
-    n, t = space.normal_rows, space.tangential_rows[:, 0]
-    able = _able(space, friction)
-    out = np.where(able, np.inf, np.nan)
-    soft = (status != OPEN) & able & np.isfinite(G)
-    free, A = _unheld(space, status == OPEN, soft, G)
-    place = np.full(len(space.S), -1)
-    place[free] = np.arange(len(free))
-    W = _factors(A).inverse()
-    coupling = W @ space.S[free]  # of free rows to all others
-
-    opened = able & (status == OPEN)
-    i, j = place[n[opened]], place[t[opened]]
-    out[opened] = _ratio(W[i, i], W[i, j], W[i, i])
-    i, j = n[soft], place[t[soft]]
-    w = W[j, j]
-    out[soft] = _ratio(1.0 / w - G[soft], coupling[j, i] / w, 1.0 / w)
-    stuck = able & (status != OPEN) & ~soft
-    i, j = n[stuck], t[stuck]
-    S = space.S
-    k_tt = S[j, j] - np.einsum("kj,kj->j", S[np.ix_(free, j)], coupling[:, j])
-    k_tn = S[i, j] - np.einsum("kj,kj->j", S[np.ix_(free, i)], coupling[:, j])
-    out[stuck] = _ratio(k_tt, k_tn, S[j, j])
+    out = np.zeros(result.kin.m)
+    for contact, part in zip(result.contacts, result.slices(), strict=True):
+        if contact.friction is not None:
+            out[part] = _steepest(contact)
     return out
 
 
-def orientation(space: PointSpace, state: LocalState, friction: Array, G: Array) -> int:
-    """Sign of the determinant of the linear problem that an answer solves: 1, -1, or 0.
-
-    Parameters
-    ----------
-    space : PointSpace
-    state : LocalState
-    friction : ndarray, shape (m,)
-    G : ndarray, shape (m,)
-    """
-    t = space.tangential_rows[:, 0]
-    exists = np.isfinite(friction) & (t >= 0)
-    slips = (state.status == SLIP) & exists
-    soft = (state.status != OPEN) & exists & ~slips & np.isfinite(G)
-    free, J = _unheld(space, state.status == OPEN, soft | slips, np.where(slips, 0.0, G))
-    _factors(J)  # what follows has a meaning only where the bodies are held
-    coupled = slips & (friction > 0) & (space.normal_rows >= 0)
-    place = np.searchsorted(free, t[coupled])
-    push = friction[coupled] * np.sign(state.tangential_force[coupled, 0])
-    J[place] += push[:, None] * space.S[np.ix_(space.normal_rows[coupled], free)]
-    size = np.sqrt(np.diag(space.S)[free])
-    return int(np.linalg.slogdet(J / np.outer(size, size))[0])
-
-
-def _able(space: PointSpace, friction: Array) -> Mask:
-    """Points with friction whose gap and slip can change."""
-    return np.isfinite(friction) & (space.normal_rows >= 0) & (space.tangential_rows[:, 0] >= 0)
-
-
-def _unheld(space: PointSpace, opened: Mask, soft: Mask, G: Array) -> tuple[NDArray[np.intp], Array]:
-    """Rows that are free, those of open points and of slips that a spring holds; their stiffness."""
-    n, t = space.normal_rows, space.tangential_rows[:, 0]
-    free = np.concatenate([n[opened], t[opened], t[soft]])
-    free = np.sort(free[free >= 0])
-    A = space.S[np.ix_(free, free)]
-    springs = np.searchsorted(free, t[soft])
-    A[springs, springs] += G[soft]
-    return free, A
-
-
-def _factors(A: Array) -> DenseFactors:
-    """Cholesky factor of the stiffness that free rows meet; closed points have to hold them."""
-    factors = cholesky(A)
-    if not factors.even(LOOSE):
-        raise LinAlgError("the closed points leave a motion free")
-    return factors
-
-
-def _ratio(k_tt: Array, k_tn: Array, scale: Array) -> Array:
-    """``k_tt / |k_tn|``; infinite where there is no coupling, or nothing but this point holds."""
-    clear = (np.abs(k_tn) > NO_COUPLING * scale) & (k_tt > NOT_HELD * scale)
-    return np.where(clear, k_tt / np.where(clear, np.abs(k_tn), 1.0), np.inf)
+def _steepest(contact: Contact) -> Array | float:
+    law = contact.friction
+    if contact.wear is not None:
+        return np.nan
+    if type(law) is Tresca and contact.bilateral:
+        return 0.0
+    if type(law) is Coulomb and (contact.bilateral or not np.any(law.cohesion)):
+        return law.mu
+    return np.nan
