@@ -334,6 +334,7 @@ def test_a_load_that_comes_again_is_reduced_as_if_it_were_new():
     ]
     for f, x in [*loads, *loads]:
         reduced, components = part.load(f, x), part.components(f, x)
+        assert part.components(f, x) == components  # the very arrays of the question before
         # independent of the directions: the interior eliminated from this one load
         u = np.zeros(body.n)
         K, free = body.K.toarray(), np.setdiff1d(part.free, part.kept)

@@ -19,7 +19,7 @@ from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.backend import Backend, LinearSolveError
 from skfem_contact.linalg.direct import Dense, Direct, FromSolver, as_linear_solver
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.linalg.threads import _blas, single_threaded
 
 
 def modes_of(points: np.ndarray) -> np.ndarray:
@@ -296,6 +296,13 @@ def test_matrix_is_not_changed():
     assert_array_equal(K.data, data)
     assert_array_equal(modes, before)
     assert_array_equal(full, K.toarray())
+
+
+def test_no_blas_is_missed():
+    """Extension modules apart, the libraries that are limited are all that threadpoolctl finds."""
+    found = {library.filepath for library in _blas().lib_controllers}
+    assert found == {pool["filepath"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+    assert found
 
 
 def test_single_threaded():

@@ -71,6 +71,26 @@ def test_held_by_products_is_held_by_rows(seed: int, d: int) -> None:
     assert answers == {True, False}
 
 
+def test_held_is_asked_again_where_points_or_bounds_change() -> None:
+    """The answer of the last question serves an equal one, and no other."""
+    motions = RigidMotions(np.zeros((1, 2)), None, None)
+    vars(motions).update(normal=np.array([[1.0, 0.0], [0.0, 1e-3]]), tangential=np.eye(2)[:, None])
+    both, one, none = np.array([True, True]), np.array([True, False]), np.zeros(2, dtype=bool)
+    questions = [
+        (both, none, 1e-7, True),
+        (one, none, 1e-7, False),
+        (one, ~one, 1e-7, True),
+        (both, none, 1e-2, False),
+        (both, none, 1e-7, True),
+    ]
+    for closed, stick, least, held in [*questions, *questions]:
+        assert motions.held(closed, stick, least) is held
+    closed = both.copy()
+    assert motions.held(closed, none, 1e-7)
+    closed[1] = False  # the same array with other points
+    assert not motions.held(closed, none, 1e-7)
+
+
 def test_no_rows_and_no_motions() -> None:
     """Without rows everything is free; of no motions none is."""
     assert_allclose(null_space(np.zeros((0, 2))), np.eye(2))

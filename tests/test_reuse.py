@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
 
 
 def scene(friction: Any, **settings: Any) -> sc.ContactSolver:
@@ -38,6 +39,39 @@ def test_another_law_gives_what_a_new_solver_gives(law: sc.FrictionLaw) -> None:
     assert_allclose(found.u, fresh.u, rtol=0, atol=1e-13)
     assert_allclose(found.traction, fresh.traction, rtol=0, atol=1e-12)
     assert_array_equal(first.solve().traction, before)
+
+
+def test_what_a_step_names_and_leaves_is_the_same_vector() -> None:
+    """Loads and displacements that stay as they were are kept once, whatever names them."""
+    solver = scene(sc.Coulomb(0.4))
+    top = solver.system.bodies[1]
+    push = np.where(np.arange(top.n) % 2, -1e-4, 0.0)
+    first, second, third = solver.history(
+        [{"x": {"top": np.array(top.x)}}, {"f": {"top": push}}, {"f": {"top": 1.0 * push}, "x": {}}]
+    )
+    cases = [answer_of(result).case for result in (first, second, third)]
+    assert cases[0].x is cases[1].x is cases[2].x
+    assert cases[1].f is cases[2].f and cases[0].f is not cases[1].f
+    assert_array_equal(third.forces, second.forces)
+    # as good as steps that hold vectors of their own
+    moved = {"x": {"top": 1.5 * top.x}}
+    [after] = solver.history([moved], start=third)
+    *_, other = scene(sc.Coulomb(0.4)).history([1.0, {"f": {"top": push}}, moved])
+    assert_array_equal(after.forces, other.forces)
+
+
+def test_interference_is_asked_for_once() -> None:
+    """A function of the user's gives the interference when the solver is made, and never again."""
+    calls = []
+
+    def interference(x: np.ndarray) -> np.ndarray:
+        calls.append(x.shape)
+        return 1e-3 * x[0]
+
+    solver = scene(sc.Coulomb(0.4), interference=interference)
+    made = len(calls)
+    *_, last = solver.history([0.5, 1.0])
+    assert last.validity is not None and len(calls) == made
 
 
 def test_condensation_is_shared() -> None:

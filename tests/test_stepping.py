@@ -51,7 +51,7 @@ def test_a_failed_step_is_cut_and_recovered(monkeypatch):
     solver, _ = scene()
     halves = list(solver.history([0.5, 1.0]))
     # the first step of a history has no warm start
-    attempts = len(solver._answering.stepper.starts()) - 1
+    attempts = len(solver._answering.stepper.starts) - 1
     failing(monkeypatch, lambda count: count <= attempts)
     [result] = list(scene()[0].history([1.0]))
     assert result.converged and "step cut 1 times" in result.message
@@ -63,7 +63,7 @@ def test_a_failed_step_is_cut_and_recovered(monkeypatch):
 def test_substeps_grow_after_a_success(monkeypatch):
     """A step that was cut to an eighth goes on in steps of 1, 2, 4 and what is left of eight."""
     solver, _ = scene()
-    attempts = len(solver._answering.stepper.starts())
+    attempts = len(solver._answering.stepper.starts)
     # the whole, the half and the quarter fail from every start; the first has no warm one
     failing(monkeypatch, lambda count: count <= 3 * attempts - 1)
     [result] = list(solver.history([1.0]))

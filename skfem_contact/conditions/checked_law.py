@@ -25,7 +25,7 @@ from skfem_contact.conditions.return_map import (
     return_map,
     unlawful,
 )
-from skfem_contact.conditions.thresholds import DIFFERENCE, NO_AREA, NO_BOUND
+from skfem_contact.conditions.thresholds import DIFFERENCE, GRIPS, NO_AREA, NO_BOUND
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
@@ -67,6 +67,17 @@ class CheckedLaw:
         Its bounds need no check, and are piecewise linear in the normal force, without the slip.
         """
         return type(self.law) in (Coulomb, Tresca)
+
+    @property
+    def grips(self) -> bool:
+        """Whether the bound is known to be a share of the normal force at all points, or more.
+
+        Not one of a size that no force can tell from nothing, and whatever cohesion adds.
+        """
+        law = self.law
+        if type(law) is not Coulomb or np.any(law.tau_max != np.inf):
+            return False
+        return bool(np.min(law.mu) > GRIPS and np.min(law.cohesion) >= 0.0)
 
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         """Bounds, shape (m,); see `FrictionLaw.limit`. Zero at points without area.

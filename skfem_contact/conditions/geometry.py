@@ -25,7 +25,7 @@ from scipy.sparse import csr_matrix, diags, identity, kron
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.diagnosis import (
     check_pairing,
     check_side,
@@ -33,7 +33,7 @@ from skfem_contact.conditions.diagnosis import (
 )
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.identity import Identity
-from skfem_contact.conditions.interface import point_slices
+from skfem_contact.conditions.interface import contact_names, point_slices
 from skfem_contact.conditions.kinematics import Kinematics, initial_gap, join, kinematics
 from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase
@@ -63,6 +63,13 @@ class Geometry:
             for contact, pairing in zip(contacts, self.pairings, strict=True)
         ]
         self.kin = join(self._first)
+        # those of the contacts themselves, [length]; asked for once: functions may stay behind
+        self.interference = [
+            field_values(
+                contact.interference, contact.secondary.points, f"interference of contact '{name}'"
+            )
+            for contact, name in zip(contacts, contact_names(self.contacts), strict=True)
+        ]
         self.finite = np.zeros(self.kin.m, dtype=bool)
         for contact, part in zip(contacts, self.point_slices, strict=True):
             self.finite[part] = contact.sliding == "finite"

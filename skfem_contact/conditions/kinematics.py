@@ -117,6 +117,11 @@ class Kinematics:
         """Gaps (m,) that are given at the points, as those of the rows."""
         return given if self.gap_weights is None else np.asarray(self.gap_weights @ given)
 
+    @cached_property
+    def never_opens(self) -> Mask:
+        """Points that have a partner for good, (m,)."""
+        return self.bilateral & self.paired
+
     @property
     def m(self) -> int:
         """Number of contact points."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.carried import ByFields
 from skfem_contact.obstacles.rotation import rotation_matrix, spin
 
 Array = NDArray[np.float64]
@@ -89,7 +90,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class LoadCase:
+class LoadCase(ByFields):
     """The loads in force over all bodies and contact points.
 
     What a step does not name stays as the step before left it, so that each follows from the last.

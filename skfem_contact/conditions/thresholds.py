@@ -8,6 +8,8 @@ import numpy as np
 
 # Negative bounds this small against the largest force are differences of equal numbers, which is zero.
 NO_BOUND = 1e-12
+# A coefficient of friction that is told from round-off of the force, 2e-16 of it, by four digits.
+GRIPS = 1e-12
 
 # Points with less than this share of the largest area have none: they carry nothing, and a law of the
 # pressure has no value there. (A quadratic facet on the axis of symmetry has such an end.)

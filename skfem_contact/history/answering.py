@@ -16,6 +16,7 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.watch import Watch
 from skfem_contact.answers.validity.watched import Said
 from skfem_contact.arguments import check_kind
+from skfem_contact.carried import ByFields
 from skfem_contact.conditions.diagnosis import check_loads
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.thresholds import SAME_PLACE
@@ -34,7 +35,7 @@ from skfem_contact.loops.step import Record
 
 
 @dataclass(frozen=True, eq=False)
-class Answering:
+class Answering(ByFields):
     """What makes answers of load cases: one for all load steps of a solver."""
 
     stepper: Stepper

@@ -37,7 +37,7 @@ def advance(
     interface, most = by.model.interface, by.options.max_cuts
     so_far = Advance(nothing(interface))
     part = step  # that is attempted: from where the parts before it have come to
-    starts = begin or [s for s in by.starts() if step.known is not None or s != "warm"]
+    starts = begin or [s for s in by.starts if step.known is not None or s != "warm"]
     done, share, fails, smallest = 0.0, 1.0, 0, SHORTER**most
     while True:
         aim = min(1.0, done + share)
@@ -70,7 +70,7 @@ def advance(
                 return so_far
             state = attempt.state
             part = replace(part, state=state, before=part.target, known=state)
-            done, starts, fails = aim, by.starts(), 0
+            done, starts, fails = aim, list(by.starts), 0
             so_far.substeps += 1
             share = min(grown(share, attempt.travel), 1.0 - done)
         elif attempt.outcome.free is not None and "pivoting" in starts and by.complete:
@@ -94,7 +94,7 @@ def advance(
             fails += 1
             reason = attempt.failure or attempt.outcome.message
             logger.info("step cut to %.4g of its size: %s", share, reason)
-            part, starts = replace(part, known=part.state), by.starts()
+            part, starts = replace(part, known=part.state), list(by.starts)
 
 
 def grown(share: float, travel: float) -> float:

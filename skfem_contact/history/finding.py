@@ -100,7 +100,7 @@ class Finding:
         comes to loose by no small step, but iterations may jump there: pivoting has no such jumps.
         """
         by = self.stepper.held
-        if "pivoting" not in by.starts() or not np.any(self.step.state.normal_force > 0):
+        if "pivoting" not in by.starts or not np.any(self.step.state.normal_force > 0):
             return
         once = replace(by, options=replace(by.options, max_cuts=0))
         try:

@@ -59,7 +59,7 @@ class Grip:
         largest = float(np.abs(state.normal_force).max(initial=0.0))
         floor = max(HOLDS_NOTHING * largest, NO_FORCE * force_terms(model, attempt.case))
         carrying = (state.status != OPEN) & (state.normal_force > floor)
-        carrying |= motions.kin.bilateral & motions.kin.paired
+        carrying |= motions.kin.never_opens
         stick = carrying & model.interface.slipping & (state.status == STICK)
         firmly = TURNED if model.geometry.follows else RESISTS
         return cls(motions, attempt, carrying, stick, max(largest, floor, TINY), firmly)
@@ -74,8 +74,8 @@ class Grip:
         motions, carrying, stick = self.motions, self.carrying, self.stick
         share = self.attempt.local.normal_force / self.largest
         share[motions.kin.bilateral] = 1.0
-        by_work = motions.held(carrying * share**2, stick, FAINT)
-        if by_work and motions.held(carrying, stick, self.firmly):
+        enough = motions.held(carrying, stick, self.firmly)
+        if enough and motions.held(carrying * share**2, stick, FAINT):
             return False
         rows, across = motions.rows(carrying, stick), self._across()
         if null_space(np.concatenate([rows, across]), self.firmly).shape[1]:
@@ -110,7 +110,7 @@ class Grip:
         a matter of the iterations. So it is where forces are round-off and contact slides far.
         """
         motions, state, full = self.motions, self.attempt.local, np.zeros(len(self.stick), dtype=bool)
-        if state.tangential_force.size:
+        if np.count_nonzero(self.stick) and state.tangential_force.size:
             friction = lengths(state.tangential_force)
             full = self.stick & interface.frictional & (friction > 0)
             full &= friction >= (1 - HOLDS_NOTHING) * self.attempt.friction_bound
@@ -129,10 +129,7 @@ class Grip:
 
 def force_terms(model: LinearModel, case: LoadCase) -> float:
     """The largest load, or product of stiffness and prescribed displacement [force]."""
-    system = model.system
-    moved = np.abs(case.x[system.D])
-    largest = (float(moved[part].max(initial=0.0)) for part in system.supports)
-    return max(case.largest_force, *map(mul, model.stiffest, largest))
+    return max(case.largest_force, *map(mul, model.stiffest, model.moves(case)))
 
 
 def weak_springs(model: LinearModel, weak: float) -> Array:

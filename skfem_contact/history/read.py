@@ -14,8 +14,8 @@ from skfem_contact.arrays import check_finite, check_size
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.contact import Contact, field_values
+from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import point_slices
-from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import read_motion
@@ -33,18 +33,14 @@ class StepReader:
         system: System,
         contacts: tuple[Contact, ...],
         names: tuple[str, ...],
-        kin: Kinematics,
+        geometry: Geometry,
         own_f: Array,
     ) -> None:
-        self.system, self.contacts, self.names, self.kin = system, contacts, names, kin
-        self.own_f = own_f
+        self.system, self.contacts, self.names = system, contacts, names
+        self.kin, self._own, self.own_f = geometry.kin, geometry.interference, own_f
         self._spans = slices(system.offsets)  # DOFs of each body
         self.point_slices = point_slices(contacts)
-        self._own = [
-            field_values(contact.interference, kin.points[part], f"interference of contact '{name}'")
-            for contact, part, name in zip(contacts, self.point_slices, names, strict=True)
-        ]
-        d = kin.points.shape[1]
+        d = self.kin.points.shape[1]
         self._still = (Motion.none(d),) * len(contacts)
 
     def initial(self) -> LoadCase:
@@ -181,8 +177,9 @@ class StepReader:
                 out[part] = given_part * own[part]
             else:
                 _check_size(given_part, part.stop - part.start, label)
-                out[part] = given_part * scale
-        return out
+                np.multiply(given_part, scale, out=out[part])
+        # what is named and stays as it was is the same vector: what follows from it is known
+        return before if np.array_equal(out, before) else out
 
     def _moved(self, interference: Any, motion: Any, before: LoadCase) -> LoadCase:
         """The loads before, with the interferences and places of obstacles that a step names."""

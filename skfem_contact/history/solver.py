@@ -170,7 +170,7 @@ class ContactSolver:
         return {**vars(self), "linear": carried(self.linear, "linear")}
 
     def _new_reader(self) -> StepReader:
-        return StepReader(self.system, self.contacts, self.names, self.kin, self._own_f)
+        return StepReader(self.system, self.contacts, self.names, self.geometry, self._own_f)
 
     def _new_answering(self) -> Answering:
         return Answering(Stepper(self.linear_model, self.loop, self.options), self._reader)

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, LocalState
@@ -32,7 +33,7 @@ RAN_AWAY = (
 
 
 @dataclass(frozen=True, eq=False)
-class Stepper:
+class Stepper(ByFields):
     """What load steps are solved by; nothing of it depends on them.
 
     Attributes
@@ -58,10 +59,12 @@ class Stepper:
             return self
         return replace(self, model=self.model.with_springs(pins(self.model, loose)))
 
-    def starts(self) -> list[str]:
+    @cached_property
+    def starts(self) -> tuple[str, ...]:
         """Where attempts may begin, in this order."""
         interface, turns = self.model.interface, self.model.kin.tangents > 1
-        return possible_starts(len(interface.stiffness), self.loop, turns and bool(interface.laws))
+        found = possible_starts(len(interface.stiffness), self.loop, turns and bool(interface.laws))
+        return tuple(found)
 
     @property
     def complete(self) -> bool:
@@ -79,36 +82,20 @@ class Stepper:
     def attempt(self, to: LoadStep, problem: ContactProblem, start: str) -> Attempt:
         """Solve a load step as it is, on one pairing, from one of the `starts`."""
         interface, geometry = self.model.interface, self.model.geometry
-        options, kin = self.options, problem.kin
+        options, kin, target = self.options, problem.kin, to.target
         # a vertex brings its history along to the point that carries its row now
         last = to.state.handed_on(kin.vertex, interface.point_slices).along(kin)
         begin = last
         if to.known is not None and to.known is not to.state:
             begin = to.known.handed_on(kin.vertex, interface.point_slices).along(kin)
-        moved = self._moved(to.target)
+        # how far supports are moved, and what that makes of the softest body's stiffness
+        moved = max(self.model.moves(target))
+        softest = min(self.model.stiffest)  # the bodies' own K may have been replaced
+        noise = NOISE * max(target.largest_force, softest * moved)
         with single_threaded():
-            seen = geometry.case(kin, problem.u, to.target, last, to.before)
+            seen = geometry.case(kin, problem.u, target, last, to.before)
             load = problem.load(seen)
-            paired = kin.paired & (interface.bilateral | problem.able)
-            if self.barred is not None:
-                paired &= ~self.barred
-            guided = problem.guided if interface.laws else np.zeros_like(paired)
-            step = Step(
-                problem=problem,
-                load=load,
-                motions=problem.motions,
-                area=kin.area,
-                paired=paired,
-                tied=interface.tied & paired,
-                bilateral=interface.bilateral & paired,
-                laws=interface.laws,
-                frictional=interface.frictional & paired & ~guided,
-                stiffness=interface.stiffness,
-                last=last,
-                rank=geometry.rank,
-                noise=NOISE * self._force_terms(to.target, moved),
-                resistance=problem.resistance if interface.laws and kin.tangents > 1 else None,
-            )
+            step = self._step(problem, load, last, noise)
             dense = step
             if start in DENSE and (points := self.model.on_points(problem)) is not problem:
                 dense = replace(step, problem=points, load=points.load(seen))
@@ -128,22 +115,44 @@ class Stepper:
             note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
             if trace is not outcome.trace or note:
                 outcome = replace(outcome, trace=trace, note=note)
-            local = self._state(step, outcome, to.share, problem, load, to.target, seen)
+            local = self._state(step, outcome, to.share, problem, load, target, seen)
         carried = NOISE * max(self.model.stiffest) * moved
-        fine = balanced(problem.motions, to.target.f, local, step.noise, carried)
-        failure = "" if fine else RAN_AWAY
-        return Attempt(
-            outcome, self.model, problem, load, to.target, seen, last, local, failure=failure
+        failure = "" if balanced(problem.motions, target.f, local, noise, carried) else RAN_AWAY
+        return Attempt(outcome, self.model, problem, load, target, seen, last, local, failure=failure)
+
+    def _step(self, problem: ContactProblem, load: Load, last: LocalState, noise: float) -> Step:
+        """A load step as loops see it; what belongs to the undeformed pairing is found out once."""
+        known: Step | None = vars(self).get("_first")
+        if known is not None and known.problem is problem:
+            return known.under(load, last, noise)
+        interface, kin = self.model.interface, problem.kin
+        paired = kin.paired & (interface.bilateral | problem.able)
+        if self.barred is not None:
+            paired &= ~self.barred
+        frictional, guided = interface.frictional & paired, None
+        if interface.laws and np.count_nonzero(problem.guided):
+            guided = problem.guided & interface.frictional
+            frictional &= ~problem.guided
+        step = Step(
+            problem=problem,
+            load=load,
+            motions=problem.motions,
+            area=kin.area,
+            paired=paired,
+            tied=interface.tied & paired,
+            bilateral=interface.bilateral & paired,
+            laws=interface.laws,
+            frictional=frictional,
+            stiffness=interface.stiffness,
+            last=last,
+            rank=self.model.geometry.rank,
+            noise=noise,
+            resistance=problem.resistance if interface.laws and kin.tangents > 1 else None,
+            guided=guided,
         )
-
-    def _force_terms(self, case: LoadCase, moved: float) -> float:
-        """Largest load, or what moves of D make of the softest body's stiffness [force]."""
-        softest = min(self.model.stiffest)  # the bodies' own K may have been replaced
-        return max(case.largest_force, softest * moved)
-
-    def _moved(self, case: LoadCase) -> float:
-        """How far supports are moved [length]."""
-        return float(np.abs(case.x[self.model.system.D]).max(initial=0.0))
+        if problem.u is None:  # which the model keeps: those of other pairings are large
+            vars(self)["_first"] = step
+        return step
 
     def _state(
         self,
@@ -159,15 +168,15 @@ class Stepper:
         interface, geometry = self.model.interface, self.model.geometry
         response = it.response
         status, friction = it.status, response.tangential_force
-        if step.laws:
-            guided = problem.guided & interface.frictional
-            status, friction = guided_friction(step, guided, status, response)
+        if step.guided is not None:
+            status, friction = guided_friction(step, step.guided, status, response)
         opened = status == OPEN
-        surface, slip = last.surface, response.slip
+        surface, trend, slip = last.surface, last.trend, response.slip
         if geometry.follows:
             dofs = geometry.surface_dofs
             source = problem.source(load, response)
             surface = problem.surface(source, case)[dofs]
+            trend = (surface - last.surface) / share
             slip = geometry.slip(problem.kin, seen, surface, slip, interface.slipping)
         friction, normal_force = friction.copy(), response.normal_force.copy()
         friction[opened] = normal_force[opened] = 0.0
@@ -182,7 +191,7 @@ class Stepper:
             response.gap,
             problem.kin.area,
             surface,
-            (surface - last.surface) / share,
+            trend,
             problem.kin.vertex,
             last.wear,
             last.worn,

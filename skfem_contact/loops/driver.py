@@ -225,7 +225,8 @@ def _finite(values: np.ndarray) -> bool:
 
 
 def _record(number: int, step: Step, iterate: Iterate) -> Record:
-    counts = np.bincount(iterate.status[step.paired], minlength=3)
+    paired = iterate.status if step.all_paired else iterate.status[step.paired]
+    counts = np.bincount(paired, minlength=3)
     return Record(
         number,
         int(counts[OPEN]),

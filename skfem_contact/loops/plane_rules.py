@@ -25,15 +25,18 @@ def propose_in_plane(step: Step, current: Guess, response: Response) -> Guess:
     gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
     nothing = max(ROUND_OFF * force_scale, step.noise)
     penetrates = was_open & (response.gap < -ROUND_OFF * gap_scale) & step.paired
-    pulls = ~was_open & (response.normal_force < -nothing) & ~step.bilateral
+    pulls = ~was_open & (response.normal_force < -nothing)
+    if step.closed_for_good is not None:
+        pulls &= ~step.bilateral
 
-    slips, direction = np.zeros(len(was_open), dtype=bool), np.zeros(response.slip.shape)
     if step.laws:
         slips, along = _slip_rule(step, current, response, force_scale, penetrates)
-        direction = along[:, None]
-    status = np.where(slips, SLIP, STICK)
+        status, direction = np.where(slips, SLIP, STICK), along[:, None]
+    else:
+        status, direction = np.full(len(was_open), STICK), np.zeros(response.slip.shape)
     status[was_open & ~penetrates | pulls] = OPEN
-    status[step.tied & step.paired] = STICK
+    if step.closed_for_good is not None:
+        status[step.tied & step.paired] = STICK
     return Guess(status, direction, response.normal_force, response.tangential_force, response.slip)
 
 
@@ -46,8 +49,7 @@ def _slip_rule(
 ) -> tuple[Mask, Array]:
     """Which points slip that are closed or just close, and to which side friction then acts, (m,)."""
     exact, trial = step.exact, response.tangential_force
-    sticks_exactly = np.count_nonzero(exact) == len(exact)
-    if not sticks_exactly:
+    if not step.all_exact:
         trial = np.where(exact[:, None], trial, step.trial(response.slip))
     lawful, _ = step.force(trial, response.normal_force, response.slip)
     beyond = np.abs(trial - lawful)[:, 0] > max(ROUND_OFF * force_scale, step.noise)
@@ -57,20 +59,23 @@ def _slip_rule(
     step_slip = (response.slip - step.last.slip)[:, 0]
     slip_scale = np.abs(step_slip).max(initial=0.0)
     forward = step_slip * was_along >= -ROUND_OFF * slip_scale
-    keep = exact & was_slip
+    keep = was_slip if step.all_exact else exact & was_slip
     slips = np.where(keep, forward, beyond) & step.frictional
     side = np.sign(trial[:, 0])
-    if not sticks_exactly:
+    if not step.all_exact:
         # where the slip turns back the point sticks first, or forward and backward slip alternate
         slips &= ~was_slip | (side * was_along >= 0) | exact
     # where nothing presses, forces are round-off and decide nothing: what slips goes on, for stuck it
     # would press by friction again, and be let go again
-    slips &= was_slip | (force_scale > step.noise)
+    if force_scale <= step.noise:
+        slips &= was_slip
     # a coefficient of zero, or one that no force can tell from it: nothing can stick, not even the
     # round-off of a force
-    probe = np.full(len(slips), force_scale if force_scale > 0 else 1.0)
-    smooth = (step.limit(probe, response.slip) <= EPS * probe) & step.frictional
-    slips |= smooth
+    smooth: Mask | bool = False
+    if step.smooth:
+        probe = np.full(len(slips), force_scale if force_scale > 0 else 1.0)
+        smooth = (step.limit(probe, response.slip) <= EPS * probe) & step.frictional
+        slips |= smooth
     side = np.where(keep, was_along, side)
     # where nothing resisted yet a point began to slip without a direction: now its slip tells
     blank = keep & (was_along == 0)

@@ -44,9 +44,9 @@ def pushing(step: Step, response: Response, rho: Resistance) -> Array:
     """The trial friction force ``t`` of a state, (m, d-1) [force]."""
     moved = response.slip - step.last.slip
     trial = response.tangential_force + rho.tangential[:, None] * moved
-    return (
-        trial if step.exact.all() else np.where(step.exact[:, None], trial, step.trial(response.slip))
-    )
+    if step.all_exact:
+        return trial
+    return np.where(step.exact[:, None], trial, step.trial(response.slip))
 
 
 def left_over(step: Step, response: Response) -> tuple[Array, Array]:
@@ -58,5 +58,5 @@ def left_over(step: Step, response: Response) -> tuple[Array, Array]:
     trial = pushing(step, response, rho)
     friction = np.where(step.tied[:, None], trial, step.force(trial, force, response.slip)[0])
     tangential = response.tangential_force - np.where(closed[:, None], friction, 0.0)
-    modelled = step.paired & (step.frictional | step.tied)
+    modelled = step.paired & step.resisting
     return response.normal_force - force, np.where(modelled[:, None], tangential, 0.0)

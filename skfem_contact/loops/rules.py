@@ -85,8 +85,10 @@ def _slip_rule(
     slips &= (current.status != STICK) | (largest > step.noise)
     # a coefficient of zero, or one that no force can tell from it: nothing can stick, not even the
     # round-off of a force
-    probe = np.full(len(size), largest if largest > 0 else 1.0)
-    smooth = (step.limit(probe, response.slip) <= EPS * probe) & step.frictional
+    smooth: Mask | bool = False
+    if step.smooth:
+        probe = np.full(len(size), largest if largest > 0 else 1.0)
+        smooth = (step.limit(probe, response.slip) <= EPS * probe) & step.frictional
     keep = was_slip & (smooth | (size <= nothing))
     direction = np.where(keep[:, None], current.direction, unit)
     reach = None
@@ -157,7 +159,7 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
     status, motions = current.status, step.motions
     if motions.k == 0:
         return status, None
-    holds = step.frictional | step.tied
+    holds = step.resisting
     if motions.held(status != OPEN, (status == STICK) & holds, FIRMLY):
         return status, None
 

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
@@ -111,23 +110,25 @@ def natural_state(kin: Kinematics, surface: int) -> State:
 
 def as_guess(state: LocalState) -> Guess:
     """Starting values from a state."""
-    size = lengths(state.tangential_force)
-    slips = (state.status == SLIP) & (size > 0)
-    if state.slip.shape[1] > 1:  # slip may go on in any direction: until that is known, nothing slips
-        slips = np.zeros_like(slips)
-    status = state.status.copy()
-    status[(status == SLIP) & ~slips] = STICK
-    direction = np.zeros(state.slip.shape)
-    direction[slips] = state.tangential_force[slips] / size[slips, None]
+    status, direction = state.status.copy(), np.zeros(state.slip.shape)
+    slipped = status == SLIP
+    if np.count_nonzero(slipped):
+        # slip may go on in any direction: until that is known, nothing slips
+        if state.slip.shape[1] == 1:
+            direction = np.where(slipped[:, None], np.sign(state.tangential_force), 0.0)
+            slipped &= ~(np.abs(direction[:, 0]) > 0)  # without friction there is none
+        status[slipped] = STICK
     return Guess(status, direction, state.normal_force, state.tangential_force, state.slip)
 
 
 def admissible(guess: Guess, step: Step) -> Guess:
     """The guess without points that have lost their partner, and with all that never open."""
-    status, direction = guess.status.copy(), guess.direction.copy()
-    status[~step.paired] = OPEN
-    status[step.bilateral & step.paired & (status == OPEN)] = STICK
-    status[step.tied | ((status == SLIP) & ~step.frictional)] = STICK
-    direction[status != SLIP] = 0.0
+    status = np.where(step.paired, guess.status, OPEN)
+    closed = step.closed_for_good
+    if closed is not None:
+        status[closed & (status == OPEN)] = STICK
+    slips = status == SLIP
+    status[step.tied | (slips & ~step.frictional)] = STICK
+    direction = np.where((slips & (status == SLIP))[:, None], guess.direction, 0.0)
     forces = guess.normal_force, guess.tangential_force
     return Guess(status, direction, *forces, guess.slip, guess.pivoted, guess.reach)

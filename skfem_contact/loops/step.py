@@ -30,6 +30,8 @@ class Step:
     where nothing presses it is all there is. `rank`: a number for every point that does not depend on
     the order in which bodies, contacts and nodes were given; where points have to be taken one after
     the other, or two are alike, it decides. `resistance`: of each point, as far as it is known.
+    `guided`: points with friction whose slip supports prescribe, which `frictional` leaves out; None
+    where there are none.
     """
 
     problem: LinearProblem
@@ -46,8 +48,17 @@ class Step:
     rank: NDArray[np.intp]
     noise: float = 0.0
     resistance: Resistance | None = None
+    guided: Mask | None = None
 
-    @property
+    def under(self, load: Load, last: LocalState, noise: float) -> Step:
+        """The same points under another load; what is known of the points by themselves is shared."""
+        step = object.__new__(Step)
+        vars(step).update(vars(self), load=load, last=last, noise=noise)
+        return step
+
+    # What is remembered from here on depends on neither load, last state nor noise: see `under`.
+
+    @cached_property
     def turns(self) -> bool:
         """Whether directions of friction can turn: there is friction along more than one tangent."""
         return bool(self.laws) and self.last.slip.shape[1] > 1
@@ -56,6 +67,44 @@ class Step:
     def exact(self) -> Mask:
         """Points that stick without any give, where they stick, (m,)."""
         return np.isinf(self.stiffness)
+
+    @cached_property
+    def all_exact(self) -> bool:
+        """Whether all points are `exact`."""
+        return bool(self.exact.all())
+
+    @cached_property
+    def all_paired(self) -> bool:
+        """Whether all points have a partner."""
+        return bool(self.paired.all())
+
+    @cached_property
+    def gripped(self) -> Mask:
+        """Points whose slip is held where they stick: exactly, by friction or glue, (m,)."""
+        return self.exact & self.frictional | self.tied
+
+    @cached_property
+    def resisting(self) -> Mask:
+        """Points that hold a motion along their tangents where they stick, (m,)."""
+        return self.frictional | self.tied
+
+    @cached_property
+    def closed_for_good(self) -> Mask | None:
+        """Points that never open, (m,); None where there are none."""
+        closed = (self.bilateral | self.tied) & self.paired
+        return closed if np.count_nonzero(closed) else None
+
+    @cached_property
+    def smooth(self) -> bool:
+        """Whether there may be points where nothing can stick: see `CheckedLaw.grips`."""
+        return not all(law.grips for _, law in self.laws)
+
+    @cached_property
+    def _only(self) -> CheckedLaw | None:
+        """The law of all points, where there is but one."""
+        if len(self.laws) != 1 or self.laws[0][0] != slice(0, len(self.paired)):
+            return None
+        return self.laws[0][1]
 
     def limit(self, normal_force: Array, slip: Array) -> Array:
         """Friction bound of every point; zero where there is no law."""
@@ -70,12 +119,11 @@ class Step:
 
         Zero where there is no law.
         """
+        if self._only is not None:
+            return self._only.force(trial, *self._counted(normal_force, slip))
         force, slips = np.zeros(trial.shape), np.zeros(len(trial), dtype=bool)
         for part, law, asked in self._asked(normal_force, slip):
-            found = law.force(trial[part], *asked)
-            if len(found[0]) == len(trial):  # of the only contact
-                return found
-            force[part], slips[part] = found
+            force[part], slips[part] = law.force(trial[part], *asked)
         return force, slips
 
     def sliding(self, direction: Array, normal_force: Array, slip: Array) -> Array:
@@ -84,19 +132,21 @@ class Step:
 
     def return_map(self, trial: Array, normal_force: Array, slip: Array) -> Mapped:
         """Friction forces that trial forces come back to, and their derivatives; zero without law."""
+        if self._only is not None:
+            return self._only.return_map(trial, *self._counted(normal_force, slip))
         m, t = trial.shape
         force, slips = np.zeros((m, t)), np.zeros(m, dtype=bool)
         by = Derivatives(np.zeros((m, t, t)), np.zeros((m, t)), np.zeros((m, t, t)))
         for part, law, asked in self._asked(normal_force, slip):
-            own, own_slips, own_by = law.return_map(trial[part], *asked)
-            if len(own) == m:  # of the only contact
-                return own, own_slips, own_by
-            force[part], slips[part] = own, own_slips
+            force[part], slips[part], own_by = law.return_map(trial[part], *asked)
             for whole, values in zip(by, own_by, strict=True):
                 whole[part] = values
         return force, slips, by
 
     def _ask(self, method: str, normal_force: Array, slip: Array) -> Array:
+        if self._only is not None:
+            found: Array = getattr(self._only, method)(*self._counted(normal_force, slip))
+            return found
         out = np.zeros(normal_force.shape)
         for part, law, asked in self._asked(normal_force, slip):
             out[part] = getattr(law, method)(*asked)
@@ -105,10 +155,14 @@ class Step:
     def _asked(
         self, normal_force: Array, slip: Array
     ) -> Iterator[tuple[slice, CheckedLaw, tuple[Array, Array, Array]]]:
-        """The points of each law, and what its bound depends on: normal force, area, slip."""
-        force, counted = np.maximum(normal_force, 0.0), slip - self.last.reference
+        """The points of each law, and what its bound depends on."""
+        force, area, counted = self._counted(normal_force, slip)
         for part, law in self.laws:
-            yield part, law, (force[part], self.area[part], counted[part])
+            yield part, law, (force[part], area[part], counted[part])
+
+    def _counted(self, normal_force: Array, slip: Array) -> tuple[Array, Array, Array]:
+        """What bounds depend on, of all points: normal force, area, slip since they closed."""
+        return np.maximum(normal_force, 0.0), self.area, slip - self.last.reference
 
     def trial(self, slip: Array) -> Array:
         """Elastic predictor ``tau_n + G (s - s_n)`` of points with a finite stiffness."""

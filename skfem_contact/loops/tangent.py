@@ -39,14 +39,16 @@ def linear_conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
     closed = current.status != OPEN
     slips = (current.status == SLIP) & step.frictional
     sticks = current.status == STICK
-    stick = sticks & (step.exact & step.frictional | step.tied)
+    stick = sticks & step.gripped
     m, t = current.direction.shape
-    offset, coupling, spring = np.zeros((m, t)), np.zeros((m, t)), np.zeros((m, t, t))
+    offset = np.zeros((m, t))
     if np.count_nonzero(slips):
         force, spring, coupling = _slipping(step, current, slips, coupled)
         offset[slips] = force[slips]
-    elastic = sticks & step.frictional & ~step.exact
-    if np.count_nonzero(elastic):
+    else:
+        spring, coupling = np.zeros((m, t, t)), np.zeros((m, t))
+    elastic = None if step.all_exact else sticks & step.frictional & ~step.exact
+    if elastic is not None and np.count_nonzero(elastic):
         offset[elastic] = step.trial(np.zeros((m, t)))[elastic]
         spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
     return Conditions(closed, stick, step.last.slip, spring, offset, coupling)
@@ -59,8 +61,10 @@ def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[A
     force, beyond, by = step.return_map(trial, current.normal_force, current.slip)
     coupling, spring = np.zeros(force.shape), np.zeros(by.slip.shape)
     if coupled:
-        # under tension, which only a bond can have, the bound does not follow the force
-        pressed = slips & ~(step.bilateral & (current.normal_force < 0))
+        pressed = slips
+        if step.closed_for_good is not None:
+            # under tension, which only a bond can have, the bound does not follow the force
+            pressed = slips & ~(step.bilateral & (current.normal_force < 0))
         coupling[pressed] = by.normal_force[pressed]
         force -= coupling * np.maximum(current.normal_force, 0.0)[:, None]
         if np.count_nonzero(by.slip):

@@ -89,6 +89,7 @@ class Condensed:
         # of no parts at all, block_diag makes one row
         springs = [part.springs for part in self.substructures if len(part.kept)]
         self.P = block_diag(*springs) if springs else np.zeros((0, 0))
+        self._split: dict[str, tuple[Array, list[Array]]] = {}
 
     def flexibility(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c, r) -> (n_c, r)."""
@@ -109,8 +110,15 @@ class Condensed:
 
     def components(self, f: Array, x: Array) -> tuple[Components | None, ...]:
         """What `recover` wants to know of loads: of each body, see `Substructure.components`."""
-        parts = zip(self.substructures, self.spans, strict=True)
-        return tuple([part.components(f[span], x[span]) for part, span in parts])
+        parts = zip(self.substructures, self._parts("f", f), self._parts("x", x), strict=True)
+        return tuple([part.components(*loads) for part, *loads in parts])
+
+    def _parts(self, what: str, vector: Array) -> list[Array]:
+        """What of a vector is each body's: of one that has not changed the same arrays as before."""
+        known = self._split.get(what)
+        if known is None or known[0] is not vector:
+            known = self._split[what] = vector, [vector[span] for span in self.spans]
+        return known[1]
 
     def load(self, f: Array, x: Array) -> Array:
         """Loads condensed onto the contact DOFs, (n_c,)."""

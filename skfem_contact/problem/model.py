@@ -16,6 +16,7 @@ from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
 from skfem_contact.elimination.rows import point_labels, secondary_dofs
 from skfem_contact.errors import InputError
@@ -98,12 +99,14 @@ class LinearModel:
         self._for_pivoting: Condensed | None = None
         self._on_points: tuple[ContactProblem, ContactProblem] | None = None
         self._sprung: dict[bytes, LinearModel] = {}
+        self._moves: tuple[Array, tuple[float, ...]] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
         known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
-        known.pop("_wanted", None)
-        return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting", "_on_points"))
+        for found_out in ("_wanted", "said"):
+            known.pop(found_out, None)
+        return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting", "_on_points", "_moves"))
 
     @cached_property
     def diagonals(self) -> tuple[Array, ...]:
@@ -124,6 +127,14 @@ class LinearModel:
     def stiffest(self) -> tuple[float, ...]:
         """Largest diagonal entry of K of each body."""
         return tuple(float(np.max(diagonal)) for diagonal in self.diagonals)
+
+    def moves(self, case: LoadCase) -> tuple[float, ...]:
+        """Largest prescribed displacement of each body [length]."""
+        if self._moves is None or self._moves[0] is not case.x:
+            moved = np.abs(case.x[self.system.D])
+            largest = [float(moved[part].max(initial=0.0)) for part in self.system.supports]
+            self._moves = case.x, tuple(largest)
+        return self._moves[1]
 
     def with_interface(self, interface: Interface, timings: dict[str, float]) -> LinearModel:
         """The same bodies under other friction laws; shared, where the laws need the same rows."""
@@ -239,7 +250,7 @@ class LinearModel:
             return most
         return f"because dense matrices would take {written_bytes(self.dense_bytes)}: {most}"
 
-    @property
+    @cached_property
     def said(self) -> str:
         """What a report says of the route: nothing of the usual one."""
         words = {

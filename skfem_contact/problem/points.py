@@ -46,6 +46,8 @@ class HeldRows:
         All rows but `gaps` and `slips`.
     rubbing, pressing : ndarray of int, share : ndarray
         Rows whose friction follows the normal force, on which row that is, and how much of it.
+    gives : bool
+        Whether any point has a spring.
     """
 
     def __init__(self, space: PointSpace, conditions: Conditions) -> None:
@@ -65,6 +67,7 @@ class HeldRows:
         self.rubbing = space.tangential_rows[follows]
         self.pressing = space.normal_rows[np.nonzero(follows)[0]]
         self.share = conditions.coupling[follows]
+        self.gives = conditions.gives
 
 
 @dataclass(eq=False)
@@ -85,34 +88,42 @@ class PointSpace:
     normal_rows: NDArray[np.intp]
     tangential_rows: NDArray[np.intp]
     # rows and factor for the conditions of this key: most iterations ask for the set of the last one
-    _key: bytes = field(default=b"", repr=False)
+    _key: object = field(default=None, repr=False)
     _rows: HeldRows | None = field(default=None, repr=False)
     _factor: DenseFactors | None = field(default=None, repr=False)
     _reduction: Reduction | None = field(default=None, repr=False)
+    # what was last chosen to solve with, and for which rows
+    _chosen: tuple[HeldRows, Reduction | None] | None = field(default=None, repr=False)
     _last: Array | None = field(default=None, repr=False)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Solve for the gaps and slips that the conditions leave free."""
-        rows = self._held(conditions)
-        reduction = self._reduce(rows.closed, load)
+        rows = self._held(conditions, conditions.matrix_key())
+        if self._chosen is None or self._chosen[0] is not rows:
+            self._chosen = None  # before the next one takes memory
+            self._chosen = rows, self._reduce(rows.closed, load)
+        reduction = self._chosen[1]
         if reduction is None:
-            z, p = self.unknowns(conditions, load)
+            z, p = self.unknowns(conditions, load, self._key)
         else:
-            z, p = reduction.unknowns(conditions, load)
+            z, p = reduction.unknowns(conditions, load, rows)
         response = self._response(conditions, load, rows, z, p)
         self._last = response.gap
         return response
 
-    def unknowns(self, conditions: Conditions, load: Load) -> tuple[Array, Array]:
-        """Gaps and slips z, and the forces p on them, both (q,)."""
-        rows = self._held(conditions)
+    def unknowns(self, conditions: Conditions, load: Load, key: object = None) -> tuple[Array, Array]:
+        """Gaps and slips z, and the forces p on them, both (q,).
+
+        `key`: the same, or equal, for conditions with the same matrix; by default their own.
+        """
+        rows = self._held(conditions, conditions.matrix_key() if key is None else key)
         z = np.zeros(len(self.S))
         z[rows.gaps] = -load.gap0[rows.closed]
         z[rows.slips] = (conditions.anchor - load.slip0)[rows.stick]
         rhs = load.force - self.S @ z
         # friction of what slides, as far as it follows from what is held
         known = conditions.offset
-        if conditions.gives:
+        if rows.gives:
             known = known + np.einsum("ikl,il->ik", conditions.spring, load.slip0)
         rhs[rows.sliding] -= known[rows.slides]
         rhs[rows.rubbing] += rows.share * rhs[rows.pressing]
@@ -121,9 +132,8 @@ class PointSpace:
         z[rows.free] = self._factor.solve(rhs[rows.free])
         return z, self.S @ z - load.force
 
-    def _held(self, conditions: Conditions) -> HeldRows:
+    def _held(self, conditions: Conditions, key: object) -> HeldRows:
         """The rows that conditions hold; of the last ones, if their matrix is the same."""
-        key = conditions.matrix_key()
         if self._rows is None or key != self._key:
             self._key, self._rows, self._factor = key, HeldRows(self, conditions), None
         return self._rows
@@ -153,7 +163,7 @@ class PointSpace:
         where[free] = np.arange(len(free))
         At = self.S[np.ix_(free, free)]  # transposed, as LAPACK has it
         t = self.tangential_rows.shape[1]
-        for k, j in np.ndindex(t, t) if conditions.gives else ():
+        for k, j in np.ndindex(t, t) if rows.gives else ():
             on = rows.slides[:, k] & rows.slides[:, j]
             row, column = where[self.tangential_rows[on, k]], where[self.tangential_rows[on, j]]
             At[column, row] += conditions.spring[on, k, j]
@@ -170,7 +180,7 @@ class PointSpace:
         normal_force, tangential = np.zeros(gap.shape), np.zeros(slip.shape)
         normal_force[rows.closed] = p[rows.gaps]
         tangential[rows.stick] = -p[rows.slips]
-        sliding = friction_force(conditions, slip, normal_force)
+        sliding = friction_force(conditions, slip, normal_force, rows.gives)
         tangential[rows.slides] = sliding[rows.slides]
         return Response(gap, slip, normal_force, tangential, z)
 
@@ -239,9 +249,9 @@ class Reduction:
         full[self.rest] = self._at_rest - self._follow @ z
         return full
 
-    def unknowns(self, conditions: Conditions, load: Load) -> tuple[Array, Array]:
+    def unknowns(self, conditions: Conditions, load: Load, key: object) -> tuple[Array, Array]:
         """Gaps and slips of all rows, and the forces on them, both (q,)."""
-        z, p = self.space.unknowns(conditions, self.load(load))
+        z, p = self.space.unknowns(conditions, self.load(load), key)
         forces = np.zeros(len(self.rows) + len(self.rest))
         forces[self.rows] = p
         return self.expand(z, load), forces

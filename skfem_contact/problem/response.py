@@ -130,9 +130,11 @@ class Source:
     forces: bool
 
 
-def friction_force(conditions: Conditions, slip: Array, normal_force: Array) -> Array:
-    """The linear friction law of the points that do not stick exactly."""
+def friction_force(
+    conditions: Conditions, slip: Array, normal_force: Array, gives: bool | None = None
+) -> Array:
+    """The linear friction law of the points that do not stick exactly; `gives` as of `conditions`."""
     force = conditions.offset
-    if conditions.gives:
+    if conditions.gives if gives is None else gives:
         force = force + np.einsum("ikl,il->ik", conditions.spring, slip)
     return force + conditions.coupling * normal_force[:, None]

@@ -43,27 +43,33 @@ class LoadSpan:
     Parameters
     ----------
     factor : MultifrontalCholesky
-    size : int
-        Of the vectors that are combined.
+    dofs : ndarray of int
+        Of the body, that these loads are on.
     as_force : callable
-        Turns such a vector into a load on the DOFs of the factor.
+        Turns their values into a load on the DOFs of the factor.
     """
 
     def __init__(
-        self, factor: MultifrontalCholesky, size: int, as_force: Callable[[Array], Array]
+        self, factor: MultifrontalCholesky, dofs: Index, as_force: Callable[[Array], Array]
     ) -> None:
-        self._factor, self._as_force = factor, as_force
-        self._directions = np.zeros((size, 0))
+        self._factor, self._dofs, self._as_force = factor, dofs, as_force
+        self._directions = np.zeros((len(dofs), 0))
         self._eliminated = np.zeros((factor.fronts.order.size, 0))
-        self._last = self._known = np.zeros(0)  # a vector within the span, and its components
+        # a load within the span, its values on the DOFs, and its components
+        self._load: Array | None = None
+        self._last = self._known = np.zeros(0)
 
-    def components(self, b: Array) -> Array | None:
-        """Components of a vector along the directions; adds one where they do not span it.
+    def components(self, load: Array) -> Array | None:
+        """Components of a load (n,) along the directions; adds one where they do not span it.
 
         None where there are too many directions already.
         """
+        if load is self._load:  # most steps change one of many loads
+            return self._known
+        b = load[self._dofs]
         if len(b) == len(self._last) and np.count_nonzero(b == self._last) == len(b):
-            return self._known  # most steps change one of many loads
+            self._load = load
+            return self._known
         Q = self._directions
         c = Q.T @ b
         rest = b - _combined(Q, c)
@@ -71,11 +77,11 @@ class LoadSpan:
         c, rest = c + again, rest - _combined(Q, again)
         size = math.sqrt(rest @ rest)
         if size <= SAME_LOAD * math.sqrt(b @ b):
-            self._last, self._known = b, c
+            self._load, self._last, self._known = load, b, c
             return c
         if Q.shape[1] >= MOST_DIRECTIONS:
             return None
-        self._last = self._known = np.zeros(0)
+        self._load, self._last = None, np.zeros(0)
         self._directions = np.column_stack([Q, rest / size])
         new = self._factor.eliminate(self._as_force(self._directions[:, -1]))
         self._eliminated = np.column_stack([self._eliminated, new])
@@ -194,11 +200,11 @@ class Substructure:
 
     @cached_property
     def _forces(self) -> LoadSpan:
-        return LoadSpan(self._factor, len(self.free), lambda f: f)
+        return LoadSpan(self._factor, self.free, lambda f: f)
 
     @cached_property
     def _moves(self) -> LoadSpan:
-        return LoadSpan(self._factor, len(self.body.D), lambda x: -(self._K_fD @ x))
+        return LoadSpan(self._factor, self.body.D, lambda x: -(self._K_fD @ x))
 
     @property
     def order(self) -> Index:
@@ -213,8 +219,7 @@ class Substructure:
         """
         if len(self.kept) == 0 or not isinstance(self.body, Body):
             return None
-        force = self._forces.components(f[self.free])
-        move = self._moves.components(x[self.body.D])
+        force, move = self._forces.components(f), self._moves.components(x)
         return None if force is None or move is None else (force, move)
 
     @property

@@ -28,7 +28,7 @@ from skfem_contact.answers.thresholds import BEYOND, FACETS, GAP, NO_LENGTH, SAG
 from skfem_contact.answers.validity.chords import sagittas
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.contact import Contact, field_values
+from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.obstacles.level_set import LevelSet
@@ -154,11 +154,15 @@ class Track:
         Of the undeformed bodies.
     gap0 : ndarray, shape (m,)
         Initial gaps with the contact's own interference [length].
+    own : ndarray, shape (m,), or 0.0
+        That interference [length].
     """
 
     nodal = False  # whether only nodes see the primary; matters for faces
 
-    def __init__(self, contact: Contact, pairing: Pairing, gap0: Array) -> None:
+    def __init__(
+        self, contact: Contact, pairing: Pairing, gap0: Array, own: Array | float = 0.0
+    ) -> None:
         secondary, primary = contact.secondary, contact.primary
         self.secondary, self.primary = secondary, primary
         self.points, self.paired = secondary.points, pairing.paired
@@ -176,7 +180,6 @@ class Track:
         self.width = self.spacing.copy()
         self.width[ends] *= 2.0
         # what a given or adjusted gap adds to the measured one, interference apart
-        own = field_values(contact.interference, self.points, "interference")
         self.added = np.where(self.paired, gap0 + own - gap, 0.0)
         # nothing is wrong with gaps of glued points
         self.follows = not contact.tied

@@ -17,7 +17,7 @@ from skfem_contact.answers.thresholds import EQUALLY_FAR, NEEDLE, NO_LENGTH
 from skfem_contact.answers.validity.chords import sagittas
 from skfem_contact.answers.validity.drift import Track, slid
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
-from skfem_contact.conditions.contact import Contact, field_values
+from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.faces.projection import project
@@ -36,7 +36,9 @@ class FaceTrack(Track):
     Slips are vectors in global axes, in the tangent plane, shape (m, 3).
     """
 
-    def __init__(self, contact: Contact, pairing: Pairing, gap0: Array) -> None:
+    def __init__(
+        self, contact: Contact, pairing: Pairing, gap0: Array, own: Array | float = 0.0
+    ) -> None:
         secondary, primary = contact.secondary, contact.primary
         self.secondary, self.primary = secondary, primary
         self.points, self.paired = secondary.points, pairing.paired
@@ -44,7 +46,6 @@ class FaceTrack(Track):
         measured = np.where(pairing.paired, pairing.gap, 0.0)
         self.feet = self.points - measured[:, None] * pairing.normal
         self.spacing = np.sqrt(np.maximum(pairing.area, 0.0))
-        own = field_values(contact.interference, self.points, "interference")
         self.added = np.where(self.paired, gap0 + own, 0.0) - measured
         self.follows = not contact.tied
         self.chord, self.curved = np.zeros(len(self.points)), False

@@ -11,7 +11,7 @@ from skfem_contact.answers.thresholds import GAP, NO_LENGTH
 from skfem_contact.answers.validity.drift import distances
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import FaceSurface
-from skfem_contact.conditions.contact import Contact, field_values
+from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase
@@ -60,9 +60,8 @@ def obstacle_drift(
     distance, normal, facing = distances(obstacle.moved(_motion(geometry, i, case, u)), at)
     closed = (state.status[part] != OPEN) & pairing.paired
     # what a given or adjusted gap adds to the measured one, and an interference takes away
-    own = field_values(contact.interference, surface.points, "interference")
-    first = np.where(pairing.paired, geometry.kin.gap0[part], 0.0)
-    added = first + own - np.where(pairing.paired, pairing.gap, 0.0) - case.interference[part]
+    first = np.where(pairing.paired, geometry.kin.gap0[part], 0.0) + geometry.interference[i]
+    added = first - np.where(pairing.paired, pairing.gap, 0.0) - case.interference[part]
     rows = np.diff(pairing.secondary_weights.tocsr().indptr) == 1
     true = distance + added
     error = np.abs(true - np.where(pairing.paired, gap[part], 0.0))[closed & rows]

@@ -67,6 +67,12 @@ class Watch:
         self.on_obstacles = {i for i, contact in enumerate(self.contacts) if looked_at(contact)}
         self.of_triangles = {i for i, contact in enumerate(self.contacts) if of_triangles(contact)}
         self.slides_off = {i for i, contact in enumerate(self.contacts) if slides_off(contact)}
+        self.small = [i for i, contact in enumerate(self.contacts) if contact.sliding == "small"]
+        # prescribed values, the motions of supports under them, and how these move the points of each
+        # contact with small sliding along their normals and tangents
+        self._moved: tuple[Array, list[Array]] | None = None
+        self._lifted: dict[int, Array] = {}
+        self._dragged: dict[int, Array] = {}
         self.moves = kin.tangents == self.dim - 1
         if not self.moves:  # a scalar field
             return
@@ -86,11 +92,15 @@ class Watch:
         self.tangential_rows: list[list[Array]] = []
         # motions of bodies where neither friction nor supports say how they slide
         self.loose: list[list[Support] | None] = []
-        for contact, pairing, part in zip(
-            self.contacts, geometry.pairings, interface.point_slices, strict=True
+        for contact, pairing, part, own in zip(
+            self.contacts,
+            geometry.pairings,
+            interface.point_slices,
+            geometry.interference,
+            strict=True,
         ):
             make = Track if self.dim == 2 else FaceTrack
-            track = make(contact, pairing, kin.gap0[part])
+            track = make(contact, pairing, kin.gap0[part], own)
             self.tracks.append(track)
             sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
             bodies = [self.system.index(side.body) for side in sides]
@@ -115,7 +125,18 @@ class Watch:
                 support.holds(at[0], way) for support in supports for way in along
             )
             self.loose.append([self._free(b, known()) for b in bodies] if loose else None)
-        self.follows_tools = any(c.rigid_body and c.sliding == "small" for c in self.contacts)
+        # whether displacements at the contact DOFs are asked for
+        self.asks = any(c.rigid_body and c.sliding == "small" for c in self.contacts)
+        self.asks |= bool(self.on_obstacles | self.of_triangles | self.slides_off)
+        self.asks |= any(loose is not None for loose in self.loose)
+        self.asks |= self.lookouts is not None and self.lookouts.asks
+        # the supports of bodies that turn as their prescribed DOFs say; rigid ones may turn
+        solids = self.system.solids
+        self.turning = [
+            (name, b)
+            for b, (name, support) in enumerate(zip(self.system.names, self.supports, strict=True))
+            if len(support.dofs) and name in solids
+        ]
 
     def _along(self, support: Support, track: Track) -> Array:
         """How motions move points along their tangents, (m, 3); in 3-D all of it, (m, 3, 6)."""
@@ -164,18 +185,13 @@ class Watch:
         """
         if not self.moves:
             return Watched(said=said)
-        wanted = self.follows_tools or bool(self.on_obstacles | self.of_triangles | self.slides_off)
-        wanted |= any(loose is not None for loose in self.loose)
-        wanted |= self.lookouts is not None and self.lookouts.asks
-        u = (everywhere if self.inside else displacement)() if wanted else np.zeros(0)
-        motions = [support.motion(case.x) for support in self.supports]
-        drifts = tuple(self._drift(i, motions, state, gap, case, u) for i in range(len(self.contacts)))
-        solids = self.system.solids  # rigid bodies may turn
-        turns = {
-            name: float(motion[2] if self.dim == 2 else np.linalg.norm(motion[3:])) / support.arm
-            for name, support, motion in zip(self.system.names, self.supports, motions, strict=True)
-            if len(support.dofs) and name in solids
-        }
+        u = (everywhere if self.inside else displacement)() if self.asks else np.zeros(0)
+        motions = self._followed(case.x)
+        drifts = tuple([self._drift(i, state, gap, case, u) for i in range(len(self.contacts))])
+        turns = {}
+        for name, b in self.turning:
+            turn = motions[b][2] if self.dim == 2 else np.linalg.norm(motions[b][3:])
+            turns[name] = float(turn) / self.supports[b].arm
         turns |= rigid_rotations(self.system, self.contacts, state.surface)
         overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
         words = {i: unseen_words(self.geometry, i, gap, case, u) for i in self.of_triangles}
@@ -187,10 +203,21 @@ class Watch:
             return found
         return replace(found, standing=self.lookouts.look(state, case, u, self.tracks, drifts))
 
+    def _followed(self, x: Array) -> list[Array]:
+        """The motions of the supports under prescribed values x (n,); those of the last x are known."""
+        if self._moved is None or self._moved[0] is not x:
+            motions = [support.motion(x) for support in self.supports]
+            for i in self.small:
+                moved = [motions[b] for b in self.bodies[i]]
+                self._lifted[i] = relative(self.normal_rows[i], moved)
+                dragged = relative(self.tangential_rows[i], moved)
+                self._dragged[i] = self.tracks[i].tangential(dragged)
+            self._moved = x, motions
+        return self._moved[1]
+
     def _drift(
         self,
         i: int,
-        motions: list[Array],
         state: State,
         gap: Array,
         case: LoadCase,
@@ -217,22 +244,21 @@ class Watch:
         if not small:
             return Drift(count, approach=pressed, strain=strain, sagitta=sagitta)
         approach = pressed
-        moved = [motions[b] for b in self.bodies[i]]
         if self.held[i] and count:
             lifted = case.gap0[part][closed] - gap[part][closed]
-            lifted += relative(self.normal_rows[i], moved)[closed]
+            lifted += self._lifted[i][closed]
             elastic = float(np.abs(lifted).max())
             approach, strain = max(approach, elastic), max(strain, elastic / self.extent[i])
         if contact.friction is not None or contact.tied:
             slip = track.slip(state.slip[part], case.slip0[part])
             # a belt is pressed in by its stretch along the drum
-            stretch = slip - track.tangential(relative(self.tangential_rows[i], moved))
+            stretch = slip - self._dragged[i]
             approach = max(approach, track.spread(stretch[closed]) if count else 0.0)
         else:
-            loose = self.loose[i]
+            loose, slip = self.loose[i], self._dragged[i]
             if loose is not None:
                 moved = [body.motion(u) for body in loose]
-            slip = track.tangential(relative(self.tangential_rows[i], moved))
+                slip = track.tangential(relative(self.tangential_rows[i], moved))
         force = state.normal_force[part]
         tool = tool_motion(self.system, contact, track, u)
         found = track.drift(closed, slip, gap[part], force, approach, case, i, part, tool)
