@@ -7,6 +7,7 @@ import difflib
 import functools
 import inspect
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -56,6 +57,7 @@ def numbers(value: Any, what: str, usage: str) -> Array:
     >>> numbers([1, 2], "f", "give a vector").tolist()
     [1.0, 2.0]
     """
+    check_unmasked(value, what)
     try:
         array = np.asarray(value)
         # NumPy makes numbers of True, and of words such as "1.0" among objects
@@ -69,6 +71,15 @@ def numbers(value: Any, what: str, usage: str) -> Array:
         raise InputError(
             f"{what} is {shown(value)}, which is not made of real numbers; {usage}"
         ) from None
+
+
+def check_unmasked(value: Any, what: str) -> None:
+    """Refuse masked entries: NumPy would take what is hidden under the mask."""
+    if np.ma.is_masked(value):
+        raise InputError(
+            f"{what} is a masked array, {int(np.ma.count_masked(value))} of its entries have no value; "
+            "give them one, values.filled(0.0)"
+        )
 
 
 def number(value: Any, what: str, usage: str) -> float:
@@ -95,6 +106,14 @@ def check_switch(value: Any, what: str) -> None:
     """True or False; what only counts as one of these in Python is a mistake."""
     if not isinstance(value, bool | np.bool_):
         raise InputError(f"{what} is {shown(value)}; it is a switch, True or False")
+
+
+def file_path(value: Any) -> Path:
+    """The name of a file, or a Path."""
+    try:
+        return Path(value)
+    except TypeError:
+        raise InputError(f"path is {shown(value)}; give the name of a file, or a Path") from None
 
 
 def members(value: Any, kind: type, what: str, usage: str, called: str = "") -> list[Any]:

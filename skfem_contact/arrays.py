@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arguments import shown
+from skfem_contact.arguments import check_unmasked, shown
 from skfem_contact.errors import InputError
 
 
@@ -19,6 +19,7 @@ def rectangular(value: Any, what: str, wanted: str) -> NDArray[Any]:
         ...
     skfem_contact.errors.InputError: f is [[1], 2] (list), not a vector of 2 numbers
     """
+    check_unmasked(value, what)
     try:
         return np.asarray(value)
     except ValueError:

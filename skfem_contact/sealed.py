@@ -52,7 +52,8 @@ def kept(value: Any) -> Any:
     """
     if isinstance(value, np.ndarray):
         own = not value.flags.writeable and value.base is None
-        return value if own else sealed(np.array(value))
+        # a mask is kept for those who refuse it
+        return value if own else sealed(np.array(value, subok=np.ma.is_masked(value)))
     if isinstance(value, list | tuple):
         return type(value)([kept(part) for part in value]) if type(value) in (list, tuple) else value
     return value

@@ -183,6 +183,42 @@ for _name, _whose in (("f", "block"), ("x", "block"), ("interference", "joint"),
     CALLS[f"step {_name} by name"] = lambda v, name=_name, whose=_whose: list(
         SOLVER.history([{name: {whose: v}}])
     )
+U = RESULT.displacement("block")
+FOOT = RESULT["joint"]
+for _name in ["force", "moment", "about", "D", "x", "K", "name"]:
+    CALLS[f"RigidBody {_name}"] = lambda v, name=_name: sc.RigidBody(FLOOR, **{name: v})
+for _name in ["u", "E", "nu", "plane"]:
+    CALLS[f"nodal_stress {_name}"] = lambda v, name=_name: sc.nodal_stress(
+        BLOCK, **{"u": U, "E": 1.0, "nu": 0.3, name: v}
+    )
+CALLS |= {
+    "Archard": lambda v: sc.Archard(v),
+    "Contact separation": lambda v: touch(separation=v),
+    "RigidBody": lambda v: sc.RigidBody(v),
+    "RigidPolyline": lambda v: sc.RigidPolyline(v),
+    "RigidSurface points": lambda v: sc.RigidSurface(v, [(0, 1, 2)]),
+    "RigidSurface triangles": lambda v: sc.RigidSurface(np.eye(3), v),
+    "RigidSurface file": lambda v: sc.RigidSurface.from_file(v),
+    "Body f by boundary": lambda v: sc.Body(BASIS, K, f={"top": v}),
+    "Body x by boundary": lambda v: sc.Body(BASIS, K, D="top", x={"top": v}),
+    "reaction": lambda v: RESULT.reaction(v),
+    "reaction boundary": lambda v: RESULT.reaction("block", v),
+    "moment": lambda v: FOOT.moment(v),
+    "integrate": lambda v: FOOT.integrate(v),
+    "interpolate values": lambda v: FOOT.interpolate(v, FOOT.points),
+    "interpolate points": lambda v: FOOT.interpolate(FOOT.pressure, v),
+    "history progress": lambda v: None if v is True else list(SOLVER.history([1.0], progress=v)),
+    "write": lambda v: None if v is RESULT or v is OTHER else sc.write("never_written.vtu", v),
+    "write path": lambda v: sc.write(v, RESULT),
+    "write_series": lambda v: sc.write_series(3, v),
+    "write_series path": lambda v: sc.write_series(v, [RESULT]),
+    "plot_contact": lambda v: None if v is RESULT or v is OTHER else sc.plot_contact(v),
+    "plot_deformed": lambda v: None if v is RESULT or v is OTHER else sc.plot_deformed(v),
+    "plot_contact axes": lambda v: None if v is None else sc.plot_contact(RESULT, ax=v),
+    "plot_history": lambda v: None if v is RESULT or v is OTHER else sc.plot_history(v),
+    "plot_history over": lambda v: None if v is None else sc.plot_history([RESULT], over=[v, v]),
+    "plot_force": lambda v: sc.plot_force([RESULT], v),
+}
 for _name in ["C", "b", "D", "x", "prefer", "labels"]:
     CALLS[f"eliminate {_name}"] = lambda v, name=_name: sc.eliminate(
         **{"C": ROWS.C, "b": ROWS.b, name: v}
@@ -227,6 +263,36 @@ def test_numbers_in_other_clothes_are_taken():
     assert len(list(SOLVER.history(steps))) == 3
     assert len(list(SOLVER.history(np.linspace(0.5, 1, 2)))) == 2
     assert len(list(SOLVER.history([{"f": {"block": np.float64(0)}, "x": {"block": 1}}]))) == 1
+
+
+@pytest.mark.parametrize(
+    "argument",
+    [
+        "Body f",
+        "Body x",
+        "solve f",
+        "Contact interference",
+        "Contact gap",
+        "Coulomb mu",
+        "Tresca tau_max",
+    ]
+    + ["step f by name", "step interference by name", "RigidPlane point", "update f"],
+)
+def test_masked_entries_have_no_value(argument):
+    """NumPy would take the numbers that are hidden under the mask."""
+    size = {
+        "RigidPlane point": 2,
+        "Body f": N,
+        "Body x": N,
+        "solve f": N,
+        "step f by name": N,
+        "update f": N,
+    }
+    values = np.ma.masked_array(np.zeros(size.get(argument, 3)), mask=False)
+    CALLS[argument](values)  # nothing is hidden
+    values[0] = np.ma.masked
+    with pytest.raises(sc.InputError, match="masked array, 1 of its entries"):
+        CALLS[argument](values)
 
 
 def test_law_with_wrong_number_of_points():

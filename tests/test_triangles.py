@@ -9,7 +9,7 @@ import meshio
 import numpy as np
 import pytest
 import skfem as fem
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import ConvexHull
 from skfem.models.elasticity import linear_elasticity
 from solids import KINDS
@@ -185,6 +185,34 @@ def test_files_that_are_none(tmp_path):
     meshio.Mesh(np.eye(3), [("line", np.array([[0, 1]]))]).write(tmp_path / "line.vtk")
     with pytest.raises(sc.InputError, match="has no triangles, only line"):
         sc.RigidSurface.from_file(tmp_path / "line.vtk")
+    square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0)], dtype=float)
+    cells = [("quad", np.array([[0, 1, 2, 3]])), ("triangle", np.array([[1, 4, 2]]))]
+    meshio.Mesh(square, cells).write(tmp_path / "mixed.vtu")
+    with pytest.raises(sc.InputError, match=r"faces besides its triangles: quad, .*holes"):
+        sc.RigidSurface.from_file(tmp_path / "mixed.vtu")
+    meshio.Mesh(square, cells[1:]).write(tmp_path / "plain.vtu")
+    for scale in (0, -1.0, np.nan):
+        with pytest.raises(sc.InputError, match=r"scale is .*give a finite number > 0"):
+            sc.RigidSurface.from_file(tmp_path / "plain.vtu", scale=scale)
+
+
+@pytest.mark.parametrize("hollow", [False, True])
+def test_closed_parts_that_look_to_opposite_sides(hollow):
+    """A ball beside another one, inside out: refused; inside of it, it is a cavity, which may be."""
+    big, small = ball(60, radius=1.0, centre=(0, 0, 0)), ball(60, radius=0.4, centre=(0, 0, 0))
+    outwards, inwards = small.triangles, small.triangles[:, ::-1]
+
+    def both(place, triangles):
+        corners = np.vstack([big.points, small.points + np.asarray(place)])
+        cells = np.vstack([big.triangles, triangles + len(big.points)])
+        return sc.RigidSurface(corners, cells, hollow=hollow, name="two")
+
+    with pytest.raises(sc.InputError, match=r"2 closed parts.*opposite side"):
+        both((2.0, 0, 0), inwards)
+    beside, cavity = both((2.0, 0, 0), outwards), both((0, 0, 0), inwards)
+    inside = -1 if hollow else 1
+    assert_array_equal(np.sign(beside.signed_distance([(2, 0, 0), (0, 0, 3)])), [-inside, inside])
+    assert_array_equal(np.sign(cavity.signed_distance([(0, 0, 0), (0.7, 0, 0)])), [inside, -inside])
 
 
 @pytest.mark.parametrize(

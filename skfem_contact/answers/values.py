@@ -268,13 +268,13 @@ class ContactValues:
         -------
         ndarray, shape (p, ...)
         """
-        values = np.asarray(values, dtype=float)
-        if values.shape[:1] != self.area.shape:
+        d = self.points.shape[1]
+        at = numbers(points, "points", f"give positions (p, {d})")
+        if at.ndim != 2 or at.shape[1] != d or not np.isfinite(at).all():
             raise InputError(
-                f"values have shape {values.shape}, but contact {self.name!r} has "
-                f"{len(self.area)} points: give a value for each"
+                f"points have shape {at.shape}, or are not finite; give positions (p, {d})"
             )
-        return interpolate(self._placed, values, np.asarray(points, dtype=float))
+        return interpolate(self._placed, self._at_points(values), at)
 
     def integrate(self, values: ArrayLike) -> float | Array:
         """Integral of a field over the points; of `traction` it is `force`, to round-off.
@@ -283,8 +283,18 @@ class ContactValues:
         ----------
         values : ndarray, shape (m, ...)
         """
-        total = np.tensordot(self.area, np.asarray(values, dtype=float), axes=1)
+        total = np.tensordot(self.area, self._at_points(values), axes=1)
         return float(total) if total.ndim == 0 else total
+
+    def _at_points(self, values: ArrayLike) -> Array:
+        """A field over the points, checked."""
+        field = numbers(values, "values", "give a number for each contact point")
+        if field.shape[:1] != self.area.shape:
+            raise InputError(
+                f"values have shape {field.shape}, but contact {self.name!r} has "
+                f"{len(self.area)} points: give a value for each"
+            )
+        return field
 
     @property
     def _placed(self) -> ContactSurface:

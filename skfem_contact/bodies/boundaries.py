@@ -19,6 +19,8 @@ Index = NDArray[np.int64]
 
 def boundary_dofs(basis: Any, name: str, what: str) -> Index:
     """DOFs of all components on a boundary of the mesh, by its name; `what` begins the message."""
+    if not isinstance(name, str):
+        raise InputError(f"{what}: {shown(name)} is not the name of a boundary, which is a string")
     if name not in (basis.mesh.boundaries or {}):
         raise InputError(f"{what}: {unknown_boundary(name, basis.mesh)}")
     return np.asarray(np.unique(basis.get_dofs(name).flatten()), dtype=np.int64)
@@ -134,11 +136,11 @@ def _components(value: Any, basis: Any, what: str, kind: str, free: bool) -> lis
     count = basis.mesh.dim() if isinstance(basis.elem, skfem.ElementVector) else 1
     usage = f"give {kind} of {count} numbers" if count > 1 else f"give {kind} of one number"
     usage += ", None for components that are free" if free else ""
-    if count == 1 and np.ndim(value) == 0:
-        value = [value]
-    if isinstance(value, str | Mapping) or np.ndim(value) != 1 or len(value) != count:
+    listed = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim == 1)
+    given = list(value) if listed else [value]
+    if len(given) != count:
         raise InputError(f"{what} is {shown(value)}; {usage}")
-    parts = [None if free and v is None else number(v, what, usage) for v in value]
+    parts = [None if free and v is None else number(v, what, usage) for v in given]
     if not all(v is None or np.isfinite(v) for v in parts):
         raise InputError(f"{what} is {shown(value)}, which is not finite; {usage}")
     return parts

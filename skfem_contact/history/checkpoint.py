@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.arguments import shown
+from skfem_contact.arguments import file_path
 from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.state import State
@@ -78,7 +78,7 @@ class SavedState:
 
 def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     """Write a state to an ``.npz`` file; see `ContactSolver.save_state`."""
-    path = _path(path)
+    path = file_path(path)
     path = _with_suffix(path)
     case = result.case
     data: dict[str, Any] = {"format": FORMAT, "u": result.u}
@@ -119,13 +119,6 @@ def _write(path: Path, data: dict[str, Any]) -> None:
         raise InputError(f"the state could not be written to {str(path)!r}: {error}") from None
 
 
-def _path(path: Any) -> Path:
-    try:
-        return Path(path)
-    except TypeError:
-        raise InputError(f"path is {shown(path)}; give the name of a file, or a Path") from None
-
-
 def _with_suffix(path: Path) -> Path:
     return path if path.suffix == ".npz" or not path.name else path.with_name(path.name + ".npz")
 
@@ -144,7 +137,7 @@ def load_state(path: str | Path, identity: Identity) -> SavedState:
     InputError
         If the file is none of `save_state`, damaged, or of other bodies and contacts.
     """
-    path = _path(path)
+    path = file_path(path)
     if not path.is_file() and _with_suffix(path).is_file():
         path = _with_suffix(path)  # as it was given to save_state
     if not path.is_file():

@@ -117,20 +117,23 @@ class Finding:
     def _free(self, error: SingularMatrix) -> None:
         """Take the answer where a set of points left a motion free; none is no equilibrium.
 
-        Where DOFs that hold the motion do not help, the matrix is singular of itself: `error`.
+        Where DOFs that hold the motion do not help and contact leaves none free, the matrix is singular
+        of itself: `error`.
         """
+        model = self.stepper.model
+        motions, kin = model.motions, model.kin
+        free = motions.free(kin.paired, kin.paired & model.interface.slipping)
         try:
             self.rest = rest = self._settle(True)
         except SingularMatrix:
-            raise error from None
-        model = self.stepper.model
-        motions, kin = model.motions, model.kin
+            if not free.shape[1]:
+                raise error from None
+            rest = None
         if rest is not None and rest.pull:
             raise no_equilibrium(motions, rest.free, CAN_CARRY, pull=rest.pull) from error
         if rest is not None:
             self.advance = rest.advance
             return
-        free = motions.free(kin.paired, kin.paired & model.interface.slipping)
         free = free if free.shape[1] else np.eye(motions.k)
         raise no_equilibrium(motions, free, CAN_CARRY, self.step.target.f) from error
 

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arguments import check_kind, known_keywords, members, shown, with_known_keywords
+from skfem_contact.arguments import (
+    check_kind,
+    check_switch,
+    known_keywords,
+    members,
+    shown,
+    with_known_keywords,
+)
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import stack
@@ -440,6 +447,7 @@ class ContactSolver:
         constant displacement [length] of prescribed DOFs; those of other boundaries stay as they
         were. None stands for a component that is free there.
         """
+        check_switch(progress, "history: progress")
         before = self._answering.known(start, "start")
         target = self._begin(before)
         single = isinstance(steps, str | bytes | Mapping) or getattr(steps, "shape", None) == ()

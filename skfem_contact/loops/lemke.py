@@ -138,7 +138,8 @@ def lemke_guess(step: Step, current: Guess) -> Guess | None:
     space = step.problem.points
     if space is None or step.turns:
         return None
-    if not (step.paired & ~step.tied).any():  # contact has gone elsewhere: nothing is to be decided
+    # contact has gone elsewhere, or is glue or guides alone: nothing is to be decided
+    if not (step.paired & ~step.bilateral | step.frictional).any():
         return None
     for weak in WEAK_SPRINGS if step.motions.k else WEAK_SPRINGS[:1]:
         guess = _sweeps(step, _problem(step, space, weak), current)
@@ -215,7 +216,7 @@ def _compliance(S: Array, weak: float) -> Array:
     # a point whose motion costs nothing, on a body that turns freely, is scaled like the others
     size = np.sqrt(np.where(diagonal > NO_STIFFNESS * largest, diagonal, largest))
     values, vectors = np.linalg.eigh(S / np.outer(size, size))
-    values = np.maximum(values, max(weak, NO_EIGENVALUE) * values[-1])
+    values = np.maximum(values, max(weak, NO_EIGENVALUE) * np.max(values, initial=0.0))
     return (vectors / values) @ vectors.T / np.outer(size, size)
 
 

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.arguments import check_name, check_switch, numbers, shown, with_known_keywords
+from skfem_contact.arguments import (
+    check_name,
+    check_switch,
+    number,
+    numbers,
+    shown,
+    with_known_keywords,
+)
 from skfem_contact.bodies.bare import bare_faces
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
@@ -33,6 +40,9 @@ Index = NDArray[np.intp]
 SAME_CORNER = 1e-7
 #: Height of a triangle over its longest side below which it has no direction: digits of such files.
 NO_HEIGHT = 1e-7
+
+#: How meshio calls faces that are no plain triangles, or curved ones.
+OTHER_FACES = ("triangle", "quad", "polygon")
 
 
 @with_known_keywords()
@@ -101,7 +111,7 @@ class RigidSurface(Obstacle):
         Raises
         ------
         InputError
-            There is no such file, it can not be read, or has no triangles.
+            There is no such file, it can not be read, has no triangles, or faces that are none.
         """
         import meshio  # takes as long to import as all else together, and only files need it
 
@@ -122,7 +132,18 @@ class RigidSurface(Obstacle):
         if not found or not sum(map(len, found)):
             kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "nothing"
             raise InputError(f"{str(path)!r} has no triangles, only {kinds}; export its surface as STL")
-        points = np.asarray(mesh.points, dtype=float) * numbers(scale, "scale", "give a number > 0")
+        others = {block.type for block in mesh.cells if block.type.startswith(OTHER_FACES)} - {
+            "triangle"
+        }
+        if others:
+            raise InputError(
+                f"{str(path)!r} has faces besides its triangles: {', '.join(sorted(others))}, and "
+                "without them its surface has holes; export all of it as triangles, in STL for example"
+            )
+        size = number(scale, "scale", "give a number > 0")
+        if not 0 < size < np.inf:
+            raise InputError(f"scale is {shown(scale)}; give a finite number > 0")
+        points = np.asarray(mesh.points, dtype=float) * size
         return cls(points, np.concatenate(found), hollow, name or path.stem)
 
     def __post_init__(self) -> None:
@@ -138,6 +159,8 @@ class RigidSurface(Obstacle):
             raise InputError(f"hollow=True of {self.label!r}: it has a rim, and so no inside")
         if self.closed and (_volume(points, triangles) < 0) != self.hollow:
             object.__setattr__(self, "triangles", sealed(triangles[:, ::-1].copy()))
+        if self.closed:
+            _check_shells(points, self.triangles, self.hollow, self.label)
 
     @cached_property
     def closed(self) -> bool:
@@ -256,6 +279,30 @@ def _check_edges(points: Array, triangles: Index, label: str) -> None:
             f"at {int(np.sum(again > 1))} edges of {label!r}, the first from {written(a)} to "
             f"{written(b)}, two triangles look to opposite sides: orient all of them outwards"
         )
+
+
+def _check_shells(points: Array, triangles: Index, hollow: bool, label: str) -> None:
+    """Of several closed parts those that look inwards are cavities, each inside a part that does not.
+
+    With `hollow` the other way round.
+    """
+    edges = _edges(triangles)
+    graph = coo_matrix((np.ones(len(edges)), edges.T), shape=(len(points), len(points)))
+    count, part = connected_components(graph, directed=False)
+    if count == 1:
+        return
+    of = part[triangles[:, 0]]
+    solid = np.array([_volume(points, triangles[of == k]) > 0 for k in range(count)]) != hollow
+    low = np.array([points[part == k].min(axis=0) for k in range(count)])
+    high = np.array([points[part == k].max(axis=0) for k in range(count)])
+    for k in np.flatnonzero(~solid):
+        around = np.all((low[solid] <= low[k]) & (high[solid] >= high[k]), axis=1)
+        if not around.any():
+            first = written(points[part == k][0])
+            raise InputError(
+                f"{label!r} has {count} closed parts, and the one at {first} looks to the opposite "
+                "side of the others without being a cavity inside one of them: orient all parts alike"
+            )
 
 
 def _edges(triangles: Index) -> Index:

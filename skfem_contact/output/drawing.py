@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.arguments import check_kind, shown
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.errors import InputError
@@ -66,6 +67,7 @@ def _cut(closed: NDArray[np.bool_]) -> int:
 
 def is_solid(result: ContactResult) -> bool:
     """Whether a result is of solids; refused where there are no displacements to draw."""
+    check_kind(result, ContactResult, "result", "draw what solve(...) returned, or one of a history")
     body = next(iter(result.system.solids.values()))
     if body.components != body.dim:
         raise InputError(
@@ -76,6 +78,8 @@ def is_solid(result: ContactResult) -> bool:
 
 def new_axes(ax: Any, size: tuple[float, float]) -> Any:
     """The axes given, or those of a new figure."""
+    if ax is not None and not hasattr(ax, "tripcolor"):
+        raise InputError(f"ax is {shown(ax)}, no axes of matplotlib; give ax=figure.gca(), or none")
     return ax if ax is not None else _pyplot().subplots(figsize=size, layout="compressed")[1]
 
 

@@ -272,7 +272,10 @@ def colours(result: ContactResult, body: Body, stress: Stress | None, component:
         if component is not None:
             raise InputError(f"component={component!r} is of a stress: give stress=... as well")
         return np.linalg.norm(u[nodes], axis=1)
-    ((name, function),) = wanted.asked(stress).items()
+    fields = wanted.asked(stress)
+    if len(fields) != 1:
+        raise InputError(f"stress has {len(fields)} fields; a picture shows one, {wanted.USAGE}")
+    ((name, function),) = fields.items()
     name_of = result.system.names[result.system.index(body)]
     return wanted.component(wanted.checked(function(body, u), len(nodes), name_of), component, name)
 

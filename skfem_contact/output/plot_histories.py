@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.reaction import contact_forces
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arguments import known_keywords, members, shown, suggest
+from skfem_contact.arguments import check_kind, known_keywords, members, numbers, shown, suggest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.boundaries import boundary_dofs
 from skfem_contact.bodies.member import Member
@@ -91,7 +91,8 @@ def plot_history(
     if quantity is None:
         _areas(ax, x, [result.values[which(result, contact)] for result in results], words)
     else:
-        y = np.array([_value(result, quantity, contact) for result in results], dtype=float)
+        usage = "give a function of the result that returns a number, or a vector"
+        y = numbers([_value(result, quantity, contact) for result in results], "the quantity", usage)
         name = quantity.replace("_", " ") if isinstance(quantity, str) else ""
         _curves(ax, x, y)
         ax.set(ylabel=name)
@@ -158,6 +159,8 @@ def plot_force(
     2
     """
     results, words = _several(results), checked(units)
+    usage = "give one of the result, or its name"
+    check_kind(body, (Member, Obstacle, str), "body", usage, "Body, RigidBody or obstacle")
     pairs = [_force_and_way(result, body, boundary) for result in results]
     force, way = (np.array(part) for part in zip(*pairs, strict=True))
     axes = "xyz"[: way.shape[1]]
@@ -190,7 +193,7 @@ def _places(results: list[ContactResult], over: Over | None) -> Array:
     if over is None:
         return np.arange(len(results), dtype=float)
     given = [over(result) for result in results] if callable(over) else over
-    x = np.asarray(given, dtype=float)
+    x = numbers(given, "over", "give a number for each result, or a function of the result")
     if x.shape != (len(results),):
         raise InputError(f"over has shape {x.shape}, but there are {len(results)} results")
     return x
@@ -205,8 +208,10 @@ def _value(
         return quantity(result)
     values = result.values[which(result, contact)]
     names = [name for name in dir(values) if not name.startswith("_")]
-    if quantity not in names:
-        raise InputError(f"there is no quantity {quantity!r}{suggest(quantity, names, 'quantities')}")
+    if not isinstance(quantity, str) or quantity not in names:
+        raise InputError(
+            f"there is no quantity {shown(quantity)}{suggest(quantity, names, 'quantities')}"
+        )
     found = getattr(values, quantity)
     if callable(found) or np.ndim(found) > 1 or np.size(found) > 3:
         raise InputError(

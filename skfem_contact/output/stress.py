@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem.models.elasticity import lame_parameters
 
-from skfem_contact.arguments import check_kind, known_keywords
+from skfem_contact.arguments import check_kind, known_keywords, number, numbers, shown
 from skfem_contact.bodies.body import Body
 from skfem_contact.errors import InputError
 from skfem_contact.output.nodes import body_nodes
@@ -49,7 +49,7 @@ def nodal_stress(
     Raises
     ------
     InputError
-        If `plane` is unknown, `u` has another size, or the body is a scalar problem.
+        If `plane` is unknown, `u` has another size, E or nu are none, or the body is a scalar problem.
 
     Notes
     -----
@@ -72,12 +72,20 @@ def nodal_stress(
     >>> stress.shape == (mesh.nvertices, 3, 3)
     True
     """
-    if plane not in PLANES:
-        raise InputError(f"plane = {plane!r} is not one of {PLANES}.")
+    if not isinstance(plane, str) or plane not in PLANES:
+        raise InputError(f"plane = {shown(plane)} is not one of {PLANES}.")
     check_kind(body, Body, "body", "stresses are those of bodies with a mesh")
     if body.components == 1:
         raise InputError(f"body {body.name!r} is a scalar problem: it has no stress tensor.")
-    values = np.asarray(u, dtype=float)
+    E = number(
+        E, "E", "give Young's modulus > 0; bodies of several materials need a function of your own"
+    )
+    nu = number(nu, "nu", "give Poisson's ratio, -1 < nu < 0.5")
+    if not 0.0 < E < np.inf:
+        raise InputError(f"E = {E} is no modulus; it is finite and > 0.")
+    if not -1.0 < nu < 0.5:
+        raise InputError(f"nu = {nu} is no Poisson's ratio of linear elasticity; it is > -1 and < 0.5.")
+    values = numbers(u, "u", "take result.displacement(body)")
     if values.shape != (body.n,):
         raise InputError(
             f"u has shape {values.shape}, but body {body.name!r} has {body.n} DOFs; take "

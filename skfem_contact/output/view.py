@@ -20,6 +20,7 @@ from skfem_contact.arguments import number
 from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.loads import Motion
 from skfem_contact.conditions.state import OPEN
+from skfem_contact.errors import InputError
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.output.thresholds import DISPLACED, OVERLAPPING, ROUND, SAME_FACTOR, TOGETHER
 from skfem_contact.output.tools import Tool, tools
@@ -63,8 +64,11 @@ def view(result: ContactResult, scale: float | Literal["auto"] = "auto") -> View
     1 %, and never below one. What moves far is where it is, unless all bodies move so together.
     """
     d = next(iter(result.system.solids.values())).dim
-    if scale != "auto":
-        return View(number(scale, "scale", "give a factor, or 'auto'"), np.zeros(d))
+    if not isinstance(scale, str) or scale != "auto":
+        factor = number(scale, "scale", "give a factor, or 'auto'")
+        if not np.isfinite(factor):
+            raise InputError(f"scale is {factor}; give a finite factor, or 'auto'")
+        return View(factor, np.zeros(d))
     u = np.concatenate([nodal(body, result) for body in result.system.solids.values()])
     known = tools(result)
     together = 0.5 * (u.max(axis=0) + u.min(axis=0))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arguments import known_keywords, number
+from skfem_contact.arguments import check_kind, file_path, known_keywords, number, numbers, shown
 from skfem_contact.errors import InputError
 from skfem_contact.output.grids import Fields, bodies_grid, contact_grid, obstacles_grid, with_time
 from skfem_contact.output.tools import tools
@@ -90,7 +90,8 @@ def write(
     >>> sorted(file.name for file in folder.iterdir())
     ['block.vtu', 'block_contact.vtu', 'block_obstacles.vtu']
     """
-    path = Path(path)
+    path = file_path(path)
+    check_kind(result, ContactResult, "result", "a history goes to write_series('name.pvd', results)")
     if path.suffix.lower() not in EXTENSIONS:
         raise InputError(
             f"can not write {path.name!r}: the extension {path.suffix!r} is not one of "
@@ -182,12 +183,20 @@ def write_series(
     >>> len(list(folder.glob("*.vtu")))  # bodies, contacts and obstacles of two steps
     6
     """
-    path = Path(path)
+    path = file_path(path)
     if path.suffix.lower() != ".pvd":
         raise InputError(
             f"can not write a history to {path.name!r}: a series is a ParaView collection. Use "
             f"write_series('{path.stem}.pvd', results); a single result goes to write(...)."
         )
+    if isinstance(results, ContactResult) or not isinstance(results, Iterable):
+        raise InputError(
+            f"results is {shown(results)}, not a list of results, or a history; a single result goes "
+            "to write('name.vtu', result)"
+        )
+    if times is not None:
+        usage = "give one number for each result"
+        times = np.atleast_1d(numbers(times, "times", usage)).tolist()
     path.parent.mkdir(parents=True, exist_ok=True)
     files: list[list[Path]] = []
     factors: list[float | None] = []

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arguments import shown
+from skfem_contact.arguments import numbers, shown
 from skfem_contact.bodies.body import Body
 from skfem_contact.errors import InputError
 from skfem_contact.output.nodes import three
@@ -46,7 +46,7 @@ def asked(stress: Any) -> dict[str, Stress]:
 
 def checked(values: Any, count: int, body: str) -> Array:
     """Values of a body's nodes: numbers (nodes,), vectors (nodes, 2 or 3), tensors (nodes, 3, 3)."""
-    array = np.asarray(values, dtype=float)
+    array = numbers(values, f"what stress(body, u) returned for body {body!r}", "see von_mises")
     if array.shape[:1] != (count,) or array.shape[1:] not in ((), (2,), (3,), (3, 3)):
         raise InputError(
             f"stress(body, u) returned shape {array.shape} for body {body!r}, which has {count} "

@@ -382,3 +382,18 @@ def test_words():
     torn = sc.Contact(held[1].surface("bottom"), held[0].surface("top"), separation=False)
     with pytest.raises(sc.ConstraintError, match="holds together 7 points"):
         sc.ContactSolver(held, torn).solve()
+
+
+@pytest.mark.parametrize("linear", [sc.Direct(), "iterated"])
+@pytest.mark.parametrize("separation", [True, False])
+def test_a_guide_that_is_pushed_along_has_no_equilibrium(linear, separation):
+    """Nothing is to be decided where all points are guided; each way of solving says what is free."""
+    pad = block_basis(np.linspace(-0.5, 0.5, 5), np.linspace(0, 1, 4))
+    track = block_basis(np.linspace(-1, 1, 7), np.linspace(-1, 0, 3))
+    pad = sc.Body(pad, elastic(1.0, 0.3), f={"top": (0.002, -0.01)}, name="pad")
+    track = sc.Body(track, elastic(1.0, 0.3), D="bottom", name="track")
+    guide = sc.Contact(
+        pad.surface("bottom"), track.surface("top"), separation=separation, sliding="finite"
+    )
+    with pytest.raises(sc.NoEquilibrium, match="'pad' is free to move: translation along x"):
+        sc.ContactSolver([pad, track], guide, linear=linear).solve()
