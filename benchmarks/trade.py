@@ -3,6 +3,7 @@
     python benchmarks/trade.py            measures, stores results/trade.json, draws, writes the tables
     python benchmarks/trade.py --draw     draws what is stored and writes it into the docs
     python benchmarks/trade.py --quick    one round on coarse meshes, in seconds; prints only
+    python benchmarks/trade.py --only linear   one axis of all problems beside the base; prints only
 
 The problems are those of `problems.py`. Of each, one setting is the base; a row changes one thing
 about it, and a front goes through mesh, elements and method. A time is the CPU time of the whole script
@@ -233,9 +234,13 @@ class Measured:
         }
 
 
-def measure(quick: bool = False) -> dict[str, Any]:
-    """Times and errors of all settings of all problems."""
+def measure(quick: bool = False, only: str | None = None) -> dict[str, Any]:
+    """Times and errors of all settings of all problems, or of one axis and the base."""
     wanted = {name: rows_of(problem, quick) for name, problem in PROBLEMS.items()}
+    if only is not None:
+        wanted = {
+            name: [row for row in rows if row[0] in ("base", only)] for name, rows in wanted.items()
+        }
     pool: dict[tuple[str, Setting], Measured] = {}
     for name, rows in wanted.items():
         for _, _, setting in rows:
@@ -281,6 +286,9 @@ def main() -> None:
 
     if "--quick" in sys.argv:
         show(measure(quick=True))
+        return
+    if "--only" in sys.argv:
+        show(measure(only=sys.argv[sys.argv.index("--only") + 1]))
         return
     if "--draw" not in sys.argv:
         STORED.parent.mkdir(exist_ok=True)

@@ -25,8 +25,12 @@ All of them use `errors`, `arguments` and `arrays` (checks of what users pass), 
 not change), `carried` (functions in files and processes) and `trees` (points near each other). Closed
 forms to compare with are in `reference`, which needs none of these.
 
-Public are the names that ``dir(skfem_contact)`` shows, see docs/interface.md.
+Public are the names that ``dir(skfem_contact)`` shows, see docs/interface.md. Pictures, files and PETSc
+are imported when they are first asked for.
 """
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from skfem_contact.answers.certificate import Certificate
 from skfem_contact.answers.error.sources import ErrorEstimate, ErrorSources
@@ -60,7 +64,6 @@ from skfem_contact.history.solver import ContactSolver
 from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.distributed.petsc import PETSc
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
@@ -69,12 +72,15 @@ from skfem_contact.obstacles.polyline import RigidPolyline
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.obstacles.triangles import RigidSurface
-from skfem_contact.output.plot_bodies import plot_deformed
-from skfem_contact.output.plot_contacts import plot_contact
-from skfem_contact.output.plot_histories import plot_force, plot_history
-from skfem_contact.output.scene import scene
-from skfem_contact.output.stress import nodal_stress, von_mises
-from skfem_contact.output.vtk import write, write_series
+
+if TYPE_CHECKING:
+    from skfem_contact.linalg.distributed.petsc import PETSc
+    from skfem_contact.output.plot_bodies import plot_deformed
+    from skfem_contact.output.plot_contacts import plot_contact
+    from skfem_contact.output.plot_histories import plot_force, plot_history
+    from skfem_contact.output.scene import scene
+    from skfem_contact.output.stress import nodal_stress, von_mises
+    from skfem_contact.output.vtk import write, write_series
 
 __all__ = [
     "AMG",
@@ -136,6 +142,29 @@ __all__ = [
 ]
 
 __version__ = "0.2.0"
+
+#: Where the names stand that are imported when they are first asked for.
+_LATER = {
+    "PETSc": "linalg.distributed.petsc",
+    "nodal_stress": "output.stress",
+    "plot_contact": "output.plot_contacts",
+    "plot_deformed": "output.plot_bodies",
+    "plot_force": "output.plot_histories",
+    "plot_history": "output.plot_histories",
+    "scene": "output.scene",
+    "von_mises": "output.stress",
+    "write": "output.vtk",
+    "write_series": "output.vtk",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A public name that is not imported yet."""
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
+    globals()[name] = value  # from now on found without this function
+    return value
 
 
 def __dir__() -> list[str]:

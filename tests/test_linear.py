@@ -15,7 +15,7 @@ from skfem.utils import solver_direct_scipy, solver_iter_pcg
 from threadpoolctl import threadpool_info
 
 from skfem_contact.errors import ContactError, InputError
-from skfem_contact.linalg.amg import AMG
+from skfem_contact.linalg.amg import AMG, conjugate_gradients, hierarchy
 from skfem_contact.linalg.backend import Backend, LinearSolveError
 from skfem_contact.linalg.direct import Dense, Direct, FromSolver, as_linear_solver
 from skfem_contact.linalg.singular import SingularMatrix
@@ -207,6 +207,23 @@ def test_amg_does_not_solve_what_is_not_definite():
     with pytest.raises(LinearSolveError, match=r"the residual is") as info:
         AMG(max_iterations=2000).factorize(negative, modes=modes_of(points)).solve(one)
     assert 1 <= info.value.iterations < 2000  # given up at the direction, not after all iterations
+
+
+def test_conjugate_gradients_end_at_round_off_where_asked():
+    """A bar that weak springs alone hold moves by 1e8: its residual is a difference of large terms.
+
+    No iteration makes it smaller. A tolerance of the load alone is then refused; round-off of the terms
+    is what can be had, and the springs carry the load.
+    """
+    K, points = body(cells=20, held=False)
+    A = sp.csr_matrix(K / abs(K).max() + 1e-8 * sp.identity(len(points)))
+    b = modes_of(points)[:, 0]  # spread over all nodes, along the bar
+    cycle = hierarchy(A, modes_of(points)).cycle
+    with pytest.raises(LinearSolveError, match=r"above tol=1.0e-13"):
+        conjugate_gradients(A, b, cycle, 1e-13, 60)
+    x = conjugate_gradients(A, b, cycle, 1e-13, 60, to_round_off=True)
+    # the stiffness is of order one, and 1e-16 / 1e-8 of it is round-off beside the springs
+    assert_allclose(x, 1e8 * b, rtol=0, atol=1e-6 * 1e8)
 
 
 def test_amg_solves_unsymmetric():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,6 +48,8 @@ def report(result: ContactResult) -> str:
 
 def table(result: ContactResult) -> str:
     """The headline, a row per contact and the certificate, in HTML for notebooks."""
+    from html import escape  # for notebooks alone
+
     heads = ("contact", "points", "force on the secondary", "largest pressure", "contact area")
     rows = []
     for values in result:

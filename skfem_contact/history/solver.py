@@ -6,7 +6,6 @@ import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -201,6 +200,8 @@ class ContactSolver:
         return dry_run(self)
 
     def _repr_html_(self) -> str:
+        from html import escape  # for notebooks alone
+
         return f"<pre>{escape(str(self))}</pre>"
 
     def prepare(self) -> ContactSolver:

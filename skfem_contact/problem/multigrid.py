@@ -115,7 +115,9 @@ class MultigridBodies(Whole):
         for part, span in zip(self.substructures, self.free_spans, strict=True):
             if f[span].any():
                 own = part.K_free, f[span], part.grids.cycle
-                u[span] = conjugate_gradients(*own, ANCHORED, settings.max_iterations)
+                u[span] = conjugate_gradients(
+                    *own, ANCHORED, settings.max_iterations, to_round_off=True
+                )
         return u[self.place]
 
     def free_load(self, case: LoadCase) -> Array:
