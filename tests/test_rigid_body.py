@@ -142,6 +142,23 @@ def test_steps_name_loads_and_motions():
     assert_allclose(other.force, [0, -0.02], atol=1e-15)
 
 
+def test_loads_that_a_step_does_not_name_stay():
+    """A moment that comes after the force, by its name, leaves the force as it is."""
+    solver = pressed(D=("x", "rotation"), moment=0.05)
+    steps = [1.0, {"f": {"die": {"y": -0.02}}}, {"f": {"die": {"rotation": 0.01}}}, {"f": {"die": {}}}]
+    found = list(solver.history(steps))
+    # the moment goes to the support
+    for result, (force, moment) in zip(
+        found, [(-0.01, 0.05), (-0.02, 0.05)] + 2 * [(-0.02, 0.01)], strict=True
+    ):
+        assert_allclose(result.force, [0, force], atol=1e-15)
+        assert_allclose(result.reaction("die")[2], result.moment((0.5, 1.0)) - moment, atol=1e-12)
+    named, vector = (
+        solver.solve(start=found[0], f={"die": f}) for f in ({"y": -0.02}, (0, -0.02, 0.05))
+    )
+    assert_allclose(named.u, vector.u, rtol=0)
+
+
 def test_steps_that_are_refused():
     """Motions are prescribed by D and x; what is free takes no values; names are known."""
     solver = pressed()

@@ -157,10 +157,10 @@ class StepReader:
             if not isinstance(units, float):
                 scale = units[part]
             if isinstance(value, Mapping):
-                if what == "f":
+                if what == "f" and not isinstance(body, RigidBody):
                     out[part] = body.load(value, label) * scale
                     continue
-                if isinstance(body, RigidBody):
+                if what == "x" and isinstance(body, RigidBody):
                     body.check_held(body.numbers(value, label), label)
                 out[part] = body.displaced(value, out[part] / scale, label) * scale
                 continue

@@ -444,7 +444,8 @@ class ContactSolver:
         -----
         By boundary name, ``{"f": {"punch": {"top": (0.0, -5.0)}}}`` is a uniform traction [stress],
         what ``LinearForm(lambda v, w: -5.0 * v[1])`` is there, and all of the load of the body:
-        other boundaries of the body carry none. ``{"x": {"punch": {"top": (0.0, -0.01)}}}`` is a
+        other boundaries of the body carry none (loads of a `RigidBody` go by its DOFs, and those that
+        are not named stay). ``{"x": {"punch": {"top": (0.0, -0.01)}}}`` is a
         constant displacement [length] of prescribed DOFs; those of other boundaries stay as they
         were. None stands for a component that is free there.
         """

@@ -79,8 +79,8 @@ class RigidBody(Member, Obstacle):
     Notes
     -----
     In load steps its loads and prescribed motions are named by DOF,
-    ``{"f": {"die": {"y": -5e3}}, "x": {"die": {"rotation": 0.1}}}``, or given as vectors. Where it is
-    after a step says ``result.motion("die")``.
+    ``{"f": {"die": {"y": -5e3}}, "x": {"die": {"rotation": 0.1}}}``, and what is not named stays as it
+    was; or given as vectors. Where it is after a step says ``result.motion("die")``.
 
     With ``sliding="small"`` points move by ``v + w x r`` with the arms `r` of the undeformed place:
     right for small rotations. With ``sliding="finite"`` the obstacle is turned by the whole angle.
