@@ -8,6 +8,7 @@
 * `answering`, `failure`: from a load case to a result, or to an error in words;
 * `recovery`, `yielded`: displacements when asked for; the results of a history that fails;
 * `checkpoint`: states on disk;
-* `solver`, `dry_run`, `progress`: what users hold, what it says before it solves and meanwhile;
+* `problem_setup`, `variants`, `solver`: what a solver is made of, solvers that are made of it, and load
+  steps: what users hold; `dry_run`, `progress`: what it says before it solves and meanwhile;
 * `thresholds`: numbers, and where they come from.
 """

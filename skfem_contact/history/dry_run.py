@@ -13,10 +13,10 @@ from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 from skfem_contact.pairing.node import Pairing
 
 if TYPE_CHECKING:
-    from skfem_contact.history.solver import ContactSolver
+    from skfem_contact.history.problem_setup import ProblemSetup
 
 
-def dry_run(solver: ContactSolver) -> str:
+def dry_run(solver: ProblemSetup) -> str:
     """What a solver models and what it leaves out, before anything is solved."""
     system = solver.system
     lines = [f"Contact solver: loop '{solver.loop}', {_linear_words(solver)}", ""]
@@ -38,7 +38,7 @@ def dry_run(solver: ContactSolver) -> str:
     return "\n".join(lines)
 
 
-def _linear_words(solver: ContactSolver) -> str:
+def _linear_words(solver: ProblemSetup) -> str:
     model, points, n = solver.linear_model, int(solver.kin.paired.sum()), solver.system.n
     dofs = len(np.setdiff1d(model.touched(), solver.system.D))
     sizes = f"{n} DOFs -> {dofs} contact DOFs -> {model.rows} gaps and slips of {points} points"
@@ -53,7 +53,7 @@ def _linear_words(solver: ContactSolver) -> str:
     return f"condensed: {sizes}; {factors} for the factors, {dense}, {model.reason}"
 
 
-def _free_words(solver: ContactSolver) -> str:
+def _free_words(solver: ProblemSetup) -> str:
     motions = solver.linear_model.motions
     if motions.k == 0:
         return "no rigid motion is free: supports alone hold all bodies"
@@ -76,7 +76,7 @@ def _model_words(contact: Contact) -> str:
     return f"method {method}; {law}"
 
 
-def _gap_words(solver: ContactSolver, contact: Contact, pairing: Pairing, part: slice) -> list[str]:
+def _gap_words(solver: ProblemSetup, contact: Contact, pairing: Pairing, part: slice) -> list[str]:
     paired = solver.kin.paired[part]
     gap, total = solver.kin.gap0[part][paired], part.stop - part.start
     lines = [f"{len(gap)} of {total} points have a partner"]

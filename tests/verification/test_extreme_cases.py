@@ -325,7 +325,7 @@ def test_redundant_two_passes(shift, method, linear, refused, monkeypatch):
     options = sc.Options(max_cuts=0)  # a smaller step is as undetermined
     with pytest.raises(sc.InputError, match="pair the same facets, the one from one side"):
         sc.ContactSolver(bodies, contacts, linear=LINEAR[linear], options=options)
-    monkeypatch.setattr("skfem_contact.history.solver.check_passes", lambda *_: None)
+    monkeypatch.setattr("skfem_contact.history.problem_setup.check_passes", lambda *_: None)
     solver = sc.ContactSolver(bodies, contacts, linear=LINEAR[linear], options=options)
     with refused(sc.NotConverged, match="points still change", either=True) as seen:
         result = solver.solve()
