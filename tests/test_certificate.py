@@ -10,6 +10,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 import skfem as fem
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -308,3 +309,21 @@ def test_a_contact_that_carries_round_off_has_no_digits():
     along[where] = 2 * small * np.abs(along[where]).max()
     certificate = spoiled(result, normal_force=normal, tangential_force=along)
     assert certificate.friction < 1e-3
+
+
+def test_springs_inside_K_bear_their_part() -> None:
+    """A block on an inclined floor that uneven springs alone hold: they balance force and moment."""
+    mesh = fem.MeshQuad().refined(2).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    springs = np.zeros(basis.N)
+    springs[basis.get_dofs("top").all()] = np.linspace(0.1, 0.9, 10)  # stiffness of order one
+    K = linear_elasticity(1.0, 1.0).assemble(basis)
+    body = sc.Body(basis, K + sp.diags(springs), f={"left": (0.003, -0.01)}, name="block")
+    floor = sc.RigidPlane((0.0, 0.0), (0.1, 1.0), name="floor")
+    contact = sc.Contact(body.surface("bottom"), floor, gap=0.0, friction=sc.Coulomb(0.3))
+    result = sc.ContactSolver(body, contact).solve()
+    pull = springs * result.u
+    # without the springs the balance would miss this: more than a thousandth of the load of 0.01
+    assert abs(pull.sum()) > SEEN * 0.01
+    assert result.certificate.force_balance < 1e-12
+    assert result.certificate.moment_balance < 1e-12

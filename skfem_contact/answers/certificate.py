@@ -103,10 +103,6 @@ def certify(result: Answer) -> Certificate:
     internal = np.concatenate(
         [K @ u[system.slice(body)] for body, K in zip(system.bodies, result.stiffness, strict=True)]
     )
-    terms = [
-        abs(K) @ np.abs(u[system.slice(body)])
-        for body, K in zip(system.bodies, result.stiffness, strict=True)
-    ]
     contact = contact_forces(result)
     residual = internal - f - contact
     reactions = np.zeros(system.n)
@@ -114,8 +110,10 @@ def certify(result: Answer) -> Certificate:
     residual[system.D] = 0.0
     force = _largest(f, contact, reactions, state.normal_force, state.tangential_force)
     # a load is a scale however small: a body that ran away with it has not carried it
-    noise = _largest(*terms)
-    floor = SCALE_FLOOR * noise if not f.any() and force < NO_LOAD * noise else 0.0
+    floor = 0.0
+    if not f.any():
+        noise = _largest_term(result)
+        floor = SCALE_FLOOR * noise if force < NO_LOAD * noise else 0.0
     if not (f.any() or result.case.x.any()):
         floor = max(floor, _nothing_acts(result, force))
     force = max(force, floor)
@@ -140,6 +138,16 @@ def certify(result: Answer) -> Certificate:
         moment_gap=across,
         moment_normal=normal,
         placement=result.mismatch,
+    )
+
+
+def _largest_term(result: Answer) -> float:
+    """Of the sums ``K u``: their sizes, added up instead of cancelling."""
+    return _largest(
+        *(
+            abs(K) @ np.abs(result.u[result.system.slice(body)])
+            for body, K in zip(result.system.bodies, result.stiffness, strict=True)
+        )
     )
 
 
@@ -195,7 +203,8 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     on_obstacles = _obstacle_forces(result)
     axes = sorted(set(component[component < system.bodies[0].components]))
     F = np.array([external[component == k].sum() for k in axes])
-    F -= np.array([_ground(result, (component == k).astype(float)) for k in axes])
+    springs = _Springs(result)
+    F -= np.array([springs.share((component == k).astype(float)) for k in axes])
     skip = {0} if any(b.axisymmetric for b in system.solids.values()) else set()
     kept = [k for k in axes if k not in skip]
     rigid = np.array([on_obstacles[:, k].sum() for k in axes])
@@ -204,7 +213,7 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
         return resultant, np.nan, np.nan, np.nan
     centre = points.mean(axis=0)
     turns = _turns(points - centre, component, system.extent)
-    M = turns @ external - np.array([_ground(result, turn) for turn in turns])
+    M = turns @ external - np.array([springs.share(turn) for turn in turns])
     offset, rigid_points = _offsets(result)
     M += cross(rigid_points - centre, on_obstacles).sum(axis=0)
     along = np.einsum("ik,ikd->id", -result.local.tangential_force, kin.tangent)
@@ -229,15 +238,29 @@ def _turns(arm: Array, component: NDArray[np.int32], extent: float) -> Array:
     return turns
 
 
-def _ground(result: Answer, mode: Array) -> float:
-    """What springs to the ground inside K take of a resultant: ``(K mode)'u``, zero without any."""
-    total = 0.0
-    for body, K in zip(result.system.bodies, result.stiffness, strict=True):
-        part = result.system.slice(body)
-        resisted = K.T @ mode[part]
-        if np.max(np.abs(resisted)) > NO_RESISTANCE * np.max(abs(K) @ np.abs(mode[part])):
-            total += float(resisted @ result.u[part])
-    return total
+class _Springs:
+    """What springs to the ground inside K take of a resultant."""
+
+    def __init__(self, result: Answer) -> None:
+        self.result = result
+        self.diagonals = [np.abs(K.diagonal()) for K in result.stiffness]
+
+    def share(self, mode: Array) -> float:
+        """Their part of the resultant along a rigid motion (n,): ``(K mode)'u``, zero without any."""
+        total, result = 0.0, self.result
+        for body, K, diagonal in zip(
+            result.system.bodies, result.stiffness, self.diagonals, strict=True
+        ):
+            part = result.system.slice(body)
+            resisted = K.T @ mode[part]
+            most, size = float(np.max(np.abs(resisted))), np.abs(mode[part])
+            # round-off is compared with the terms of K mode; one of them is that of the diagonal, and
+            # known at once
+            if most <= NO_RESISTANCE * float(np.max(diagonal * size)):
+                continue
+            if most > NO_RESISTANCE * float(np.max(abs(K) @ size)):
+                total += float(resisted @ result.u[part])
+        return total
 
 
 def _obstacle_forces(result: Answer) -> Array:

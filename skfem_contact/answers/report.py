@@ -1,4 +1,4 @@
-"""What is printed of a result: a few lines, what costs nothing, or all of it; a table for notebooks."""
+"""What is printed of a result: a few lines, what is quickly known, or all; a table for notebooks."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def short(result: ContactResult) -> str:
 
 
 def summary(result: ContactResult) -> str:
-    """What costs nothing: the contacts, what every step has seen of the model, the certificate."""
+    """What is known quickly: the contacts, what every step has seen of the model, the certificate."""
     lines = _first_lines(result, estimate=False)
     lines += ["", _watched_line(result._answer), *_last_lines(result), "", MORE]
     return "\n".join(lines)

@@ -40,8 +40,9 @@ class ContactResult(OfTheContact):
     ``result[contact]`` or ``result["name"]``, and directly on the result where there is one contact.
     ``for values in result`` goes through the contacts, ``len(result)`` counts them.
 
-    ``print(result)`` shows what costs nothing, ``print(result.report())`` also how far the mesh may be
-    off, whether the model holds, and whether there are other answers.
+    ``print(result)`` shows what is known quickly: it recovers the displacements for the certificate.
+    ``print(result.report())`` shows also how far the mesh may be off, whether the model holds, and
+    whether there are other answers.
 
     Examples
     --------
