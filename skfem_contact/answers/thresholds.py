@@ -119,6 +119,9 @@ LARGE = 0.1
 # Lengths below this part of a coordinate are round-off.
 NO_LENGTH = 1e-12
 
+# Of what moments of second order change of the motion of a tool, over that motion.
+SECOND_ORDER = 0.1
+
 # -- validity.meeting --------------------------------------------
 
 # Overlaps below this part of the extent of the bodies are round-off of positions and displacements.

@@ -5,6 +5,7 @@
 * `stepper`, `placing`, `wearing`, `cutting`: one attempt; on the pairing of its own answer; with what
   it wears off; in smaller steps;
 * `grip`, `nearest`, `indifference`, `finding`: bodies whose place nothing decides, and the answer;
+* `second_order`: whether rigid bodies roll or lean further than small sliding has them;
 * `answering`, `failure`: from a load case to a result, or to an error in words;
 * `recovery`, `yielded`: displacements when asked for; the results of a history that fails;
 * `checkpoint`: states on disk;

@@ -28,6 +28,7 @@ from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.recovery import Recovery
+from skfem_contact.history.second_order import second_order
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.loops.driver import converged_words
 from skfem_contact.loops.starts import natural_state
@@ -76,6 +77,8 @@ class Answering(ByFields):
                 lambda: result.u,
                 result.mismatch,
             )
+            if found.settled is None:
+                watched = replace(watched, leaning=second_order(found.advance.attempt))
             result.watch(watched)
             result.watch(self.watch.warn(result))
             _warn(result)

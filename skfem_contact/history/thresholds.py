@@ -43,6 +43,12 @@ WEAR_ROUNDS = 20
 # Round-off of contact forces over the terms that cancel where nothing presses.
 NOISE = 10 * float(np.finfo(float).eps)
 
+# -- second_order ------------------------------------------------
+
+# Motion of a DOF of a tool over that of the one that moves most, below which what changes it is
+# compared with this part of the largest: a press down by 1 with a shift of 0.001 is one without.
+HARDLY_MOVES = 0.01
+
 # -- grip, indifference, nearest ---------------------------------
 
 # Weak springs, over the largest stiffness of a body: forces are found to six digits, and a factor of

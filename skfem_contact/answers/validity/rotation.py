@@ -75,6 +75,17 @@ def _angle(x: Array, y: Array) -> float:
     return float(np.arctan2(np.linalg.norm(vector), np.trace(turn) - 1))
 
 
+def leaning_words(far: dict[str, float]) -> str:
+    """That the loads of rigid bodies go along with them further than small sliding has it."""
+    listed = " and ".join(f"{name!r} by {100 * share:.3g} %" for name, share in far.items())
+    return (
+        "Rigid bodies carry their loads along, and contact forces act where the points have moved to: "
+        "small sliding, which has the arms of the undeformed place, leaves out the moment of that. It "
+        f"would change the motion of {listed} at first, and without end where a body rolls off or "
+        "topples. Give its contacts sliding='finite', or hold its rotation by D."
+    )
+
+
 def rotation_words(far: dict[str, float]) -> str:
     """That bodies have turned further than linear elasticity follows, and what to do.
 

@@ -13,20 +13,29 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import FACETS, GAP, LARGE, OVERLAP, SAGITTA, TILT, WIDTH
+from skfem_contact.answers.thresholds import (
+    FACETS,
+    GAP,
+    LARGE,
+    OVERLAP,
+    SAGITTA,
+    SECOND_ORDER,
+    TILT,
+    WIDTH,
+)
 from skfem_contact.answers.validity.drift import Drift, Track, tool_motion
 from skfem_contact.answers.validity.hull import Hull, hull
 from skfem_contact.answers.validity.intrusion import elastic_approach
 from skfem_contact.answers.validity.lookout import Lookouts
 from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, sagitta, strains
 from skfem_contact.answers.validity.overlap import Outline, outline
-from skfem_contact.answers.validity.rotation import rotation_words
+from skfem_contact.answers.validity.rotation import leaning_words, rotation_words
 from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
 from skfem_contact.answers.validity.watch import facet_words, sliding_words, strain_words
 from skfem_contact.conditions.contact import Contact
@@ -125,8 +134,11 @@ class Validity:
     rotation : dict of float
         Root of the mean square of the rotation over every body [rad].
     problems : dict
-        Sentences, by kind ("sliding", "overlap", "facets", "chords",
-        "strain", "rotation") and name of the contact or body.
+        Sentences, by kind ("sliding", "overlap", "facets", "chords", "strain", "rotation",
+        "second order") and name of the contact or body.
+    second_order : dict of float
+        What the moments of second order that small sliding leaves out would change of the motion of
+        rigid bodies that may turn, over that motion.
 
     Examples
     --------
@@ -160,6 +172,7 @@ class Validity:
     largest_strain: dict[str, float]
     rotation: dict[str, float]
     problems: dict[tuple[str, str], str]
+    second_order: dict[str, float] = field(default_factory=dict)
 
     @property
     def holds(self) -> bool:
@@ -177,6 +190,7 @@ class Validity:
             found += [part.chord_share / GAP, drift.sagitta_share / SAGITTA]
         found += [strain / LARGE for strain in self.strain.values()]
         found += [rotation / LARGE for rotation in self.rotation.values()]
+        found += [share / SECOND_ORDER for share in self.second_order.values()]
         return float(np.nanmax(found))
 
     def __str__(self) -> str:
@@ -187,6 +201,11 @@ class Validity:
             lines.append(
                 f"  {name}: strain {strain:.2g} where its energy is, rotation "
                 f"{self.rotation[name]:.2g} (up to {LARGE:g})"
+            )
+        for name, share in self.second_order.items():
+            lines.append(
+                f"  {name}: moments of second order would change its motion by {100 * share:.2g} % "
+                f"(up to {100 * SECOND_ORDER:g} %)"
             )
         return "\n".join(lines)
 
@@ -269,10 +288,13 @@ def assess(result: Answer) -> Validity:
     far = {name: turn for name, turn in rotation.items() if turn > LARGE}
     if far:
         problems |= {("rotation", name): rotation_words({name: turn}) for name, turn in far.items()}
+    leaning = result.watched.leaning
+    far = {name: share for name, share in leaning.items() if share > SECOND_ORDER}
+    problems |= {("second order", name): leaning_words({name: share}) for name, share in far.items()}
     for key, text in problems.items():
         if result.converged and key not in result.watched.said:
             warnings.warn(text, ContactWarning, stacklevel=4)
-    return Validity(contacts, strain, largest, rotation, problems)
+    return Validity(contacts, strain, largest, rotation, problems, dict(leaning))
 
 
 def _unseen_words(result: Answer, i: int, part: ContactValidity) -> str:

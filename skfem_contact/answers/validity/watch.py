@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import GAP, LARGE, TILT
+from skfem_contact.answers.thresholds import GAP, LARGE, SECOND_ORDER, TILT
 from skfem_contact.answers.validity.drift import Drift, Track, tool_motion
 from skfem_contact.answers.validity.face_track import FaceTrack
 from skfem_contact.answers.validity.give import soft, spared
 from skfem_contact.answers.validity.intrusion import Intrusions, elastic_approach
 from skfem_contact.answers.validity.lookout import Lookouts
-from skfem_contact.answers.validity.rotation import rigid_rotations, rotation_words
+from skfem_contact.answers.validity.rotation import leaning_words, rigid_rotations, rotation_words
 from skfem_contact.answers.validity.solids import (
     looked_at,
     obstacle_drift,
@@ -342,6 +342,14 @@ class Watch:
         if far:
             new |= {("rotation", name) for name in far}
             warnings.warn(rotation_words(far) + ONCE, ContactWarning, stacklevel=4)
+        leaning = {
+            name: share
+            for name, share in watched.leaning.items()
+            if share > SECOND_ORDER and ("second order", name) not in watched.said
+        }
+        if leaning:
+            new |= {("second order", name) for name in leaning}
+            warnings.warn(leaning_words(leaning) + ONCE, ContactWarning, stacklevel=4)
         return replace(watched, said=watched.said | new) if new else watched
 
 

@@ -16,7 +16,7 @@ from skfem_contact.bodies.selection import written
 Said = frozenset[tuple[str, str]]
 #: The kinds that are bounds of the model. Others are said once in a history as well, and are none:
 #: places that nothing decides, overlaps that supports prescribe.
-BOUNDS = ("facets", "overlap", "rotation", "sliding", "strain")
+BOUNDS = ("facets", "overlap", "rotation", "second order", "sliding", "strain")
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,8 @@ class Watched:
         What is to be said of corners of obstacles that stand between nodes, by the contact's number.
     standing : dict
         Vertices and edges of solids that seem to overlap where no row sees it, by the contact's number.
+    leaning : dict
+        What moments of second order change of the motion of rigid bodies, over that motion, by name.
     """
 
     drifts: tuple[Drift, ...] = ()
@@ -99,6 +101,7 @@ class Watched:
     intrusions: dict[int, Intrusion] = field(default_factory=dict)
     unseen: dict[int, str] = field(default_factory=dict)
     standing: dict[int, Standing] = field(default_factory=dict)
+    leaning: dict[str, float] = field(default_factory=dict)
 
     @property
     def beyond(self) -> list[tuple[str, str]]:
