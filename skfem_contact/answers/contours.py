@@ -71,8 +71,8 @@ def contour(surface: FaceSurface, closed: Mask, gap: Array) -> Contour:
         ``inf`` where a point has no partner [length].
     """
     corners = np.array(TRIANGLES[surface.kind.name])
-    height = _with_centres(surface, heights(surface, closed, gap))[:, corners].reshape(-1, 3)
-    x = _with_centres(surface, surface.points)[:, corners].reshape(-1, 3, 3)
+    height = with_centres(surface, heights(surface, closed, gap))[:, corners].reshape(-1, 3)
+    x = with_centres(surface, surface.points)[:, corners].reshape(-1, 3, 3)
     part, segments = _cut(height, x)
     return Contour(segments, float(part @ triangle_areas(surface, x)))
 
@@ -155,7 +155,7 @@ def _continued(
     size = np.sqrt(square.max(initial=0.0)) or 1.0  # numbers of order one in all units
     along, weight = along / size, (size**2 / square) ** 2
     plane = np.column_stack([np.ones(len(row)), along])
-    fit, enough = _least_squares(plane, weight, h[node], row, len(here))
+    fit, enough = least_squares(plane, weight, h[node], row, len(here))
     # only what lies ahead, within 45 degrees: on the far side of a small contact h falls again;
     # where the edge is round so is h: a parabola along the edge
     slope = fit[row, 1:]
@@ -164,16 +164,14 @@ def _continued(
     across = along[:, 0] * slope[:, 1] - along[:, 1] * slope[:, 0]
     # points of regular faces lie at 45 degrees to the slope: round-off must not choose among them
     weight = np.where(ahead > AT_45 * np.abs(across), weight, 0.0)
-    straight, some = _least_squares(plane, weight, h[node], row, len(here))
+    straight, some = least_squares(plane, weight, h[node], row, len(here))
     parabola = np.column_stack([plane, across**2])
-    bent, more = _least_squares(parabola, weight, h[node], row, len(here))
+    bent, more = least_squares(parabola, weight, h[node], row, len(here))
     at = np.where(more, bent[:, 0], np.where(some, straight[:, 0], fit[:, 0]))
     return at, some, enough
 
 
-def _least_squares(
-    terms: Array, weight: Array, values: Array, row: Index, n: int
-) -> tuple[Array, Mask]:
+def least_squares(terms: Array, weight: Array, values: Array, row: Index, n: int) -> tuple[Array, Mask]:
     """Coefficients (n, k) by the values of many rows each; whether these determine them, (n,)."""
     k = terms.shape[1]
     A, b = np.empty((n, k, k)), np.empty((n, k))
@@ -191,7 +189,7 @@ def _least_squares(
     return fit, enough
 
 
-def _with_centres(surface: FaceSurface, values: Array) -> Array:
+def with_centres(surface: FaceSurface, values: Array) -> Array:
     """Values at the nodes of each face, and at its centre where that is no node, (nf, k or k + 1, ...).
 
     The mean of the four nodes nearest to it; none where two or more of these have none.

@@ -60,6 +60,11 @@ NO_MISFIT = 1e-9
 # them, a smooth function with a jump in its curvature about as much.
 SHARPER = 3.0
 
+# -- error.faces -------------------------------------------------
+
+# Pieces of the edge of contact whose middles are nearest, among which the nearest piece is.
+SEGMENTS_NEAR = 6
+
 # -- uniqueness, pieces, one_answer --------------------------------------------------
 
 # Over the stiffness of a point along the normal: couplings below the first are round-off, and a

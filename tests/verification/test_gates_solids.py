@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from sheared_solids import sheared_pair
-from solids import KINDS, at, cube, elastic
+from solids import KINDS, at, cube, elastic, in_tetrahedra
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
@@ -236,7 +236,10 @@ def hertz_in_half_spaces(kind, across, ratio, R, E, a, both):
     bodies, sides, signs = [], [], {}
     for sign, name in ((-1.0, "low"), (1.0, "high"))[: 2 if both else 1]:
         mesh = fem.MeshHex.init_tensor(y, y, z if sign > 0 else -z[::-1])
-        mesh = mesh if kind == "quad4" else KINDS[kind][1].from_mesh(mesh)
+        if kind == "tri3":
+            mesh = in_tetrahedra(mesh)
+        elif kind != "quad4":
+            mesh = KINDS[kind][1].from_mesh(mesh)
         bodies.append(elastic(mesh, kind, name, E=E, nu=nu, held=held))
         near = lambda x: (np.abs(x[2]) < 1e-9) & (np.max(x[:2], axis=0) < 1.7 * a)  # noqa: E731
         sides.append(bodies[-1].surface(near))

@@ -19,8 +19,9 @@ from that of the continuous problem, in the L2 norm over the contact, from six s
     On curves of straight facets nodal forces act along normals of the curve, pressures along the
     facets'.
 
-The first three are in `surface`, the last in `chords`, the others in `body`. In 3-D only the others are
-estimated yet: the total is NaN, and the advice names what is missing.
+The first three are in `surface`, in 3-D in `faces`, the last in `chords`, the others in `body`. In 3-D
+the first three are estimated on linear faces only, and `chords` only where there are none: then the
+total is NaN, and the advice names what is missing.
 
 What no answer shows of itself is not in it: what else curved bodies lose with straight facets, load
 steps too long for a history that depends on the path, the limits of the linear theory.
@@ -34,6 +35,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.error.body import bodies_error, stiffness_error
 from skfem_contact.answers.error.chords import chords_error, net
+from skfem_contact.answers.error.faces import faces_error
 from skfem_contact.answers.error.misfit import Line
 from skfem_contact.answers.error.sources import Elements, ErrorEstimate, ErrorSources
 from skfem_contact.answers.error.surface import points_across, surface_error
@@ -42,9 +44,11 @@ from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
+from skfem_contact.pairing.faces.joints import rim_points
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 
 def estimate(result: Answer, values: ContactValues) -> ErrorEstimate:
@@ -68,34 +72,29 @@ def estimate(result: Answer, values: ContactValues) -> ErrorEstimate:
     pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
     traction = ErrorSources(*of_both, bodies, stiffness, chords)
     across = points_across(line, values.status)
-    advice = _advice(contact, values, line, traction, share, elements, across)
+    advice = _advice(contact, values, line.ends, traction, share, elements, across)
     return ErrorEstimate(pressure, traction, share, elements, across, advice)
 
 
 def _of_faces(result: Answer, values: ContactValues, contact: Contact) -> ErrorEstimate:
-    """What is known in 3-D: the parts of the bodies and of sticking points."""
+    """The same in 3-D; what is not known there is NaN."""
+    surface, sides = values.surface, (contact.secondary, contact.primary)
+    assert isinstance(surface, FaceSurface)
     both = np.hstack([values.pressure[:, None], values.friction_stress])
     bodies, elements = bodies_error(result, values)
     stiffness = stiffness_error(result, contact, values, both)
-    curved = any(
-        isinstance(side, FaceSurface) and side.kind.corners == side.kind.nodes and _bends(side)
-        for side in (contact.secondary, contact.primary)
-    )
-    chords = np.nan if curved else 0.0
-    missing = np.nan, np.nan, np.nan
-    pressure = ErrorSources(*missing, bodies, 0.0, chords)
-    traction = ErrorSources(*missing, bodies, stiffness, chords)
-    unknown = np.full(len(values.points), np.nan)
-    advice = (
-        "not estimated in 3-D: what the surface mesh loses where contact or sticking ends, between its "
-        "points and by scatter"
-    )
-    advice += ", and by straight faces on curved sides; " if curved else "; "
-    advice += "compare with a finer mesh"
-    if elements and bodies > NO_MISFIT:
-        coarse = max(elements, key=lambda body: elements[body][1].sum())
-        advice += f". Of what is known, the mesh of {coarse} around the contact has most"
-    return ErrorEstimate(pressure, traction, unknown, elements, None, advice)
+    of_pressure = of_both = np.nan, np.nan, np.nan
+    share = np.full(len(values.points), np.nan)
+    if surface.kind.corners == surface.kind.nodes:
+        of_pressure, _ = faces_error(values, values.pressure[:, None])
+        of_both, share = faces_error(values, both)
+    straight = [side for side in sides if isinstance(side, FaceSurface) and not side.kind.quadratic]
+    chords = np.nan if any(map(_bends, straight)) else 0.0
+    pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
+    traction = ErrorSources(*of_both, bodies, stiffness, chords)
+    ends = rim_points(surface, mirrored=False)
+    advice = _advice(contact, values, ends, traction, share, elements, None)
+    return ErrorEstimate(pressure, traction, share, elements, None, advice)
 
 
 def _bends(side: FaceSurface) -> bool:
@@ -107,41 +106,59 @@ def _bends(side: FaceSurface) -> bool:
 def _advice(
     contact: Contact,
     values: ContactValues,
-    line: Line,
+    ends: Mask,
     sources: ErrorSources,
     share: Array,
     elements: dict[str, Elements],
-    across: int,
+    across: int | None,
 ) -> str:
     """The largest part in words, and what makes it smaller; what is not known."""
-    known = _of_largest(contact, values, line, sources, share, elements, across)
+    left_out = []
+    if "edges" in sources.missing:
+        left_out.append(
+            "what quadratic faces lose where contact or sticking ends, between points and by scatter"
+        )
+    if "chords" in sources.missing:
+        left_out.append("what straight faces lose on curved sides")
+    if left_out:
+        words = f"not estimated in 3-D: {', and '.join(left_out)}; compare with a finer mesh"
+        known = {name: size for name, size in vars(sources).items() if name not in sources.missing}
+        if max(known.values(), default=0.0) <= NO_MISFIT:
+            return words
+        largest = max(known, key=lambda name: known[name])
+    else:
+        words, largest = "", sources.largest
+        if sources.total <= NO_MISFIT:
+            return "nothing to improve: exact, as far as the answer tells"
+    said = _of_largest(contact, values, ends, largest, share, elements, across)
+    if words:
+        said = f"{words}. Of what is known, {said}"
     if not np.isnan(sources.bodies):
-        return known
-    return f"{known}. What the meshes of the bodies lose is not in it: a K was given as a matrix"
+        return said
+    return f"{said}. What the meshes of the bodies lose is not in it: a K was given as a matrix"
 
 
 def _of_largest(
     contact: Contact,
     values: ContactValues,
-    line: Line,
-    sources: ErrorSources,
+    ends: Mask,
+    largest: str,
     share: Array,
     elements: dict[str, Elements],
-    across: int,
+    across: int | None,
 ) -> str:
-    if sources.total <= NO_MISFIT:
-        return "nothing to improve: exact, as far as the answer tells"
-    worst, largest = int(np.argmax(share)), sources.largest
+    worst = int(np.argmax(share))
     name = contact.secondary.label
     at = "(" + ", ".join(f"{x:.3g}" for x in values.points[worst]) + ")"
-    if largest == "edges" and line.ends[worst]:
+    if largest == "edges" and ends[worst]:
         return (
             f"most of it at the end of {name} near {at}: at a sharp edge stress has no bound, which no "
             "mesh resolves; round the edge, or use resultants only"
         )
     if largest == "edges":
+        narrow = "" if across is None else f" ({across} points across the narrowest zone)"
         return (
-            f"most of it where contact or sticking ends ({across} points across the narrowest zone): "
+            f"most of it where contact or sticking ends{narrow}: "
             f"refine {name} near {at}; half the size is half the error"
         )
     if largest == "scatter" and contact.method == "node" and not contact.rigid:

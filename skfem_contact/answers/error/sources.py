@@ -22,7 +22,8 @@ class ErrorSources:
     edges, facets, scatter, bodies, stiffness, chords : float
         See the top of the module `estimate`. `bodies` is NaN where a body was given a matrix instead
         of a `BilinearForm`: then there is no measure of energy, and it is left out. In 3-D `edges`,
-        `facets` and `scatter` are NaN, and so is `total`: they are not estimated yet.
+        `facets` and `scatter` are NaN on quadratic faces, `chords` on linear faces of curved sides;
+        then `total` is NaN, too.
 
     Examples
     --------
@@ -86,7 +87,7 @@ class ErrorEstimate:
         Of the pressure, over the L2 norm of the pressure; and of pressure and friction together.
     indicator : ndarray, shape (m,)
         Share of every point in the squared error of the traction that comes from the surface (edges,
-        facets, scatter); adds up to one where there is any. NaN in 3-D.
+        facets, scatter); adds up to one where there is any. NaN on quadratic faces of solids.
     elements : dict of (ndarray of int, ndarray)
         By name of the body: elements around the contact, and the share of each in the energy error.
     points_across : int or None

@@ -1,0 +1,191 @@
+"""The error estimate of solids against the true error, over closed forms in space.
+
+    python benchmarks/effectivity_solids.py [--write]
+
+True error: L2 norm, over the faces of contact, of the traction interpolated between the nodes less
+the exact one, over the norm of the exact one. Effectivity: estimated over true error.
+
+Stores benchmarks/results/effectivity_solids.json; with --write the table goes into docs/effectivity.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy starts its threads
+
+import numpy as np
+
+HERE = Path(__file__).parent
+sys.path += [str(HERE.parent / "tests"), str(HERE.parent / "tests" / "verification")]
+
+import test_gates_solids as gates  # noqa: E402
+from sheared_solids import sheared_pair  # noqa: E402
+
+import skfem_contact as sc  # noqa: E402
+from skfem_contact.reference import cattaneo_mindlin, hertz_point  # noqa: E402
+
+Array = np.ndarray
+Exact = Callable[[Array], Array]
+STORED = HERE / "results" / "effectivity_solids.json"
+PAGE = HERE.parent / "docs" / "effectivity.md"
+BEGIN, END = "<!-- effectivity of solids: begin -->", "<!-- effectivity of solids: end -->"
+
+
+def true_errors(result: Any, pressure: Exact, friction: Exact) -> tuple[float, float]:
+    """Relative L2 errors of the pressure, and of the traction; `friction` (k, 3) up to its sign."""
+    values = result.values[0]
+    surface, kind = values.surface, values.surface.kind
+    at, weight = kind.quadrature(12)
+    N, dN = kind.shapes(at)
+    nodes = surface.points[surface.facets]
+    along = np.einsum("qai,fad->fqid", dN, nodes)
+    area = np.linalg.norm(np.cross(along[:, :, 0], along[:, :, 1]), axis=2) * weight
+    # faces with a node whose force goes into a support have no traction to compare
+    area = area * ~surface.held.all(axis=1)[surface.facets].any(axis=1)[:, None]
+    x = np.einsum("qa,fad->fqd", N, nodes)
+
+    def between(nodal: Array) -> Array:
+        return np.einsum("qa,fa...->fq...", N, nodal[surface.facets])
+
+    over = np.where(values.area > 0, values.area, 1.0)[:, None]
+    p, q = between(values.pressure), between(values.tangential_force_vector / over)
+    exact_p = pressure(x.reshape(-1, 3)).reshape(p.shape)
+    exact_q = friction(x.reshape(-1, 3)).reshape(q.shape)
+    exact_q = exact_q * (np.sign(np.sum(area[..., None] * q * exact_q)) or 1.0)
+    lost, size = np.sum(area * (p - exact_p) ** 2), np.sum(area * exact_p**2)
+    more = np.sum(area[..., None] * (q - exact_q) ** 2), np.sum(area[..., None] * exact_q**2)
+    return float(np.sqrt(lost / size)), float(np.sqrt((lost + more[0]) / (size + more[1])))
+
+
+def radius(x: Array) -> Array:
+    return np.hypot(x[:, 0], x[:, 1])
+
+
+def along_x(size: Exact) -> Exact:
+    return lambda x: size(x)[:, None] * np.array([1.0, 0.0, 0.0])
+
+
+def none(x: Array) -> Array:
+    return np.zeros_like(x)
+
+
+Case = tuple[Any, Exact, Exact]
+
+
+def hertz(case: str, across: int, ratio: float, cells: str = "quad4") -> Case:
+    E, R, a = (1000.0, 8.0, 1.0096) if case == "H2" else (2e4, 25.0, 2.5)
+    F, result = gates.hertz_in_half_spaces(cells, across, ratio, R, E, a, case == "H3")
+    exact = hertz_point(F, R, E / 0.91 / (1 if case == "H2" else 2))
+    return result, lambda x: exact.pressure(radius(x)), none
+
+
+def capped(across: int, share: float) -> Case:
+    mu = 0.3
+    cap = share * mu * hertz_point(2.9e-2, 50.0, 1 / 0.91).p0
+    solver = gates.block_under_ball(across, sc.Coulomb(mu, tau_max=cap))
+    steps = [{"motion": {"joint": (way, 0, -gates.DOWN)}} for way in (0.0, 0.02)]
+    *_, result = solver.history(steps)
+    exact = hertz_point(-result.force[2], 50.0, 1 / 0.91)
+    friction = along_x(lambda x: np.minimum(mu * exact.pressure(radius(x)), cap))
+    return result, lambda x: exact.pressure(radius(x)), friction
+
+
+def spun(across: int) -> Case:
+    mu = 0.3
+    solver = gates.block_under_ball(across, sc.Coulomb(mu))
+    turns = [((0, 0, -gates.DOWN), (0, 0, angle), (0, 0, 50.0)) for angle in (0.0, 0.02, 0.04)]
+    *_, result = solver.history([{"motion": {"joint": turn}} for turn in turns])
+    exact = hertz_point(-result.force[2], 50.0, 1 / 0.91)
+
+    def friction(x: Array) -> Array:
+        r = radius(x)
+        way = np.column_stack([-x[:, 1], x[:, 0], 0 * r]) / np.maximum(r, 1e-12)[:, None]
+        return mu * exact.pressure(r)[:, None] * way
+
+    return result, lambda x: exact.pressure(radius(x)), friction
+
+
+def mindlin(across: int, push: float) -> Case:
+    mu, R = 0.4, 100.0
+    (high, _), solver = gates.half_blocks(across, mu, R)
+    top = np.flatnonzero(np.isclose(high.dof_points[:, 2], 6.0))
+    steps = []
+    for part in np.linspace(0, 1, 5):
+        x = np.zeros(high.n)
+        x[top[high.dof_component[top] == 0]] = part * push
+        x[top[high.dof_component[top] == 2]] = -0.0095
+        steps.append({"x": {"high": x}})
+    *_, result = solver.history(steps)
+    P = 2 * result.force[2]
+    exact = hertz_point(P, R, 1 / (2 * 0.91))
+    law = cattaneo_mindlin(exact, mu, 2 * abs(result.force[0]))
+    return result, lambda x: exact.pressure(radius(x)), along_x(lambda x: law.traction(radius(x)))
+
+
+def patch(kind: str, n: tuple[int, int]) -> Case:
+    solver, load = sheared_pair(kind, n, "node", sc.Coulomb(0.5))
+    soft = 1 / 0.7 + 1
+    p, tau = 1e-3 / soft, 1e-4 / soft
+    result = solver.solve(**load((2e-4, 0), 1e-3, np.array([tau, 0.0])))
+    return result, lambda x: p + 0 * x[:, 0], along_x(lambda x: tau + 0 * x[:, 0])
+
+
+def problems() -> Iterator[tuple[str, Callable[[], Case]]]:
+    """All of them."""
+    for case, what in (("H2", "rigid sphere"), ("H3", "two spheres")):
+        for across in (3, 4, 6):
+            name = f"{case} {what}, hexahedra, {across} per radius"
+            yield name, lambda a=(case, across, 1.5): hertz(*a)
+    yield "H2 rigid sphere, hexahedra, 10 per radius", lambda: hertz("H2", 10, 1.5)
+    for across in (4, 6):
+        name = f"H2 rigid sphere, tetrahedra, {across} per radius"
+        yield name, lambda n=across: hertz("H2", n, 1.6, "tri3")
+    for across, share in ((5, 0.25), (5, 0.75), (8, 0.75), (5, 5.0)):
+        words = f"capped at {share} mu p0" if share < 1 else "not capped"
+        yield f"H8 sliding, {words}, {across} per radius", lambda a=(across, share): capped(*a)
+    yield "Spinning ball, 5 per radius", lambda: spun(5)
+    for across, push in ((4, 0.0042), (6, 0.0042), (6, 0.002)):
+        words = f"H6 Mindlin, pushed by {push}, {across} per radius"
+        yield words, lambda a=(across, push): mindlin(*a)
+    for kind, n in (("quad4", (12, 8)), ("tri3", (12, 8)), ("quad4", (8, 12)), ("quad4", (5, 3))):
+        cells = "hexahedra" if kind == "quad4" else "tetrahedra"
+        yield f"P1 patch test, node by node, {cells}, {n[0]} on {n[1]}", lambda a=(kind, n): patch(*a)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="put the table into the documents")
+    write, rows = parser.parse_args().write, []
+    for name, make in problems():
+        result, pressure, friction = make()
+        true = true_errors(result, pressure, friction)
+        estimate = result.values[0].error_estimate
+        found = estimate.pressure.total, estimate.traction.total
+        ratio = [f / t for f, t in zip(found, true, strict=True)]
+        rows.append({"problem": name, "true": true, "estimated": found, "effectivity": ratio})
+        print(f"{name:60s} {ratio[0]:5.2f} {ratio[1]:5.2f}  {estimate}", flush=True)
+    STORED.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    if write:
+        lines = [
+            "| problem | true error: pressure | traction | estimated | | effectivity | |",
+            "| --- | --- | --- | --- | --- | --- | --- |",
+        ]
+        for row in rows:
+            cells = [f"{100 * v:.2g} %" for key in ("true", "estimated") for v in row[key]]
+            cells += [f"{e:.2f}" for e in row["effectivity"]]
+            lines.append(f"| {row['problem']} | " + " | ".join(cells) + " |")
+        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+        after = rest.partition(END)[2]
+        table = "\n".join(lines)
+        PAGE.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

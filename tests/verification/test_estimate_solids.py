@@ -1,0 +1,92 @@
+"""The error estimate of faces of solids against closed forms."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+
+ROOT = Path(__file__).parent.parent.parent
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "benchmarks")]
+import effectivity_solids  # noqa: E402
+from solids import at, body, cube, shuffled  # noqa: E402
+
+from skfem_contact.answers.error.faces import Net, _between, _scatter  # noqa: E402
+
+PROBLEMS = dict(effectivity_solids.problems())
+FEW = "H2 rigid sphere, hexahedra, 4 per radius"
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n == FEW else pytest.mark.slow) for n in PROBLEMS]
+)
+def test_effectivity(name):
+    """Within a factor of three; but scatter needs points that are not next to the end of a surface."""
+    result, pressure, friction = PROBLEMS[name]()
+    true = effectivity_solids.true_errors(result, pressure, friction)
+    estimate = result.values[0].error_estimate
+    for part, exact in zip((estimate.pressure, estimate.traction), true, strict=True):
+        assert part.missing == ()
+        assert part.total / exact < 3.0
+        assert part.total / exact > (0.1 if "5 on 3" in name else 0.3)
+    assert_allclose(estimate.indicator.sum(), 1.0)
+
+
+def moved(kind, n):
+    """The top of a cube whose nodes inside are moved along it."""
+
+    def place(x):
+        y, w = x.copy(), np.prod(np.sin(np.pi * x[:2]) ** 2, axis=0)
+        y[0] += 0.15 * w * np.sin(7 * x[1])
+        y[1] += 0.1 * w * np.cos(5 * x[0])
+        return y
+
+    mesh = shuffled(cube(kind, n, place))
+    surface = body(mesh, kind).surface(at(2, 1.0))
+    return surface, Net(surface, np.ones(len(surface.points), dtype=bool))
+
+
+@pytest.mark.parametrize("kind", ["quad4", "tri3"])
+def test_neighbours_tell_planes_and_parabolas(kind):
+    """Of what is linear nothing is left; second derivatives of parabolas are theirs, on any mesh."""
+    surface, net = moved(kind, 6)
+    x, y, _ = surface.points.T
+    assert np.abs(net.misfit(np.column_stack([2 * x - 3 * y + 1, y]))).max() < 1e-12
+    H = net.curvatures(np.column_stack([x**2 + 3 * x * y - 2 * y**2 + x, 5 * y]))
+    exact = np.zeros((3, 3, 2))
+    exact[:2, :2, 0] = [[2.0, 3.0], [3.0, -4.0]]
+    # sums over a dozen points, times the number of elements squared
+    assert_allclose(H, np.broadcast_to(exact, H.shape), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("n", [5, 8])
+def test_parabolas_between_nodes(n):
+    """Bilinear interpolation of a x^2 + b y^2 on squares of h: h^4 (a^2 + b^2) / 30 + h^4 a b / 18."""
+    surface = body(cube("quad4", n), "quad4").surface(at(2, 1.0))
+    net = Net(surface, np.ones(len(surface.points), dtype=bool))
+    a, b = 2.0, -0.7
+    field = (surface.points[:, :2] ** 2) @ np.array([a, b])
+    found = _between(surface, net, np.ones(n * n, dtype=bool), field[:, None]).sum()
+    assert found == pytest.approx(((a**2 + b**2) / 30 + a * b / 18) / n**4, rel=1e-9)
+
+
+@pytest.mark.parametrize(("across", "factor"), [(np.pi, 1 / 9), (np.pi / 2, 4 / 9)])
+def test_scatter(across, factor):
+    """Of fields of hats: the mean square of zigzags is 1/9 of that of heights, of waves of four 4/9."""
+    n, t = 40, np.linspace(0, 1, 41)
+    surface = body(fem.MeshHex.init_tensor(t, t, t[[0, -1]]), "quad4").surface(at(2, 1.0))
+    net = Net(surface, np.ones(len(surface.points), dtype=bool))
+    i = np.round(surface.points[:, :2] * n)
+    field = 0.3 * np.prod(np.cos(across * i), axis=1)[:, None]
+    smooth = np.zeros(len(i), dtype=bool)
+    square = _scatter(net, net.misfit(field), smooth)
+    inner = np.all((i > 3) & (i < n - 3), axis=1)
+    mean = np.mean(field[inner] ** 2)
+    assert square[inner].mean() == pytest.approx(factor * mean, rel=0.15)
+    # what a curve of the size of the surface leaves is next to nothing
+    long = 0.3 * np.cos(i @ [2.0, 1.0] / n)[:, None]
+    assert _scatter(net, net.misfit(long), smooth)[inner].mean() < 1e-4 * mean
