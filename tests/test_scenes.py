@@ -1,7 +1,6 @@
 """Scenes as a user writes them, from the documentation alone: each ends with statics or a closed form.
 
-A bolt, a bond and scikit-fem's example 4 are pages of the documentation (`docs/recipes`), which
-`test_pages` runs.
+A bond is a page of the documentation (`docs/recipes`), which `test_pages` runs.
 """
 
 from __future__ import annotations
@@ -35,4 +34,4 @@ def test_a_scene_is_right_short_and_quiet(path: Path) -> None:
 
 def test_there_are_scenes() -> None:
     """The scenes are found, so that the test above can not pass on an empty list."""
-    assert {path.stem for path in SCENES} > SLOW and len(SCENES) == 7
+    assert {path.stem for path in SCENES} > SLOW and len(SCENES) == 9
