@@ -94,6 +94,13 @@ def test_paper_cites_what_its_bibliography_has() -> None:
     assert cited == set(re.findall(r"^@\w+\{(\w+),", text("paper.bib"), re.MULTILINE))
 
 
+def test_description_of_the_package_needs_no_other_file() -> None:
+    """An index of packages shows it alone: links and pictures go to addresses, or there are none."""
+    description = text(project()["project"]["readme"])
+    targets = re.findall(r"\]\(([^)]+)\)|(?:src|href)=\"([^\"]+)\"", description)
+    assert all((a or b).startswith(("https://", "#")) for a, b in targets)
+
+
 def test_paper_has_the_table_of_the_readme() -> None:
     """One measurement, two places."""
     tables = [
