@@ -52,6 +52,29 @@ def check_passes(contacts: Sequence[Contact], names: Sequence[str]) -> None:
         )
 
 
+def warn_unfelt_wear(contacts: Sequence[Contact], names: Sequence[str]) -> None:
+    """Warn of a surface that wears in one contact and is in another one, which has it unworn.
+
+    Warns
+    -----
+    ContactWarning
+    """
+    for (i, one), (j, other) in itertools.permutations(enumerate(contacts), 2):
+        sides = (other.secondary, other.primary)
+        if one.wear is None or not any(_shared(one.secondary, side) for side in sides):
+            continue
+        if j < i and other.wear is not None and _shared(one.secondary, other.secondary):
+            continue  # said of the two already
+        warnings.warn(
+            f"'{one.secondary.label}' wears in contact '{names[i]}' and is in contact '{names[j]}' as "
+            "well, which does not feel that: the depth worn off belongs to a contact, and gaps of the "
+            "other one are those of the unworn surface. Where both touch the same place, their wear is "
+            "wrong; give each its own part of the surface.",
+            ContactWarning,
+            stacklevel=5,
+        )
+
+
 def _shared(one: Any, other: Any) -> bool:
     """Whether two sides are surfaces of one body with common facets."""
     if not (isinstance(one, ContactSurface) and isinstance(other, ContactSurface)):

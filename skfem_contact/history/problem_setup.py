@@ -12,7 +12,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import stack
 from skfem_contact.carried import carried
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.diagnosis import check_passes
+from skfem_contact.conditions.diagnosis import check_passes, warn_unfelt_wear
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import contact_names, interface
 from skfem_contact.conditions.motions import rigid_motions
@@ -70,6 +70,7 @@ class ProblemSetup:
         self.contacts = tuple(members(contacts, Contact, "contacts", usage))
         self.names = contact_names(self.contacts)
         check_passes(self.contacts, self.names)
+        warn_unfelt_wear(self.contacts, self.names)
         self._stiffness, self._own_f = self.system.linearize()
         for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
             # refuses what is no body of this solver

@@ -262,6 +262,32 @@ def test_words():
         sc.Archard(hardness=3.0)
 
 
+def test_wear_that_another_contact_does_not_feel():
+    """Two tools on one surface: each has it unworn by the other, and that is said once."""
+    basis = block_basis(np.linspace(-2, 2, 9), np.linspace(-1, 0, 3))
+    body = sc.Body(basis, elastic(1.0, 0.3), D="bottom", name="block")
+    tools = [sc.RigidCylinder((x, 1.0), 1.0) for x in (-0.5, 0.5)]
+
+    def solver(*wear, where=("top", "top")):
+        contacts = [
+            sc.Contact(body.surface(side), tool, friction=sc.Coulomb(0.2), wear=k, name=name)
+            for k, tool, name, side in zip(wear, tools, "ab", where, strict=True)
+        ]
+        return sc.ContactSolver(body, contacts)
+
+    k = sc.Archard(1e-3)
+    with pytest.warns(sc.ContactWarning, match="wears in contact 'a' and is in contact 'b'") as told:
+        solver(k, k)
+    assert len(told) == 1 and told[0].filename == __file__
+    with pytest.warns(sc.ContactWarning, match="wears in contact 'b' and is in contact 'a'"):
+        solver(None, k)
+    middles = basis.mesh.p[0, basis.mesh.facets].mean(axis=0)
+    top = basis.mesh.boundaries["top"]
+    halves = [top[s * middles[top] > 0] for s in (-1, 1)]
+    solver(k, k, where=halves)  # warnings are errors here
+    solver(None, None)
+
+
 def test_files_have_the_depth(tmp_path):
     """Where something wears, from the first step on; elsewhere there is no such field."""
     meshio = pytest.importorskip("meshio")
