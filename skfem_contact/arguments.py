@@ -51,8 +51,10 @@ def suggest(name: str, known: Iterable[str], what: str) -> str:
     return f"{hint} Known {what}: {', '.join(map(repr, known))}"
 
 
-def numbers(value: Any, what: str, usage: str) -> Array:
+def numbers(value: Any, what: str, usage: str, copy: bool = True) -> Array:
     """An array of real numbers; NaN and infinity are left to the caller.
+
+    With `copy` it is the caller's to keep and to change; without, it may be the user's own.
 
     >>> numbers([1, 2], "f", "give a vector").tolist()
     [1.0, 2.0]
@@ -66,7 +68,7 @@ def numbers(value: Any, what: str, usage: str) -> Array:
             and any(entry is None or isinstance(entry, WORDS) for entry in array.flat)
         ):
             raise TypeError
-        return np.array(array, dtype=float)
+        return np.array(array, dtype=float) if copy else np.asarray(array, dtype=float)
     except (TypeError, ValueError, IndexError, OverflowError, AttributeError):
         raise InputError(
             f"{what} is {shown(value)}, which is not made of real numbers; {usage}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.arguments import numbers
 from skfem_contact.bodies.selection import written
+from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.conditions.return_map import (
     Derivatives,
@@ -33,7 +35,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class CheckedLaw:
+class CheckedLaw(ByFields):
     """The friction law of one contact, whose values are finite, not negative, and one per point.
 
     Parameters
@@ -60,7 +62,7 @@ class CheckedLaw:
         """See `FrictionLaw.is_linear`."""
         return self.law.is_linear
 
-    @property
+    @cached_property
     def _plain(self) -> bool:
         """Whether the law is one of ours, whose parameters were checked when it was made.
 
@@ -136,7 +138,7 @@ class CheckedLaw:
             return map_by_bound(self, trial, normal_force, area, slip, hardens=not self._plain)
         return self._own_map(trial, normal_force, area, slip)
 
-    @property
+    @cached_property
     def _by_bound(self) -> bool:
         """Whether the law is given by its bound, and has no return map of its own."""
         return type(self.law).return_map is FrictionLaw.return_map

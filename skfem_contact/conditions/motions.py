@@ -79,7 +79,7 @@ class RigidMotions(ByFields):
     kin: Kinematics
     system: System
 
-    @property
+    @cached_property
     def k(self) -> int:
         """Number of free motions."""
         return self.modes.shape[1]

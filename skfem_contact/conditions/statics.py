@@ -137,14 +137,18 @@ def balanced(
     if motions.k == 0:
         return True
     force, friction = state.normal_force, state.tangential_force.ravel()  # zero at open points
-    parts = [(motions.normal, force), (motions.modes, f)]
-    if np.count_nonzero(friction):
-        parts.append((motions.tangential.reshape(-1, motions.k), -friction))
-    left = np.abs(sum(rows.T @ values for rows, values in parts))
+    left = motions.normal.T @ force + motions.modes.T @ f
+    rubs = bool(np.count_nonzero(friction))
+    if rubs:
+        left -= motions.tangential.reshape(-1, motions.k).T @ friction
+    left = np.abs(left)
     # along a motion that nothing pushes there is only the round-off of what acts across it; the largest
     # displacement of each motion is one. Nearly always the rest need not be looked at
     if (left <= LEFT_ACROSS * np.abs(force).sum()).all():
         return True
+    parts = [(motions.normal, force), (motions.modes, f)]
+    if rubs:
+        parts.append((motions.tangential.reshape(-1, motions.k), friction))
     across = sum(float(np.abs(values).sum()) for _, values in parts)
     size = sum(np.abs(rows).T @ np.abs(values) for rows, values in parts)
     least = np.maximum(LEFT_ALONG * size, max(LEFT_ACROSS * across, noise * len(f)))

@@ -61,6 +61,8 @@ def friction_energy(
     moved = np.maximum(new.gap[acts], 0.0) - np.maximum(last.gap[acts], 0.0)
     residual = work - lost
     residual[acts] -= force[acts] * moved
+    if len(interface.point_slices) == 1:
+        return Energy(lost.sum(keepdims=True), residual.sum(keepdims=True))
     return Energy(
         np.array([lost[part].sum() for part in interface.point_slices]),
         np.array([residual[part].sum() for part in interface.point_slices]),

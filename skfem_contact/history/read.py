@@ -142,44 +142,58 @@ class StepReader:
         if given is None:
             return before
         units = self.system.units if what == "x" else 1.0 / self.system.units
-        if not isinstance(given, Mapping):
+        parts: list[tuple[slice, Array]]
+        if isinstance(given, Mapping):
+            named: dict[int, tuple[slice, Array]] = {}
+            for name, value in given.items():
+                i = self.system.index(name)
+                span, scale = (
+                    self._spans[i],
+                    units if isinstance(units, float) else units[self._spans[i]],
+                )
+                was = named[i][1] if i in named else before[span]
+                named[i] = span, self._part(what, name, value, was, own[span], scale)
+            parts = list(named.values())
+        else:
             whole = _checked(given, self.system.n, f"{what} of all bodies")
-            if what == "x":
-                for body, name in zip(self.system.bodies, self.system.names, strict=True):
-                    if whole[self.system.slice(body)].any():
-                        _needs_places(body, name)
-            return whole * units
-        out = np.array(before)
-        for name, value in given.items():
-            i = self.system.index(name)
-            part, body = self._spans[i], self.system.bodies[i]
-            label, scale = f"{what} of body {name!r}", units
-            if not isinstance(units, float):
-                scale = units[part]
-            if isinstance(value, Mapping):
-                if what == "f" and not isinstance(body, RigidBody):
-                    out[part] = body.load(value, label) * scale
-                    continue
-                if what == "x" and isinstance(body, RigidBody):
-                    body.check_held(body.numbers(value, label), label)
-                out[part] = body.displaced(value, out[part] / scale, label) * scale
-                continue
-            given_part = _checked(value, None, label)
-            if what == "x":
-                _needs_places(body, name)
-            if given_part.ndim == 0:  # a number is a factor on the body's own
-                if given_part != 0 and not own[part].any():
-                    raise InputError(
-                        f"{what} of body {name!r} is {shown(value)}, a factor on its own {what}, "
-                        f"but that is zero: nothing would change. Give {what} to the Body, or a vector "
-                        "here."
-                    )
-                out[part] = given_part * own[part]
-            else:
-                _check_size(given_part, part.stop - part.start, label)
-                np.multiply(given_part, scale, out=out[part])
+            for body, name, span in zip(
+                self.system.bodies, self.system.names, self._spans, strict=True
+            ):
+                if what == "x" and whole[span].any():
+                    _needs_places(body, name)
+            parts = [(slice(None), whole * units)]
         # what is named and stays as it was is the same vector: what follows from it is known
-        return before if np.array_equal(out, before) else out
+        changed = [(span, values) for span, values in parts if not np.array_equal(values, before[span])]
+        if not changed:
+            return before
+        out = np.array(before)
+        for span, values in changed:
+            out[span] = values
+        return out
+
+    def _part(
+        self, what: str, name: Any, value: Any, was: Array, own: Array, scale: Array | float
+    ) -> Array:
+        """What a step gives to one body, from what it was and what is the body's own, (n_body,)."""
+        body, label = self.system.bodies[self.system.index(name)], f"{what} of body {name!r}"
+        if isinstance(value, Mapping):
+            if what == "f" and not isinstance(body, RigidBody):
+                return body.load(value, label) * scale
+            if what == "x" and isinstance(body, RigidBody):
+                body.check_held(body.numbers(value, label), label)
+            return np.asarray(body.displaced(value, was / scale, label) * scale)
+        given = _checked(value, None, label)
+        if what == "x":
+            _needs_places(body, name)
+        if given.ndim:
+            _check_size(given, len(was), label)
+            return given if isinstance(scale, float) else given * scale
+        if given != 0 and not own.any():  # a number is a factor on the body's own
+            raise InputError(
+                f"{what} of body {name!r} is {shown(value)}, a factor on its own {what}, but that is "
+                f"zero: nothing would change. Give {what} to the Body, or a vector here."
+            )
+        return np.asarray(given * own)
 
     def _moved(self, interference: Any, motion: Any, before: LoadCase) -> LoadCase:
         """The loads before, with the interferences and places of obstacles that a step names."""
@@ -240,7 +254,8 @@ def _needs_places(body: Member, name: Any) -> None:
 
 
 def _checked(value: Any, size: int | None, what: str) -> Array:
-    array = numbers(value, what, "give a vector, or a number as a factor on the body's own")
+    usage = "give a vector, or a number as a factor on the body's own"
+    array = numbers(value, what, usage, copy=False)
     if size is not None:
         _check_size(array, size, what)
     check_finite(array.ravel(), what)

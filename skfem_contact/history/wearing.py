@@ -41,7 +41,10 @@ Array = NDArray[np.float64]
 
 def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
     """One attempt at a load step, with what wears off in it."""
-    interface, last = by.model.interface, step.state
+    model, last = by.model, step.state
+    interface = model.interface
+    if not (interface.wear or model.geometry.follows or last.wear.any()):  # as nearly always
+        return by.attempt(step, model.problem_on(None, None), start)
     if not interface.wear:
         return _with_depth(by, step, start, last.wear)
     depth, secant, trace = last.wear, Anderson(), list[Record]()

@@ -54,8 +54,8 @@ class Conditions:
 
     def matrix_key(self) -> bytes:
         """Equal for conditions with the same matrix, so that a factorisation can be kept."""
-        parts = (self.closed, self.stick, self.spring, self.coupling)
-        return b"".join(part.tobytes() for part in parts)
+        masks = self.closed.tobytes() + self.stick.tobytes()
+        return masks + self.spring.tobytes() + self.coupling.tobytes()
 
 
 @dataclass(frozen=True, eq=False)

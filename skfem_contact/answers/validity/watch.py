@@ -194,10 +194,12 @@ class Watch:
             turns[name] = float(turn) / self.supports[b].arm
         turns |= rigid_rotations(self.system, self.contacts, state.surface)
         overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
-        words = {i: unseen_words(self.geometry, i, gap, case, u) for i in self.of_triangles}
-        for i in self.slides_off:
-            words[i] = past_words(self.geometry, i, gap, case, u, drifts[i].approach)
-        unseen = {i: text for i, text in words.items() if text}
+        unseen = {}
+        if self.of_triangles or self.slides_off:
+            words = {i: unseen_words(self.geometry, i, gap, case, u) for i in self.of_triangles}
+            for i in self.slides_off:
+                words[i] = past_words(self.geometry, i, gap, case, u, drifts[i].approach)
+            unseen = {i: text for i, text in words.items() if text}
         found = Watched(drifts, turns, said, tuple(self.tracks), overlaps, unseen)
         if self.lookouts is None:
             return found
@@ -312,7 +314,8 @@ class Watch:
                 new.add(("overlap", name))
                 lines.append(watched.unseen[i])
             # facets that are too long, and slips that are not followed, are the reason already
-            reason = drift.facets_too_long or not drift.small_sliding_holds
+            follows = drift.small_sliding_holds
+            reason = drift.facets_too_long or not follows
             asked = self.lookouts is not None and i in watched.standing
             if asked and not reason and ("overlap", name) not in watched.said | new:
                 assert self.lookouts is not None
@@ -320,7 +323,7 @@ class Watch:
                 if text:
                     new.add(("overlap", name))
                     lines.append(text)
-            if not drift.small_sliding_holds and ("sliding", name) not in watched.said:
+            if not follows and ("sliding", name) not in watched.said:
                 new.add(("sliding", name))
                 lines.append(sliding_words(drift))
             if ("facets", name) not in watched.said:
