@@ -91,18 +91,16 @@ for i, (way, result) in enumerate(zip(ways, some, strict=True)):
     pressure.semilogy(
         s, np.where(result.pressure[order] > 0, result.pressure[order], np.nan), color=colour
     )
-shape.set(xlabel="place in mm", ylabel="cylinder above its first lowest point in µm", ylim=(-1, 52))
+shape.set(xlabel="x [mm]", ylabel="height of the cylinder's surface [µm]", ylim=(-1, 52))
 shape.set(title="the cylinder wears flat", xlim=(-6, 6))
-shape.legend(frameon=False, title="way of the plate", loc="upper center")
-pressure.set(
-    xlabel="place in mm", ylabel="pressure in MPa", title="its pressure becomes even", xlim=(-6, 6)
-)
+shape.legend(frameon=False, title="sliding distance", loc="upper center")
+pressure.set(xlabel="x [mm]", ylabel="pressure [MPa]", title="its pressure becomes even", xlim=(-6, 6))
 ticks = [5, 10, 20, 50]
 pressure.set_yticks(ticks, labels=map(str, ticks))
 pressure.yaxis.set_minor_formatter("")
 growth.loglog(ways[1:], 1e3 * depth[1:], "k", lw=0.8, label="segment of the cylinder, $a^2 / 2R$")
 growth.loglog(ways[1:], [1e3 * r.wear_depth.max() for r in some[1:]], "o", label="finite elements")
-growth.set(xlabel="way of the plate in mm", ylabel="depth worn off in µm", title="depth in the middle")
+growth.set(xlabel="sliding distance [mm]", ylabel="depth worn off [µm]", title="depth in the middle")
 growth.legend(frameon=False)
 figure.savefig(out / "wear.png", dpi=120)
 
