@@ -20,8 +20,9 @@ from skfem_contact.conditions.discretisation import pair
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.clipping import clip, signed_areas
 from skfem_contact.pairing.faces.dual import dual_basis, node_rows, positive_functions
-from skfem_contact.pairing.faces.kinks import kink_angles
+from skfem_contact.pairing.faces.kinks import kink_angles, least_gaps
 from skfem_contact.pairing.faces.mortar import dual_mortar, whole_shares
+from skfem_contact.pairing.faces.segmentation import segment
 from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.mortar import dual_mortar as dual_mortar_of_curves
 
@@ -670,3 +671,53 @@ def test_kinks_are_those_of_the_undeformed_bodies():
     assert kink_angles(foot).any() and not kink_angles(foot.moved(bend)).any()
     known, lost = pair(contact, moved=moved), dual_mortar(foot.moved(bend), contact.primary)
     assert lost.least_gap is None and np.isfinite(known.least_gap).any()
+
+
+def test_flanks_too_steep_to_face_are_not_met():
+    """A ramp at 87 degrees between two flats under a plate: where it is nothing presses."""
+
+    def place(x):
+        return x * np.stack([1 + 0 * x[0], 1 + 0 * x[0], 1.0 + (x[0] > 0.525)])
+
+    low = block("quad4", np.array([0.0, 0.5, 0.55, 1.0]), 2, [0, 1], place=place).surface("up")
+    plate = block("quad4", 4, 3, [2.1, 3]).surface("low")
+    pairing = dual_mortar(plate, low)
+    assert_allclose(pairing.area[pairing.paired].sum(), 0.95, rtol=1e-9)
+
+
+@every_face
+def test_functions_that_multipliers_are_dual_to(kind):
+    """They add up to one, and have the integrals that the module names, none of them negative."""
+    B, (at, weight) = positive_functions(FACETS[kind]), FACETS[kind].quadrature(6)
+    N = FACETS[kind].shapes(at)[0]
+    assert_allclose(B.sum(axis=0), 1.0, rtol=0, atol=ROUND_OFF)
+    share = B @ (weight @ N) / weight.sum()
+    expected = {
+        "tri3": (1 / 3,),
+        "quad4": (1 / 4,),
+        "tri6": (2 / 15, 3 / 15),
+        "quad8": (1 / 20, 4 / 20),
+        "quad9": (1 / 36, 4 / 36, 16 / 36),
+    }[kind]
+    c = FACETS[kind].corners
+    counts = (c, c, 1)[: len(expected)]
+    assert_allclose(share, np.repeat(expected, counts), rtol=ROUND_OFF)
+
+
+def test_least_gap_over_a_kink():
+    """A plate over a flat that goes on as a ramp at 20 degrees: the least under each row's faces."""
+    slope, lines = np.tan(np.radians(20.0)), np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+
+    def place(x):
+        return np.stack([x[0], x[1], x[2] - x[2] * slope * np.maximum(x[0] - 0.5, 0.0)])
+
+    low = block("quad4", lines, 1, [0, 1], place=place).surface("up")
+    plate = block("quad4", 5, 1, [1.2, 2]).surface("low")
+    every = np.ones(plate.facets.shape, dtype=bool)
+    least = least_gaps(segment(plate, low), (kink_angles(plate), kink_angles(low)), every)
+    x = plate.points[:, 0]
+    near = np.maximum(x - 0.2, 0.0)  # where the faces of a node begin
+    expected = 0.2 + slope * np.maximum(near - 0.5, 0.0)
+    # faces of the plate between .2 and .8 meet those beside the kink
+    assert_allclose(least, np.where(np.isfinite(least), expected, -np.inf), rtol=0, atol=1e-12)
+    assert np.all(np.isfinite(least[(x > 0.3) & (x < 0.7)])) and np.isfinite(least[x > 0.75]).any()

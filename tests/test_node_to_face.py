@@ -13,7 +13,7 @@ from solids import KINDS, at, body, cube, elastic, onto_ball, shuffled
 import skfem_contact as sc
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.faces.closest import closest_faces
-from skfem_contact.pairing.faces.joints import rim_points, sharp_points
+from skfem_contact.pairing.faces.joints import rim_points, sharp_edges, sharp_points
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.faces.projection import interpolated_normals, project
 from skfem_contact.pairing.faces.search import FaceTree, closest_candidates
@@ -416,3 +416,30 @@ def test_ties_in_a_groove_do_not_depend_on_numbers():
         assert pairing.paired[node]
         found.add(tuple(np.round(pairing.normal[node], 9)))
     assert len(found) == 1
+
+
+def test_nothing_overhangs_what_looks_the_same_way():
+    """Beside the rim of a face that looks where the node does there is nothing to be beyond of."""
+    low = body(cube("quad4", 2), "quad4").surface(at(2, 1.0))
+    beside = cube("quad4", 2, lambda x: x + np.array([[1.05], [0.0], [0.02]]))
+    up, down = (body(beside, "quad4").surface(at(2, z)) for z in (1.02, 0.02))
+    assert np.all(np.isinf(node_to_face(up, low).miss))
+    raised = cube("quad4", 2, lambda x: x + np.array([[1.05], [0.0], [1.02]]))
+    down = body(raised, "quad4").surface(at(2, 1.02))
+    miss = node_to_face(down, low).miss
+    np.testing.assert_allclose(miss, down.points[:, 0] - 1.0, rtol=0, atol=1e-12)
+
+
+def test_a_bend_that_grows_along_its_edge():
+    """A roof whose ridge is sharp at one end only is sharp: the bend is not the mean of both ends."""
+    t = np.linspace(0, 1, 3)
+    mesh = fem.MeshHex.init_tensor(t, t[[0, -1]], t[[0, -1]])
+    # flat at y = 0, bent by 60 degrees at y = 1, where the mean of both is 30
+    rise = np.tan(np.radians(30.0)) * np.abs(mesh.p[0] - 0.5) * mesh.p[1] * mesh.p[2]
+    p = mesh.p - np.array([[0.0], [0.0], [1.0]]) * rise
+    surface = body(fem.MeshHex(p, mesh.t), "quad4").surface(mesh.facets_satisfying(at(2, 1.0)))
+    sharp = sharp_edges(surface)
+    assert sharp.sum() == 2  # the same edge from both faces
+    assert set(np.flatnonzero(sharp_points(surface))) == set(
+        np.flatnonzero(np.isclose(surface.points[:, 0], 0.5))
+    )

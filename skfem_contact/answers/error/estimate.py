@@ -86,8 +86,9 @@ def _of_faces(result: Answer, values: ContactValues, contact: Contact) -> ErrorE
     of_pressure = of_both = np.nan, np.nan, np.nan
     share = np.full(len(values.points), np.nan)
     if surface.kind.corners == surface.kind.nodes:
-        of_pressure, _ = faces_error(values, values.pressure[:, None])
-        of_both, share = faces_error(values, both)
+        unlike = _between_nodes(result, values, contact)
+        of_pressure, _ = faces_error(values, values.pressure[:, None], unlike)
+        of_both, share = faces_error(values, both, unlike)
     straight = [side for side in sides if isinstance(side, FaceSurface) and not side.kind.quadratic]
     chords = np.nan if any(map(_bends, straight)) else 0.0
     pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
@@ -95,6 +96,18 @@ def _of_faces(result: Answer, values: ContactValues, contact: Contact) -> ErrorE
     ends = rim_points(surface, mirrored=False)
     advice = _advice(contact, values, ends, traction, share, elements, None)
     return ErrorEstimate(pressure, traction, share, elements, None, advice)
+
+
+def _between_nodes(result: Answer, values: ContactValues, contact: Contact) -> bool:
+    """Whether nodes press on the other side between its nodes, node by node."""
+    if contact.method != "node" or contact.rigid:
+        return False
+    assert isinstance(contact.primary, FaceSurface)
+    rows = result.kin.B_n[result.slices()[result.names.index(values.name)]]
+    body = contact.primary.body
+    own = 2 if body is contact.secondary.body else 1
+    most = rows[:, result.system.slice(body)].getnnz(axis=1)[values.status != OPEN].max(initial=0)
+    return bool(most > own * body.components)
 
 
 def _bends(side: FaceSurface) -> bool:
@@ -118,6 +131,8 @@ def _advice(
         left_out.append(
             "what quadratic faces lose where contact or sticking ends, between points and by scatter"
         )
+    elif "scatter" in sources.missing:
+        left_out.append("scatter from node to node, as all points are near an end of the surface")
     if "chords" in sources.missing:
         left_out.append("what straight faces lose on curved sides")
     if left_out:

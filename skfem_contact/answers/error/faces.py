@@ -107,8 +107,12 @@ class Net:
         return np.where(there[:, None, None, None], H, 0.0)
 
 
-def faces_error(values: ContactValues, traction: Array) -> tuple[Three, Array]:
-    """Errors by edges, facets and scatter over the norm of the traction; the share of each point."""
+def faces_error(values: ContactValues, traction: Array, unlike: bool) -> tuple[Three, Array]:
+    """Errors by edges, facets and scatter over the norm of the traction; the share of each point.
+
+    `unlike`: whether nodes press between others, so that values scatter; the part is NaN where all
+    points are so near to an end that none tells by how much.
+    """
     surface = values.surface
     assert isinstance(surface, FaceSurface)
     net = Net(surface, np.asarray(~surface.held.all(axis=1)))
@@ -122,14 +126,16 @@ def faces_error(values: ContactValues, traction: Array) -> tuple[Three, Array]:
     of_edges += _at_rim(surface, values, closed, rim, at_rim, traction)
     smooth = ~at_rim & ~sharp[surface.facets].any(axis=1) & closed[surface.facets].any(axis=1)
     of_facets = _between(surface, net, smooth, traction)
-    scatter = area * _scatter(net, first, sharp | rim)
+    left_out = _near_ends(net, sharp | rim)
+    scatter = area * _scatter(net, first, left_out)
     total = of_edges + of_facets + scatter
     share = total / total.sum() if total.sum() > NO_MISFIT**2 * size else np.zeros(len(total))
 
     def norm(part: Array) -> float:
         return float(np.sqrt(part.sum() / size)) if size > 0 else 0.0
 
-    return (norm(of_edges), norm(of_facets), norm(scatter)), share
+    untold = unlike and bool(left_out[closed].all())
+    return (norm(of_edges), norm(of_facets), np.nan if untold else norm(scatter)), share
 
 
 def _between(surface: FaceSurface, net: Net, smooth: Mask, traction: Array) -> Array:
@@ -212,15 +218,20 @@ def _sharp(net: Net, status: Index, first: Array) -> Mask:
     return np.asarray((border & (size > SHARPER * beside)) | (ends & closed))
 
 
+def _near_ends(net: Net, sharp: Mask) -> Mask:
+    """Nodes whose misfits, or their neighbours', know sharp points or an end of the surface."""
+    out = sharp | rim_points(net.surface, mirrored=False)
+    for _ in range(2):
+        out = net.beside(out)
+    return out
+
+
 def _scatter(net: Net, first: Array, left_out: Mask) -> Array:
     """Mean squares (m,) of hats as high as what jumps from node to node, as `surface` has it on curves.
 
     A field of hats a cos(i) cos(j) has the mean square ``a^2 (2 + cos)^2 / 9``, and the misfit enlarges
     it by one minus the mean of both cosines.
     """
-    left_out = left_out | rim_points(net.surface, mirrored=False)
-    for _ in range(2):
-        left_out = net.beside(left_out)
     second = np.where(left_out[:, None], 0.0, net.misfit(first))
     third = np.where(left_out[:, None], 0.0, net.misfit(second))
     scale = float(np.sum(second**2))
