@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.history.load_step import Attempt
-from skfem_contact.history.thresholds import HARDLY_MOVES
+from skfem_contact.history.thresholds import HARDLY_MOVES, PRESSED
 from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.linalg.threads import single_threaded
@@ -40,12 +40,12 @@ def second_order(attempt: Attempt) -> dict[str, float]:
     load, response = attempt.load, attempt.outcome.iterate.response
     with single_threaded():
         u = problem.surface(problem.source(load, response), seen)
-        f, found = np.array(seen.f), {}
+        f, found = np.array(seen.f), dict[RigidBody, tuple[float, Array]]()
         for body in leaning:
-            moment, arm = _moment(attempt, body, u)
+            moment, arm, along = _moment(attempt, body, u)
             dofs = system.slice(body).start + body.rotations
             f[dofs] += moment / system.extent
-            found[body] = arm
+            found[body] = arm, along
         if np.array_equal(f, seen.f):
             return {}
         again = problem.load(replace(seen, f=f))
@@ -54,19 +54,25 @@ def second_order(attempt: Attempt) -> dict[str, float]:
         except (SingularMatrix, LinearSolveError):
             return {}
         change = problem.surface(problem.source(again, other), seen) - u
-    return {
-        system.names[system.index(body)]: _share(body, u[part], change[part], arm / system.extent)
-        for body, arm in found.items()
-        for part in [system.slice(body)]
-    }
+    shares = {}
+    for body, (arm, along) in found.items():
+        part = system.slice(body)
+        ways = [_sway(body, v[part], arm / system.extent, along) for v in (u, change)]
+        least = HARDLY_MOVES * float(np.linalg.norm(u[part][: body.dim]))
+        shares[system.names[system.index(body)]] = ways[1] / max(ways[0], least, np.finfo(float).tiny)
+    return shares
 
 
-def _moment(attempt: Attempt, body: RigidBody, u: Array) -> tuple[Array, float]:
-    """Of second order, by rotation (zero where it is prescribed), and the longest arm of a force."""
+def _moment(attempt: Attempt, body: RigidBody, u: Array) -> tuple[Array, float, Array]:
+    """Of second order, by rotation (zero where it is prescribed).
+
+    Then the longest arm of a force, and the direction in which the body is pressed, zero for none.
+    """
     model, kin, local = attempt.model, attempt.problem.kin, attempt.local
     system, d = model.system, body.dim
     v = u[system.slice(body)][:d]
     moment, arm = np.zeros(len(body.rotations)), 0.0
+    total, sizes = np.zeros(d), 0.0
     for contact, part in zip(model.interface.contacts, model.interface.point_slices, strict=True):
         if contact.rigid_body is not body or contact.sliding != "small":
             continue
@@ -75,20 +81,19 @@ def _moment(attempt: Attempt, body: RigidBody, u: Array) -> tuple[Array, float]:
         forces += np.einsum("ik,ikd->id", local.tangential_force[part], kin.tangent[part])
         moved = u[system.slice(side.body)][side.dofs] - v
         moment += cross(moved, forces).sum(axis=0)
-        pressed = np.any(forces != 0, axis=1)
-        away = np.linalg.norm(side.points[pressed] - body.about, axis=1)
+        size = np.linalg.norm(forces, axis=1)
+        total, sizes = total + forces.sum(axis=0), sizes + float(size.sum())
+        away = np.linalg.norm(side.points[size > 0] - body.about, axis=1)
         arm = max(arm, float(np.max(away, initial=0.0)))
     moment[np.isin(body.rotations, body.D)] = 0.0
-    return moment, arm
+    size = float(np.linalg.norm(total))
+    # between two jaws forces cancel, and no direction is that of pressing
+    along = total / size if size > PRESSED * sizes else np.zeros(d)
+    return moment, arm, along
 
 
-def _share(body: RigidBody, moved: Array, change: Array, arm: float) -> float:
-    """The largest change of a free DOF over its motion; turns as ways at the end of the longest arm."""
-    length = np.ones(body.n)
-    length[body.rotations] = arm
-    way, more = np.abs(moved) * length, np.abs(change) * length
-    more[body.D] = 0.0
-    least = HARDLY_MOVES * np.max(way)
-    if least == 0:
-        return 0.0
-    return float(np.max(more / np.maximum(way, least)))
+def _sway(body: RigidBody, way: Array, arm: float, along: Array) -> float:
+    """The largest of a motion but for the way it is pressed in; turns at the end of the longest arm."""
+    v = way[: body.dim]
+    across = v - along * (along @ v)
+    return max(float(np.linalg.norm(across)), arm * float(np.linalg.norm(way[body.dim :])))

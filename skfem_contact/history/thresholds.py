@@ -45,9 +45,12 @@ NOISE = 10 * float(np.finfo(float).eps)
 
 # -- second_order ------------------------------------------------
 
-# Motion of a DOF of a tool over that of the one that moves most, below which what changes it is
-# compared with this part of the largest: a press down by 1 with a shift of 0.001 is one without.
+# Sway and turn of a tool over the way that it moves, below which what changes them is compared with
+# this part of the way: a press down by 1 with a shift of 0.001 is one without.
 HARDLY_MOVES = 0.01
+
+# Contact force on a tool over the sum of its parts, from which on it has a direction.
+PRESSED = 0.1
 
 # -- grip, indifference, nearest ---------------------------------
 

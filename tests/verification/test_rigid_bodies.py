@@ -489,6 +489,15 @@ def test_a_tower_that_topples_is_warned_of():
     assert shares[0] < shares[1] < 0.1 and shares[2] > 1.0
 
 
+def test_a_plate_beside_its_middle_is_pressed_unevenly_by_as_much():
+    """It goes aside by 1 % of its length, and leans by a part of that: nothing to be warned of."""
+    block = slab(-1, 1, n=10)
+    plate = sc.RigidBody(floor(), force=(0.001, -0.02), K=(0.1, 0, 0), name="plate")
+    result = solver_of([block, plate], [sc.Contact(block.surface("top"), plate)]).solve()
+    assert_allclose(result.displacement("plate")[0], 0.01, rtol=1e-9)
+    assert 0.01 < result.validity.second_order["plate"] < 0.05
+
+
 def test_a_history_goes_on_from_a_file_to_the_last_bit(tmp_path):
     """Where the tool is, how far it has turned and what friction remembers is in the saved state."""
     block = slab(-1, 2, n=30)
