@@ -442,3 +442,25 @@ def test_force_over_displacement() -> None:
         sc.plot_force(results, "block")
     with pytest.raises(sc.InputError, match="no body 'flor'; did you mean 'floor'"):
         sc.plot_force(results, "flor")
+
+
+def test_gaps_that_are_not_magnified_are_said() -> None:
+    """A disc of radius 2 pressed 0.02 into the square: at 10 times the picture shows an overlap."""
+    body = pressed(levels=4).system.bodies[0]
+    disc = sc.RigidCylinder((0.5, -2.0), 2.0, name="disc")
+    contact = sc.Contact(body.surface("bottom"), disc)
+    (result,) = sc.ContactSolver(body, contact).history([{"motion": {"disc": (0.0, 0.02)}}])
+
+    def said(scale: float) -> bool:
+        return any("not magnified" in t.get_text() for t in sc.plot_deformed(result, scale).texts)
+
+    # the last closed point is within the chord of 0.02: its gap was at most that, and not nothing
+    closed = result.status != 0
+    gap = 2.0 - np.sqrt(4.0 - (result.points[closed, 0] - 0.5) ** 2)
+    assert 0.002 < gap.max() < 0.02
+    assert said(1.0 + 1.2 * 0.002 / gap.max())  # the bodies extend by 1
+    assert not said(1.0 + 0.5 * 0.002 / gap.max())
+    assert not said(1.0)
+    # a floor that lies on the square has no gap, whatever the factor
+    flat = pressed(levels=2, gap=None).solve()
+    assert not any("not magnified" in t.get_text() for t in sc.plot_deformed(flat, 50.0).texts)

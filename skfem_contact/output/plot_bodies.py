@@ -21,7 +21,7 @@ from skfem_contact.output.solids import draw_bodies
 from skfem_contact.output.thresholds import ARROWS, LONGEST, MARGIN_2D, SHORTEST
 from skfem_contact.output.tools import tools
 from skfem_contact.output.units import checked, labelled, quantity
-from skfem_contact.output.view import View, view
+from skfem_contact.output.view import View, gaps_overlap, view
 from skfem_contact.output.wanted import Stress
 
 Array = NDArray[np.float64]
@@ -64,9 +64,9 @@ def plot_deformed(
     result : ContactResult
     scale : float or "auto"
         Factor on the displacements. Initial gaps are not magnified with them: at a scale s, points
-        that closed a gap g overlap by (s - 1) g in the picture. "auto" keeps both small, and is never
-        below one: what has moved far is drawn where it is. A translation that all bodies share is not
-        magnified.
+        that closed a gap g, as under a round tool, overlap by (s - 1) g in the picture, which says so
+        where it is seen. "auto" keeps both small, and is never below one: what has moved far is drawn
+        where it is. A translation that all bodies share is not magnified.
     stress : callable, optional
         ``stress(body, u)`` gives the colours, a number per node, such as `von_mises`, or a tensor or
         vector per node, such as `nodal_stress`; by default the size of the displacement.
@@ -133,6 +133,8 @@ def plot_deformed(
     if obstacles:
         unknown = [tool.name for tool in tools(result) if not len(tool.outline(*box)[1])]
         remarks += [f"{name} is not drawn" for name in unknown]
+    if gaps_overlap(result, seen):
+        remarks.append("initial gaps and round shapes are not magnified")
     if arrows and not solid:
         ends, peak = _arrows(ax, result, seen, box)
         if window is None and len(ends):

@@ -18,6 +18,9 @@ DISPLACED = 0.06
 # other.
 OVERLAPPING = 0.01
 
+# Overlap of such gaps in a picture that is seen, over the extent: the width of a line.
+SEEN = 0.002
+
 # A factor is rounded down to one of these times a power of ten.
 ROUND = (1.0, 2.0, 5.0)
 

@@ -22,7 +22,14 @@ from skfem_contact.conditions.loads import Motion
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
-from skfem_contact.output.thresholds import DISPLACED, OVERLAPPING, ROUND, SAME_FACTOR, TOGETHER
+from skfem_contact.output.thresholds import (
+    DISPLACED,
+    OVERLAPPING,
+    ROUND,
+    SAME_FACTOR,
+    SEEN,
+    TOGETHER,
+)
 from skfem_contact.output.tools import Tool, tools
 
 Array = NDArray[np.float64]
@@ -95,13 +102,25 @@ def _factor(result: ContactResult, u: Array, known: list[Tool], shared: Array) -
     if largest == 0.0:
         return 1.0
     factor = DISPLACED * extent / largest
-    closed = (answer.state.status != OPEN) & answer.kin.paired
-    gap = float(np.abs(_initial_gaps(result))[closed].max(initial=0.0))
+    gap = _closed_gap(result)
     if gap > 0.0:
         factor = min(factor, 1.0 + OVERLAPPING * extent / gap)
     power = 10.0 ** np.floor(np.log10(factor))
     rounded = power * max(k for k in ROUND if k * power <= factor * (1 + SAME_FACTOR))
     return max(1.0, float(rounded))
+
+
+def gaps_overlap(result: ContactResult, seen: View) -> bool:
+    """Whether gaps that have closed, which are not magnified, are seen to overlap in the picture."""
+    extent = answer_of(result).system.extent
+    return abs(seen.factor - 1.0) * _closed_gap(result) > SEEN * extent
+
+
+def _closed_gap(result: ContactResult) -> float:
+    """The largest initial gap of the points that are closed now [length]."""
+    answer = answer_of(result)
+    closed = (answer.state.status != OPEN) & answer.kin.paired
+    return float(np.abs(_initial_gaps(result))[closed].max(initial=0.0))
 
 
 def _initial_gaps(result: ContactResult) -> Array:
