@@ -255,6 +255,15 @@ def test_separators_separate():
     assert_array_equal(np.sort(dissection_order(K, points)), np.arange(len(points)))
 
 
+def test_some_dofs_are_dissected_as_their_own_matrix():
+    """DOFs that are kept have no part in the boxes: as if their rows and columns were not there."""
+    K, points, _ = assemble("P2, irregular")
+    inside = np.setdiff1d(np.arange(len(points)), np.arange(0, len(points), 7))
+    one, other = dissect(K, points, 25, inside), dissect(K[inside][:, inside], points[inside], 25)
+    for name in ("owner", "parent", "levels", "along"):
+        assert_array_equal(getattr(one, name), getattr(other, name))
+
+
 def test_halves_are_never_empty():
     """However many nodes are level with the middle, or all but one: both halves have some."""
     for x in ([0, 1, 1, 1, 1], [0, 0, 0, 0, 1], [0, 1], [0, 0, 1, 1, 1], [0, 1, 1, 1, 2]):

@@ -13,6 +13,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
+from skfem_contact.history.recovery import recover_all
 
 
 def block(nx, **given):
@@ -52,6 +53,20 @@ def arrays(root, stop=()):
             found[id(thing)] = thing
         waiting.extend(gc.get_referents(thing))
     return found, seen
+
+
+@pytest.mark.parametrize("friction", [None, sc.Coulomb(0.3)])
+def test_many_results_at_once_are_what_each_is_alone(friction):
+    """The forces that displacements follow from are the same to the last bit, however many."""
+    steps = [step(solver_of(8), 1e-3 * k, 1e-2) for k in range(1, 4)]
+    one, other = (list(solver_of(8, friction=friction).history(steps)) for _ in range(2))
+    recover_all([answer_of(result) for result in one])
+    for a, b in zip(one, other, strict=True):
+        alone, together = answer_of(b).recover, answer_of(a).recover
+        assert "source" in vars(together)
+        np.testing.assert_array_equal(together.source.values, alone.source.values)
+        # one factor and other blocks of right-hand sides: round-off
+        assert_allclose(a.u, b.u, rtol=0, atol=1e-14 * np.abs(b.u).max())
 
 
 def test_a_result_of_finite_sliding_keeps_no_dense_matrix():

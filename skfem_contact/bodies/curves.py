@@ -6,15 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.bodies.facets import facet_neighbours, oriented
+from skfem_contact.bodies.facets import oriented
 from skfem_contact.bodies.normals import normals_at
 from skfem_contact.bodies.thresholds import BACK_TO_BACK
 
 
-def end_turns(basis: Any, points: np.ndarray, facets: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+def end_turns(
+    basis: Any, points: np.ndarray, facets: np.ndarray, vertices: np.ndarray, neighbours: np.ndarray
+) -> np.ndarray:
     """By how much the boundary of the mesh turns at the ends of a surface, (nf, 2) [rad]."""
     turns = np.zeros(vertices.shape)
-    ends = np.argwhere(facet_neighbours(facets) < 0)
+    ends = np.argwhere(neighbours < 0)
     if not len(ends):
         return turns
     mesh = basis.mesh

@@ -278,7 +278,7 @@ def _curve(body: Body, name: str, label: str, numbers: np.ndarray) -> CurveSurfa
         area=tributary_areas(points, facets, body.measure, label),
         mesh_facets=numbers,
         slopes=end_slopes(points, facets, normals["facet_node_normals"]),
-        end_turns=end_turns(basis, points, facets, facets_v),
+        end_turns=end_turns(basis, points, facets, facets_v, neighbours),
         kinks=kink_angles(points, facets, neighbours),
         **normals,
     )

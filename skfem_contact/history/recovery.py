@@ -107,6 +107,7 @@ class Recovery:
 def recover_all(answers: Sequence[Answer]) -> None:
     """Recover the displacements of many answers, with one solve per model for all of them."""
     waiting = [r for r in answers if "u" not in r.__dict__]
+    _find_sources([answer.recover for answer in waiting])
     groups: dict[tuple[int, bool], list[Answer]] = {}
     for answer in waiting:
         key = id(answer.recover.model), answer.recover.source.forces
@@ -114,6 +115,19 @@ def recover_all(answers: Sequence[Answer]) -> None:
     for group in groups.values():
         for answer, u in zip(group, _recovered([r.recover for r in group]), strict=True):
             answer.__dict__["u"] = sealed(u)
+
+
+def _find_sources(some: Sequence[Recovery]) -> None:
+    """What the displacements follow from, for all that are on the pairing of the undeformed bodies."""
+    groups: dict[int, list[Recovery]] = {}
+    for recovery in some:
+        if not isinstance(recovery.found, Source) and "source" not in vars(recovery):
+            groups.setdefault(id(recovery.model), []).append(recovery)
+    for group in groups.values():
+        problem = group[0].model.problem_on(None, None)
+        sources = problem.sources([r.found for r in group if not isinstance(r.found, Source)])
+        for recovery, source in zip(group, sources, strict=True):
+            vars(recovery)["source"] = source
 
 
 def _recovered(some: Sequence[Recovery]) -> list[Array]:

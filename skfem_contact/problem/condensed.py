@@ -277,16 +277,26 @@ class PointProblem(CondensedProblem[Condensed]):
 
     def source(self, load: Load, response: Response) -> Source:
         """Forces on the contact DOFs: loads, contact, and the springs on the anchors."""
-        assert load.moved is not None
-        # A [z; q] - A G F f is the force on all rows, of which the last is q itself
-        z, known = response.solution, load.moved
-        along = self.A_zq.T @ (known[: self.q] - z)
-        q = self.rigid.solve(along + self.A_qq @ known[self.q :])
+        return self.sources([(load, response)])[0]
+
+    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
+        """Those of many answers: sparse matrices are quick where they meet many vectors at once."""
         from_gaps, from_slips = self.onto_dofs
-        force = load.prescribed + from_gaps @ response.normal_force + self.bodies.P @ q
+        pressed = from_gaps @ np.column_stack([response.normal_force for _, response in found])
         if self.slips:
-            force -= from_slips @ response.tangential_force.ravel()
-        return Source(force, forces=True)
+            rubbed = from_slips @ np.column_stack([r.tangential_force.ravel() for _, r in found])
+        sources = []
+        for i, (load, response) in enumerate(found):
+            assert load.moved is not None
+            # A [z; q] - A G F f is the force on all rows, of which the last is q itself
+            z, known = response.solution, load.moved
+            along = self.A_zq.T @ (known[: self.q] - z)
+            q = self.rigid.solve(along + self.A_qq @ known[self.q :])
+            force = load.prescribed + pressed[:, i] + self.bodies.P @ q
+            if self.slips:
+                force -= rubbed[:, i]
+            sources.append(Source(force, forces=True))
+        return sources
 
 
 class SurfaceProblem(OnDisplacements, CondensedProblem[Condensed]):

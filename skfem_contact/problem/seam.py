@@ -111,6 +111,10 @@ class ContactProblem(LinearProblem, Protocol):
         """What the displacements of the bodies follow from."""
         ...
 
+    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
+        """The same for many answers."""
+        ...
+
     def surface(self, source: Source, case: LoadCase) -> Array:
         """Displacements (n,) as far as they are known without the interior [length]."""
         ...
@@ -166,6 +170,14 @@ class Posed:
 
     def __init__(self, on: PosedOn) -> None:
         self.kin, self.motions, self.u = on.kin, on.motions, on.u
+
+    def source(self, load: Load, response: Response) -> Source:
+        """What the displacements of the bodies follow from."""
+        raise NotImplementedError
+
+    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
+        """Those of many answers."""
+        return [self.source(load, response) for load, response in found]
 
     @cached_property
     def able(self) -> Mask:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.multifrontal.fronts import Fronts, lower_entries
+from skfem_contact.linalg.multifrontal.fronts import Entries, Fronts
 from skfem_contact.linalg.thresholds import SYMMETRIC_TO
 
 
@@ -36,9 +36,9 @@ def checked_matrix(K: Any, points: np.ndarray, keep: Any) -> tuple[Any, np.ndarr
     return K, points, keep
 
 
-def gather(K: Any, fronts: Fronts) -> np.ndarray:
+def gather(K: Any, fronts: Fronts, entries: Entries) -> np.ndarray:
     """Storage for all factors, with the entries of `K` in their places."""
-    lower, i, j = lower_entries(K, fronts.position, fronts.start[-2])
+    lower, i, j = entries
     front = np.repeat(np.arange(fronts.parent.size), np.diff(fronts.start))[j]
     pivots = np.diff(fronts.start)[front]
     row, column = i - fronts.start[front], j - fronts.start[front]

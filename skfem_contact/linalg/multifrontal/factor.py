@@ -40,7 +40,7 @@ from skfem_contact.linalg.multifrontal.assembly import (
     mirror,
     panels,
 )
-from skfem_contact.linalg.multifrontal.fronts import analyse, find_runs
+from skfem_contact.linalg.multifrontal.fronts import analyse_entries, find_runs
 from skfem_contact.linalg.singular import NotPositiveDefinite, smallest_eigenvalue
 from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, SUSPICIOUS
@@ -104,10 +104,12 @@ class MultifrontalCholesky:
 
     def __init__(self, K: Any, points: np.ndarray, keep: Any = (), *, leaf: int = LEAF) -> None:
         K, points, self.keep = checked_matrix(K, points, keep)
-        self.fronts = fronts = analyse(K, points, self.keep, leaf)
+        fronts, entries = analyse_entries(K, points, self.keep, leaf)
+        self.fronts = fronts
         self.interior = np.sort(fronts.order[: fronts.start[-2]])
         self.S = K[self.keep][:, self.keep].toarray()
-        self._data = gather(K, fronts)
+        self._data = gather(K, fronts, entries)
+        del entries  # as large as K
         self.panels = panels(self._data, fronts)
         self.borders = np.split(fronts.border, fronts.first[1:-1])
         diagonal = K.diagonal()

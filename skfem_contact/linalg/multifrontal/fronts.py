@@ -18,6 +18,9 @@ import numpy as np
 
 from skfem_contact.linalg.multifrontal.ordering import dissect, distinct
 
+#: From `lower_entries`: the mask that selects entries of a matrix, their rows and their columns.
+Entries = tuple[np.ndarray, np.ndarray, np.ndarray]
+
 
 @dataclass(frozen=True, eq=False)
 class Fronts:
@@ -122,11 +125,16 @@ def analyse(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> Fronts:
     -------
     Fronts
     """
+    return analyse_entries(K, points, keep, leaf)[0]
+
+
+def analyse_entries(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> tuple[Fronts, Entries]:
+    """The fronts of a matrix, and its `lower_entries`, which take as long to find again."""
     n = K.shape[0]
     inside = np.ones(n, dtype=bool)
     inside[keep] = False
     interior = np.flatnonzero(inside)
-    tree = dissect(K[interior][:, interior] if len(keep) else K, points[interior], leaf)
+    tree = dissect(K, points, leaf, interior if len(keep) else None)
     last = tree.parent.size
     order = np.concatenate((interior[np.lexsort((tree.along, tree.owner))], keep))
     position = np.empty(n, dtype=np.int64)
@@ -135,7 +143,8 @@ def analyse(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> Fronts:
     start = np.concatenate(([0], np.cumsum(pivots)))
     parent = np.append(tree.parent, last + 1)
 
-    keys = _borders(K, position, start, parent, tree.levels)
+    entries = lower_entries(K, position, start[-2])
+    keys = _borders(n, entries, start, parent, tree.levels)
     first = np.searchsorted(keys, np.arange(last + 2) * n)
     border, up = keys % n, parent[keys // n]
     target = border - start[up]
@@ -144,10 +153,11 @@ def analyse(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> Fronts:
     target[far] = pivots[up[far]] + at - first[up[far]]
     panel = np.concatenate(([0], np.cumsum(pivots * (pivots + np.diff(first)))))
     schedule = _depth_first(parent)
-    return Fronts(order, position, start, parent, first, border, keys, target, panel, schedule)
+    fronts = Fronts(order, position, start, parent, first, border, keys, target, panel, schedule)
+    return fronts, entries
 
 
-def lower_entries(K: Any, position: np.ndarray, end: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def lower_entries(K: Any, position: np.ndarray, end: int) -> Entries:
     """Stored entries on or below the diagonal in the columns of the reordered matrix before `end`.
 
     Returns the mask that selects them, their rows and their columns.
@@ -175,11 +185,10 @@ def find_runs(fronts: Fronts) -> list[np.ndarray]:
 
 
 def _borders(
-    K: Any, position: np.ndarray, start: np.ndarray, parent: np.ndarray, levels: np.ndarray
+    n: int, entries: Entries, start: np.ndarray, parent: np.ndarray, levels: np.ndarray
 ) -> np.ndarray:
     """All borders as keys ``front * n + position``, the fronts of one level at a time."""
-    n = K.shape[0]
-    _, i, j = lower_entries(K, position, start[-2])
+    _, i, j = entries
     front = np.repeat(np.arange(parent.size), np.diff(start))[j]
     out = i >= start[front + 1]
     own = distinct(front[out] * n + i[out])

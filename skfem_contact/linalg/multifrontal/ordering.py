@@ -37,7 +37,7 @@ class Dissection:
     along: np.ndarray
 
 
-def dissect(A: Any, points: np.ndarray, leaf: int) -> Dissection:
+def dissect(A: Any, points: np.ndarray, leaf: int, inside: np.ndarray | None = None) -> Dissection:
     """Divide the DOFs of a matrix by nested dissection.
 
     Parameters
@@ -48,6 +48,8 @@ def dissect(A: Any, points: np.ndarray, leaf: int) -> Dissection:
         Position of each DOF [length]. DOFs at one point stay together.
     leaf : int
         Boxes of at most so many DOFs are not divided further.
+    inside : ndarray of int, optional
+        The DOFs that are divided, if not all; results are in their order.
 
     Returns
     -------
@@ -64,9 +66,12 @@ def dissect(A: Any, points: np.ndarray, leaf: int) -> Dissection:
     >>> tree.owner.tolist(), tree.parent.tolist()
     ([3, 5, 2, 6, 1, 4, 0], [4, 4, 5, 5, 6, 6, 7])
     """
-    node, centres = _nodes(points)
-    count = len(centres)
-    a, b = _edges(A, node, count)
+    node, centres = _nodes(points if inside is None else points[inside])
+    count, of_all = len(centres), node
+    if inside is not None:
+        of_all = np.full(len(points), -1)
+        of_all[inside] = node
+    a, b = _edges(A, of_all, count)
     limit = max(1, leaf * count // max(1, node.size))
     nodes, box = np.arange(count), np.zeros(count, dtype=np.int64)  # sorted by box throughout
     owner = np.zeros(count, dtype=np.int64)  # here the boxes are numbered from the top
@@ -134,10 +139,11 @@ def _nodes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _edges(A: Any, node: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of nodes that the matrix couples, each once."""
+    """Pairs of nodes that the matrix couples, each once; DOFs without node, -1, are left out."""
     A = A.tocsr()
     i, j = node[np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))], node[A.indices]
-    key = (np.minimum(i, j) * count + np.maximum(i, j))[i != j]
+    lower = np.minimum(i, j)
+    key = (lower * count + np.maximum(i, j))[(i != j) & (lower >= 0)]
     key = distinct(key[_changes(key)])  # the DOFs of a node are mostly neighbours: less to sort
     return key // max(1, count), key % max(1, count)
 
