@@ -10,6 +10,7 @@ import itertools
 import warnings
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.thresholds import SAGITTA
 from skfem_contact.answers.validity.chords import bends, sagittas
 from skfem_contact.answers.validity.drift import Drift
+from skfem_contact.answers.validity.watch import facet_words
 
 SIZE = 0.6
 CHORD = np.pi / 18
@@ -197,3 +199,10 @@ def test_a_touch_without_force_is_no_light_contact():
     """Bodies lifted to where they touch press with round-off: there is nothing to resolve."""
     assert Drift(sagitta=1e-4, approach=1e-6).facets_too_long
     assert not Drift(sagitta=1e-4, approach=1e-32).facets_too_long
+
+
+@pytest.mark.parametrize("share", [0.5, 2.0])
+def test_contact_within_one_facet_may_have_several_answers(share):
+    """A roller, hardly pressed, rests on a facet or on a vertex: the order decided which."""
+    drift = SimpleNamespace(sagitta=share * 1e-3, sagitta_share=share, approach=1e-3)
+    assert ("may be several answers" in facet_words(drift)) == (share > 1)

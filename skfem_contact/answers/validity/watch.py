@@ -400,12 +400,14 @@ def sliding_words(drift: Drift) -> str:
 
 def facet_words(drift: Drift) -> str:
     """What long facets on curves do to a light contact, and what to do."""
+    # a body rests on one facet or on the next where it is pressed in by less than what they stand out
+    several = "There may be several answers, one for each facet that can carry. "
     return (
         f"over the length of one facet the curves stand {drift.sagitta:.3g} off each other, "
         f"{100 * drift.sagitta_share:.3g} % of the elastic approach of {drift.approach:.3g}: contact "
         "ends within the facets, and polygons meet elsewhere than curves do. Pressures there are not "
         "resolved, and forces that follow from prescribed displacements may be wrong by a large "
-        "factor. Refine both surfaces where they touch."
+        f"factor. {several if drift.sagitta_share > 1 else ''}Refine both surfaces where they touch."
     )
 
 
