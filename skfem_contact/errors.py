@@ -6,6 +6,8 @@ means, and what to try, naming the argument.
 
 from __future__ import annotations
 
+import sys
+import warnings
 from typing import Any
 
 
@@ -28,6 +30,16 @@ class ContactWarning(UserWarning):
     >>> said[0].category.__name__, "strain" in str(said[0].message)
     ('ContactWarning', True)
     """
+
+
+def warn(message: str) -> None:
+    """Give a ContactWarning that points at the user's line, however deep in here it is given."""
+    frame, level = sys._getframe(1), 2
+    # properties that are computed once are called by functools
+    inside = (f"{__package__}.", "functools")
+    while frame.f_back and frame.f_globals.get("__name__", "").startswith(inside):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, ContactWarning, stacklevel=level)
 
 
 class ContactError(Exception):

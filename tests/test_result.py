@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -75,6 +77,21 @@ def test_moments_are_about_where_the_bodies_are(sliding, deformable):
     dofs = contact.secondary.dofs
     x = v.points + v.displacement("up")[dofs] * (sliding == "finite")
     assert_allclose(v.moment(), np.sum(x[:, 0] * v.forces[:, 1] - x[:, 1] * v.forces[:, 0]), rtol=1e-12)
+
+
+def test_warnings_point_at_the_line_that_asked():
+    """Whichever way through the library they came: a solution, a history, a property, a setting."""
+    body = block("body", (0, 1), D="top", move=(0.0, -0.3))
+    solver = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1))))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        solver.solve()
+        history = list(solver.history([1.0]))
+        object.__setattr__(history[0]._answer.watched, "said", frozenset())
+        assert not history[0].validity.holds
+        sc.ContactSolver(body, replace(solver.contacts[0], interference=10.0)).solve()
+    assert len(told) >= 4  # the last says it of the load as well
+    assert {warning.filename for warning in told} == {__file__}
 
 
 def test_forces_balance_the_reactions(result):

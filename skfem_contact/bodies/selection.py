@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 from skfem.assembly import DofsView
 
 from skfem_contact.bodies.inputs import unknown_boundary
-from skfem_contact.errors import ContactWarning, InputError
+from skfem_contact.errors import InputError, warn
 
 
 def name_of(where: Any) -> str:
@@ -75,12 +74,10 @@ def _normalize(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
         )
     inside = ~np.isin(numbers, mesh.boundary_facets())
     if inside.any() and not inside.all():
-        warnings.warn(
+        warn(
             f"surface {label!r}: {np.count_nonzero(inside)} of the {len(numbers)} facet numbers given "
             "are inside the mesh and left out. Usually these are numbers of DOFs or nodes. A "
-            "boundary name or a function of position selects facets of the boundary only.",
-            ContactWarning,
-            stacklevel=2,
+            "boundary name or a function of position selects facets of the boundary only."
         )
     return numbers.astype(np.int64)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -21,7 +20,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.conditions.thresholds import HUGE, NO_OVERLAP
-from skfem_contact.errors import ConstraintError, ContactWarning, InputError
+from skfem_contact.errors import ConstraintError, InputError, warn
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.diagnosis import diagnose, say_wrong_side
 from skfem_contact.pairing.node import Pairing
@@ -65,13 +64,11 @@ def warn_unfelt_wear(contacts: Sequence[Contact], names: Sequence[str]) -> None:
             continue
         if j < i and other.wear is not None and _shared(one.secondary, other.secondary):
             continue  # said of the two already
-        warnings.warn(
+        warn(
             f"'{one.secondary.label}' wears in contact '{names[i]}' and is in contact '{names[j]}' as "
             "well, which does not feel that: the depth worn off belongs to a contact, and gaps of the "
             "other one are those of the unworn surface. Where both touch the same place, their wear is "
-            "wrong; give each its own part of the surface.",
-            ContactWarning,
-            stacklevel=5,
+            "wrong; give each its own part of the surface."
         )
 
 
@@ -121,14 +118,12 @@ def warn_redundant_glue(contact: Contact, pairing: Pairing) -> None:
     if W.shape[0] == 0 or structural_rank(W) == W.shape[0]:
         return
     nodes = len(np.unique(W.indices))
-    warnings.warn(
+    warn(
         f"Contact {contact.label}: {W.shape[0]} glued points of '{contact.secondary.label}' are "
         f"prescribed altogether and hold {nodes} free nodes of '{primary.label}'. The displacements "
         "are those of the glue, but how its force is shared out among too many points is not unique, "
         "and tractions there may be far too large. Take the surface whose nodes are free as the "
-        "secondary one: swap the two.",
-        ContactWarning,
-        stacklevel=2,
+        "secondary one: swap the two."
     )
 
 
@@ -222,14 +217,12 @@ def _check_tied(
 
 def _warn_penetration(contact: Contact, name: str, gap: Array, small: float) -> None:
     worst = int(np.argmin(gap))
-    warnings.warn(
+    warn(
         f"contact '{name}': prescribed displacements push {np.sum(gap < -small)} of {len(gap)} "
         f"points of surface {contact.secondary.label!r} into {contact.primary.label!r}, deepest "
         f"point {worst} at {written(contact.secondary.points[worst])} by {-gap[worst]:.6g}. Prescribed "
         "displacements win: the overlap stays, and the force there is a reaction of D, not a "
-        "contact force. Leave these DOFs out of D, or correct x.",
-        ContactWarning,
-        stacklevel=5,
+        "contact force. Leave these DOFs out of D, or correct x."
     )
 
 
@@ -242,13 +235,11 @@ def _warn_overlap(contact: Contact, name: str, gap: Array, interference: Array) 
     if isinstance(contact.primary, ContactSurface):
         sizes.append(_extent(contact.primary))
     if deepest > HUGE * min(sizes):
-        warnings.warn(
+        warn(
             f"contact '{name}' starts with an overlap of {deepest:.6g}, {deepest / min(sizes):.2g} "
             f"times the extent of the smaller body ({min(sizes):.6g}). The answer is linear, but "
             "strains of this size are not small. Usually a unit or the sign of interference is "
-            f"wrong, or {_far_side(contact)}.",
-            ContactWarning,
-            stacklevel=5,
+            f"wrong, or {_far_side(contact)}."
         )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,7 +19,7 @@ from skfem_contact.carried import ByFields
 from skfem_contact.conditions.diagnosis import check_loads
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.thresholds import SAME_PLACE
-from skfem_contact.errors import ContactWarning, InputError
+from skfem_contact.errors import InputError, warn
 from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.failure import failure
 from skfem_contact.history.finding import Finding, Known
@@ -128,7 +127,7 @@ class Answering(ByFields):
         if what == "start":
             words = self.reader.other_interference(start.case)
             if words:
-                warnings.warn(words, ContactWarning, stacklevel=3)
+                warn(words)
         return start
 
     def _answer(self, found: Finding, seconds: float) -> Answer:
@@ -187,11 +186,9 @@ def _warn(result: Answer) -> None:
     new = [words for words in result.indifferent if ("place", words) not in watched.said]
     if not new or not np.any(result.u):
         return
-    warnings.warn(
+    warn(
         " ".join(new) + " Prescribe a DOF (D=...) if the place matters, or the load should hold it. "
-        "(Said once in a history; result.indifferent has it in every step.)",
-        ContactWarning,
-        stacklevel=4,
+        "(Said once in a history; result.indifferent has it in every step.)"
     )
     result.watch(replace(watched, said=watched.said | {("place", words) for words in new}))
 

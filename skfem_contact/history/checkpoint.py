@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 import zlib
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -17,7 +16,7 @@ from skfem_contact.arguments import file_path
 from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.state import State
-from skfem_contact.errors import ContactWarning, InputError
+from skfem_contact.errors import InputError, warn
 
 Array = NDArray[np.float64]
 
@@ -94,11 +93,9 @@ def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     data |= {"converged": result.converged, "message": result.message}
     _write(path, data)
     if not result.converged:
-        warnings.warn(
+        warn(
             f"the state in {str(path)!r} did not converge ({result.message}); it can be a guess, but "
-            "no history can start from it",
-            ContactWarning,
-            stacklevel=3,
+            "no history can start from it"
         )
     return path
 

@@ -11,7 +11,6 @@ with the displacements of the interior, and by a search over whole deformed boun
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -40,7 +39,7 @@ from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
 from skfem_contact.answers.validity.watch import facet_words, sliding_words, strain_words
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.lever import as_motion
-from skfem_contact.errors import ContactWarning
+from skfem_contact.errors import warn
 from skfem_contact.obstacles.obstacle import Obstacle
 
 Array = NDArray[np.float64]
@@ -293,7 +292,7 @@ def assess(result: Answer) -> Validity:
     problems |= {("second order", name): leaning_words({name: share}) for name, share in far.items()}
     for key, text in problems.items():
         if result.converged and key not in result.watched.said:
-            warnings.warn(text, ContactWarning, stacklevel=4)
+            warn(text)
     return Validity(contacts, strain, largest, rotation, problems, dict(leaning))
 
 

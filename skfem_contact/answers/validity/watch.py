@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -32,7 +31,7 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
-from skfem_contact.errors import ContactWarning
+from skfem_contact.errors import warn
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -336,7 +335,7 @@ class Watch:
                 lines.append(strain_words(drift))
             if lines:
                 text = f"Contact {name!r} ({contact.label}): " + " ".join(lines)
-                warnings.warn(text + ONCE, ContactWarning, stacklevel=4)
+                warn(text + ONCE)
         far = {
             name: turn
             for name, turn in watched.turns.items()
@@ -344,7 +343,7 @@ class Watch:
         }
         if far:
             new |= {("rotation", name) for name in far}
-            warnings.warn(rotation_words(far) + ONCE, ContactWarning, stacklevel=4)
+            warn(rotation_words(far) + ONCE)
         leaning = {
             name: share
             for name, share in watched.leaning.items()
@@ -352,7 +351,7 @@ class Watch:
         }
         if leaning:
             new |= {("second order", name) for name in leaning}
-            warnings.warn(leaning_words(leaning) + ONCE, ContactWarning, stacklevel=4)
+            warn(leaning_words(leaning) + ONCE)
         return replace(watched, said=watched.said | new) if new else watched
 
 

@@ -15,7 +15,6 @@ import os
 import sys
 import time
 import traceback
-import warnings
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import Any, NoReturn
@@ -24,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.errors import ContactWarning, InputError
+from skfem_contact.errors import InputError, warn
 from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.distributed.share import PREFIX, Settings, Share, Solved
 from skfem_contact.linalg.distributed.thresholds import (
@@ -96,11 +95,9 @@ def _wait_for_all(world: Any) -> None:
         time.sleep(LATER)
         if world.rank == 0 and not late and time.monotonic() > begin + MISSED_AFTER:
             late = True
-            warnings.warn(
+            warn(
                 f"rank 0 of {world.size} has waited for {MISSED_AFTER:.0f} s for the others to come to "
-                "PETSc(), which every rank has to make. Where that takes long, make it first of all.",
-                ContactWarning,
-                stacklevel=2,
+                "PETSc(), which every rank has to make. Where that takes long, make it first of all."
             )
 
 
