@@ -134,7 +134,7 @@ def plot_deformed(
         unknown = [tool.name for tool in tools(result) if not len(tool.outline(*box)[1])]
         remarks += [f"{name} is not drawn" for name in unknown]
     if gaps_overlap(result, seen):
-        remarks.append("initial gaps and round shapes are not magnified")
+        remarks.append("initial gaps are not magnified")
     if arrows and not solid:
         ends, peak = _arrows(ax, result, seen, box)
         if window is None and len(ends):
