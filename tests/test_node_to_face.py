@@ -11,11 +11,13 @@ from scipy.spatial.transform import Rotation
 from solids import KINDS, at, body, cube, elastic, onto_ball, shuffled
 
 import skfem_contact as sc
+from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.faces.closest import closest_faces
 from skfem_contact.pairing.faces.joints import rim_points, sharp_edges, sharp_points
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.faces.projection import interpolated_normals, project
+from skfem_contact.pairing.faces.rollers import along_supports
 from skfem_contact.pairing.faces.search import FaceTree, closest_candidates
 from skfem_contact.pairing.faces.unseen import unseen_overlaps
 
@@ -443,3 +445,19 @@ def test_a_bend_that_grows_along_its_edge():
     assert set(np.flatnonzero(sharp_points(surface))) == set(
         np.flatnonzero(np.isclose(surface.points[:, 0], 0.5))
     )
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("several", [False, True])
+def test_one_tangent_lies_along_what_supports_leave(axis, several):
+    """Of one held component, or of two, one tangent is held as a whole, on faces at any angle."""
+    normal = np.array([[1.0, 2.0, 2.0], [-0.3, 0.1, 0.9]])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    held = np.zeros((2, 3), dtype=bool)
+    held[:, axis] = True
+    held = ~held if several else held
+    frame = along_supports(tangents(normal), normal, held)
+    for t, n in zip(frame, normal, strict=True):
+        np.testing.assert_allclose(np.vstack([t, n]) @ np.vstack([t, n]).T, np.eye(3), atol=1e-12)
+    # the second is square to the axis: held, where all others are; free, where the axis alone is held
+    np.testing.assert_allclose(frame[:, 1, axis], 0.0, atol=1e-12)

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 ROOT = Path(__file__).parent.parent.parent
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "benchmarks")]
 import effectivity_solids  # noqa: E402
-from solids import at, body, cube, shuffled  # noqa: E402
+from solids import at, body, cube, elastic, shuffled  # noqa: E402
 
+import skfem_contact as sc  # noqa: E402
 from skfem_contact.answers.error.faces import Net, _between, _near_ends, _scatter  # noqa: E402
 
 PROBLEMS = dict(effectivity_solids.problems())
@@ -102,3 +104,31 @@ def test_scatter_that_nothing_tells_is_missing(n, told):
     assert ("as all points are near an end of the surface" in estimate.advice) is not told
     if told:
         assert estimate.traction.total < 1e-6
+
+
+def test_the_estimate_does_not_depend_on_frames():
+    """A dome dragged over a plane, turned as a whole: tangents differ, the error does not."""
+    found = []
+    for turn in (np.eye(3), Rotation.from_rotvec([0.4, -0.9, 0.3]).as_matrix()):
+
+        def place(x, turn=turn):
+            y = np.stack([x[0] - 0.5, x[1] - 0.5, x[2]])
+            y[2] += (1 - x[2]) * 0.15 * (y[0] ** 2 + 1.3 * y[1] ** 2 + 0.4 * y[0] * y[1])
+            return turn @ y
+
+        def top(x, turn=turn):
+            return np.isclose(np.einsum("d,d...->...", turn[:, 2], x), 1.0)
+
+        mesh = cube("quad4", 8, place)
+        low = cube("quad4", 8).facets_satisfying(at(2, 0.0))
+        dome = elastic(mesh, "quad4", "dome", held=((top, (0, 1, 2)),))
+        floor = sc.RigidPlane((0, 0, 0), turn[:, 2], name="floor")
+        contact = sc.Contact(dome.surface(low), floor, friction=sc.Coulomb(0.4), name="joint")
+        x = np.zeros(dome.n)
+        x[dome.D] = (turn @ [0.006, 0.002, -0.03])[dome.dof_component[dome.D]]
+        result = sc.ContactSolver([dome], contact).solve(x={"dome": x})
+        assert {0, 1, 2} == set(result.status)
+        estimate = result.error_estimate
+        found.append([estimate.traction.edges, estimate.traction.facets, estimate.traction.scatter])
+    assert min(found[0][:2]) > 0
+    assert_allclose(found[1], found[0], rtol=1e-6, atol=1e-9)

@@ -15,6 +15,10 @@ from hex_blocks import HISTORIES, Blocks, Scene, advance, attempts, history, ran
 import skfem_contact as sc
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.loops.projection import left_over
+from skfem_contact.loops.rules import propose
+from skfem_contact.loops.step import Guess
+from skfem_contact.loops.tangent import linear_conditions
 
 SHIFTS = ((0, 0, -0.012), (0.008, 0.003, -0.012), (0.012, 0.014, -0.01), (-0.004, 0.014, -0.006))
 
@@ -70,6 +74,35 @@ def test_random_histories(seeds, coefficients):
     assert np.mean(iterations) < 7
     # with moduli 1000 apart the judge's own factorisation leaves some 1e-11
     assert worst < 1e-10
+
+
+def test_the_line_search_leads_down():
+    """Whole steps alone go round in circles here: 33 iterations, and then another start."""
+    rng = np.random.default_rng(4)
+    blocks = Blocks(random_scene(rng, (0.1, 0.3, 0.7, 1.5)))
+    before, last = blocks.moved((0, 0, 0)), blocks.rest()
+    for motion in history(rng, HISTORIES[4]):
+        case = blocks.moved(*motion)
+        way = advance(blocks, before, case, last)
+        assert len(way) == 1 and len(way[0][3]) == 1  # one part of the step, from one start
+        assert len(way[0][3][0][1].trace) < 15
+        before, last = case, way[-1][2]
+
+
+@pytest.mark.parametrize("mu", [0.3, 0.5])
+def test_points_that_slipped_and_now_rest(mu):
+    """The same load once more: friction is at its bound, nothing moves, and the forces stay."""
+    blocks = Blocks(Scene(nodes=5, below=4, mu=mu, wave=0.1))
+    cases = [blocks.moved(shift) for shift in SHIFTS[:2]]
+    *_, (_, _, moved, _), (_, _, rests, outcome) = run(blocks, [*cases, cases[1]])
+    assert (moved.status == SLIP).sum() > 3
+    scale = moved.normal_force.max()
+    for one, other in (
+        (rests.normal_force, moved.normal_force),
+        (rests.tangential_force, moved.tangential_force),
+    ):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-9 * scale)
+    assert len(outcome.trace) <= 3
 
 
 @pytest.mark.parametrize("route", ["points", "surface", "full", "iterated", "multigrid"])
@@ -183,6 +216,38 @@ LAWS = {
     "weakening": Weakening(),
     "rooted": Rooted(),
 }
+
+
+def test_points_at_their_bound_that_do_not_move_have_a_tangent():
+    """Friction at the bound, straight along a tangent, and no slip at all: across it next to stuck."""
+    blocks = Blocks(Scene(nodes=4, mu=0.5))
+    ((step, _, _, outcome),) = run(blocks, [blocks.moved((0.0, 0.0, -0.01))])
+    m, along = blocks.kin.m, np.array([1.0, 0.0])
+    response = replace(
+        outcome.iterate.response,
+        gap=np.zeros(m),
+        slip=step.last.slip.copy(),
+        normal_force=np.ones(m),
+        tangential_force=np.tile(0.5 * along, (m, 1)),
+    )
+    slipping = np.full(m, SLIP)
+    guess = Guess(
+        slipping, np.tile(along, (m, 1)), np.ones(m), response.tangential_force, response.slip
+    )
+    found = propose(step, guess, response)
+    conditions = linear_conditions(step, replace(found, status=slipping), coupled=True)
+    assert np.isfinite(conditions.spring).all() and np.isfinite(conditions.offset).all()
+    assert np.all(conditions.spring[:, 1, 1] > 1e3 * step.resistance.tangential)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_nothing_is_left_of_points_apart(name):
+    """Open points have no friction, whatever the law says of a bound without pressure."""
+    blocks = Blocks(Scene(nodes=4))
+    ((step, _, state, outcome),) = run(blocks, [blocks.moved((0.02, 0.01, 0.01))], law=LAWS[name])
+    assert np.all(state.status == OPEN) and np.abs(state.slip).max() > 0.01
+    normal, tangential = left_over(step, outcome.iterate.response)
+    assert not normal.any() and not tangential.any()
 
 
 @pytest.mark.parametrize("loop", ["newton", "direct"])

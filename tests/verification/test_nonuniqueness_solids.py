@@ -10,6 +10,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 import skfem_contact as sc
 from skfem_contact.answers.one_answer import unique_up_to
 from skfem_contact.answers.pieces import critical_friction, orientation, turning_springs
+from skfem_contact.conditions.return_map import return_map
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.problem.points import PointSpace
 
@@ -263,3 +264,22 @@ def load(dofs, force, solver):
     f = np.zeros(solver.system.n)
     f[dofs] = force
     return f
+
+
+@pytest.mark.parametrize("G", [0.5, 40.0])
+def test_springs_of_friction_that_turns(G):
+    """The derivative of friction by the slip, where a stiffness G leads to it, by differences."""
+    rng = np.random.default_rng(2)
+    space = random_space(rng, 3)
+    before, slip, bound = rng.standard_normal((3, 2)), rng.standard_normal((3, 2)), np.full(3, 0.2)
+
+    def friction(s):
+        return return_map(before + G * s, bound)[0]
+
+    tau, eps = friction(slip), 1e-6
+    plastic = slip - (tau - before) / G
+    exact = np.stack(
+        [(friction(slip + eps * e) - friction(slip - eps * e)) / (2 * eps) for e in np.eye(2)], axis=2
+    )
+    found = turning_springs(tau, plastic, np.full(3, G), space)
+    np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-8)

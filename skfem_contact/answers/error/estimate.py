@@ -80,7 +80,9 @@ def _of_faces(result: Answer, values: ContactValues, contact: Contact) -> ErrorE
     """The same in 3-D; what is not known there is NaN."""
     surface, sides = values.surface, (contact.secondary, contact.primary)
     assert isinstance(surface, FaceSurface)
-    both = np.hstack([values.pressure[:, None], values.friction_stress])
+    # as vectors: tangents may be another choice from one node to the next
+    friction = values.traction - values.pressure[:, None] * values.normal
+    both = np.hstack([values.pressure[:, None], friction])
     bodies, elements = bodies_error(result, values)
     stiffness = stiffness_error(result, contact, values, both)
     of_pressure = of_both = np.nan, np.nan, np.nan
