@@ -125,10 +125,10 @@ def read(s: Scene, result: Any) -> Answer:
     )
 
 
-def judge(given: int | Scene, friction: bool = True) -> Verdict:
+def judge(given: int | Scene, friction: bool = True, grain: bool = False) -> Verdict:
     """The verdict on a scene, or on that of a number."""
     start = time.process_time()
-    s = scene(given, friction) if isinstance(given, int) else given
+    s = scene(given, friction, grain) if isinstance(given, int) else given
     steps = dofs = 0
     signal.signal(signal.SIGPROF, _too_long)
     signal.setitimer(signal.ITIMER_PROF, LONGEST)
@@ -354,6 +354,7 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0, help="number of the first scene")
     parser.add_argument("--smooth", action="store_true", help="without friction")
+    parser.add_argument("--grain", action="store_true", help="friction with a direction")
     parser.add_argument("--only", type=int, help="show one scene")
     parser.add_argument(
         "--again",
@@ -363,16 +364,18 @@ def main() -> None:
     parser.add_argument("--verbose", action="store_true", help="a line for every scene")
     parser.add_argument("--write", action="store_true", help="store the run, and put it into the docs")
     options = parser.parse_args()
+    if options.grain and options.write:
+        parser.error("what is stored are scenes without grain")
     if options.only is not None:
-        print(describe(scene(options.only, not options.smooth)))
-        print(judge(options.only, not options.smooth))
+        print(describe(scene(options.only, not options.smooth, options.grain)))
+        print(judge(options.only, not options.smooth, options.grain))
         return
     if options.again:
         again()
         return
     verdicts: list[Verdict] = []
     for seed in range(options.seed, options.seed + options.scenes):
-        verdicts.append(v := judge(seed, not options.smooth))
+        verdicts.append(v := judge(seed, not options.smooth, options.grain))
         if options.verbose:
             print(f"{v.seed} {v.kind} {v.seconds:.1f} s", flush=True)
         if v.kind in ("WRONG", "refused though feasible", "several answers"):

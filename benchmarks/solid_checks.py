@@ -14,7 +14,16 @@ import numpy as np
 import skfem as fem
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
-from solid_scenes import ContactSpec, Made, Scene, components, facet_basis, given, moved
+from solid_scenes import (
+    ContactSpec,
+    Made,
+    Scene,
+    components,
+    facet_basis,
+    given,
+    moved,
+    on_circle,
+)
 
 EPS = np.finfo(float).eps
 GROWTH = 1e3  # of round-off in a factorisation
@@ -457,7 +466,8 @@ class Court:
             return out
         size = float(np.abs(told.forces).sum()) + 1e-9 * self.most
         N = np.sum(told.forces * told.normal, axis=1)
-        T = np.linalg.norm(told.forces - N[:, None] * told.normal, axis=1)
+        along = told.forces - N[:, None] * told.normal
+        T = np.linalg.norm(on_circle(self.s, c, told.normal, along, -1), axis=1)
         if not N.min(initial=0.0) >= -1e-9 * size - self.faint:
             out.append(
                 Finding("compression", k, f"{c.name}: a point pulls with {N.min():.3g} of {size:.3g}")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import skfem as fem
 from solid_checks import FORCE, LOADED, Answer, Court, Finding, Patch, angles, feet
-from solid_scenes import ContactSpec, Made, facet_basis
+from solid_scenes import ContactSpec, Made, facet_basis, on_circle
 
 #: Samples of a face a side. Slips bend where faces of the primary meet, within a sample.
 FINE = 8
@@ -178,13 +178,13 @@ def rubbing(
     name = c.secondary[0]
     F = R[name][p.dofs]
     N = np.sum(F * p.normal, axis=1)
-    Ft = F - N[:, None] * p.normal
+    Ft = on_circle(court.s, c, p.normal, F - N[:, None] * p.normal, -1)
     T, size = np.linalg.norm(Ft, axis=1), np.linalg.norm(F, axis=1)
     most = float(size.max(initial=0.0))
     tiny = FORCE * most + noise[name] + court.faint + court.settled * most + 1e-3 * court.least(a)
     mu = c.friction[1] if c.friction and c.friction[0] == "coulomb" else 0.0
     b = bounds(court, c, N, p.area)
-    slack = (1 + mu) * (p.off * size + tiny)
+    slack = (1 + mu) * (p.off * size + tiny) / (1.0 if c.grain is None else c.grain[3])
     out = []
 
     def note(check: str, wrong: np.ndarray, words: str, *values: np.ndarray) -> None:
@@ -198,11 +198,13 @@ def rubbing(
     if c.friction is None or a.cut:
         return out
     ds, allowed = increments(court, c, p, a, before)
+    ds = on_circle(court.s, c, p.normal, ds, 1)
     tau = np.zeros_like(Ft)
     R0 = None
     if before is not None:
         R0 = court.residual(k - 1, name, before.u[name])[0]
         tau = R0[p.dofs] - np.sum(R0[p.dofs] * p.normal, axis=1)[:, None] * p.normal
+        tau = on_circle(court.s, c, p.normal, tau, -1)
     if c.G is not None:  # friction is a spring up to its bound: what its force changes by is no sliding
         G = c.G * court.made[name].spec.E * court.s.unit * court.s.size
         ds = ds + (Ft - tau) / G

@@ -93,6 +93,7 @@ class ContactSpec:
     tied: bool = False
     interference: float = 0.0
     G: float | None = None  # tangential stiffness over E times size of the secondary
+    grain: tuple[float, float, float, float] | None = None  # direction, and what it leaves of friction
 
 
 @dataclass(frozen=True)
@@ -376,16 +377,49 @@ def law(s: Scene, c: ContactSpec) -> Any:
     if c.friction[0] == "tresca":
         return sc.Tresca(c.friction[1] * s.unit, stiffness=G)
     _, mu, cap, cohesion = c.friction
-    return sc.Coulomb(mu, tau_max=cap * s.unit, cohesion=cohesion * s.unit, stiffness=G)
+    if c.grain is None:
+        return sc.Coulomb(mu, tau_max=cap * s.unit, cohesion=cohesion * s.unit, stiffness=G)
+    pair = np.array([c.grain[3], 1.0])
+    return sc.OrthotropicCoulomb(
+        mu * pair, s.R @ c.grain[:3], cap * s.unit * pair, cohesion * s.unit * pair, stiffness=G
+    )
+
+
+def on_circle(s: Scene, c: ContactSpec, normal: Any, vectors: Any, power: int) -> Any:
+    """Tangential vectors (m, 3) of a contact with a grain as those that a circle would bound.
+
+    `power` is 1 for slips, which count for less along the grain, and -1 for forces, which for more.
+    """
+    if c.grain is None:
+        return vectors
+    d = s.R @ c.grain[:3]
+    d = d - np.sum(d * normal, axis=1)[:, None] * normal
+    d /= np.linalg.norm(d, axis=1)[:, None]
+    return vectors + (c.grain[3] ** power - 1.0) * np.sum(vectors * d, axis=1)[:, None] * d
 
 
 # What is drawn
 
 
-def scene(seed: int, friction: bool = True) -> Scene:
-    """The scene of a number; without `friction` the same one is smooth, and held by springs."""
+def scene(seed: int, friction: bool = True, grain: bool = False) -> Scene:
+    """The scene of a number; without `friction` the same one is smooth, and held by springs.
+
+    With `grain` all of its friction but Tresca's has a direction, along which it is less.
+    """
     s = _stack(seed, friction)
-    return _rough(s, np.random.default_rng([seed, 32])) if friction else s
+    s = _rough(s, np.random.default_rng([seed, 32])) if friction else s
+    return _grained(s, np.random.default_rng([seed, 33])) if grain else s
+
+
+def _grained(s: Scene, rng: np.random.Generator) -> Scene:
+    """The scene with a direction of friction, which is level but for what does not count."""
+    contacts = []
+    for c in s.contacts:
+        angle, ratio = rng.uniform(0, np.pi), float(10 ** rng.uniform(-1.0, 0.0))
+        grain = (float(np.cos(angle)), float(np.sin(angle)), float(rng.uniform(-0.2, 0.2)), ratio)
+        has = c.friction is not None and c.friction[0] == "coulomb"
+        contacts.append(replace(c, grain=grain if has else None))
+    return replace(s, contacts=tuple(contacts))
 
 
 def _rough(s: Scene, rng: np.random.Generator) -> Scene:

@@ -82,6 +82,10 @@ def feasible(court: Court, k: int) -> bool | None:
 def _point(s: Any, spec: ContactSpec, at: Any, normal: Any, area: float, push: Any, upper: Any) -> None:
     """The forces that a point may carry."""
     first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    less = 1.0
+    if spec.grain is not None:
+        grain, less = s.R @ spec.grain[:3], spec.grain[3]
+        first = grain - (grain @ normal) * normal
     first /= np.linalg.norm(first)
     ways = [first, np.cross(normal, first)]
 
@@ -99,7 +103,7 @@ def _point(s: Any, spec: ContactSpec, at: Any, normal: Any, area: float, push: A
         return
     within = SHARE * np.cos(np.pi / SIDES)
     for angle in 2 * np.pi * np.arange(SIDES) / SIDES:
-        d = [float(np.cos(angle)), float(np.sin(angle))]
+        d = [float(np.cos(angle)) / less, float(np.sin(angle))]
         if spec.friction[0] == "tresca":
             upper.append((along, d, within * spec.friction[1] * s.unit * area))
             continue

@@ -45,6 +45,7 @@ from skfem_contact.bodies.system import System, stack
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.wear import Archard
 from skfem_contact.elimination.condense import condense
 from skfem_contact.elimination.constraint import AffineConstraint
@@ -111,6 +112,7 @@ __all__ = [
     "NoEquilibrium",
     "NotConverged",
     "Options",
+    "OrthotropicCoulomb",
     "PETSc",
     "Record",
     "RigidBody",

@@ -32,7 +32,13 @@ def frames(normal, rng):
     else:
         first = unit(np.cross(normal, rng.standard_normal(normal.shape)))
         along = np.stack([first, np.cross(normal, first)], axis=1)
-    return SimpleNamespace(normal=normal, tangent=along, tangents=normal.shape[1] - 1)
+    return pairing(normal, along)
+
+
+def pairing(normal, along):
+    """What a state asks of a pairing whose slips have components along unit tangents."""
+    same = dict.fromkeys(("tangent", "axes", "duals"), along)
+    return SimpleNamespace(normal=normal, tangents=along.shape[1], scaled=None, **same)
 
 
 def state(kin, rng):
@@ -112,7 +118,7 @@ def test_a_state_is_the_same_in_other_frames(d):
 
 def replace_tangents(kin, rng):
     if kin.tangents == 1:
-        return SimpleNamespace(normal=kin.normal, tangent=-kin.tangent, tangents=1)
+        return pairing(kin.normal, -kin.tangent)
     return frames(kin.normal, rng)
 
 

@@ -216,7 +216,7 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     M = turns @ external - np.array([springs.share(turn) for turn in turns])
     offset, rigid_points = _offsets(result)
     M += cross(rigid_points - centre, on_obstacles).sum(axis=0)
-    along = np.einsum("ik,ikd->id", -result.local.tangential_force, kin.tangent)
+    along = np.einsum("ik,ikd->id", -result.local.tangential_force, kin.axes)
     across = cross(offset, along).sum(axis=0)
     normal = cross(offset, result.state.normal_force[:, None] * kin.normal).sum(axis=0)
     return (
@@ -266,7 +266,7 @@ class _Springs:
 def _obstacle_forces(result: Answer) -> Array:
     """Force on the secondary at the points of obstacles without DOFs: external to the bodies."""
     kin, state = result.kin, result.local
-    along = np.einsum("ik,ikd->id", -state.tangential_force, kin.tangent)
+    along = np.einsum("ik,ikd->id", -state.tangential_force, kin.axes)
     F = state.normal_force[:, None] * kin.normal + along
     for contact, part in zip(result.contacts, result.slices(), strict=True):
         if _moves(contact):

@@ -37,7 +37,7 @@ def _values(answer: Answer, i: int, part: slice) -> ContactValues:
         gap=answer.gap[part][heir],
         status=status[heir],
         normal_force=state.normal_force[part],
-        tangential_force=-state.tangential_force[part],
+        tangential_force=-kin.friction_along(state.tangential_force[part], part),
         area=np.where(own, kin.area[part], 0.0),
         surface=contact.secondary,
         heir=heir,
@@ -67,4 +67,4 @@ def _slip(answer: Answer, i: int, part: slice) -> Array:
         moved = (kin.B_t[rows] @ answer.u).reshape(-1, t) + answer.seen.slip0[part]
         moved = np.where((state.status[part] != OPEN)[:, None], moved, 0.0)
         slip = np.where(smooth[:, None], moved, slip)
-    return slip[kin.heir[part] - part.start]
+    return kin.slip_along(slip, part)[kin.heir[part] - part.start]

@@ -39,6 +39,7 @@ from skfem_contact.answers.pieces import critical_friction, orientation, turning
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, Tresca
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -57,7 +58,8 @@ class Uniqueness:
         other points open or stuck as in this answer; ``inf`` if no coefficient does, NaN at points
         without friction or partner. Over all contacts: ``len(values.points)`` for each of the result.
     friction : ndarray, shape (m,)
-        Coefficient of the friction law in this answer, ``dL / d lambda``; NaN at the same points.
+        Coefficient of the friction law in this answer, ``dL / d lambda``; NaN at the same points. Of
+        `OrthotropicCoulomb` both are the larger one of two whose ratio stays.
     index : int
         Sign of the determinant of this answer's linear problem. If it is -1, and supports hold all
         bodies, this very load has at least two other answers. 0 where nothing follows from it: with
@@ -165,4 +167,6 @@ def _steepest(contact: Contact) -> Array | float:
         return 0.0
     if type(law) is Coulomb and (contact.bilateral or not np.any(law.cohesion)):
         return law.mu
+    if type(law) is OrthotropicCoulomb and (contact.bilateral or not np.any(law.cohesion)):
+        return law.larger
     return np.nan

@@ -1,6 +1,7 @@
 """The contact conditions: gaps and slips as rows, friction laws, loads, and what they hold.
 
 * `friction`, `return_map`, `checked_law`: laws, forces by them, the check of every value they return;
+  `orthotropic`, `slip_axes`: friction with a material direction, and the axes that make a circle of it;
   `wear`: the depth that slip wears off;
 * `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, its rows, and where
   they are when contact slides far; `lever`: the rows of rigid bodies;

@@ -19,6 +19,7 @@ from skfem_contact.arguments import numbers
 from skfem_contact.bodies.selection import written
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.return_map import (
     Derivatives,
     Mapped,
@@ -68,7 +69,7 @@ class CheckedLaw(ByFields):
 
         Its bounds need no check, and are piecewise linear in the normal force, without the slip.
         """
-        return type(self.law) in (Coulomb, Tresca)
+        return type(self.law) in (Coulomb, OrthotropicCoulomb, Tresca)
 
     @property
     def grips(self) -> bool:
@@ -173,7 +174,7 @@ class CheckedLaw(ByFields):
                 f"for the trial force {written(trial[i])} and its own limit {limit[i]:.6g}; "
                 f"derivatives by it {by.trial[i].tolist()}. It must be the trial force itself where "
                 "that is within the limit, and else a force as large as the limit; and all numbers "
-                "finite. A limit that depends on the direction is not possible."
+                "finite. For a limit that depends on the direction see OrthotropicCoulomb."
             )
         return force, slips, by
 

@@ -21,6 +21,7 @@ from skfem_contact.arguments import (
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
 from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.wear import Archard
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -174,6 +175,7 @@ class Contact(PrintedAsCall):
                 "Contact: tied=True and friction=... exclude each other: glued surfaces do not "
                 "slip. Leave one of them out; a bond that slips is separation=False, friction=..."
             )
+        self._check_direction()
         self._check_wear()
         for name in ("adjust", "reach"):
             value = getattr(self, name)
@@ -190,6 +192,19 @@ class Contact(PrintedAsCall):
         for name in ("interference", "gap"):
             known[name] = carried(known[name], f"{name} of contact {self.label}")
         return known
+
+    def _check_direction(self) -> None:
+        """Refuse friction with a material direction where there is none; take that at the points."""
+        law, surface = self.friction, self.secondary
+        if not isinstance(law, OrthotropicCoulomb):
+            return
+        if surface.dim == 2 or surface.dofs.shape[1] == 1:
+            raise InputError(
+                "Contact: OrthotropicCoulomb tells directions along a surface apart, and there is "
+                f"{'one only in the plane' if surface.dim == 2 else 'none of a scalar field'}: give "
+                "Coulomb(mu) with the coefficient along it."
+            )
+        object.__setattr__(self, "friction", law.on(surface.points))
 
     def _check_wear(self) -> None:
         """Refuse wear that nothing is known of the slip of."""

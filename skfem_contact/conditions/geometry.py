@@ -15,6 +15,7 @@ interpolated along it, a node passes from one facet to the next without a jump o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -37,6 +38,7 @@ from skfem_contact.conditions.interface import contact_names, point_slices
 from skfem_contact.conditions.kinematics import Kinematics, initial_gap, join, kinematics
 from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.conditions.state import OPEN, LocalState, transport
 from skfem_contact.obstacles.rigid_body import RigidBody
@@ -103,6 +105,28 @@ class Geometry:
             self._offsets  # noqa: B018 (of given gaps, whose functions may stay behind)
         return dict(vars(self))
 
+    def with_laws(self, contacts: Sequence[Contact]) -> Geometry:
+        """The same pairings under other friction laws.
+
+        Itself, unless friction has or had a direction, which the axes of the slips are made of.
+        """
+        directed = [
+            any(isinstance(c.friction, OrthotropicCoulomb) for c in both)
+            for both in zip(self.contacts, contacts, strict=True)
+        ]
+        if not any(directed):
+            return self
+        twin = copy(self)
+        twin.contacts = tuple(contacts)
+        twin._first = [
+            kinematics(self.system, contact, pairing, first.gap0) if other else first
+            for contact, pairing, first, other in zip(
+                contacts, self.pairings, self._first, directed, strict=True
+            )
+        ]
+        twin.kin = join(twin._first)
+        return twin
+
     def at(self, u: Array, case: LoadCase, before: Kinematics | None = None) -> Kinematics:
         """Gaps, rows and frames at displacements u of the surfaces, shape (n,).
 
@@ -158,7 +182,7 @@ class Geometry:
             if self.contacts[i].rigid:
                 step = case.motion[i].slid(before.motion[i], kin.action[part])
                 step += self._spun(i, kin, u_n, u)
-                slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], step)
+                slip0[part] -= np.einsum("ikd,id->ik", kin.axes[part], step)
         slip0 = np.where(finite[:, None], slip0, case.slip0)
         return replace(case, gap0=gap0, slip0=slip0)
 
@@ -248,15 +272,15 @@ class Geometry:
 
 
 def _along_both(old: Kinematics, new: Kinematics, forces: Array) -> tuple[Array, Array]:
-    """Friction forces (m, d-1) along the tangents of the one pairing, and along those of the other.
+    """Components of friction forces (m, d-1) on the one pairing, and on the other.
 
-    In the plane they are the same. In space tangents may be another choice on the new pairing.
+    In the plane they are the same. In space axes may be another choice on the new pairing.
     """
-    if old.tangents < 2 or np.array_equal(old.tangent, new.tangent):
+    if old.tangents < 2 or np.array_equal(old.axes, new.axes):
         return forces, forces
-    vectors = np.einsum("ik,ikd->id", forces, old.tangent)
+    vectors = np.einsum("ik,ikd->id", forces, old.axes)
     turned = transport(vectors, old.normal, new.normal)
-    return forces, np.einsum("id,ikd->ik", turned, new.tangent)
+    return forces, np.einsum("id,ikd->ik", turned, new.duals)
 
 
 def _largest(rows: Any) -> Array:

@@ -24,6 +24,8 @@ from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import carriers
 from skfem_contact.conditions.lever import Lever
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
+from skfem_contact.conditions.slip_axes import combinations, combined_rows, duals, material_frame
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.control import gap_weights
 from skfem_contact.pairing.node import Pairing, gap_vectors
@@ -32,6 +34,7 @@ from skfem_contact.pairing.vectors import turned
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+ALL = slice(None)
 #: Weights, surface and sign of one side of a contact.
 Side = tuple[csr_matrix, ContactSurface, float]
 
@@ -54,6 +57,7 @@ class Kinematics:
         Tributary area [area].
     points, normal : ndarray, shape (m, d)
     tangent : ndarray, shape (m, d-1, d)
+        Unit tangents; along and across the direction of friction, where it has one.
     paired, tied, bilateral : ndarray of bool, shape (m,)
         With a partner; glued; those that never open, glued ones too.
     heir : ndarray of int, shape (m,)
@@ -72,6 +76,8 @@ class Kinematics:
         The primary node whose row a point carries in place of its own; -1 where none.
     gap_weights : csr_matrix, shape (m, m), or None
         Gaps given at the points in those of the rows (`faces.control`); None where they are the same.
+    scaled : ndarray, shape (m, d-1, d), or None
+        `axes`; None where they are the tangents.
 
     Examples
     --------
@@ -112,6 +118,7 @@ class Kinematics:
     vertex: NDArray[np.intp]
     corners: tuple[frozenset[tuple[int, int]], ...] = ()
     gap_weights: csr_matrix | None = None
+    scaled: Array | None = None
 
     def of_rows(self, given: Array) -> Array:
         """Gaps (m,) that are given at the points, as those of the rows."""
@@ -134,6 +141,36 @@ class Kinematics:
         Without friction nobody asks, unless for the slip of a result.
         """
         return self.tangential()
+
+    @property
+    def axes(self) -> Array:
+        """What slips have components along, and components of friction are forces along, (m, d-1, d).
+
+        The tangents, scaled where friction has a material direction, see `slip_axes`.
+        """
+        return self.tangent if self.scaled is None else self.scaled
+
+    @property
+    def duals(self) -> Array:
+        """What components make the vector of a slip of, and friction has its own along, (m, d-1, d)."""
+        return self.tangent if self.scaled is None else self._scaled_duals
+
+    @cached_property
+    def _scaled_duals(self) -> Array:
+        return duals(self.axes, self.normal)
+
+    def slip_along(self, components: Array, part: slice = ALL) -> Array:
+        """Slips of some points along their unit tangents, from those along their axes, (k, d-1)."""
+        return self._along_tangents(components, self.duals, part)
+
+    def friction_along(self, components: Array, part: slice = ALL) -> Array:
+        """Friction of some points along their unit tangents, from that along their duals, (k, d-1)."""
+        return self._along_tangents(components, self.axes, part)
+
+    def _along_tangents(self, components: Array, basis: Array, part: slice) -> Array:
+        if self.scaled is None:
+            return components
+        return np.einsum("ik,ikd,ild->il", components, basis[part], self.tangent[part])
 
 
 def initial_gap(contact: Contact, pairing: Pairing, interference: object = None) -> Array:
@@ -188,26 +225,34 @@ def kinematics(
         slip_bulge = (diags((~still[:, 0]).astype(float)) @ bulge[0], *bulge[1:])
     lever = Lever.of(system, contact, pairing, moved)
     held = _held(sides, frame[:, 0], contact.bilateral, lever)
+    slip_sides = _slip_sides(contact, pairing, sides, still)
+    tangent, axes, A = pairing.tangent, None, None
+    if isinstance(contact.friction, OrthotropicCoulomb):
+        tangent = material_frame(contact, pairing)
+        first = still[:, 0] | _held(slip_sides[0], frame[:, 1], contact.tied, lever)
+        A = combinations(tangent, contact.friction.ratios, pairing.tangent, first)
+        axes = A @ pairing.tangent
     B_n = _spread(system, sides, frame[:, 0], pairing.paired, held, bulge, lever)
     return Kinematics(
         B_n=B_n,
         tangential=partial(
             tangential_rows,
             system,
-            _slip_sides(contact, pairing, sides, still),
+            slip_sides,
             frame[:, 1:],
             pairing.paired,
             still,
             contact.tied,
             slip_bulge,
             lever,
+            A,
         ),
         tangents=frame.shape[1] - 1,
         gap0=initial_gap(contact, pairing) if gap0 is None else gap0,
         area=np.array(pairing.area),
         points=pairing.points,
         normal=pairing.normal,
-        tangent=pairing.tangent,
+        tangent=tangent,
         paired=np.array(pairing.paired),
         tied=np.full(len(pairing.gap), contact.tied),
         bilateral=np.full(len(pairing.gap), contact.bilateral),
@@ -218,6 +263,7 @@ def kinematics(
         vertex=np.full(len(pairing.gap), -1) if pairing.vertex is None else pairing.vertex,
         corners=(pairing.corners,),
         gap_weights=gap_weights(pairing),
+        scaled=axes,
     )
 
 
@@ -275,6 +321,7 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
         heir=heir,
         corners=tuple(found for part in parts for found in part.corners),
         gap_weights=_joined_weights(parts),
+        scaled=_joined_axes(parts),
         **stacked,
     )
 
@@ -284,6 +331,12 @@ def _joined_weights(parts: Sequence[Kinematics]) -> csr_matrix | None:
         return None
     blocks = [identity(p.m) if p.gap_weights is None else p.gap_weights for p in parts]
     return csr_matrix(block_diag(blocks))
+
+
+def _joined_axes(parts: Sequence[Kinematics]) -> Array | None:
+    if all(part.scaled is None for part in parts):
+        return None
+    return np.concatenate([part.axes for part in parts])
 
 
 def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
@@ -362,13 +415,20 @@ def tangential_rows(
     tied: bool,
     bulge: Side | None = None,
     lever: Lever | None = None,
+    A: Array | None = None,
 ) -> csr_matrix:
-    """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems."""
+    """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems.
+
+    With `A` along the combinations of them that friction with a material direction takes, (m, 2, 2).
+    """
     blocks = []
     for own, along, at_rest in zip(sides, np.moveaxis(tangent, 1, 0), still.T, strict=True):
         held = at_rest | _held(own, along, tied, lever)
         blocks.append(_spread(system, own, along, paired, held, bulge, lever))
-    return _interleave(blocks) if blocks else csr_matrix((0, system.n))
+    if not blocks:
+        return csr_matrix((0, system.n))
+    rows = _interleave(blocks)
+    return rows if A is None else combined_rows(A, rows)
 
 
 def _interleave(blocks: Sequence[csr_matrix]) -> csr_matrix:

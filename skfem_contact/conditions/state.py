@@ -89,6 +89,11 @@ class _History:
         return vars(self) | {"slip": slip, "tangential_force": force, "reference": reference}
 
 
+def _each(kin: Kinematics, of_slip: Array, of_friction: Array) -> Array:
+    """Vectors for slip, friction and reference, (3, m, d-1, d); (m, d-1, d) where they are the same."""
+    return of_slip if kin.scaled is None else np.stack([of_slip, of_friction, of_slip])
+
+
 @dataclass(frozen=True, eq=False)
 class LocalState(_History):
     """A state along the tangents of one pairing: the history of a load step, and its answer.
@@ -101,8 +106,9 @@ class LocalState(_History):
         """What is remembered of it; `kin` is the pairing that it belongs to."""
         components = self._friction
         vectors = np.zeros((*components.shape[:2], kin.normal.shape[1]))
+        basis = _each(kin, kin.duals, kin.axes)
         for k in range(kin.tangents):  # in every step: sums over so few are dear to einsum
-            vectors += components[:, :, k, None] * kin.tangent[:, k]
+            vectors += components[:, :, k, None] * basis[..., k, :]
         return State(**self._with(vectors), normal=kin.normal)
 
 
@@ -141,9 +147,10 @@ class State(_History):
         if self.normal is not kin.normal and not np.array_equal(self.normal, kin.normal):
             vectors = transport(vectors, self.normal, kin.normal)
         components = np.zeros((*vectors.shape[:2], kin.tangents))
+        basis = _each(kin, kin.axes, kin.duals)
         for k in range(kin.tangents):
             for j in range(vectors.shape[2]):
-                components[:, :, k] += vectors[:, :, j] * kin.tangent[:, k, j]
+                components[:, :, k] += vectors[:, :, j] * basis[..., k, j]
         known = self._with(components)
         del known["normal"]
         return LocalState(**known)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from skfem_contact.conditions.friction import Coulomb
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import RigidMotions
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import LocalState
 from skfem_contact.conditions.thresholds import (
     BALANCED,
@@ -121,6 +122,9 @@ def friction_coefficients(interface: Interface, m: int) -> Array:
         grip[part] = np.inf
         if isinstance(law, Coulomb) and type(law) is Coulomb and not np.any(law.cohesion):
             grip[part] = law.mu
+        # along the axes of the rows, in which the ellipse is the circle of the larger coefficient
+        if type(law) is OrthotropicCoulomb and not np.any(law.cohesion):
+            grip[part] = law.larger
     return np.where(interface.frictional, grip, 0.0)
 
 

@@ -78,6 +78,21 @@ FEW_MODES = 12
 # Round-off of squares of singular values, over the largest of them.
 DIGITS = 1e-12
 
+# -- orthotropic -------------------------------------------------
+
+# Least ratio of two coefficients of friction. Rows of slips are multiplied by it, and have to stay far
+# above FIXED, below which a row counts as prescribed.
+SMOOTHEST = 1e-3
+
+# Ellipses whose ratios of axes differ by no more than this are of one shape: users write decimals.
+ONE_SHAPE = 1e-9
+
+# -- slip_axes ---------------------------------------------------
+
+# Sine of the angle to the normal below which a direction has no projection to speak of: half a degree,
+# where the turns that a body makes under load decide where it points.
+NO_PROJECTION = 1e-2
+
 # -- state -------------------------------------------------------
 
 # Normals whose scalar product is closer than this to -1 are opposite but for round-off.

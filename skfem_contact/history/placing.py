@@ -81,7 +81,7 @@ def _travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
     geometry, interface = by.model.geometry, by.model.interface
     last, new = attempt.start, attempt.local
     closed = (new.status != OPEN) & (last.status != OPEN) & geometry.finite
-    slid = np.linalg.norm(new.slip - last.slip, axis=1)
+    slid = np.linalg.norm(attempt.problem.kin.slip_along(new.slip - last.slip), axis=1)
     travel, culprit = 0.0, -1
     for contact, part in zip(interface.contacts, interface.point_slices, strict=True):
         way = np.where(closed[part], slid[part], 0.0)

@@ -98,7 +98,7 @@ class StepReader:
             if moved is not self._still[0]:
                 shift = moved.shift(kin.action[part])
                 gap0[part] -= np.einsum("id,id->i", kin.normal[part], shift)
-                slip0[part] -= np.einsum("ikd,id->ik", kin.tangent[part], shift)
+                slip0[part] -= np.einsum("ikd,id->ik", kin.axes[part], shift)
         nothing = np.zeros(self.system.n)
         return LoadCase(nothing, nothing, gap0, slip0, interference, motion)
 

@@ -78,7 +78,7 @@ def _moment(attempt: Attempt, body: RigidBody, u: Array) -> tuple[Array, float, 
             continue
         side = contact.secondary
         forces = -local.normal_force[part][:, None] * kin.normal[part]
-        forces += np.einsum("ik,ikd->id", local.tangential_force[part], kin.tangent[part])
+        forces += np.einsum("ik,ikd->id", local.tangential_force[part], kin.axes[part])
         moved = u[system.slice(side.body)][side.dofs] - v
         moment += cross(moved, forces).sum(axis=0)
         size = np.linalg.norm(forces, axis=1)

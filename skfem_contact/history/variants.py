@@ -69,10 +69,14 @@ class Variants(ProblemSetup):
                 contacts[i] = replace(contacts[i], friction=friction)
         twin = self._copied()
         twin.contacts = tuple(contacts)
+        twin.geometry = self.geometry.with_laws(contacts)
+        twin.kin = twin.geometry.kin
         twin._reader = twin._new_reader()
         twin.timings = {"setup": 0.0}
-        twin.interface = interface(twin.contacts, self.kin, twin._stiffness, self.loop)
-        twin.linear_model = self.linear_model.with_interface(twin.interface, twin.timings)
+        twin.interface = interface(twin.contacts, twin.kin, twin._stiffness, self.loop)
+        twin.linear_model = self.linear_model.with_interface(
+            twin.interface, twin.timings, twin.geometry
+        )
         twin._answering = twin._new_answering()
         return twin
 

@@ -55,7 +55,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
         attempt = replace(attempt, outcome=replace(attempt.outcome, trace=tuple(trace)))
         if not attempt.good:
             return attempt
-        volume = worn_volume(interface, attempt.start, attempt.local, attempt.plastic_slip)
+        volume = worn_volume(interface, attempt.start, attempt.local, _way(attempt))
         area = attempt.local.area
         grown = np.divide(volume, area, out=np.zeros_like(volume), where=area > 0)
         change = last.wear + grown - depth
@@ -104,7 +104,7 @@ class Answering:
         if space is None:
             return None
         closed = (local.status != OPEN) & (space.normal_rows >= 0)
-        c = 0.5 * volumes(interface, np.ones(len(closed)), lengths(attempt.plastic_slip))
+        c = 0.5 * volumes(interface, np.ones(len(closed)), _way(attempt))
         c = np.divide(c, local.area, out=np.zeros_like(c), where=local.area > 0)
         points = closed & (c > 0)
         stuck = (local.status == STICK)[:, None] & (space.tangential_rows >= 0)
@@ -142,13 +142,18 @@ def _with_depth(by: Stepper, step: LoadStep, start: str, depth: Array) -> Attemp
     return replace(attempt, case=step.target)
 
 
-def worn_volume(interface: Interface, last: LocalState, new: LocalState, plastic: Array) -> Array:
+def _way(attempt: Attempt) -> Array:
+    """Length of the way that friction acts on, (m,)."""
+    return lengths(attempt.problem.kin.slip_along(attempt.plastic_slip))
+
+
+def worn_volume(interface: Interface, last: LocalState, new: LocalState, way: Array) -> Array:
     """Volume worn off each point between two states, (m,).
 
-    The mean of the forces at both ends, zero at open points, on the way that friction acts on.
+    The mean of the forces at both ends, zero at open points, on a way (m,).
     """
     pressing = [np.where(s.status != OPEN, np.maximum(s.normal_force, 0.0), 0.0) for s in (last, new)]
-    return volumes(interface, 0.5 * (pressing[0] + pressing[1]), lengths(plastic))
+    return volumes(interface, 0.5 * (pressing[0] + pressing[1]), way)
 
 
 def volumes(interface: Interface, force: Array, way: Array) -> Array:

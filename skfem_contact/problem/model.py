@@ -136,21 +136,26 @@ class LinearModel:
             self._moves = case.x, tuple(largest)
         return self._moves[1]
 
-    def with_interface(self, interface: Interface, timings: dict[str, float]) -> LinearModel:
+    def with_interface(
+        self, interface: Interface, timings: dict[str, float], geometry: Geometry
+    ) -> LinearModel:
         """The same bodies under other friction laws; shared, where the laws need the same rows."""
         same = np.array_equal(interface.slipping, self.interface.slipping)
+        own = geometry is self.geometry
         twin = LinearModel(
-            self.geometry,
+            geometry,
             interface,
             self.stiffness,
-            self.motions,
+            self.motions if own else self.motions.seen_by(geometry.kin),
             self.linear,
             self.limits,
             timings,
         )
-        if same:
+        if same and own:
             self.prepare()
             twin._bodies, twin._base = self._bodies, self._base
+        elif same and np.array_equal(twin._wanted, self._wanted):  # slips have other axes
+            twin._bodies = self.bodies
         return twin
 
     def with_springs(self, springs: NDArray[np.float64]) -> LinearModel:

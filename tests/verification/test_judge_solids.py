@@ -186,6 +186,18 @@ def test_nothing_is_found_on_other_friction(method, settings):
     assert found(replace(s, finite="finite" in settings)) == set()
 
 
+GRAIN = (0.8, 0.6, 0.1, 0.3)
+
+
+@pytest.mark.parametrize(
+    "method, element, law",
+    every_day([("mortar", "hex Q1", LAWS[0])], METHODS, ELEMENTS, (LAWS[0], LAWS[3])),
+)
+def test_nothing_is_found_on_friction_with_a_grain(method, element, law):
+    """An ellipse, and slip normal to it, also with a cap and cohesion."""
+    assert found(rubbing(method, element, law, grain=GRAIN)) == set()
+
+
 @pytest.mark.parametrize("method", [pytest.param("mortar", marks=pytest.mark.slow), "node"])
 class TestSpoiledFriction:
     """Friction spoiled on purpose is found wrong, and for the right reason."""
@@ -224,6 +236,15 @@ class TestSpoiledFriction:
         truth = replace(truth, steps=(TURNING[1], TURNING[0], TURNING[2]))
         checks = {f.check for f in bench.examine(Court(truth, known(truth)), answers)}
         assert checks & {"against", "stick"}
+
+    def test_a_grain_that_is_missed(self, method):
+        """Or one that is not there, lies across, or leaves more of the friction."""
+        truth, across = rubbing(method, grain=GRAIN), (-0.6, 0.8, 0.0, 0.3)
+        rough = rubbing(method, grain=(*GRAIN[:3], 0.5))
+        assert "bound" in found(truth, rubbing(method))
+        assert found(rubbing(method), truth) & {"stick", "against"}
+        assert found(truth, rubbing(method, grain=across)) & {"bound", "against"}
+        assert found(truth, rough) & {"bound", "against"}
 
     def test_energy(self, method):
         def spoil(a):

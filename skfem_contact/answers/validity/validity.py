@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,9 @@ from skfem_contact.answers.validity.rotation import leaning_words, rotation_word
 from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
 from skfem_contact.answers.validity.watch import facet_words, sliding_words, strain_words
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.lever import as_motion
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.errors import warn
 from skfem_contact.obstacles.obstacle import Obstacle
 
@@ -343,11 +346,16 @@ def _contact(result: Answer, i: int, outlines: Mapping[str, Outline | Hull]) -> 
         chords += sagitta(contact.primary, contact.primary.facet_node_normals)
         meeting = between(outlines[names[0]], outlines[names[1]], chords, result.system.extent, *args)
     angle = float(np.max(result.kin.tilt[part][closed], initial=0.0))
-    mu = float(np.max(getattr(contact.friction, "mu", np.nan)))
+    mu = float(np.max(_coefficient(contact.friction)))
     share = angle / mu if mu > 0 else np.nan
     return ContactValidity(
         drift, meeting.overlap, chords, meeting.unseen, meeting.opening, angle, share, chord_gaps
     )
+
+
+def _coefficient(law: FrictionLaw | None) -> Any:
+    """The coefficient of friction that a tilt counts against, one or (m,); NaN without."""
+    return law.smaller if isinstance(law, OrthotropicCoulomb) else getattr(law, "mu", np.nan)
 
 
 def _slip(result: Answer, part: slice, track: Track) -> Array:
@@ -356,7 +364,7 @@ def _slip(result: Answer, part: slice, track: Track) -> Array:
     slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
     if t == 1:
         return slip.ravel()
-    return np.asarray(np.einsum("mk,mkd->md", slip.reshape(-1, t), track.tangent))
+    return np.asarray(np.einsum("mk,mkd->md", slip.reshape(-1, t), result.kin.duals[part]))
 
 
 def _chord_words(part: ContactValidity) -> str:

@@ -251,7 +251,8 @@ class Watch:
             elastic = float(np.abs(lifted).max())
             approach, strain = max(approach, elastic), max(strain, elastic / self.extent[i])
         if contact.friction is not None or contact.tied:
-            slip = track.slip(state.slip[part], case.slip0[part])
+            given = self.geometry.kin.slip_along(case.slip0[part], part)
+            slip = track.slip(state.slip[part], given)
             # a belt is pressed in by its stretch along the drum
             stretch = slip - self._dragged[i]
             approach = max(approach, track.spread(stretch[closed]) if count else 0.0)

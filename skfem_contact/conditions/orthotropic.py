@@ -1,0 +1,244 @@
+r"""Friction with two coefficients: along a material direction (grain, rolling, grooves) and across it.
+
+The bound is an ellipse in the tangent plane, and slip is normal to it (the associated rule):
+
+    (tau_1 / mu_1)^2 + (tau_2 / mu_2)^2 <= lambda^2,
+    tau_i = mu_i^2 v_i lambda / sqrt(mu_1^2 v_1^2 + mu_2^2 v_2^2)      for a slip v.
+
+With the ratios ``r_i = mu_i / mu`` to the larger coefficient, slips ``r_i s_i`` and forces
+``tau_i / r_i`` do the same work, the ellipse is a circle, and the rule is that of Coulomb's law. So
+slips are taken along axes scaled like that (`slip_axes`, `Kinematics.axes`), and whatever is made of
+slips and forces (loops, routes, energies, the certificate) is that of isotropic friction.
+
+References
+----------
+R. Michalowski, Z. Mroz, Arch. Mech. 30 (1978) 259-276: ellipse and associated rule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skfem_contact.arguments import numbers, shown, with_known_keywords
+from skfem_contact.bodies.selection import written
+from skfem_contact.carried import carried
+from skfem_contact.conditions.friction import Coulomb, FrictionLaw
+from skfem_contact.conditions.thresholds import ONE_SHAPE, SMOOTHEST
+from skfem_contact.errors import InputError
+from skfem_contact.sealed import kept, sealed
+
+Array = NDArray[np.float64]
+
+
+COEFFICIENTS = "OrthotropicCoulomb: mu"
+PAIR = "give the coefficients along the direction and across it, mu=(mu_1, mu_2), or an array (m, 2)"
+DIRECTION = "OrthotropicCoulomb: direction"
+VECTORS = (
+    "give 3 numbers, an array (m, 3) with a vector per point, or a function of x, (3, m) -> (3, m)"
+)
+
+
+@with_known_keywords(
+    mu_1="write mu=(mu_1, mu_2)",
+    mu1="write mu=(mu1, mu2)",
+    axis="write direction",
+    grain="write direction",
+    ratio="write mu=(mu_1, mu_2)",
+)
+@dataclass(frozen=True, eq=False)
+class OrthotropicCoulomb(FrictionLaw):
+    r"""Coulomb friction in space with other coefficients along a material direction than across it.
+
+    Friction of a point lies within the ellipse ``(tau_1 / mu_1)^2 + (tau_2 / mu_2)^2 <= lambda^2``
+    with the normal force ``lambda``. Where it slips it is on the ellipse, and the slip is normal to it
+    (the associated rule of Michalowski and Mroz): a slip `v` is resisted by
+    ``tau_i = mu_i^2 v_i lambda / sqrt(mu_1^2 v_1^2 + mu_2^2 v_2^2)``. So friction is against the slip
+    for slips along the two axes only, and else turned towards the rough one.
+
+    Parameters
+    ----------
+    mu : (float, float), or ndarray of shape (m, 2)
+        Coefficients along the direction and across it; both positive, neither more than a thousand
+        times the other.
+    direction : vector of 3 numbers, ndarray of shape (m, 3), or callable
+        The direction of the first coefficient on the secondary surface, of any length and sign. What of
+        it is along the normal of a point does not count. A callable takes the component-first positions
+        (3, m) of the undeformed points and returns vectors (3, m).
+    tau_max : (float, float), optional
+        Caps of the friction stress along and across [stress].
+    cohesion : (float, float), optional
+        Shear strengths at zero pressure along and across [stress]. An ellipse keeps its shape: both
+        pairs have to be in the ratio of the coefficients.
+
+    Raises
+    ------
+    InputError
+        If a parameter is not that. From `Contact` where the contact is in the plane, and from the
+        solver where the direction is normal to the surface.
+
+    Notes
+    -----
+    Of a contact with this friction ``values.tangent``, and with it the components of slip and friction,
+    are along the direction and across it.
+
+    `limit` is the bound along the rougher of the two axes. So is `stiffness`, if there is one: along
+    the other axis it is smaller by the square of the ratio of the coefficients.
+
+    The direction is fixed to the secondary body, which rotates little: with ``sliding="finite"`` it is
+    projected onto the tangent plane of each place that a point comes to. Of two bodies make the one
+    with the grain the secondary.
+
+    Examples
+    --------
+    A block dragged at 45 degrees to grooves, across which there is three times as much friction:
+
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshHex().with_boundaries({"low": lambda x: x[2] == 0, "high": lambda x: x[2] == 1})
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    >>> drag = {"high": (10.0, 10.0, -0.01)}
+    >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="high", x=drag, name="block")
+    >>> law = sc.OrthotropicCoulomb(mu=(0.1, 0.3), direction=(1, 0, 0))
+    >>> foot = sc.Contact(block.surface("low"), sc.RigidPlane((0, 0, 0), (0, 0, 1)), friction=law)
+    >>> force = sc.ContactSolver(block, foot).solve().force
+    >>> (force / force[2]).round(3)
+    array([-0.032, -0.285,  1.   ])
+    """
+
+    mu: ArrayLike
+    direction: ArrayLike | Callable[[Array], ArrayLike]
+    tau_max: ArrayLike = np.inf
+    cohesion: ArrayLike = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("mu", "direction", "tau_max", "cohesion"):
+            object.__setattr__(self, name, kept(getattr(self, name)))
+        _check_coefficients(self._pairs)
+        if not callable(self.direction):
+            _check_direction(self.direction)
+        self._circle  # noqa: B018 (checks caps and cohesion)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "direction": carried(self.direction, "direction of OrthotropicCoulomb")}
+
+    @property
+    def is_linear(self) -> bool:
+        return self._circle.is_linear
+
+    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        return self._circle.limit(normal_force, area, slip)
+
+    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        return self._circle.slope(normal_force, area, slip)
+
+    @property
+    def smaller(self) -> Array:
+        """The smaller of the two coefficients, one number or (m,)."""
+        return np.asarray(self._pairs.min(axis=-1))
+
+    @property
+    def larger(self) -> Array:
+        """The larger of the two coefficients, one number or (m,)."""
+        return np.asarray(self._pairs.max(axis=-1))
+
+    @cached_property
+    def ratios(self) -> Array:
+        """Both coefficients over the larger one, shape (2,) or (m, 2)."""
+        return sealed(self._pairs / self._pairs.max(axis=-1, keepdims=True))
+
+    def on(self, points: Array) -> OrthotropicCoulomb:
+        """The law at the points of a surface (m, 3), with the directions that a function gives there.
+
+        Raises
+        ------
+        InputError
+            Arrays are for another number of points, or the function returns something else.
+        """
+        m = len(points)
+        for name in ("mu", "direction"):
+            size = np.shape(getattr(self, name))
+            if len(size) == 2 and size[0] != m:
+                raise InputError(
+                    f"OrthotropicCoulomb: {name} has shape {size}, but the contact has {m} points; "
+                    "give one for all, or one per point of the secondary surface."
+                )
+        if not callable(self.direction):
+            return self
+        found = numbers(self.direction(points.T), f"what {DIRECTION} returned", VECTORS)
+        if found.shape == (3,):  # the same everywhere
+            found = np.broadcast_to(found[:, None], points.T.shape)
+        if found.shape != points.T.shape:
+            raise InputError(
+                f"{DIRECTION} returned an array of shape {found.shape} for positions of shape "
+                f"{points.T.shape}; {VECTORS}"
+            )
+        none = ~(np.isfinite(found).all(axis=0) & found.any(axis=0))
+        if none.any():
+            raise InputError(
+                f"{DIRECTION} is not finite, or zero, at {written(points[np.argmax(none)])}. Let the "
+                "function return any direction along the surface where it has none."
+            )
+        return replace(self, direction=sealed(np.ascontiguousarray(found.T)))
+
+    @cached_property
+    def _pairs(self) -> Array:
+        return numbers(self.mu, COEFFICIENTS, PAIR)
+
+    @cached_property
+    def _circle(self) -> Coulomb:
+        """The law along the rougher axis."""
+        larger = self.larger
+        cap, strength = (self._of_rough(name) for name in ("tau_max", "cohesion"))
+        return Coulomb(larger if larger.ndim else float(larger), cap, strength)
+
+    def _of_rough(self, name: str) -> float:
+        """The cap or cohesion along the rougher axis; both are in the ratio of the coefficients."""
+        what = f"OrthotropicCoulomb: {name}"
+        given = numbers(getattr(self, name), what, "give a pair of stresses, along and across")
+        none = {"tau_max": np.inf, "cohesion": 0.0}[name]
+        if given.shape in ((), (2,)) and (given == none).all():
+            return none
+        if given.shape != (2,):
+            raise InputError(
+                f"{what} has shape {given.shape} and has to be a pair of stresses, along the direction "
+                "and across it: with one value for all directions the bound were no ellipse."
+            )
+        one, other = np.moveaxis(self._pairs, -1, 0)
+        off = np.abs(given[0] * other - given[1] * one) > ONE_SHAPE * np.abs(given[0] * other)
+        if not np.isfinite(given).all() or (given < 0).any() or off.any():
+            fits = f"({given[0]:.6g}, {given[0] * float(np.ravel(other / one)[0]):.6g})"
+            raise InputError(
+                f"{what} = {shown(given.tolist())} does not fit mu: the ellipse keeps its shape, so "
+                f"both have to be >= 0, finite, and in the ratio of the coefficients, as in {fits}."
+            )
+        return float(given.max())
+
+
+def _check_coefficients(mu: Array) -> None:
+    if mu.shape[-1:] != (2,) or mu.ndim > 2 or mu.size == 0:
+        words = "For one in all directions there is Coulomb."
+        raise InputError(f"{COEFFICIENTS} has shape {mu.shape}; {PAIR}. {words}")
+    if not (np.isfinite(mu) & (mu > 0)).all():
+        words = f"has to be positive and finite; {PAIR}"
+        raise InputError(f"{COEFFICIENTS} = {shown(mu.tolist())} {words}.")
+    if (mu.min(axis=-1) < SMOOTHEST * mu.max(axis=-1)).any():
+        raise InputError(
+            f"{COEFFICIENTS} = {shown(mu.tolist())}: one is more than {1 / SMOOTHEST:.0f} times the "
+            "other. Slips are scaled by them; raise the smaller one to that, it hardly matters."
+        )
+
+
+def _check_direction(direction: Any) -> None:
+    given = numbers(direction, DIRECTION, VECTORS)
+    if given.shape[-1:] != (3,) or given.ndim > 2:
+        raise InputError(f"{DIRECTION} has shape {given.shape}; {VECTORS}.")
+    if not np.isfinite(given).all() or not given.any(axis=-1).all():
+        raise InputError(f"{DIRECTION} is not finite, or zero; {VECTORS}.")
