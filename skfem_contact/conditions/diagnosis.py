@@ -79,15 +79,18 @@ def _shared(one: Any, other: Any) -> bool:
     return one.body is other.body and bool(np.isin(one.mesh_facets, other.mesh_facets).any())
 
 
-def check_pairing(contact: Contact, pairing: Pairing) -> None:
+def check_pairing(contact: Contact, pairing: Pairing, undeformed: bool = False) -> None:
     """Refuse a contact none of whose points has a partner, or one too few for ``outside="error"``.
+
+    What slides far may come to its partner; glue holds what is together in the undeformed meshes.
 
     Raises
     ------
     InputError
     """
     lonely = pairing.miss > 0  # a node that handed its multiplier on has a partner
-    nobody = bool(lonely.all()) and contact.sliding == "small"
+    stays = contact.sliding == "small" or (undeformed and contact.bilateral)
+    nobody = bool(lonely.all()) and stays
     if not nobody and not (lonely.any() and contact.outside == "error"):
         return
     found = diagnose(pairing, contact.secondary, contact.primary)

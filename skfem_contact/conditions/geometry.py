@@ -57,7 +57,7 @@ class Geometry:
         self.point_slices = point_slices(contacts)
         self.pairings: list[Pairing] = [pair(contact) for contact in contacts]
         for contact, pairing in zip(contacts, self.pairings, strict=True):
-            check_pairing(contact, pairing)
+            check_pairing(contact, pairing, undeformed=True)
             check_side(contact, pairing)
             warn_redundant_glue(contact, pairing)
         self._first = [

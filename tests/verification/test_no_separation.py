@@ -397,3 +397,23 @@ def test_a_guide_that_is_pushed_along_has_no_equilibrium(linear, separation):
     )
     with pytest.raises(sc.NoEquilibrium, match="'pad' is free to move: translation along x"):
         sc.ContactSolver([pad, track], guide, linear=linear).solve()
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+@pytest.mark.parametrize("kind", [{"tied": True}, {"separation": False}])
+def test_glue_that_reaches_nothing_is_refused(sliding, kind):
+    """Two surfaces 0.02 apart and a reach of 0.01: glued to nothing, whatever may come later."""
+    pad = block_basis(np.linspace(-0.5, 0.5, 5), np.linspace(0.02, 1, 4))
+    track = block_basis(np.linspace(-1, 1, 7), np.linspace(-1, 0, 3))
+    pad = sc.Body(pad, elastic(1.0, 0.3), D="top", name="pad")
+    track = sc.Body(track, elastic(1.0, 0.3), D="bottom", name="track")
+
+    def glued(reach):
+        glue = sc.Contact(
+            pad.surface("bottom"), track.surface("top"), reach=reach, sliding=sliding, **kind
+        )
+        return sc.ContactSolver([pad, track], glue)
+
+    with pytest.raises(sc.InputError, match="None of the 5 points"):
+        glued(0.01)
+    assert np.isfinite(glued(0.03).solve(x={"pad": {"top": (0, 0.01)}}).gap).all()
