@@ -129,5 +129,5 @@ for axes in (places, history):
     axes.spines[["top", "right"]].set_visible(False)
 figure.savefig(out / "belt.png", dpi=90)
 
-# %% The sentence of the docstring
+# %% Check what the first lines say
 assert error < tolerance

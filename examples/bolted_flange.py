@@ -121,7 +121,7 @@ curve.set(xlabel="pull on the pipe [kN]", ylabel="force per bolt [kN]", ylim=(0,
 curve.legend(frameon=False)
 figure.savefig(out / "bolted_flange.png", dpi=100)
 
-# %% The sentences of the docstring
+# %% Check what the first lines say
 felt = np.diff(in_bolt) / np.diff(pulls / bolts)
 assert np.abs(felt[:2]).max() < 0.05 and abs((in_bolt[2] - in_bolt[0]) * bolts / pulls[2]) < 0.02
 assert felt[-1] > 1

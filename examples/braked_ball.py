@@ -148,7 +148,7 @@ for ax in (pull, creep):
         ax.axvline(edge / a, color="#999999", lw=0.6)
 figure.savefig(out / "braked_ball.png", dpi=100)
 
-# %% The sentences of the docstring
+# %% Check what the first lines say
 rolling = slice(2, len(rolled) + 1)
 assert abs(R * (angle[rolling][-1] - angle[1]) / (way[rolling][-1] - way[1]) - 1) < 0.005
 assert np.abs(force[rolling]).max() < 0.05 * mu * P

@@ -115,7 +115,7 @@ along.legend(frameon=False, loc="lower right")
 along.spines[["top", "right"]].set_visible(False)
 figure.savefig(out / "heat_across_interface.png", dpi=100)
 
-# %% the promise of the first lines
+# %% Check what the first lines say
 assert 0.15 < errors["node flux"] < 0.25
 error = max(errors["mortar"], errors["mortar flux"])
 print(f"error {error:.1e}")

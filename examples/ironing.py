@@ -129,6 +129,6 @@ with writer.saving(figure, str(out / "ironing.gif"), dpi=70):
             image.set_clim(0.0, 0.13)
         writer.grab_frame()
 
-# %% The sentence of the docstring
+# %% Check what the first lines say
 error, tolerance = ripple, 0.005
 assert error < tolerance

@@ -124,6 +124,6 @@ curve.set(xlabel="Q / (μP)", ylabel="creep over μa / R")
 curve.legend(frameon=False)
 figure.savefig(out / "towing_wheel.png", dpi=120)
 
-# %% The sentence of the docstring
+# %% Check what the first lines say
 error, tolerance = float(np.max(np.abs(found - carter)) / (mu * a / R)), 0.02
 assert error < tolerance

@@ -104,7 +104,7 @@ growth.set(xlabel="sliding distance [mm]", ylabel="depth worn off [µm]", title=
 growth.legend(frameon=False)
 figure.savefig(out / "wear.png", dpi=120)
 
-# %% The sentences of the docstring
+# %% Check what the first lines say
 last = some[-1]
 assert abs(last.worn_volume * mu / (k * last.dissipation_total) - 1) < 1e-12
 error, tolerance = abs(last.wear_depth.max() / depth[-1] - 1), 0.01

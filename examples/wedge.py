@@ -147,6 +147,6 @@ axes[12].set_title("12 degrees: it comes out by itself")
 axes[5].legend(frameon=False, loc="upper left")
 figure.savefig(out / "wedge.png", dpi=110)
 
-# %% The sentences of the docstring
+# %% Check what the first lines say
 assert error < tolerance
 assert kept > 0.9 and N[12][-1] < 1e-6 * N[12].max()
