@@ -36,6 +36,21 @@ def test_effectivity(name):
         assert part.total / exact < 3.0
         assert part.total / exact > (0.2 if "8 on 5" in name else 0.3)
     assert_allclose(estimate.indicator.sum(), 1.0)
+    if name == FEW:  # measured .95: no part counts twice, none is left out
+        assert estimate.pressure.total / true[0] == pytest.approx(0.95, abs=0.05)
+        assert estimate.pressure.facets == pytest.approx(0.0187, rel=0.1)
+
+
+def test_the_end_of_a_surface_is_an_edge():
+    """A block narrower than the one it is pressed on: most of the error is at its rim."""
+    low = elastic(cube("quad4", 3), "quad4", "low", held=((at(2, 0.0), (0, 1, 2)),))
+    narrow = cube("quad4", 4, lambda x: 0.6 * x + np.array([[0.2], [0.17], [1.0]]))
+    top = at(2, 1.6)
+    high = elastic(narrow, "quad4", "high", held=((top, (0, 1, 2)),), push=(top, (0.0, 0.0, -0.01)))
+    sides = high.surface(at(2, 1.0)), low.surface(at(2, 1.0))
+    estimate = sc.ContactSolver([high, low], sc.Contact(*sides)).solve().error_estimate
+    assert estimate.pressure.largest == "edges" and estimate.pressure.edges > 0.05
+    assert "at the end of high/surface" in estimate.advice
 
 
 def moved(kind, n):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import skfem as fem
@@ -258,6 +260,28 @@ def test_a_single_tetrahedron():
     assert (
         "answers" not in tetrahedron(0.0)[0].solve({"tip": load(dofs, (0, 0, -1.0), solver)}).report()
     )
+
+
+@pytest.mark.parametrize(
+    ("law", "separation", "shown"),
+    [
+        (sc.Coulomb(0.1), True, True),
+        (sc.Coulomb(0.1, tau_max=1.0), True, True),
+        (sc.Coulomb(0.1, cohesion=0.1), True, False),  # what opens loses its bound at once
+        (sc.Coulomb(0.1, cohesion=0.1), False, True),
+        (sc.Tresca(0.1), True, False),
+        (sc.Tresca(0.1), False, True),
+    ],
+)
+def test_bounds_that_jump_show_nothing(law, separation, shown):
+    """An open point has no friction: nothing follows where its bound is not zero without pressure."""
+    solver, dofs, _ = tetrahedron(0.1)
+    contact = replace(solver.contacts[0], friction=law, separation=separation)
+    if not separation:  # given gaps count as they are
+        contact = replace(contact, gap=0.0)
+    solver = sc.ContactSolver(solver.system.bodies, contact)
+    known = solver.solve({"tip": load(dofs, (-0.01, 0.01, -1.0), solver)}).uniqueness
+    assert (known.unique_up_to > 0) == shown and (known.index != 0) == shown
 
 
 def load(dofs, force, solver):
