@@ -39,9 +39,10 @@ class Done:
 
 
 class Blocks:
-    """Meshes, stiffness and loads that all scenes share."""
+    """Meshes, stiffness and loads that all scenes share; their histories have `count` steps."""
 
-    def __init__(self, dofs: float) -> None:
+    def __init__(self, dofs: float, count: int = STEPS) -> None:
+        self.count = count
         self.scene = Scene(Case("audit", dofs, mu=0.0))
         stiffness = linear_elasticity(*lame_parameters(E, NU))
         upper, lower = self.scene.bases["upper"], self.scene.bases["lower"]
@@ -89,9 +90,9 @@ class Blocks:
         x[np.intersect1d(top.all("u^1"), body.D)] = along * self.scene.depth
         return {"x": {body.name: x}}
 
-    def way(self, body: sc.Body | None = None, count: int = STEPS) -> Iterator[dict[str, Any]]:
+    def way(self, body: sc.Body | None = None) -> Iterator[dict[str, Any]]:
         """Half of the steps press, the others push along."""
-        body = body or self.upper
+        body, count = body or self.upper, self.count
         for down in steps(0, 1, count // 2):
             yield self.moved(body, down, 0.0)
         for along in steps(0, 0.2, count - count // 2):

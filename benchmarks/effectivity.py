@@ -27,6 +27,7 @@ import numpy as np
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent / "tests" / "verification"))
+sys.path.append(str(HERE.parent / "tests"))
 
 import test_conforming  # noqa: E402
 import test_mortar_contact  # noqa: E402

@@ -34,6 +34,7 @@ from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "verification"))
+sys.path.append(str(Path(__file__).parents[1] / "tests"))
 
 from enumeration import Problem, all_solutions, distance
 from random_problems import random_scene

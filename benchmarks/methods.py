@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "verification"))
+sys.path.append(str(Path(__file__).parents[1] / "tests"))
 
 from test_tied import Waves, errors
 from unlike_meshes import UnlikeBlocks

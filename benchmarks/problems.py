@@ -31,6 +31,7 @@ from skfem_contact.reference import (
 )
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "verification"))
+sys.path.append(str(Path(__file__).parents[1] / "tests"))
 
 from scenes import elastic, pressure_load
 from smooth_contacts import graded, ordered

@@ -5,11 +5,12 @@ from __future__ import annotations
 import gc
 import sys
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-from pairs import pairwise
+from pairs import every_value, pairwise
 
 HERE = Path(__file__).parent
 collect_ignore_glob = ["scenes/*"]  # scripts, which `test_scenes` runs
@@ -22,25 +23,26 @@ SLOW = (HERE / "slow.txt").read_text(encoding="utf-8").splitlines()
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """What the default run leaves to the slow one, besides what is marked in the files themselves."""
-    _leave_pairs(items)
+    _leave(items, "pairwise", pairwise)
     found = {item.nodeid: item for item in items}
     for name in SLOW:
         if name in found:
             found[name].add_marker(pytest.mark.slow)
         elif not config.option.file_or_dir:  # all tests are here
             raise pytest.UsageError(f"tests/slow.txt names {name}, which does not exist")
+    _leave(items, "every_value", every_value)
 
 
-def _leave_pairs(items: list[pytest.Item]) -> None:
-    """Of the full products marked `pairwise` only pairs stay in the default run; the rest is slow."""
+def _leave(
+    items: list[pytest.Item], mark: str, few: Callable[[list[dict[str, Any]]], set[int]]
+) -> None:
+    """Of the products with a mark the default run keeps a few of those that are not slow already."""
     products = defaultdict(list)
     for item in items:
-        if item.get_closest_marker("pairwise") and not item.get_closest_marker("slow"):
+        if item.get_closest_marker(mark) and not item.get_closest_marker("slow"):
             products[item.nodeid.partition("[")[0]].append(item)
     for product in products.values():
-        # values are told apart as objects: arrays and laws cannot be compared or hashed
-        values = [{name: id(v) for name, v in item.callspec.params.items()} for item in product]
-        kept = pairwise(values)
+        kept = few([item.callspec.params for item in product])
         for number, item in enumerate(product):
             if number not in kept:
                 item.add_marker(pytest.mark.slow)

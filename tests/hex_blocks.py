@@ -15,9 +15,10 @@ from functools import cached_property
 
 import numpy as np
 import skfem as fem
+from quick_elasticity import linear_elasticity
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.bodies.system import stack

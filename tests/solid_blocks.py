@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import skfem as fem
 from numpy.typing import NDArray
+from quick_elasticity import linear_elasticity
 from scipy.sparse import csr_matrix
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.bodies.system import System

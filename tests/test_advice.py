@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import skfem as fem
-from skfem.models.elasticity import linear_elasticity
+from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.answers.error.estimate import _advice
 
 
+@cache
 def block(name, y, n, E, width=1.0, **data):
     mesh = fem.MeshQuad.init_tensor(np.linspace(0, width, n + 1), y + np.linspace(0, 1, 4))
     basis = fem.Basis(mesh.with_defaults(), fem.ElementVector(fem.ElementQuad1()))
@@ -27,14 +28,14 @@ def advice(secondary, primary, method):
     return "swap secondary and primary" in text, 'use method="mortar"' in text
 
 
-SCENES = list(itertools.product([(4, 4), (4, 8), (8, 4), (8, 7)], [1.0, 100.0, 0.01, 2.0], [1.0, 0.8]))
-
-
+@pytest.mark.pairwise
 @pytest.mark.parametrize("method", ["node", "mortar"])
-def test_followed_advice_leaves_none(method):
+@pytest.mark.parametrize("facets", [(4, 4), (4, 8), (8, 4), (8, 7)], ids=str)
+@pytest.mark.parametrize("width", [1.0, 0.8])
+def test_followed_advice_leaves_none(facets, width, method):
     """Coarse and fine, soft and stiff, long and short sides: no advice is taken back by the next."""
-    swaps = 0
-    for (n, m), E, width in SCENES:
+    swaps, (n, m) = 0, facets
+    for E in (1.0, 100.0, 0.01, 2.0):
         upper = block("upper", 0.0, n, E, D="top").surface("bottom")
         lower = block("lower", -1.0, m, 1.0, width, D="bottom").surface("top")
         for one, other in ((upper, lower), (lower, upper)):
@@ -44,7 +45,7 @@ def test_followed_advice_leaves_none(method):
                 assert advice(other, one, method) == (False, False), (n, m, E, width)
             if mortar:
                 assert method == "node" and not advice(one, other, "mortar")[1]
-    assert swaps > 5
+    assert swaps > 0
 
 
 def pressed(n, friction=None, **settings):

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 import skfem as fem
+from quick_elasticity import linear_elasticity
 from scipy.sparse import csr_matrix
-from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.problem.full import FullSystem
@@ -37,7 +37,7 @@ def _forget() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def blocks() -> Any:
-    return scenes.Blocks(2000)
+    return scenes.Blocks(500, count=4)
 
 
 @pytest.mark.parametrize("row", scenes.ROWS, ids=lambda row: row.ingredient)
@@ -140,6 +140,7 @@ def test_a_module_is_a_module() -> None:
             assert isinstance(module, ModuleType)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("sliding", ["small", "finite"])
 @pytest.mark.parametrize("mu", [None, 0.3])
 def test_increments_do_not_touch_the_interior(mu: Any, sliding: str, monkeypatch: Any) -> None:

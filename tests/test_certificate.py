@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import skfem as fem
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from quick_elasticity import linear_elasticity
+from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
-from skfem.models.elasticity import linear_elasticity
+from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.conditions.checked_law import CheckedLaw
@@ -72,6 +72,7 @@ WRONG = {
 }
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("loop", LOOPS)
 @pytest.mark.parametrize("what", WRONG)
 def test_wrong_bounds_are_named(what, loop):
@@ -166,6 +167,7 @@ def test_the_certificate_shows_nan():
 POWERS = {"1/2": 0.5, "2/3": 2 / 3, "1/10": 0.1}
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("loop", ["newton", "direct"])
 @pytest.mark.parametrize("power", POWERS)
 def test_powers_of_the_pressure(power, loop):
@@ -205,6 +207,7 @@ HARDENING = {
 }
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("loop", LOOPS)
 @pytest.mark.parametrize("name", HARDENING)
 def test_hardening_laws(name, loop):

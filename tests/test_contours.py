@@ -21,7 +21,7 @@ def square(kind, n, turn=None, seed=None, **options):
         move = 0.15 / n * inner * np.array([np.sin(9 * n * x[1]), np.cos(7 * n * x[0])])
         return np.vstack([2 * (x[:2] + move) - 1, x[2:]])
 
-    mesh = cube(kind, n, place)
+    mesh = cube(kind, n, place, layers=1)
     mesh = mesh if seed is None else shuffled(mesh, seed)
     facets = mesh.facets_satisfying(at(2, 1.0))
     turn = np.eye(3) if turn is None else turn
@@ -56,6 +56,7 @@ def test_a_straight_edge_is_found_exactly(kind, direction):
 
 
 @every_kind
+@pytest.mark.every_value
 @pytest.mark.parametrize("n, tolerance", [(12, 0.03), (24, 0.015)])
 def test_the_circle_of_a_sphere(kind, n, tolerance):
     """3 and 6 faces to the radius: the area to 3 % and 1.5 %, wherever the circle is between nodes."""

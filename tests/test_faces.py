@@ -39,6 +39,7 @@ def test_shape_functions_belong_to_their_nodes(name):
 
 
 @every_kind
+@pytest.mark.every_value
 @pytest.mark.parametrize("seed", [None, 0, 1])
 def test_faces_look_outward_however_the_mesh_is_numbered(kind, seed):
     """On a convex body turned at random all normals, and the sense of all corners, point out."""

@@ -9,7 +9,8 @@ import pytest
 import scipy.sparse as sp
 import skfem as fem
 from numpy.testing import assert_allclose
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from quick_elasticity import linear_elasticity
+from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.conditions.discretisation import pair
@@ -43,6 +44,7 @@ def face(body):
     return body.surface("bottom" if body.name == "b1" else "top")
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("kind", ELEMENTS)
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.499])
 def test_plane_modulus_of_any_element(kind, nu):
@@ -99,6 +101,7 @@ def slopes(pairing):
     return pairing.points[inner, 0], -(pairing.normal[:, 0] / pairing.normal[:, 1])[inner]
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("E", [(1.0, 1.0), (4.0, 1.0), (1.0, 1000.0), (1e6, 1.0)])

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
+from quick_elasticity import linear_elasticity
 from scipy.sparse import csr_matrix, identity, kron
-from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
 

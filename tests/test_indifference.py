@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from quick_elasticity import linear_elasticity
+from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
@@ -102,6 +103,7 @@ def test_a_block_in_a_gap_stays_where_it_is(n, linear, friction, sliding):
     assert "'loose' is indifferent" in words
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("sliding", ["small", "finite"])
 @pytest.mark.parametrize("linear", LINEAR)
 def test_a_place_goes_on_from_a_file(tmp_path, linear, sliding):
@@ -279,6 +281,7 @@ def test_what_strains_drive_is_said(off):
     assert said == pytest.approx(takes, rel=0.05)  # two digits, and the place of another node
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("swap", [False, True])
 def test_a_round_pad_on_a_smooth_base(linear, swap):

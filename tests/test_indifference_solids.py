@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from quick_elasticity import linear_elasticity
+from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 

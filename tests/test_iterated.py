@@ -49,6 +49,7 @@ def posed(blocks: Blocks) -> tuple[PointProblem, IteratedProblem, MultigridProbl
     return PointProblem(dense, on), IteratedProblem(whole, on), MultigridProblem(grids, on)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("E", [1.0, 1e4])
 @pytest.mark.parametrize("floating", [False, True], ids=["held", "floating"])
 def test_forces_are_those_of_the_dense_problem(floating, E):

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from quick_elasticity import linear_elasticity
+from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact import Coulomb, Options
@@ -252,6 +253,7 @@ def test_points_alike_are_taken_by_rank():
         assert np.flatnonzero(taken.status == STICK).tolist() == [rank.index(2)]
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("loop", ["newton", "direct"])
 @pytest.mark.parametrize("method", ["mortar", "node"])
 @pytest.mark.parametrize("pressed", [0.0, -4e-3])

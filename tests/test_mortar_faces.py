@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
+from quick_elasticity import linear_elasticity
 from scipy.spatial.transform import Rotation
-from skfem.models.elasticity import linear_elasticity
 from solids import KINDS, at, body, cube, onto_octant, shuffled
 
 from skfem_contact.bodies.body import Body
@@ -244,6 +244,7 @@ def test_gap_of_blocks_apart(kind):
         dual_mortar(top, low, reach=-1.0)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("kind", FACES)
 @pytest.mark.parametrize("width", [(1.3, 0.9), (0.62, 0.55), (0.3, 1.4)])
 def test_part_of_the_secondary_is_covered(kind, width):
@@ -282,6 +283,7 @@ def plane_and_thick(kind, element, x, y, side, sheared=sheared):
     return Body(basis, linear_elasticity()).surface(facets), thick.surface(side)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(
     ("kind", "element"), [("quad4", fem.ElementQuad1), ("quad9", fem.ElementQuad2)], ids=["Q1", "Q2"]
@@ -380,6 +382,7 @@ def test_measure_weighs_the_areas():
 
 
 @every_face
+@pytest.mark.every_value
 @pytest.mark.parametrize("thick", [1, 3])
 def test_kinks_are_found_and_curves_are_none(kind, thick):
     """A chamfer of 20 degrees turns by that at its edge alone; cylinders and spheres have no kinks."""
@@ -399,6 +402,7 @@ def test_kinks_are_found_and_curves_are_none(kind, thick):
         assert np.all(kink_angles(curved.surface("up")) == 0)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("seed", range(12))
 def test_random_interfaces(seed):
     """Faces of all kinds and sizes, flat or bent, that cover each other anyhow: rows are means.

@@ -82,6 +82,7 @@ def brute(secondary: FaceSurface, primary: FaceSurface) -> np.ndarray:
 
 
 @every_kind
+@pytest.mark.every_value
 @pytest.mark.parametrize("seed", [0, 1])
 def test_nodes_round_a_closed_surface_are_paired_with_its_nearest_point(kind, seed):
     """On a ball in a larger hollow ball no partner but the nearest can be right; all nodes have one."""

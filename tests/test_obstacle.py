@@ -72,6 +72,7 @@ def test_a_hollow_cylinder_holds_a_shaft(kind):
     np.testing.assert_allclose(pairing.normal[left], [1, 0], rtol=0, atol=1e-12)
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("scale", [1.0, 1e-6])
 @pytest.mark.parametrize("given", [True, False])
 @pytest.mark.parametrize("power", [1, 3])

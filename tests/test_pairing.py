@@ -50,6 +50,7 @@ def turned(surface, angle, shift):
     return surface.moved(u), turn
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("lower", [fem.ElementQuad1(), fem.ElementQuad2()])
 @pytest.mark.parametrize("upper", [fem.ElementQuad1(), fem.ElementQuad2()])
 @pytest.mark.parametrize("height", [0.3, 0.0, -0.2])
@@ -179,6 +180,7 @@ def test_overhang_is_measured_along_the_surface():
     np.testing.assert_allclose(pairing.normal[~pairing.paired], [[0, 1]] * 3)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("scale", [1.0, 1e-6, 1e6])
 @pytest.mark.parametrize("angle", [0.0, 0.7, np.pi / 2])
 def test_a_corner_above_a_corner_is_paired(scale, angle):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
+from quick_elasticity import linear_elasticity
 from scipy.integrate import quad_vec
 from scipy.spatial.transform import Rotation
-from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.conditions.loads import Motion

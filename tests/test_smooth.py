@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
-from skfem.models.elasticity import linear_elasticity
+from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.conditions.kinematics import kinematics

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
-from skfem.models.elasticity import linear_elasticity
+from quick_elasticity import linear_elasticity
 from skfem.models.poisson import laplace
 
 import skfem_contact as sc

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
+from quick_elasticity import linear_elasticity
 from scipy.spatial import ConvexHull
-from skfem.models.elasticity import linear_elasticity
 from solids import KINDS
 
 import skfem_contact as sc

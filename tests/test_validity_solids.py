@@ -220,6 +220,7 @@ def test_a_support_that_turns_its_body_is_a_rotation():
 
 
 @every_kind
+@pytest.mark.every_value
 @pytest.mark.parametrize("seed", [0, 1])
 def test_depths_in_a_box(kind, seed):
     """Of a unit cube, turned in space: the distance from the nearest side, inside and outside."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,25 +20,34 @@ def near(axis, value, scale):
     return lambda x: np.abs(x[axis] - value) < 1e-6 * scale
 
 
+@cache
+def box(kind, n, size, low):
+    """Basis of a block of a size above the height `low`, and what a shear of its sides does, (x, y)."""
+    mesh = cube(kind, n, lambda x: np.array(size)[:, None] * (x + np.array([[0.0], [0.0], [low]])))
+    # straight edges: products of two gradients, or a function
+    order = 2 if kind in ("tri3", "quad4") else 4
+    basis = fem.Basis(mesh, fem.ElementVector(KINDS[kind][2]()), intorder=order)
+    across = []
+    for axis in (0, 1):
+        first, last = (
+            fem.LinearForm(lambda v, w: v[2]).assemble(
+                fem.FacetBasis(mesh, basis.elem, facets=mesh.facets_satisfying(end), intorder=order)
+            )
+            for end in (near(axis, 0.0, size[axis]), near(axis, size[axis], size[axis]))
+        )
+        across.append(last - first)
+    return basis, across
+
+
 def sheared_pair(kind, n, method, law, E=(0.7, 1.0), size=(1.0, 1.0, 1.0), partner=None, **options):
     """Two blocks, nu = 0, or one and a partner; and how they are loaded for a uniform shear."""
-    cubes, sides, loads, size = [], [], [], np.array(size)
+    cubes, sides, loads = [], [], []
     for k, modulus, name in zip(n, E, ("high", "low")[: len(n)], strict=True):
         low = 0.0 if name == "high" else -1.0
-        mesh = cube(kind, k, lambda x, low=low: size[:, None] * (x + np.array([[0.0], [0.0], [low]])))
-        basis = fem.Basis(mesh, fem.ElementVector(KINDS[kind][2]()), intorder=4)
+        basis, across = box(kind, k, tuple(size), low)
         D = basis.get_dofs(near(2, size[2] if low == 0 else -size[2], size[2])).all()
         cubes.append(sc.Body(basis, elastic_form(modulus, 0.0), D=D, name=name))
         sides.append(cubes[-1].surface(near(2, 0.0, size[2])))
-        across = []
-        for axis in (0, 1):
-            first, last = (
-                fem.LinearForm(lambda v, w: v[2]).assemble(
-                    fem.FacetBasis(mesh, basis.elem, facets=mesh.facets_satisfying(end), intorder=4)
-                )
-                for end in (near(axis, 0.0, size[axis]), near(axis, size[axis], size[axis]))
-            )
-            across.append(last - first)
         loads.append(across)
     sides += [] if partner is None else [partner]
     contact = sc.Contact(*sides, friction=law, method=method)

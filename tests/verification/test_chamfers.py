@@ -57,6 +57,7 @@ def pressed(degrees, method="mortar", swap=False, *, kind="Q1", facets=3, mu=0.0
     return sc.ContactSolver(bodies, contact).solve()
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("degrees", ANGLES)
 def test_mortar_presses_as_node_to_segment_does(degrees, swap):
@@ -69,6 +70,7 @@ def test_mortar_presses_as_node_to_segment_does(degrees, swap):
         assert np.abs(result.points[closed, 0]).max() < 1.2
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize(
     "settings",

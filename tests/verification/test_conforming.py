@@ -99,6 +99,7 @@ def measured_angle(result):
     return brentq(lambda half: spread(half) - found, 0.05, 1.7)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("half", [22.61986, 43.60282, 61.92751, 77.31962, 84.82795])
 def test_C1_contact_angle(half):
     """A pin touches its hole over the angle of Persson's theory, and presses as there."""
@@ -207,6 +208,7 @@ def test_C2_half_width(rigid, half_width):
     assert np.all(result.gap[lifted] > 0)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("load", [1e-6, 1e6])
 @pytest.mark.parametrize("rigid", [True, False])
 def test_C2_contact_recedes_at_once(rigid, load):
@@ -292,6 +294,7 @@ def vertical(result, body, point):
     return result.displacement(body)[basis.nodal_dofs[1, node]]
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize(("mu", "exact"), [(0.0, -0.1343), (0.1, -0.1321)])
 def test_F4_punch(mu, exact, method):
@@ -353,6 +356,7 @@ def roller(mu, h=0.5, secondary="roller", method="node"):
     return sc.ContactSolver([steel, block], [contact]).solve()
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("secondary", ["roller", "block"])
 @pytest.mark.parametrize("mu", [0.0, 0.1])

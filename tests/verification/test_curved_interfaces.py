@@ -109,6 +109,7 @@ def mean_and_ripple(result, p2):
     return mean, np.sqrt(share @ (error - mean) ** 2)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("p2", [0.0, 1e5])
 def test_the_estimate_feels_the_ripple(p2, swap):
@@ -157,6 +158,7 @@ def test_the_mean_error_is_that_of_chords_and_bodies(n):
     assert result.error_estimate.pressure.chords == pytest.approx((low + high) / 2, rel=0.02)
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("p2", [0.0, 1e5])
 @pytest.mark.parametrize("n", [(24, 16), (48, 32), (16, 16), (32, 32)])
@@ -219,6 +221,7 @@ def pin_in_hole(n_pin, n_hole, half, swap=False, sliding="small"):
     return np.sqrt(error)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("half", [43.60282, 61.92751])
 @pytest.mark.parametrize(("n_hole", "swap"), [(36, False), (64, True)])
 def test_clearance_between_polygons_that_do_not_match(n_hole, swap, half):

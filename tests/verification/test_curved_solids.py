@@ -48,6 +48,7 @@ def press_fit(kind, n, layers, E=1.0):
     return abs(error.mean()), np.sqrt(np.mean(error**2))
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize(
     "kind, n, mean, root",
     [

@@ -128,6 +128,7 @@ def energies(result, last, K):
     return work, 0.5 * (u[-1] @ (K @ u[-1]) - u[-2] @ (K @ u[-2]))
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("method", ["mortar", "node"])
 @pytest.mark.parametrize("seed", range(6))
 def test_balance_of_random_steps(method, seed):

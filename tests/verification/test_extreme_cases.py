@@ -78,6 +78,7 @@ KAPPAS += [
 KAPPAS += [(np.inf, loop, linear) for loop in ("newton", "direct") for linear in LINEAR]
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize(("kappa", "loop", "linear"), KAPPAS)
 def test_X2_stiffness_over_that_of_K(kappa, loop, linear):
     """A spring of kappa times K's diagonal is in series with the blocks, or slips at mu p."""
@@ -125,6 +126,7 @@ def test_X5_raous_block_with_large_friction(mu, refused):
     assert result.certificate.worst < 1e-12
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("length", [-30, 10])
 @pytest.mark.parametrize("stress", [-20, 30])
 def test_X6_powers_of_two_change_no_digit(length, stress):
@@ -137,6 +139,7 @@ def test_X6_powers_of_two_change_no_digit(length, stress):
     assert_array_equal(result.forces / force, reference.forces)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("how", ["gap", "interference"])
 @pytest.mark.parametrize("overlap", [1e-15, 1e-12, 1e-9, 1e-3, 1.0])
 def test_X8_any_overlap(overlap, how):
@@ -161,6 +164,7 @@ def test_X8_a_gap_that_just_closes(gap):
     assert_allclose(result.pressure, gap, rtol=1e-9)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("n", [(2, 100), (100, 2)], ids=str)
 def test_X10_resultants_of_very_different_facets(n, method):
@@ -377,6 +381,7 @@ def placed(at, name):
     return bodies, sc.Contact(*pair, friction=sc.Coulomb(0.3), name=name)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("distance", [1e1, 1e3, 1e6, 1e9])
 def test_far_pairs_do_not_feel_each_other(distance, linear):
@@ -396,6 +401,7 @@ def test_far_pairs_do_not_feel_each_other(distance, linear):
     assert_array_equal(result["there"].status, alone.status)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("distance", [1e3, 1e6, 1e9])
 def test_far_from_the_origin(distance, method):

@@ -56,6 +56,7 @@ def test_X1_moduli_of_any_ratio(k, way, linear):
     case.check(case.solve(linear=LINEAR[linear]), rtol)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("k", range(-8, 9, 2))
 def test_X1_press_fit_of_any_ratio(k):
     """The pressure of a press fit has hub and sleeve in series, up to a sleeve that is rigid."""
@@ -123,6 +124,7 @@ def test_X2_fictitious_forces_say_that_they_do_not_settle(refused):
     assert not seen.error.result.converged
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("loop", ["newton", "direct"])
 def test_X3_zero_friction_is_no_friction(loop, linear):
@@ -169,6 +171,7 @@ def test_X5_large_friction_on_a_block_that_lifts(mu):
 UNITS = [(-9, 0), (0, -9), (-9, 9), (-6, 12), (3, 9), (9, -9), (9, 9)]
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize(("length", "stress"), UNITS)
 @pytest.mark.parametrize("case", [STICK, SLIP], ids=["stick", "slip"])
 def test_X6_any_units(case, length, stress):
@@ -182,6 +185,7 @@ def test_X6_any_units(case, length, stress):
     assert_allclose(result.u / 10.0**length, reference.u, rtol=0, atol=1e-12 * case.U)
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("mu", [None, 0.3])
 @pytest.mark.parametrize("size", [1e-30, 1e-6, 1e30])
@@ -212,6 +216,7 @@ def test_X7_any_load(size, mu, linear):
 # -- gaps, meshes ---------------------------------------------------------------------------
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("gap", [-1e-15, 0.0, 1e-15, 1e-6, 10.0, -1e-6, -1e-2])
 def test_X8_any_gap(gap, linear):
@@ -233,6 +238,7 @@ def test_X8_huge_interference():
 
 # the end of the slender column slides over .8 of its facets, past the end of the other: rightly said
 @pytest.mark.filterwarnings("ignore:.*small sliding:skfem_contact.ContactWarning")
+@pytest.mark.every_value
 @pytest.mark.parametrize(
     ("width", "rtol"),
     # a slender column bends: (H/W)^4 eps = 2e-8 of its digits go to the condition of K, where the row
@@ -246,6 +252,7 @@ def test_X9_any_aspect(width, rtol, linear):
     case.check(case.solve(linear=LINEAR[linear]), rtol)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("n", [(2, 200), (200, 2)], ids=str)
 def test_X10_meshes_of_very_different_size(n, method):
@@ -399,6 +406,7 @@ def test_X14_all_points_slip(linear):
     assert_allclose(np.abs(result.force[0]), 0.5 * result.force[1], rtol=EXACT)
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("mu", [None, 0.5])
 @pytest.mark.parametrize("gap", [0.0, 0.3])
@@ -415,6 +423,7 @@ def test_X15_points_that_never_touch_change_nothing(gap, mu, linear):
     assert_allclose(result.u, free, rtol=0, atol=1e-12 * np.abs(free).max())
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("loop", ["newton", "direct", "fictitious"])
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("mu", [None, 0.5])
@@ -453,6 +462,7 @@ def test_X17_more_than_friction_holds(f, refused):
 # -- prescribed contact nodes, several contacts ----------------------------------------------
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("mu", [None, 0.3])
 @pytest.mark.parametrize("held", ["normal", "tangential", "both", "all"])
@@ -589,6 +599,7 @@ def shifted(delta, width=3.0, n=6, method="node", **settings):
     return sc.ContactSolver(bodies, [contact])
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("delta", [1e-12, -1e-12, 1e-8, -1e-8])
 def test_X20_nodes_on_joints(delta, method):
@@ -678,6 +689,7 @@ def test_X23_facet_without_length(refused):
 BAD = [np.nan, np.inf, -np.inf]
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("bad", BAD)
 @pytest.mark.parametrize(
     "where",
@@ -796,6 +808,7 @@ def test_X25_reversed_three_times():
     assert_allclose(cycle[0], loop, rtol=1e-9)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 2.0, np.inf])
 @pytest.mark.parametrize("linear", LINEAR)
 def test_X26_shear_cap(share, linear):

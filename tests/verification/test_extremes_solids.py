@@ -44,6 +44,7 @@ def sheared(E, size, mu, method="mortar", n=(3, 2), strain=1e-3, over=0.0, toler
     return result
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("ratio", [1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9])
 @pytest.mark.parametrize("over", [-0.5, 0.5], ids=["stick", "slip"])
 @pytest.mark.parametrize("method", METHODS)
@@ -55,6 +56,7 @@ def test_S1_moduli_of_two_solids(ratio, over, method):
     sheared((ratio, 1.0), (1.0, 1.0, 1.0), 0.5, method, n, over=over, tolerance=tolerance)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("length", [1e-9, 1e-6, 1e3, 1e6])
 @pytest.mark.parametrize("modulus", [1e-6, 1e11])
 def test_S2_units_of_solids(length, modulus):
@@ -62,6 +64,7 @@ def test_S2_units_of_solids(length, modulus):
     sheared((0.7 * modulus, modulus), (length,) * 3, 0.5, over=0.5)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("size", [(1, 1, 1e-2), (1, 1, 1e-3), (1, 1e-2, 1), (0.05, 0.05, 1)], ids=str)
 @pytest.mark.parametrize("method", METHODS)
 def test_S3_plates_and_bars(size, method):
@@ -70,6 +73,7 @@ def test_S3_plates_and_bars(size, method):
     sheared((0.7, 1.0), size, 0.3, method, n, over=-0.5, tolerance=1e-8)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("mu", [0.0, 1e-12, 1.0, 1e3])
 @pytest.mark.parametrize("method", METHODS)
 def test_S4_coefficients_of_friction(mu, method):
@@ -82,6 +86,7 @@ def test_S4_coefficients_of_friction(mu, method):
         assert not result.tangential_force.any()
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("depth", [1e-12, 1e-6, 1e-2])
 @pytest.mark.parametrize("n", [(1, 2), (2, 3)], ids=str)
 def test_S5_one_point(depth, n):
@@ -100,6 +105,7 @@ def test_S6_one_face_on_many(n):
     sheared((0.7, 1.0), (1.0, 1.0, 1.0), 0.5, n=n, over=0.5, tolerance=1e-9)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("gap", [-0.5, -1e-6, -1e-12, 0.0, 1e-12, 1e-6, 0.1, 10.0])
 @pytest.mark.parametrize("method", METHODS)
 def test_S7_gaps_and_overlaps(gap, method):

@@ -250,6 +250,7 @@ def test_nothing_is_left_of_points_apart(name):
     assert not normal.any() and not tangential.any()
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("loop", ["newton", "direct"])
 @pytest.mark.parametrize("name", LAWS)
 def test_every_law(name, loop):
@@ -286,6 +287,7 @@ def test_glue_beside_friction():
     assert routes[0][-1][2].normal_force[tied].min() < 0 and (routes[0][-1][2].status == OPEN).any()
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("loop", ["newton", "direct", "fictitious"])
 @pytest.mark.parametrize("wave", [0.0, 0.1])
 def test_a_block_held_by_friction_alone(wave, loop):

@@ -108,6 +108,7 @@ def test_what_taking_a_load_away_leaves_is_round_off():
     assert [kind.split(",")[0] for kind, _ in judge(problem)] == ["right", "right"]
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("seed", [4, 6, 11, 21, 41, 45, 55, 56])
 def test_bodies_without_stress_are_certified(seed):
     """Problems with a step in which nothing touches: the certificate divided by round-off."""

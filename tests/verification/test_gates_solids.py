@@ -24,6 +24,7 @@ from skfem_contact.reference import (
 )
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("n", "method"), [((1, 1), "node"), ((1, 1), "mortar"), ((2, 3), "mortar")])
 def test_P1_two_cubes_of_SSNV167(n, method, kind):
@@ -62,6 +63,7 @@ P2 = {  # U, tau_max, tau, slip of the whole joint
 }
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("case", P2)
 @pytest.mark.parametrize("angle", [0.0, 37.0])
 @pytest.mark.parametrize(

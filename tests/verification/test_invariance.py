@@ -146,6 +146,7 @@ def test_numbering(obstacle, seed, turned_round):
 
 
 @both
+@pytest.mark.every_value
 @pytest.mark.parametrize(
     "view", [View(mirror=True), View(swap=True), View(mirror=True, swap=True)], ids=str
 )

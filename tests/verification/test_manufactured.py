@@ -81,6 +81,7 @@ def nodal_integrals(function, n):
     return np.sum((1 - ends) * values), np.sum(ends * values)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("pose", [UPRIGHT, Pose(33.0)], ids=str)
 @pytest.mark.parametrize(("kind", "factor"), [("Q1", 1.0), ("P1", 3.0)])
 def test_M1_displacement_is_of_second_order(kind, factor, pose):

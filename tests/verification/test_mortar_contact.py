@@ -98,6 +98,7 @@ ANY_MESHES = {
 }
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("friction", [None, MU], ids=["smooth", "sticking"])
 @pytest.mark.parametrize("kind", KINDS)
 @given(**ANY_MESHES)
@@ -144,6 +145,7 @@ def test_P1_linear_meets_quadratic(kinds):
     assert max(error.values()) < EXACT
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize(
     ("kind", "finer", "coarser"),
     # measured errors of the pressure, node-to-segment, secondary finer and coarser
@@ -178,6 +180,7 @@ def towards(h):
     return np.append(y, 1.0)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("fine", ["secondary", "primary"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_X10_hundred_to_one(kind, fine):
@@ -213,6 +216,7 @@ def test_X10_hundred_to_one(kind, fine):
         assert result.certificate.penetration < 1e-12
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("kind", ["P1", "Q1", "Q2"])
 @pytest.mark.parametrize("method", ["node", "mortar"])
 def test_X20_node_on_a_joint(kind, method):
@@ -243,7 +247,7 @@ def test_X20_node_on_a_joint(kind, method):
         assert_allclose(solve(shift), there, rtol=0, atol=1e-6 * np.abs(there).max())
 
 
-@pytest.mark.pairwise
+@pytest.mark.every_value
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("end", [0.6, 0.63, 0.79, 0.99])

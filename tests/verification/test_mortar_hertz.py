@@ -112,7 +112,7 @@ def test_H1_other_elements(kind, ratio):
     assert np.abs(p - found[-1][1].pressure(x))[inside].max() < 5e-3 * found[-1][1].p0
 
 
-@pytest.mark.pairwise
+@pytest.mark.every_value
 @pytest.mark.parametrize("part", [0.03, 0.28, 0.78])
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("kind", ["Q1", "P1", "Q2", "P2"])
@@ -136,6 +136,7 @@ def test_H1_pressure_between_nodes():
     assert_allclose(p, exact.pressure(x), rtol=0, atol=0.005 * exact.p0)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize(
     ("points", "ratio"),
     [

@@ -139,6 +139,7 @@ def test_n1_single_equilibria(
     assert result.status[node] == status
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("loop", LOOPS)
 @pytest.mark.parametrize("share", [0.2, pytest.param(0.9, marks=pytest.mark.slow), 0.999])
 def test_n1_every_load_below_the_critical_friction(loop: str, share: float) -> None:

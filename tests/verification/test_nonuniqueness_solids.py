@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import skfem as fem
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from quick_elasticity import linear_elasticity
+from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.answers.one_answer import unique_up_to

@@ -280,6 +280,7 @@ def quick(cases):
     return [pytest.param(*c, marks=() if c in QUICK else pytest.mark.slow) for c in cases]
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize(("nu", "mu"), quick(PLANE))
 def test_F3_stick_under_a_flat_punch(nu, mu):
     """Pressed by a flat punch with friction, the middle sticks as far as Spence's theory says."""
@@ -297,6 +298,7 @@ def test_F3_stick_under_a_round_flat_punch(nu, mu):
     assert low - 0.5 / 40 <= ratio <= high + 0.5 / 40
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("law", [None, sc.Coulomb(0.3)], ids=["smooth", "rough"])
 def test_a_very_stiff_body_is_a_rigid_obstacle(method, law):

@@ -73,6 +73,7 @@ def saddle_point(K, f, C, b, D, x):
 # -- the reduced matrix ------------------------------------------------------------------------
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("kind", ["Q1", "P1"])
 @pytest.mark.parametrize("angle", [0.0, 33.0, 90.0])
@@ -154,6 +155,7 @@ def reduced_and_merged(n, kind):
 FROM_THE_MIDDLE = pytest.mark.xfail(strict=True, reason="SciPy starts in the middle of the body")
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize(
     ("kind", "n"),
     [
@@ -173,6 +175,7 @@ def test_bandwidth_in_the_ordering_of_scipy(kind, n):
     assert bandwidth(K_r) <= 1.5 * bandwidth(merged)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("kind", ["Q1", "P1"])
 @pytest.mark.parametrize("n", [(8, 8), (12, 12), (8, 12)])
 def test_bandwidth_is_that_of_a_conforming_mesh(kind, n):
@@ -241,6 +244,7 @@ def check_against_multipliers(bodies, contacts):
     assert_allclose(p, force, rtol=0, atol=1e-12 * internal)
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("kind", ["Q1", "P1"])
 @pytest.mark.parametrize("angle", [0.0, 33.0, 270.0])
@@ -259,6 +263,7 @@ def test_T_against_multipliers_on_three_stacked_bodies(counts, angle, kind, meth
     check_against_multipliers(bodies, contacts)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("angle", [0.0, 33.0, 90.0])
 @pytest.mark.parametrize("interference", [0.0, 1e-3])
 def test_T_against_multipliers_in_a_corner(interference, angle):
@@ -304,6 +309,7 @@ def resultants(result):
     return out
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("mu", [None, 0.3])
 @pytest.mark.parametrize("angle", [0.0, 33.0, 90.0])

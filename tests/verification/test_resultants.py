@@ -56,6 +56,7 @@ class Pad:
         return self.solver.solve(f=f)
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("loop", LOOPS)
 @pytest.mark.parametrize("spring", [1.0, 20.0])
 @pytest.mark.parametrize("angle", [0.0, 30.0])
@@ -88,6 +89,7 @@ def test_P3_resultant_on_the_incline():
     assert_allclose(normal, [-1.2e5, 2.0784e5], rtol=4e-5)  # as printed, cut after five digits
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("angle", [0.0, 30.0, 270.0])
 @pytest.mark.parametrize(
     ("margin", "loop"),
@@ -149,6 +151,7 @@ def wedge(mu, *, uphill=True, n=((12, 3), (9, 3)), G=4.0, method="node"):
     return result, internal[pushed].sum(), internal
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("uphill", [True, False], ids=["up", "down"])
 @pytest.mark.parametrize("mu", [0.0, 0.1, 0.2, 0.3])
@@ -215,6 +218,7 @@ def test_P5_holding_force_of_VM29(loop):
     assert not raised.value.result.converged
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("loop", LOOPS)
 @pytest.mark.parametrize("mu", [0.1, 0.3, 0.8])
 def test_P5_slides_if_and_only_if_the_slope_exceeds_mu(mu, loop):
@@ -292,6 +296,7 @@ def check_corner(result, rtol):
     assert_allclose(result["below"].pressure, p_y, rtol=rtol)
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["auto", "sparse"])
 @pytest.mark.parametrize("kind", ["Q1", "P1"])
 @pytest.mark.parametrize("pose", [Pose(), Pose(90.0), Pose(270.0), Pose(0.0, 5)], ids=str)
@@ -457,6 +462,7 @@ PATH = [
 ]
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("loop", LOOPS)
 @pytest.mark.parametrize("G", [np.inf, 5.0])
 def test_P10_energy_is_conserved(G, loop):

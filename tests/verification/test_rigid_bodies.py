@@ -86,6 +86,7 @@ def test_a_die_under_the_force_that_its_motion_took_moves_by_that_motion(loop, r
 
 
 @pytest.mark.filterwarnings("ignore:Rigid bodies carry their loads along")
+@pytest.mark.every_value
 @pytest.mark.parametrize("sliding", ["small", "finite"])
 @pytest.mark.parametrize("shape", [disc(), floor()], ids=["disc", "plane"])
 def test_a_moment_turns_a_die_as_far_as_its_turn_took(shape, sliding):
@@ -252,6 +253,7 @@ def test_loads_and_motions_by_name_whatever_the_size_of_the_bodies():
 
 
 # what a slab gives way falls with its modulus; at 1e8 round-off of its stiffness is as much
+@pytest.mark.every_value
 @pytest.mark.parametrize(("ratio", "near"), [(1e5, 1e-4), (1e7, 1e-6), (1e8, 1e-5)])
 @pytest.mark.parametrize("mu", [0.0, 0.3])
 def test_a_very_stiff_body_is_the_limit(mu, ratio, near):
@@ -370,7 +372,7 @@ def tilted(pose=UPRIGHT, order=(0, 1, 2), scale=1.0, route="condensed", loop="ne
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 @pytest.mark.parametrize("sliding", ["small", "finite"])
-@pytest.mark.pairwise
+@pytest.mark.every_value
 def test_the_order_of_bodies_and_contacts_is_no_matter(order, sliding):
     """Given in any order, bodies and contacts have one answer."""
     known = tilted(sliding=sliding)
@@ -379,13 +381,14 @@ def test_the_order_of_bodies_and_contacts_is_no_matter(order, sliding):
 
 @pytest.mark.parametrize("pose", [Pose(33.0), Pose(90.0), Pose(0.0, 7), Pose(200.0, 3)], ids=str)
 @pytest.mark.parametrize("sliding", ["small", "finite"])
-@pytest.mark.pairwise
+@pytest.mark.every_value
 def test_pose_and_numbering_are_no_matter(pose, sliding):
     """Turned in space, and numbered otherwise, the scene has the same answer."""
     known = tilted(sliding=sliding)
     assert_allclose(tilted(pose, sliding=sliding), known, rtol=0, atol=1e-11)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("scale", [1e-6, 1e3, 1e9])
 @pytest.mark.parametrize("route", ["condensed", "sparse"])
 def test_units_of_length_are_no_matter(scale, route):
@@ -521,6 +524,7 @@ def test_a_history_goes_on_from_a_file_to_the_last_bit(tmp_path):
         solver_of([block, other], [contact]).load_state(file)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("seed", range(12))
 def test_random_tools_have_one_answer_on_both_routes(seed):
     """Random discs and planes, loads, supports and springs: two routes, one answer, certified."""
@@ -644,7 +648,7 @@ def solid(kind="quad4", n=4):
 
 @pytest.mark.parametrize("route", ROUTES)
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.pairwise
+@pytest.mark.every_value
 def test_a_ball_on_a_solid_under_the_force_that_its_motion_took(kind, route):
     """In space: pressed by the force found at a motion, a ball goes there, on faces of every kind."""
     block = solid(kind)

@@ -132,6 +132,7 @@ def test_L1_meshes_that_do_not_match(share, turn):
     assert rising(off).min() >= 1.8
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("turn", [0.0, 0.1234])
 @pytest.mark.parametrize("share", [0.75, 1.25])
 def test_L1_node_to_segment(share, turn):
@@ -211,6 +212,7 @@ def test_L2_numbers():
         assert_allclose(u_r[np.isclose(r, rim)], exact, rtol=1e-3)  # second order: 2 % / 16
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("mu", [None, 0.3])
 def test_L2_quarter(mu, method):

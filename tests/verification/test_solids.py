@@ -34,6 +34,7 @@ def raised(kind, n, z, name="high", **settings):
 
 
 @every_kind
+@pytest.mark.every_value
 @pytest.mark.parametrize("seed", [None, 0])
 def test_a_block_pressed_on_a_plane_is_under_uniform_pressure(kind, seed):
     """E d / H everywhere, to round-off: also at corners of quadratic faces, without nodal forces."""
@@ -60,6 +61,7 @@ def test_a_block_pressed_on_a_plane_is_under_uniform_pressure(kind, seed):
 
 
 @every_kind
+@pytest.mark.every_value
 @pytest.mark.parametrize("E", [1.0, 1e4])
 def test_matching_blocks_pass_a_uniform_pressure(kind, E):
     """A loose block on another, pressed uniformly: the same pressure in the joint, both bulge alike."""
@@ -192,6 +194,7 @@ def pressed_dome(kind, turn, rigid=False, **solver):
 
 
 @some_kinds
+@pytest.mark.every_value
 @pytest.mark.parametrize("rigid", [False, True])
 def test_bodies_turned_in_space_have_the_same_answer(kind, rigid):
     """A curved body pressed askew, turned as a whole at random: pressures, forces and displacements."""

@@ -73,6 +73,7 @@ def solved(one, other, swap=False, **settings):
     return result, " ".join(str(w.message) for w in caught)
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("sliding", ["small", "finite"])
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.parametrize("height", [0.04, 0.2])
@@ -106,6 +107,7 @@ CORNER = Rotation.align_vectors([[0, 0, -1]], [[1, 1, 1]])[0]
 RIDGES = Rotation.from_euler("x", 45, degrees=True), Rotation.from_euler("y", 45, degrees=True)
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize(("n", "n_slab"), [(1, 1), (1, 2), (2, 2), (2, 3), (3, 4)])
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("swap", [False, True])
@@ -155,6 +157,7 @@ def under(side):
     return dict(zip(side.dofs[side.facets[face], 2].tolist(), weight, strict=True))
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (0.07, 0.13)])
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -182,6 +185,7 @@ def test_edges_that_meet_at_nodes():
     assert result.normal_force.any() and MEET in said
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("angle", [0.0, 30.0, 90.0])
 def test_bars_that_lie_across_each_other_are_not_told(method, angle):

@@ -88,6 +88,7 @@ def compare(scene):
     return node, mortar / node
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("facets", MESHES, ids=str)
 @pytest.mark.parametrize("kind", ALL)
 def test_press_fit_on_a_clamped_floor(kind, facets):
@@ -104,7 +105,7 @@ def test_press_fit_on_a_clamped_floor(kind, facets):
         assert_allclose(ratio, 1.0, atol=1e-9)
 
 
-@pytest.mark.pairwise
+@pytest.mark.every_value
 @pytest.mark.parametrize("parts", [None, "u^2"], ids=["all", "along"])
 @pytest.mark.parametrize("facets", MESHES, ids=str)
 @pytest.mark.parametrize("kind", ["Q1", "P2", "S2"])
@@ -115,6 +116,7 @@ def test_gripped_blocks(kind, facets, parts):
     assert_allclose(ratio, 1.0, atol=0.04)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("scene", [press_fit, gripped_blocks])
 @pytest.mark.parametrize("kind", ["Q1", "Q2"])
 def test_with_friction(kind, scene):
@@ -133,6 +135,7 @@ def test_prescribed_node_carries_nothing_and_is_seen():
     assert_allclose(result.certificate.penetration * 2.0, DEEP)  # over the extent of the bodies
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("facets", [(20, 21), (40, 41)], ids=str)
 @pytest.mark.parametrize("method", ["node", "mortar"])
 def test_clamps_that_end_near_each_other(method, facets):
@@ -155,6 +158,7 @@ def test_clamps_that_end_near_each_other(method, facets):
     assert force(facets, method) == pytest.approx(force((facets[0],) * 2, "node"), rel=0.05)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("scene", [press_fit, gripped_blocks])
 @pytest.mark.parametrize("method", ["node", "mortar"])
 def test_finite_sliding_and_all_dofs_agree(method, scene):
@@ -237,6 +241,7 @@ LAWS = {
 }
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(
     "facets", [(6, 8), *(pytest.param(at, marks=pytest.mark.slow) for at in ((8, 6), (5, 7)))], ids=str
@@ -256,6 +261,7 @@ def test_half_a_model_is_half_of_the_whole(kind, facets, law):
     assert half.status[first[0]] == 1
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("law", ["slipping", "sticking", "glue"])
 @pytest.mark.parametrize("slope", [0.1, 1.0])
 @pytest.mark.parametrize("kind", ["Q1", "S2"])
@@ -276,7 +282,7 @@ def test_inclined_interface_on_a_line_of_symmetry(kind, slope, law):
 # --- what has to stay exact ---------------------------------------------------------------------
 
 
-@pytest.mark.pairwise
+@pytest.mark.every_value
 @pytest.mark.parametrize("settings", [{}, {"friction": sc.Coulomb(0.3)}, {"tied": True}], ids=str)
 @pytest.mark.parametrize("ends", ["all", "u^1", "u^2"])
 @pytest.mark.parametrize("kind", ALL)

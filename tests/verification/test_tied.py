@@ -200,6 +200,7 @@ def test_tied_node_by_node_loses_order(kind):
 
 
 # waves of amplitude one turn the sides by as much, which a manufactured solution may
+@pytest.mark.pairwise
 @pytest.mark.filterwarnings("ignore:.*has turned by:skfem_contact.ContactWarning")
 @pytest.mark.parametrize("method", ["node", "mortar"])
 @pytest.mark.parametrize("kind", ["P1", "Q1", "P2", "Q2", "S2"])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
+from quick_elasticity import linear_elasticity
 from scenes import (
     POSES,
     UPRIGHT,
@@ -23,7 +24,7 @@ from scenes import (
 from scipy.sparse import bmat, csr_matrix
 from scipy.sparse.linalg import spsolve
 from skfem.helpers import ddot, sym_grad
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.reference import uniform_shear
@@ -66,6 +67,7 @@ def two_blocks(n, kind, nu, *, E=2e6, U0=-0.1, support="roller", pose=UPRIGHT, m
     return result, exact, E / (1 - nu**2) * abs(U0) / 2
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("mu", [None, 0.3])
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 @pytest.mark.parametrize("kind", KINDS)
@@ -91,6 +93,7 @@ def test_P1_numbers_of_SSNP121():
     assert_allclose(result.displacement("low")[top], -0.05, rtol=EXACT)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("pose", POSES[1:], ids=str)
 @pytest.mark.parametrize("kind", KINDS)
 def test_P1_turned_and_renumbered(kind, pose):
@@ -140,6 +143,7 @@ def inclined_blocks(sigma, n, kind, method, mu, angle=30.0, pose=UPRIGHT, E=1.0,
     return result, traction @ normal, traction @ tangent, compliance
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("pose", [POSES[0], POSES[1], POSES[3], POSES[5]], ids=str)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("n", "method"), [((5, 5), "node"), ((5, 7), "mortar")])
@@ -156,6 +160,7 @@ def test_P1_inclined_interface(n, method, kind, pose):
         assert_allclose(result.displacement(body.name), u, rtol=0, atol=EXACT * np.abs(u).max())
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("pose", [POSES[0], POSES[1], POSES[3], POSES[5]], ids=str)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("n", "method"), [((5, 5), "node"), ((5, 7), "mortar")])
@@ -193,6 +198,7 @@ def axisymmetric_form(E, nu):
     return form
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("mu", [None, 0.3])
 @pytest.mark.parametrize(("n", "method"), [((4, 4), "node"), ((4, 6), "mortar")])
@@ -279,6 +285,7 @@ def point_to_line_forces(system, contact):
     return solution[len(free) :]
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 @pytest.mark.parametrize("kind", KINDS)
 def test_P1_node_to_segment_errs_near_other_meshes_only(kind, nu):
@@ -428,6 +435,7 @@ NUMBERS = {  # U, cap, tau, slip: as printed in the problem
 }
 
 
+@pytest.mark.pairwise
 @pytest.mark.parametrize("case", NUMBERS)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("n", "method"), [((5, 5), "node"), ((4, 8), "node"), ((4, 7), "mortar")])
@@ -449,7 +457,7 @@ def test_P2_numbers(case, kind, n, method, loop):
         assert_allclose(result.slip, 0.0, atol=EXACT * U)
 
 
-@pytest.mark.pairwise
+@pytest.mark.every_value
 @pytest.mark.parametrize("linear", ["condensed", sc.Direct()], ids=["condensed", "sparse"])
 @pytest.mark.parametrize("swap", [False, True], ids=["", "swapped"])
 @pytest.mark.parametrize("pose", POSES, ids=str)
@@ -480,6 +488,7 @@ def test_P2_turned_renumbered_swapped(case, pose, swap, linear):
 K_T = {1e-8: 7.999999e-11, 1e-4: 7.987220e-7, 1.0: 4.705882e-4, 1e4: 4.999969e-4, 1e12: 5.0e-4}
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("loop", ["newton", "direct", "fictitious"])
 @pytest.mark.parametrize("kappa", K_T)
 def test_P2_tangential_stiffness_in_series(kappa, loop):
@@ -495,6 +504,7 @@ def test_P2_tangential_stiffness_in_series(kappa, loop):
     shear.check(result, state)
 
 
+@pytest.mark.every_value
 @pytest.mark.parametrize("loop", ["newton", "direct", "fictitious"])
 @pytest.mark.parametrize("kappa", [1e-8, 1.0, 1e4, 1e12])
 def test_P2_tangential_stiffness_between_two_bodies(kappa, loop):
