@@ -71,6 +71,16 @@ def test_what_is_no_curve():
     assert slopes(arc(20)).any()
 
 
+@pytest.mark.parametrize("start", [0.0, 0.3, 1.1, 2.0])
+def test_sixteen_sides_are_a_circle(start):
+    """Facets of an eighth of pi, wherever they begin: it is not left to round-off."""
+    side = np.pi / 8
+    slopes = body(arc(7, start=start, stop=start + 7 * side)).surface("face").slopes[1:-1]
+    assert_allclose(slopes, np.tan(side / 2) * np.array([[1, -1]] * 5), rtol=1e-9)
+    wider = 1.01 * side
+    assert not body(arc(7, start=start, stop=start + 7 * wider)).surface("face").slopes.any()
+
+
 @pytest.mark.parametrize("swap", [False, True])
 def test_gaps_of_two_arcs(swap):
     """The clearance of two arcs, measured to 2 % where chords are wrong by a third of it."""

@@ -20,8 +20,9 @@ CORNER = np.cos(np.pi / 4)
 SAME_PLACE = 1e-6
 
 # A facet stands for a piece of a curve if the smooth boundary leaves it by no more than 11.25 degrees:
-# 16 facets to the circle. With fewer the polygon is meant, as it is of a chamfer of 30 degrees.
-STEEPEST = np.tan(np.pi / 16)
+# 16 facets to the circle. With fewer the polygon is meant, as it is of a chamfer of 30 degrees. Of 16
+# it is not left to round-off.
+STEEPEST = np.tan(np.pi / 16) * (1 + 1e-9)
 
 # ... and by about as much at both ends: where a straight side passes into an arc, one end turns by
 # half of the other, and beside a kink in a straight side one end does not turn at all.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -112,7 +113,13 @@ def test_what_taking_a_load_away_leaves_is_round_off():
 @pytest.mark.parametrize("seed", [4, 6, 11, 21, 41, 45, 55, 56])
 def test_bodies_without_stress_are_certified(seed):
     """Problems with a step in which nothing touches: the certificate divided by round-off."""
-    assert set(kinds(seed)) <= {"right", "right, not enumerated", "refused"}
+    for kind, words in judge(seed):
+        if kind == "right, few digits":
+            # 4e-8 to 1.5e-7 on different machines: round-off of K u over loads of a millionth of its
+            # terms (2e-10), times the ratio of the moduli, some hundreds; divided by round-off it was 1
+            assert float(re.search(r"certificate (\S+),", words)[1]) < 1e-6
+        else:
+            assert kind in ("right", "right, not enumerated", "refused")
 
 
 def test_smooth_point_that_closes_does_not_stick():
