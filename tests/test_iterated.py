@@ -7,9 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import skfem as fem
 from numpy.testing import assert_allclose
+from skfem.models.elasticity import lame_parameters, linear_elasticity
 from solid_blocks import Blocks, two_blocks
 
+import skfem_contact as sc
 from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
@@ -157,6 +160,25 @@ def test_points_that_do_not_hold_a_body():
         load = problem.load(blocks.case(np.ones(blocks.system.n), np.zeros(blocks.system.n)))
         with pytest.raises(SingularMatrix, match="do not hold the bodies"):
             problem.solve(free, load)
+
+
+@pytest.mark.parametrize("linear", ["iterated", AMG(tol=1e-13)], ids=["iterated", "multigrid"])
+def test_slips_that_a_tool_alone_decides_depend_on_each_other(linear):
+    """At nodes of symmetry planes they are its motions: six rows here, of which three are enough."""
+    mesh = fem.MeshHex.init_tensor(*3 * [np.linspace(0, 1, 3)]).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=3)
+    K = linear_elasticity(*lame_parameters(1.0, 0.3)).assemble(basis)
+    D = np.union1d(basis.get_dofs("left").all(["u^1"]), basis.get_dofs("bottom").all(["u^2"]))
+    block = sc.Body(basis, K, D=D, name="block")
+    plane = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    tool = sc.RigidBody(plane, about=(0.5, 0.5, 0), K=np.repeat([1.0, 0.2], 3), name="tool")
+    contact = sc.Contact(block.surface("front"), tool, friction=sc.Coulomb(0.3), name="seat")
+    push = {"f": {"block": {"back": (0.004, -0.002, -0.02)}}}
+    forces = []
+    for way in ("auto", linear):
+        solver = sc.ContactSolver([block, tool], [contact], linear=way)
+        forces.append(solver.solve(**push)["seat"].forces.sum(axis=0))
+    assert_allclose(forces[1], forces[0], rtol=0, atol=1e-9 * abs(forces[0]).max())
 
 
 def test_one_load_solved_again_is_the_same_to_the_last_bit():

@@ -104,7 +104,10 @@ class Layers:
     def independent(self, G: csr_matrix, points: Array) -> bool:
         """Whether rows (r, n_c) do not depend on each other; `points` (r, d) is where each acts."""
         Q = csr_matrix(G @ diags(self._softness) @ G.T)
-        moving = np.flatnonzero(Q.diagonal() > 0)
+        deforms = Q.diagonal() > 0
+        if not _independent(csr_matrix(G[~deforms])):
+            return False
+        moving = np.flatnonzero(deforms)
         try:
             factor = MultifrontalCholesky(csr_matrix(Q[moving][:, moving]), points[moving])
         except LinAlgError:
@@ -126,3 +129,18 @@ class Layers:
             return np.asarray(solve(shared @ held))
 
         return force
+
+
+def _independent(G: csr_matrix) -> bool:
+    """Whether rows that only rigid bodies move do not depend on each other.
+
+    Such are slips at nodes whose displacements are prescribed, on a symmetry plane for instance: a few
+    of them fix all the motions that a rigid body has, and the others follow.
+    """
+    moved = np.unique(G.indices)
+    if G.shape[0] > len(moved):
+        return False
+    A = G[:, moved].toarray()
+    A /= np.abs(A).max(axis=0, initial=np.finfo(float).tiny)  # turns have another unit
+    A /= np.linalg.norm(A, axis=1, keepdims=True)
+    return bool(np.linalg.svd(A, compute_uv=False).min(initial=1.0) >= DEPENDENT)
