@@ -278,12 +278,22 @@ def against(court: Court, first: Run, second: Run, way: Way) -> list[tuple[str, 
             text = f"step {k}: {'+'.join(worst)} differs by {off[worst] / most:.1e} of the forces"
             told = {answer.message for answer in (a, b)}
             several = (s.mu >= SEVERAL or s.jumps) and not way.turn
-            if several and not [f for f in examine(court, second.answers) if not f.geometric]:
+            right = not [f for f in examine(court, second.answers) if not f.geometric]
+            if several and right and reported(s, way, k) and reported(s, GIVEN, k):
                 return [("several answers", f"{text}; {told}")]
             return [("WRONG", f"{text}; {told}")]
     if bool(first.warned) != bool(second.warned) and not s.finite:
         return [("WRONG", f"warned {len(first.warned)} times against {len(second.warned)}")]
     return []
+
+
+def reported(s: Scene, way: Way, k: int) -> bool:
+    """Whether the report of a step says that there may be other answers."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        solver, steps = build(s, make(s, way.shuffle), way)
+        *_, result = solver.history(steps[: k + 1])
+        return "other answers" in result.report()
 
 
 def compare_methods(s: Scene, made: Any, first: Run) -> list[str]:

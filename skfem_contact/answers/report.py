@@ -12,6 +12,8 @@ from skfem_contact.answers.contact_report import contact_lines
 from skfem_contact.answers.thresholds import MOST_ROWS
 from skfem_contact.answers.values import status_words
 from skfem_contact.bodies.selection import written
+from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.state import OPEN
 
 if TYPE_CHECKING:
     from skfem_contact.answers.result import ContactResult
@@ -42,7 +44,8 @@ def summary(result: ContactResult) -> str:
 def report(result: ContactResult) -> str:
     """The report of a result: what touches, what slips, what force flows, and how well it is known."""
     lines = [*_first_lines(result, estimate=True), "", *validity_lines(result)]
-    lines += ["", *other_answers] if (other_answers := _uniqueness_lines(result)) else []
+    other_answers = [*_jump_lines(result._answer), *_uniqueness_lines(result)]
+    lines += ["", *other_answers] if other_answers else []
     return "\n".join([*lines, *_last_lines(result)])
 
 
@@ -122,6 +125,26 @@ def _shown(known: Uniqueness) -> str:
     if known.unique_up_to > 0:
         words += f"; that it has none is shown for friction up to {known.unique_up_to:.2g} times this"
     return words
+
+
+def _jump_lines(answer: Answer) -> list[str]:
+    """What a report says of friction that is lost all at once where a point opens."""
+    lines, slip = [], answer.local.slip - answer.local.reference
+    for contact, part, name in zip(answer.contacts, answer.slices(), answer.names, strict=True):
+        if contact.friction is None or contact.bilateral:
+            continue
+        law = CheckedLaw(contact.friction, name, contact.secondary.points)
+        at_opening = law.limit(np.zeros(len(slip[part])), answer.kin.area[part], slip[part])
+        state, moved = answer.local, np.linalg.norm(answer.local.slip[part], axis=1)
+        # coupling makes of friction a normal force, and of slip a gap, that are hardly larger
+        light = state.normal_force[part] < np.linalg.norm(state.tangential_force[part], axis=1)
+        light |= (state.status[part] == OPEN) & (answer.gap[part] < moved)
+        if (at_opening[light & answer.kin.paired[part]] > 0).any():
+            lines += [
+                f"the friction of contact {name!r} does not begin at zero: a point may be closed by",
+                "it, or open, and this load may have other answers; this is the one found from before",
+            ]
+    return lines
 
 
 def _uniqueness_lines(result: ContactResult) -> list[str]:

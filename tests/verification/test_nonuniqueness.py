@@ -314,6 +314,28 @@ def test_n1_index_of_each_of_three_answers() -> None:
     assert sorted(index) == [-1, 1, 1]
 
 
+def test_n1_friction_that_does_not_begin_at_zero_has_two_answers() -> None:
+    """Pressed lightly and pushed aside, the node stays where friction holds it, or lifts off: told."""
+    said = "the friction of contact 'contact 1' does not begin at zero"
+    f = np.array([-0.01, -0.001])
+    open_ = np.linalg.solve(K, f)
+    assert open_[1] > 0  # without contact the push alone lifts it
+    solver, dofs = one_node(1.0)
+    half = 0.5 * abs(ONE_NODE_TRIANGLE[1][0] - ONE_NODE_TRIANGLE[0][0])
+    for law, several in ((sc.Tresca(0.02 / half), True), (sc.Coulomb(20.0), False)):
+        solver = solver.with_friction(law)
+        held = solver.solve(load(solver, dofs, tuple(f)))
+        node = int(np.argmin(held.gap))
+        assert np.abs(held.u[dofs]).max() < EXACT and held.status[node] == 1
+        assert (said in held.report()) == several
+        lifted = solver.solve(load(solver, dofs, (-0.01, 0.01)))
+        free = solver.solve(load(solver, dofs, tuple(f)), start=lifted)
+        assert np.abs(free.u[dofs] - open_).max() < 10 * EXACT and free.gap[node] > 0
+        assert (said in free.report()) == several
+        pressed = solver.solve(load(solver, dofs, (0.0, -0.05)))
+        assert said not in pressed.report()
+
+
 def test_other_answers_are_not_looked_for_where_it_would_be_dear() -> None:
     """On the sparse route there is no matrix of gaps and slips: None, and nothing in the report."""
     solver, dofs = one_node(2.0)
