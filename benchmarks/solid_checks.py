@@ -548,7 +548,13 @@ class Court:
     def across(self, c: ContactSpec, a: Answer) -> np.ndarray:
         """Forces of the points of an obstacle times their distance from it, undeformed."""
         told = a.contacts[c.name]
-        return np.linalg.norm(told.forces, axis=1) * self.distance(c, told.points)
+        across = np.linalg.norm(told.forces, axis=1) * self.distance(c, told.points)
+        if c.method == "node" or c.obstacle[0] == "plane":
+            return across
+        # by mortar arms of friction end at means over faces, which are chords of the obstacle
+        N = np.sum(told.forces * told.normal, axis=1)
+        rub = np.linalg.norm(told.forces - N[:, None] * told.normal, axis=1)
+        return across + rub * self.patches[c.secondary].h ** 2 / (c.obstacle[2] * self.s.size)
 
     def distance(self, c: ContactSpec, x: np.ndarray) -> np.ndarray:
         """Distances of points from a rigid obstacle that has not moved."""

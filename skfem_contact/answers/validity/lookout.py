@@ -4,7 +4,8 @@ Overlaps (`standing`) are compared with what smooth boundaries stand off the fac
 with what the bodies take up elastically: a part of that changes forces by as little. Where contact does
 not slide far, nodes that are in no row have displacements that only the interior knows: they follow
 the rigid motion of what is known, and the nearest node that is known. What seems to overlap is looked
-at again with all displacements before anything is said.
+at again with all displacements before anything is said. Where such a node is over a face of the other
+side its place is too uncertain to see an overlap: then too, once for every doubling of the approach.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import CHORDS, NO_OVERLAP, STANDING, TILT
+from skfem_contact.answers.thresholds import ALONE, CHORDS, NO_OVERLAP, STANDING, TILT
 from skfem_contact.answers.validity.drift import Drift, Track
 from skfem_contact.answers.validity.face_chords import face_bends
 from skfem_contact.answers.validity.flanks import Flanks, boundary
-from skfem_contact.answers.validity.standing import Nearby, Standing, standing_nodes
+from skfem_contact.answers.validity.standing import Nearby, Standing, falls_away, standing_nodes
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.conditions.contact import Contact
@@ -94,6 +95,9 @@ class Lookouts:
                 sides = self.each[i].secondary, self.each[i].primary
                 parts = [known[self.system.slice(side.body)] for side in sides]
             standing = self._look(i, parts, case, tracks, drifts[i].approach)
+            if standing is None and i in self.missing:
+                unknown = [missing.nodes for missing in self.missing[i]]
+                standing = self.each[i].unsure(parts, unknown, drifts[i].approach)
             if standing is None and i in self.flanks:
                 standing = self._beside_surfaces(i, parts, known, drifts[i].approach)
             if standing is not None:
@@ -215,7 +219,7 @@ class Lookout:
         approach : float
             What the bodies take up elastically [length].
         """
-        least = max(self.noise, STANDING * approach)
+        least = max(self.noise, ALONE * approach)
         sides = self.secondary, self.primary
         x = [side.points + v[side.dofs] for side, v in zip(sides, u, strict=True)]
         # of nearly all answers this is all that is asked
@@ -223,8 +227,39 @@ class Lookout:
         found = None
         if len(pairs[0][0]) + len(pairs[1][0]):
             moved = self.secondary.moved(u[0]), self.primary.moved(u[1])
-            found = self._vertices(*moved, pairs, added, least)
-        return found or self._edges(x, added, least)
+            found = self._vertices(*moved, pairs, added, approach)
+        return found or self._edges(x, added, max(self.noise, STANDING * approach))
+
+    def unsure(self, u: Sequence[Array], unknown: Sequence[Index], approach: float) -> Standing | None:
+        """Nodes that may stand in faces of the other side, and whose places are not known.
+
+        These are as uncertain as the approach: the faces that they belong to are pressed in as well.
+
+        Parameters
+        ----------
+        u : two of ndarray
+            Displacements of the bodies of both sides [length].
+        unknown : two of ndarray of int
+            Nodes of both sides.
+        approach : float
+            [length]
+        """
+        sides = self.secondary, self.primary
+        for near, own in zip(self.near, (1, 0), strict=True):
+            if not len(unknown[own]) or approach <= self.noise:
+                continue
+            x = [side.points + v[side.dofs] for side, v in zip(sides, u, strict=True)]
+            node, face = near.under(x[1 - own], x[own], -approach)
+            mine = np.isin(node, unknown[own])
+            if not mine.any():
+                continue
+            moved = [side.moved(v) for side, v in zip(sides, u, strict=True)]
+            over = standing_nodes(moved[1 - own], moved[own], node[mine], face[mine], -approach)
+            if len(over[0]):
+                k = int(np.argmax(over[2]))
+                place = moved[own].points[over[0][k]]
+                return Standing(len(over[0]), float(over[2][k]), place, "unknown")
+        return None
 
     def _vertices(
         self,
@@ -232,19 +267,23 @@ class Lookout:
         primary: FaceSurface,
         pairs: Sequence[tuple[Index, Index]],
         added: Array,
-        least: float,
+        approach: float,
     ) -> Standing | None:
         """The deepest vertex of either side in the other one."""
         best: Standing | None = None
-        for what, own, other, chords, pair in (
-            ("primary", primary, secondary, self.chords[0], pairs[0]),
-            ("secondary", secondary, primary, self.chords[1], pairs[1]),
+        least, most = (max(self.noise, share * approach) for share in (ALONE, STANDING))
+        for what, meshed, own, other, chords, pair in (
+            ("primary", self.primary, primary, secondary, self.chords[0], pairs[0]),
+            ("secondary", self.secondary, secondary, primary, self.chords[1], pairs[1]),
         ):
             node, face, depth = standing_nodes(other, own, *pair, least)
             if added.any() and len(node):
                 nearest = kd_tree(secondary.points).query(own.points[node])[1]
                 depth = depth - added[nearest]
-            hidden = depth > least + chords[face]
+            between = np.flatnonzero((depth > least + chords[face]) & (depth <= most + chords[face]))
+            alone = falls_away(meshed, node[between], other.facet_normals[face[between]], approach)
+            hidden = depth > most + chords[face]
+            hidden[between] = alone
             if not hidden.any() or (best and depth[hidden].max() <= best.depth):
                 continue
             deepest = np.argmax(np.where(hidden, depth, 0.0))

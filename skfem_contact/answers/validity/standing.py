@@ -28,6 +28,7 @@ from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,8 @@ class Standing:
         Where it is [length].
     what : str
         "primary" or "secondary", whose vertices they are; "edges" that cross, or "touch"; "flank of
-        primary" or "flank of secondary", a side that is in no contact.
+        primary" or "flank of secondary", a side that is in no contact; "unknown", nodes that may be in
+        faces of the other side.
     across : ndarray, shape (3,), or None
         Unit vector across two edges.
     """
@@ -187,6 +189,27 @@ def standing_nodes(
     first = np.r_[True, np.diff(node[order]) != 0] if len(order) else np.zeros(0, dtype=bool)
     order = order[first]
     return node[order], face[order], depth[order]
+
+
+def falls_away(own: FaceSurface, node: Index, across: Array, by: float) -> Mask:
+    """Nodes from which every face of their surface falls away by more than a length, (p,).
+
+    Parameters
+    ----------
+    own : FaceSurface
+        As it is meshed: faces that lie on the other side are deformed by the contact.
+    node : ndarray of int, shape (p,)
+    across : ndarray, shape (p, 3)
+        Unit normals of what each is pressed on, towards the node.
+    by : float
+        [length]
+    """
+    found = np.zeros(len(node), dtype=bool)
+    for k, (i, normal) in enumerate(zip(node, across, strict=True)):
+        faces = own.facets[(own.facets == i).any(axis=1)]
+        heights = (own.points[faces] - own.points[i]) @ normal
+        found[k] = (heights.max(axis=1) > by).all()
+    return found
 
 
 def _farthest(points: Array, before: Array) -> float:

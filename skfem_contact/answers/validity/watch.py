@@ -317,6 +317,10 @@ class Watch:
             follows = drift.small_sliding_holds
             reason = drift.facets_too_long or not follows
             asked = self.lookouts is not None and i in watched.standing
+            if asked and watched.standing[i].what == "unknown":
+                doubling = ("seen", f"{name} {np.floor(np.log2(drift.approach)):.0f}")
+                asked = doubling not in watched.said
+                new.add(doubling)
             if asked and not reason and ("overlap", name) not in watched.said | new:
                 assert self.lookouts is not None
                 text = self.lookouts.sure(i, result, drift)

@@ -12,7 +12,8 @@ from skfem_contact.answers.validity.drift import Drift, Track
 from skfem_contact.answers.validity.standing import Standing
 from skfem_contact.bodies.selection import written
 
-#: What has been warned of in a history: kind, and name of the contact or body.
+#: What has been warned of in a history: kind, and name of the contact or body. Or "seen", with the
+#: contact and the doublings of its approach at which a look with all displacements was taken.
 Said = frozenset[tuple[str, str]]
 #: The kinds that are bounds of the model. Others are said once in a history as well, and are none:
 #: places that nothing decides, overlaps that supports prescribe.
