@@ -346,3 +346,14 @@ def test_a_load_that_comes_again_is_reduced_as_if_it_were_new():
         # a handful of products of numbers of order one, and a condition number of 1e3
         assert_allclose(reduced, expected, rtol=0, atol=1e-12 * np.abs(expected).max() + 1e-14)
         assert components is not None
+
+
+def test_anchors_hold_a_body_in_all_directions():
+    """Only one edge is in no contact: springs on three of its nodes would let the body turn about it."""
+    mesh = fem.MeshHex.init_tensor(*(np.linspace(0, 1, n + 1) for n in (4, 4, 1)))
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    K = linear_elasticity(*lame_parameters(1.0, 0.3)).assemble(basis)
+    edge = basis.nodal_dofs[:, np.isclose(mesh.p[1], 0) & np.isclose(mesh.p[2], 1)]
+    part = Substructure(sc.Body(basis, K), K.tocsr(), np.setdiff1d(np.arange(basis.N), edge))
+    values = np.linalg.eigvalsh(part.S + part.springs @ part.springs.T)
+    assert values[0] > 1e-4 * values[-1]

@@ -273,7 +273,7 @@ def firmness(system: System, stiffness: Sequence[csr_matrix], wanted: Index) -> 
 def anchors(body: Body, wanted: Index) -> Index:
     """Free DOFs of a few nodes away from contact that stop the motions which supports leave free.
 
-    One or two nodes for each part of the mesh that prescribed DOFs do not hold: springs on them make
+    A few nodes for each part of the mesh that prescribed DOFs do not hold: springs on them make
     the condensed stiffness definite, and as further kept DOFs they do the same for the interior.
     """
     R = body.rigid_modes / np.max(np.abs(body.rigid_modes), axis=0)
@@ -284,13 +284,18 @@ def anchors(body: Body, wanted: Index) -> Index:
         mine = body.parts == part
         modes = R[:, np.any(R[mine] != 0, axis=0)]
         seeds = points[wanted[body.parts[wanted] == part]][:1]
-        for _ in range(body.dim):
+        for count in range(2 * body.dim):
             held = np.union1d(body.D[mine[body.D]], chosen[mine[chosen]])
             values = np.linalg.svd(modes[held], compute_uv=False)
             if len(values) == modes.shape[1] and values[-1] > HELD_FIRMLY * values[0]:
                 break
-            distance = np.min(np.linalg.norm(points[:, None] - seeds, axis=2), axis=1)
-            distance = distance / distance.max() + (mine & ~touched)
+            if count < body.dim:
+                distance = np.min(np.linalg.norm(points[:, None] - seeds, axis=2), axis=1)
+                distance = distance / distance.max() + (mine & ~touched)
+            else:  # those lie nearly on a line: what moves most in the motion that is held least
+                _, motions = np.linalg.eigh(modes[held].T @ modes[held])
+                distance = np.abs(modes @ motions[:, 0])
+                distance[body.D] = -1.0
             distance[~mine] = -1.0
             distance[chosen] = -1.0
             place = points[np.argmax(distance)]
