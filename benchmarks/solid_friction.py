@@ -208,7 +208,9 @@ def rubbing(
     if c.G is not None:  # friction is a spring up to its bound: what its force changes by is no sliding
         G = c.G * court.made[name].spec.E * court.s.unit * court.s.size
         ds = ds + (Ft - tau) / G
-        allowed = allowed + slack / G
+        # normals turn between the steps, and the normal force of then has a part along today's surface
+        then = 0.0 if R0 is None else np.linalg.norm(R0[p.dofs], axis=1)
+        allowed = allowed + (slack + p.off * then) / G
     way = np.linalg.norm(ds, axis=1)
     bears = np.maximum(most * LOADED, 10 * slack) < N
     note(

@@ -349,7 +349,7 @@ def test_a_load_that_comes_again_is_reduced_as_if_it_were_new():
 
 
 def test_anchors_hold_a_body_in_all_directions():
-    """Only one edge is in no contact: springs on three of its nodes would let the body turn about it."""
+    """Only one edge is in no contact: on springs at three of its nodes the body would turn."""
     mesh = fem.MeshHex.init_tensor(*(np.linspace(0, 1, n + 1) for n in (4, 4, 1)))
     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
     K = linear_elasticity(*lame_parameters(1.0, 0.3)).assemble(basis)
