@@ -52,7 +52,7 @@ class OfTheContact(ABC):
 
     @property
     def slip(self) -> Array:
-        """Of the secondary relative to the primary, since the point closed, (m, d-1) [length]."""
+        """Of the secondary relative to the primary, (m, d-1) [length]; see `ContactValues.slip`."""
         return self._only("slip").slip
 
     @property
