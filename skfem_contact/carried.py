@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, TypeVar
 
 from skfem_contact.errors import InputError
+
+T = TypeVar("T")
 
 
 class ByFields:
@@ -28,6 +30,20 @@ class ByFields:
     def __getstate__(self) -> dict[str, Any]:
         known = vars(self)
         return {field.name: known[field.name] for field in fields(self)}  # type: ignore[arg-type]
+
+
+def copied(value: T, **changed: Any) -> T:
+    """A dataclass with its fields or others; what it has found out is left out, nothing is checked.
+
+    For what every load step makes: `dataclasses.replace` takes ten times as long.
+
+    >>> copied(LeftBehind("gap"), what="measure")
+    LeftBehind(what='measure')
+    """
+    known, copy = vars(value), object.__new__(type(value))
+    names = value.__dataclass_fields__  # type: ignore[attr-defined]
+    vars(copy).update({name: known[name] for name in names} | changed)
+    return copy
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,8 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
     )
     load = Load(np.r_[-normal, tangential], np.full(m, gap), np.zeros((m, 1)), np.zeros(0))
     own = np.full(m, -1)  # no point carries the row of a vertex
-    frame = {"normal": np.tile([0.0, 1.0], (m, 1)), "tangent": np.tile([[[-1.0, 0.0]]], (m, 1, 1))}
+    along = np.tile([[[-1.0, 0.0]]], (m, 1, 1))
+    frame = {"normal": np.tile([0.0, 1.0], (m, 1)), "axes": along, "duals": along, "scaled": None}
     kin = SimpleNamespace(m=m, tangents=1, gap0=np.zeros(m), area=np.ones(m), vertex=own, **frame)
     still = natural_state(kin, 0).along(kin)
     return Step(
@@ -88,6 +89,24 @@ def test_points_open_stick_and_slip(loop):
         found.slip[:, 0], [0.5 / K_T, 0.5 * (1 - spring) / K_T, 2 / K_T, -2 / K_T], rtol=0, atol=1e-9
     )
     assert_allclose(found.gap, [1 / K_N, 0, 0, 0], rtol=0, atol=1e-12)
+
+
+def test_the_same_points_under_another_load_know_nothing_of_the_first():
+    """What a step shares with the next one are its points; bounds are those of its own answers."""
+    first = step([2.0, 2.0], [0.5, 3.0])
+    run("newton", first)
+    force, slip = np.array([2.0, 4.0]), np.array([[1.0], [2.0]])
+    trial = np.full((2, 1), 100.0)
+    assert_allclose(first.force(trial, force, slip)[0][:, 0], MU * force)
+    other = step([-1.0, 2.0], [0.0, 0.0])
+    second = first.under(other.load, other.last, 0.25)
+    assert (second.load, second.last, second.noise) == (other.load, other.last, 0.25)
+    assert second.laws is first.laws and second.paired is first.paired
+    assert_array_equal(run("newton", second).iterate.status, run("newton", other).iterate.status)
+    # the same arrays, then others of the same size
+    for normal in (force, 2 * force, force.copy()):
+        for _ in range(2):
+            assert_allclose(second.force(trial, normal, slip)[0][:, 0], MU * normal)
 
 
 @pytest.mark.parametrize("loop", LOOPS)

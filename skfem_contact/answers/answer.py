@@ -27,7 +27,7 @@ from skfem_contact.sealed import seal, sealed
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Answer:
     """The numbers of an answer, over the points of all contacts, one contact after the other.
 

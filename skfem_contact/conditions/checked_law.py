@@ -122,7 +122,7 @@ class CheckedLaw(ByFields):
 
     def force(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> tuple[Array, Mask]:
         """Friction forces (m, d-1) by the return map, and which points slip (m,)."""
-        if self._by_bound:
+        if self.by_bound:
             return return_map(trial, self.limit(normal_force, area, slip))
         return self._own_map(trial, normal_force, area, slip)[:2]
 
@@ -135,12 +135,12 @@ class CheckedLaw(ByFields):
             A law with a map of its own returned something else than finite numbers of these shapes,
             or forces of another size than its own bound.
         """
-        if self._by_bound:
+        if self.by_bound:
             return map_by_bound(self, trial, normal_force, area, slip, hardens=not self._plain)
         return self._own_map(trial, normal_force, area, slip)
 
     @cached_property
-    def _by_bound(self) -> bool:
+    def by_bound(self) -> bool:
         """Whether the law is given by its bound, and has no return map of its own."""
         return type(self.law).return_map is FrictionLaw.return_map
 

@@ -89,7 +89,7 @@ class Motion:
         return self.translation, self.angle, self.centre
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class LoadCase(ByFields):
     """The loads in force over all bodies and contact points.
 

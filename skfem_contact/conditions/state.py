@@ -60,7 +60,7 @@ def transport(vectors: Array, old: Array, new: Array) -> Array:
     return np.where(opposite[:, None], -vectors, turned)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _History:
     """What `State` and `LocalState` share; the arrays of friction are vectors in one, (m, d), and
     components in the other, (m, d-1)."""
@@ -94,7 +94,7 @@ def _each(kin: Kinematics, of_slip: Array, of_friction: Array) -> Array:
     return of_slip if kin.scaled is None else np.stack([of_slip, of_friction, of_slip])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class LocalState(_History):
     """A state along the tangents of one pairing: the history of a load step, and its answer.
 
@@ -112,7 +112,7 @@ class LocalState(_History):
         return State(**self._with(vectors), normal=kin.normal)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class State(_History):
     """What friction remembers of the last load step; the path dependence lives here.
 

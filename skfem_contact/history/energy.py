@@ -14,7 +14,7 @@ from skfem_contact.conditions.state import OPEN, LocalState
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Energy:
     """Energies of the way so far, per contact [energy].
 

@@ -21,7 +21,7 @@ from skfem_contact.problem.seam import ContactProblem
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class LoadStep:
     """From where to where: a step of the user's, or the part of one that is attempted.
 
@@ -47,7 +47,7 @@ class LoadStep:
     share: float = 1.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Attempt:
     """One attempt at a load: how the loop ended, from which state, and on which pairing.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from skfem_contact.arguments import number, numbers, shown, suggest
 from skfem_contact.arrays import check_finite, check_size
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System, slices
+from skfem_contact.carried import copied
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import point_slices
@@ -47,7 +47,7 @@ class StepReader:
         """The bodies' own loads and the contacts' own interference."""
         own = self._placed(np.concatenate(self._own), self._still)
         ours = (True,) * len(self.contacts)
-        return replace(own, f=self.own_f, x=self.system.x, own=ours, scale=(1.0, 1.0), factor=1.0)
+        return copied(own, f=self.own_f, x=self.system.x, own=ours, scale=(1.0, 1.0), factor=1.0)
 
     def unloaded(self) -> LoadCase:
         """No load, no prescribed displacement, no interference: where a history begins."""
@@ -64,7 +64,7 @@ class StepReader:
             was and np.array_equal(there, here)
             for was, there, here in zip(start.own, given, self._own, strict=True)
         ]
-        return replace(
+        return copied(
             self._placed(start.interference, start.motion),
             f=start.f if f is None else f * self.own_f,
             x=start.x if x is None else x * self.system.x,
@@ -112,7 +112,7 @@ class StepReader:
                     "a dict by body, contact or obstacle name."
                 )
             f, x = step.get("f"), step.get("x")
-            return replace(
+            return copied(
                 self._moved(step.get("interference"), step.get("motion"), before),
                 f=self.vector("f", f, before.f, self.own_f),
                 x=self.vector("x", x, before.x, self.system.x),
@@ -135,7 +135,7 @@ class StepReader:
                 "an interference is not scaled by a number, write {'interference': {...}}."
             )
         f, x = factor * self.own_f, factor * self.system.x
-        return replace(before, f=f, x=x, scale=(factor, factor), factor=factor)
+        return copied(before, f=f, x=x, scale=(factor, factor), factor=factor)
 
     def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:
         """A stacked vector from a dict by body name, a stacked vector, or None."""
@@ -214,7 +214,7 @@ class StepReader:
                 whose = f"motion of {self.names[i]!r}"
                 moved[i] = Motion(*read_motion(value, self.kin.points.shape[1], whose))
         placed = self._placed(values, tuple(moved))
-        return replace(placed, f=before.f, x=before.x, own=tuple(own), scale=before.scale)
+        return copied(placed, f=before.f, x=before.x, own=tuple(own), scale=before.scale)
 
     def _obstacles(self, name: Any) -> list[int]:
         """The contacts with an obstacle of this name."""

@@ -23,7 +23,7 @@ from skfem_contact.sealed import sealed
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Recovery:
     """What it takes to recover the displacements of all bodies for one result, when asked for.
 

@@ -10,18 +10,17 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.carried import copied
 from skfem_contact.history.read import StepReader
 
 Array = NDArray[np.float64]
 NONE = np.zeros(0)
-T = TypeVar("T")
 
 
 @dataclass(eq=False)
@@ -34,7 +33,7 @@ class Yielded:
     def add(self, result: ContactResult, reader: StepReader) -> None:
         """Keep a result; `reader` knows the loads that a number stands for."""
         answer = answer_of(result)
-        light = _copied(answer) if answer.factor is None else _with_loads(answer, NONE, NONE)
+        light = copied(answer) if answer.factor is None else _with_loads(answer, NONE, NONE)
         self._light.append((light, reader))
         self._alive.append(weakref.ref(result))
 
@@ -54,17 +53,6 @@ class Yielded:
 
 def _with_loads(answer: Answer, f: Array, x: Array) -> Answer:
     """The same answer with other vectors of loads, and without what it remembers."""
-    case = _copied(answer.case, f=f, x=x)
-    seen = case if answer.seen is answer.case else _copied(answer.seen, f=f, x=x)
-    return _copied(answer, case=case, seen=seen, recover=_copied(answer.recover, case=case))
-
-
-def _copied(value: T, **changed: Any) -> T:
-    """A dataclass with its fields or others; what it remembers of earlier questions is left out.
-
-    For every result: `dataclasses.replace` takes ten times as long.
-    """
-    known, copy = vars(value), object.__new__(type(value))
-    names = value.__dataclass_fields__  # type: ignore[attr-defined]
-    vars(copy).update({name: known[name] for name in names} | changed)
-    return copy
+    case = copied(answer.case, f=f, x=x)
+    seen = case if answer.seen is answer.case else copied(answer.seen, f=f, x=x)
+    return copied(answer, case=case, seen=seen, recover=copied(answer.recover, case=case))

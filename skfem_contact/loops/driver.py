@@ -111,7 +111,7 @@ class Options:
                 raise InputError(f"Options: {name} = {value!r} is out of range; {usage}.")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Outcome:
     """How a loop ended: its last iterate, the log, and the reason in words.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.return_map import Derivatives, Mapped
+from skfem_contact.conditions.return_map import Derivatives, Mapped, return_map
 from skfem_contact.conditions.state import LocalState
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Step:
     """One load step as a loop sees it: a linear world, a load, the laws and the history.
 
@@ -53,7 +53,7 @@ class Step:
     def under(self, load: Load, last: LocalState, noise: float) -> Step:
         """The same points under another load; what is known of the points by themselves is shared."""
         step = object.__new__(Step)
-        vars(step).update(vars(self), load=load, last=last, noise=noise)
+        vars(step).update(vars(self), load=load, last=last, noise=noise, _bounds=None)
         return step
 
     # What is remembered from here on depends on neither load, last state nor noise: see `under`.
@@ -119,8 +119,8 @@ class Step:
 
         Zero where there is no law.
         """
-        if self._only is not None:
-            return self._only.force(trial, *self._counted(normal_force, slip))
+        if self._only is not None and self._only.by_bound:
+            return return_map(trial, self._bound(normal_force, slip))
         force, slips = np.zeros(trial.shape), np.zeros(len(trial), dtype=bool)
         for part, law, asked in self._asked(normal_force, slip):
             force[part], slips[part] = law.force(trial[part], *asked)
@@ -160,6 +160,15 @@ class Step:
         for part, law in self.laws:
             yield part, law, (force[part], area[part], counted[part])
 
+    def _bound(self, normal_force: Array, slip: Array) -> Array:
+        """Friction bounds by the law of all points; an iteration asks twice of one answer."""
+        known: tuple[Array, Array, Array] | None = vars(self).get("_bounds")
+        if known is None or known[0] is not normal_force or known[1] is not slip:
+            assert self._only is not None
+            bound = self._only.limit(*self._counted(normal_force, slip))
+            known = vars(self)["_bounds"] = normal_force, slip, bound
+        return known[2]
+
     def _counted(self, normal_force: Array, slip: Array) -> tuple[Array, Array, Array]:
         """What bounds depend on, of all points: normal force, area, slip since they closed."""
         return np.maximum(normal_force, 0.0), self.area, slip - self.last.reference
@@ -170,7 +179,7 @@ class Step:
         return self.last.tangential_force + G * (slip - self.last.slip)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Iterate:
     """One iterate of a loop.
 
@@ -205,7 +214,7 @@ class Iterate:
     held: Array | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Guess:
     """Starting values of a loop; never part of the answer.
 

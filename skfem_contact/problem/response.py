@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Conditions:
     r"""What holds at every point during one linear solve.
 
@@ -58,7 +58,7 @@ class Conditions:
         return masks + self.spring.tobytes() + self.coupling.tobytes()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Response:
     """Gaps, slips and forces of all points, and the solution in the space's own unknowns.
 
@@ -94,7 +94,7 @@ class Resistance(NamedTuple):
     tangential: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Load:
     """One load step in the unknowns of a space: forces and initial gaps and slips.
 
@@ -114,7 +114,7 @@ class Load:
     moved: Array | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Source:
     """What the displacements of the bodies follow from.
 
