@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
+from scipy.sparse import csr_matrix
 from sheared_solids import sheared_pair
 from skfem.helpers import dot
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import at, elastic, octant_shell
+from solids import at, cube, elastic, octant_shell
 
 import skfem_contact as sc
 
@@ -250,3 +251,48 @@ def test_P1_a_smooth_ball_in_a_shell(kind):
         _, _, result = squeezed_ball(kind, n, None)
         errors.append(abs(np.average(result.pressure, weights=result.area) / 6000 - 1))
     assert errors[0] < 0.03 and np.log2(errors[0] / errors[1]) > 1.8
+
+
+# -- P3: a pad that slides against weak springs ------------------------------------------------------
+
+
+@pytest.mark.parametrize("loop", ["newton", "direct"])
+@pytest.mark.parametrize(
+    "angle", [30.0, *(pytest.param(a, marks=pytest.mark.slow) for a in (0.0, 200.0))]
+)
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_P3_a_pad_held_by_weak_springs_and_friction(share, angle, loop):
+    """Pushed by .99 mu N it sticks, by 1.01 mu N it slides as far as the springs along the push allow.
+
+    Across the push, and against turning, nothing but the friction of points that slip holds it.
+    """
+    mu, N = 0.3, 1e-3
+    way = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle)), 0.0])
+    mesh = cube("quad4", 3, lambda x: x * np.array([[1.0], [1.0], [0.2]]))
+    plain = elastic(mesh, "quad4", "pad", E=1e4)
+    nodes = plain.basis.nodal_dofs[:, np.isclose(mesh.p[2], 0.2)]
+    stiff = 1e-2 / nodes.shape[1]  # a millionth of E times the length, in all
+    springs = np.zeros((plain.n, 1))
+    blocks = [
+        csr_matrix((way[:2], (dofs[:2], np.zeros(2, dtype=int))), shape=springs.shape)
+        for dofs in nodes.T
+    ]
+    K = plain.K + sum(stiff * (v @ v.T) for v in blocks)
+    pad = sc.Body(plain.basis, K, name="pad")
+    f = np.zeros(pad.n)
+    low = plain.basis.nodal_dofs[:, np.isclose(mesh.p[2], 0.0)]
+    f[nodes[2]] = -N / nodes.shape[1]
+    f[low] += share * mu * N / low.shape[1] * way[:, None]
+    floor = sc.RigidPlane((0, 0, 0), (0, 0, 1), name="floor")
+    foot = pad.surface(at(2, 0.0))
+    contact = sc.Contact(foot, floor, friction=sc.Coulomb(mu, stiffness=np.inf))
+    result = sc.ContactSolver(pad, contact, loop=loop).solve({"pad": f})
+    assert_allclose(result.force[2], N, rtol=1e-10)
+    u = result.displacement("pad")[nodes].T @ way
+    if share < 1:
+        assert np.abs(u).max() < 1e-6  # some may slip under their own pressure; the pad does not
+        return
+    assert np.all(result.status == 2)
+    # strains are a thousandth of the slip, by which directions differ from point to point
+    assert_allclose(result.force, np.append(-mu * N * way[:2], N), rtol=0, atol=1e-6 * N)
+    assert u.mean() == pytest.approx((share - 1) * mu * N / 1e-2, rel=1e-4)
