@@ -27,6 +27,7 @@ from test_solid_friction import FLOOR, Sheared, ring
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.certificate import certify
+from skfem_contact.conditions.statics import escape
 
 LOOPS = ("newton", "direct", "fictitious")
 SLOW = pytest.mark.slow
@@ -225,18 +226,22 @@ def violation(law, grain, result, before, name="joint"):
     return worst
 
 
-def two_blocks(law, method="mortar", sliding="small", **settings):
-    """A block pressed onto a larger one whose mesh does not match, and led to and fro."""
+def two_blocks(law, method="mortar", sliding="small", apart=0.0, **settings):
+    """A block pressed onto a larger one whose mesh does not match, and led to and fro.
+
+    `apart` is a distance between their meshes that does not count.
+    """
     low = cube("quad4", 3, lambda x: x * [[1.6], [1.6], [0.5]] + [[-0.3], [-0.3], [-0.5]])
     base = elastic(low, "quad4", "base", held=((at(2, -0.5), (0, 1, 2)),), push=(at(2, -0.5), (0,) * 3))
-    high = cube("quad4", 3, lambda x: x * [[1.0], [1.0], [0.5]])
-    block = elastic(high, "quad4", "block", held=((at(2, 0.5), (0, 1, 2)),))
+    high = cube("quad4", 3, lambda x: x * [[1.0], [1.0], [0.5]] + [[0.0], [0.0], [apart]])
+    block = elastic(high, "quad4", "block", held=((at(2, 0.5 + apart), (0, 1, 2)),))
     joint = sc.Contact(
-        block.surface(at(2, 0.0)),
+        block.surface(at(2, apart)),
         base.surface(at(2, 0.0)),
         friction=law,
         method=method,
         sliding=sliding,
+        gap=0.0 if apart else None,
         name="joint",
     )
     return sc.ContactSolver([base, block], joint, **settings)
@@ -508,6 +513,28 @@ def test_the_certificate_judges_direction_and_size():
         at_fault = np.linalg.norm(wrong - right, axis=1)[slips].max() / scale
         # between the two axes forces are scaled by up to 2
         assert 0.15 * at_fault < certify(result).friction < 6 * at_fault
+
+
+def test_moments_of_friction_across_a_gap():
+    """They are those of the forces themselves: with them the moments of all bodies balance."""
+    solver = two_blocks(sc.OrthotropicCoulomb((0.1, 0.4), GRAIN), apart=0.05)
+    certificate = led(solver, WAY[:2])[-1].certificate
+    assert certificate.moment_gap > 1e-4
+    assert certificate.moment_balance < 1e-10
+
+
+def test_statics_know_the_ellipse():
+    """What a load on a loose block needs is proven to be too much beyond it only."""
+    mu, grain = (0.4, 0.1), along(20)
+    solver, load = pushed_block(sc.OrthotropicCoulomb(mu, grain))
+    model = solver.linear_model
+    for angle in (20.0, 50.0, 110.0, 200.0):
+        way = along(angle)
+        most = 1 / np.sqrt(way @ np.linalg.pinv(squares(mu, grain)) @ way)
+        for share in (0.99, 1.01):
+            f = load(*share * most * way[:2])["block"]
+            found = escape(model.motions, model.interface, model.kin.paired, f)
+            assert (found is None) == (share < 1)
 
 
 @SLOW
