@@ -346,7 +346,7 @@ ROWS = (
         "no friction, slip asked for",
         "no friction",
         slip,
-        ("conditions/kinematics:tangential_rows",),
+        ("conditions/rows:tangential_rows",),
         operator,
     ),
     Row(
@@ -429,7 +429,7 @@ ROWS = (
         '`loop="direct"`: 1e3 of K',
         "exact sticking",
         tangential_stiffness,
-        ("conditions/kinematics:compliance_scale",),
+        ("conditions/rows:compliance_scale",),
         springs,
     ),
     Row(
@@ -454,7 +454,7 @@ ROWS = (
         "not asked for",
         validity,
         (
-            "answers/validity/validity:",
+            "answers/validity/assess:",
             "answers/validity/overlap:",
             "answers/validity/meeting:",
             "problem/condensed:recover",

@@ -255,7 +255,7 @@ def test_the_route_follows_the_memory_of_dense_matrices():
     forced = sc.ContactSolver(bodies, contacts, options=few, linear="condensed")
     assert forced.linear_model.route == "condensed"
     # on either side 16 contact DOFs, 16 gaps and slips: 8 (2 2 16^2 + 2.5 16^2)
-    assert plain.linear_model.dense_bytes == 13312
+    assert plain.linear_model.choice.dense_bytes == 13312
     assert "at most 13.3 kB of dense matrices, max_dense_bytes allows 3 GB" in str(plain)
     assert "because dense matrices would take 13.3 kB: max_dense_bytes allows 3 kB" in str(many)
     assert "at most 13.3 kB of dense matrices, as chosen" in str(forced)
@@ -302,10 +302,10 @@ def test_dense_matrices_take_no_more_memory_than_said(floating, monkeypatch):
     result = solver.solve()
     most = tracemalloc.get_traced_memory()[1] - others
     tracemalloc.stop()
-    model = solver.linear_model
-    matrix = 8 * model.rows**2
-    assert model.rows == 802 and model.dense_bytes == 4.5 * matrix
-    assert most < model.dense_bytes + 0.2 * matrix  # sparse rows, blocks of rows, vectors
+    choice = solver.linear_model.choice
+    matrix = 8 * choice.rows**2
+    assert choice.rows == 802 and choice.dense_bytes == 4.5 * matrix
+    assert most < choice.dense_bytes + 0.2 * matrix  # sparse rows, blocks of rows, vectors
     assert most > 3.5 * matrix
     assert set(result.status) == {0, 1, 2}
     # round-off times the condition of slender bodies

@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse import csr_matrix
 
 from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
-from skfem_contact.conditions.friction import tangential_matrix
 from skfem_contact.conditions.return_map import Derivatives, return_map, unlawful
+from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.conditions.thresholds import BEYOND
 
 size = st.floats(0.0, 1e3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,17 +14,18 @@ from scipy.spatial.transform import Rotation
 from solids import KINDS, at, body, cube, onto_octant, shuffled
 
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.face_kinks import kink_angles
 from skfem_contact.bodies.facet_kinds import KINDS as FACETS
+from skfem_contact.bodies.normals import angle_between
 from skfem_contact.bodies.selection import mesh_edges
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.clipping import clip, signed_areas
 from skfem_contact.pairing.faces.dual import dual_basis, node_rows, positive_functions
-from skfem_contact.pairing.faces.kinks import kink_angles, least_gaps
+from skfem_contact.pairing.faces.kinks import least_gaps
 from skfem_contact.pairing.faces.mortar import dual_mortar, whole_shares
 from skfem_contact.pairing.faces.segmentation import segment
-from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.mortar import dual_mortar as dual_mortar_of_curves
 
 ROUND_OFF = 1e-12  # of sums of hundreds of numbers of the order of one
@@ -397,9 +399,9 @@ def test_kinks_are_found_and_curves_are_none(kind, thick):
     surface = block(kind, 4, thick, [0, 1], place=bent).surface("up")
     edge = np.isclose(surface.points[:, 0], 0.5)
     expected = np.where(edge, np.radians(20), 0.0)
-    assert_allclose(kink_angles(surface), expected, rtol=0, atol=1e-7)
+    assert_allclose(surface.kinks, expected, rtol=0, atol=1e-7)
     for curved in (block(kind, 5, thick, [0, 1], place=round_), shell(kind, 4, 0.8, 1.0)):
-        assert np.all(kink_angles(curved.surface("up")) == 0)
+        assert np.all(curved.surface("up").kinks == 0)
 
 
 @pytest.mark.every_value
@@ -672,8 +674,10 @@ def test_kinks_are_those_of_the_undeformed_bodies():
     up = high.dof_component == 2
     bend[up] = 0.05 / 0.75 * high.dof_points[up, 0] ** 2
     moved = bend, np.zeros(low.n)
-    assert kink_angles(foot).any() and not kink_angles(foot.moved(bend)).any()
-    known, lost = pair(contact, moved=moved), dual_mortar(foot.moved(bend), contact.primary)
+    bent = foot.moved(bend)
+    kinks = kink_angles(bent.points, bent.facets, bent.kind, bent.twins)
+    assert foot.kinks.any() and bent.kinks is foot.kinks and not kinks.any()
+    known, lost = pair(contact, moved=moved), dual_mortar(replace(bent, kinks=kinks), contact.primary)
     assert lost.least_gap is None and np.isfinite(known.least_gap).any()
 
 
@@ -718,7 +722,7 @@ def test_least_gap_over_a_kink():
     low = block("quad4", lines, 1, [0, 1], place=place).surface("up")
     plate = block("quad4", 5, 1, [1.2, 2]).surface("low")
     every = np.ones(plate.facets.shape, dtype=bool)
-    least = least_gaps(segment(plate, low), (kink_angles(plate), kink_angles(low)), every)
+    least = least_gaps(segment(plate, low), every)
     x = plate.points[:, 0]
     near = np.maximum(x - 0.2, 0.0)  # where the faces of a node begin
     expected = 0.2 + slope * np.maximum(near - 0.5, 0.0)

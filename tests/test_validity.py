@@ -14,7 +14,9 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.validity.drift import Track, curvatures, node_lengths, ways_to_ends
+from skfem_contact.answers.validity.curvature import curvatures
+from skfem_contact.answers.validity.curve_track import CurveTrack, node_lengths
+from skfem_contact.answers.validity.ends import ways_to_ends
 from skfem_contact.answers.validity.overlap import Outline, outline
 
 QUAD = fem.ElementVector(fem.ElementQuad1())
@@ -617,7 +619,7 @@ def test_ends_are_looked_at_where_a_point_may_have_passed_them():
     contact = sc.Contact(up.surface("bottom"), low.surface("top"), friction=sc.Coulomb(0.3))
     solver = sc.ContactSolver([low, up], contact)
     gap, part = np.zeros(9), slice(0, 9)
-    short, long = (Track(contact, solver.geometry.pairings[0], solver.kin.gap0) for _ in range(2))
+    short, long = (CurveTrack(contact, solver.geometry.pairings[0], solver.kin.gap0) for _ in range(2))
     long.room = np.full(9, -np.inf)
     order = np.argsort(short.points[:, 0])
     for first in range(5):

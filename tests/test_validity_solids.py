@@ -12,10 +12,12 @@ from solids import KINDS, at, body, cube, elastic, onto_ball
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.validity.face_track import FaceTrack, Rim, curvature_tensors
+from skfem_contact.answers.validity.assess import assess
+from skfem_contact.answers.validity.curvature import curvature_tensors
+from skfem_contact.answers.validity.ends import Rim
+from skfem_contact.answers.validity.face_track import FaceTrack
 from skfem_contact.answers.validity.hull import hull
 from skfem_contact.answers.validity.support import Support
-from skfem_contact.answers.validity.validity import assess
 from skfem_contact.conditions.discretisation import pair
 
 every_kind = pytest.mark.parametrize("kind", KINDS)

@@ -5,7 +5,7 @@
 * `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers,
   by the `pieces` of the equation, and by a proof that there is only `one_answer`;
 * `validity`: whether the model holds; `error`: how far the mesh may be off;
-* `result`, `single`: all of it as users see it, and of the contact where there is one;
+* `result`, `by_contact`, `single`: all of it as users see it, by contacts, and of the one there may be;
 * `contact_report`, `report`: all of it printed;
 * `thresholds`: numbers, and where they come from.
 """

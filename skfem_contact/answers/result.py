@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,18 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.by_contact import ByContact
 from skfem_contact.answers.certificate import Certificate, certify
 from skfem_contact.answers.reaction import reaction
-from skfem_contact.answers.single import OfTheContact
-from skfem_contact.answers.split import values_of
 from skfem_contact.answers.uniqueness import Uniqueness, uniqueness
+from skfem_contact.answers.validity.assess import assess
 from skfem_contact.answers.validity.rotation import rigid_rotations
-from skfem_contact.answers.validity.validity import Validity, assess
-from skfem_contact.answers.values import ContactValues
-from skfem_contact.arguments import known_keywords, suggest
+from skfem_contact.answers.validity.validity import Validity
+from skfem_contact.arguments import known_keywords
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
@@ -33,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactResult(OfTheContact):
+class ContactResult(ByContact):
     """The answer of one load step.
 
     What a contact knows (`ContactValues`: pressure, traction, slip, status, ...) is reached by
@@ -180,60 +177,6 @@ class ContactResult(OfTheContact):
         True
         """
         return reaction(self._answer, body, boundary)
-
-    # -- contacts -----------------------------------------------------------------------------
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the contacts, in the order given to the solver."""
-        return self._answer.names
-
-    @property
-    def contacts(self) -> tuple[Contact, ...]:
-        """The contacts themselves."""
-        return self._answer.contacts
-
-    @cached_property
-    def values(self) -> tuple[ContactValues, ...]:
-        """The answer of every contact, in the order given."""
-        return values_of(self._answer)
-
-    def __getitem__(self, key: Contact | str | int) -> ContactValues:
-        return self.values[self._position(key)]
-
-    def __iter__(self) -> Iterator[ContactValues]:
-        return iter(self.values)
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    def __bool__(self) -> bool:
-        return True  # of a result with `if result:` nobody asks how many contacts it has
-
-    def __contains__(self, key: object) -> bool:
-        return key in self.names or any(key is own for own in (*self.contacts, *self.values))
-
-    def _position(self, key: Contact | str | int) -> int:
-        if isinstance(key, str):
-            if key in self.names:
-                return self.names.index(key)
-            raise InputError(f"there is no contact {key!r}{suggest(key, self.names, 'contacts')}")
-        if isinstance(key, int):
-            if not -len(self.names) <= key < len(self.names):
-                raise InputError(f"there is no contact number {key}, only {len(self.names)} from 0 on")
-            return range(len(self.names))[key]
-        for i, contact in enumerate(self.contacts):
-            if contact is key:
-                return i
-        raise InputError("this contact is not one of those of the solver: pass the same object")
-
-    def _only(self, name: str) -> ContactValues:
-        if len(self.names) != 1:
-            raise AttributeError(
-                f"'{name}' belongs to a contact and there are {len(self.names)} of them "
-                f"({', '.join(self.names)}): write result['{self.names[0]}'].{name}"
-            )
-        return self.values[0]
 
     # -- energy -------------------------------------------------------------------------------
 

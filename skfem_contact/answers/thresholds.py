@@ -183,7 +183,7 @@ CHORDS = 1.5
 # is driven in. 0.63, ten between two nodes of node-to-segment contact, is to be warned of.
 BULGE = 0.6
 
-# -- validity.face_track -----------------------------------------
+# -- validity.ends, curvature ------------------------------------
 
 # Distances to two edges that differ by less than this part are equal: those to their common corner.
 EQUALLY_FAR = 1e-9

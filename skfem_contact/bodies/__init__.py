@@ -3,10 +3,10 @@
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
 * `boundaries`: tractions and displacements by the names of boundaries;
 * `member`, `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked
-  of them;
-* `surface`: a boundary as contact sees it; `bare`: one without a body;
+  of them; `stiffness`, `rigid_modes`: of a body;
+* `surface`: a boundary as contact sees it; `nodes`: its nodes; `bare`: one without a body;
 * `facet_kinds`: the shape functions of facets;
 * `curves`, `facets`, `normals`, `projection`: boundaries of plane bodies, normals, closest points;
-* `faces`, `face_normals`: boundaries of solids;
+* `faces`, `face_normals`, `face_kinks`: boundaries of solids;
 * `thresholds`: numbers, and where they come from.
 """

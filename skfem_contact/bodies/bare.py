@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from skfem_contact.bodies.face_kinks import kink_angles as face_kinks
 from skfem_contact.bodies.face_normals import areas_and_normals, face_areas
 from skfem_contact.bodies.faces import twin_edges
 from skfem_contact.bodies.facet_kinds import kind_of
@@ -80,7 +81,7 @@ def bare_faces(points: np.ndarray, facets: np.ndarray, name: str) -> FaceSurface
     [[0.0, 0.0, 1.0]]
     """
     nobody: Any = NoBody(3)
-    kind, held = kind_of(3, 3), np.zeros(points.shape, dtype=bool)
+    kind, held, twins = kind_of(3, 3), np.zeros(points.shape, dtype=bool), twin_edges(facets)
     surface = FaceSurface(
         body=nobody,
         name=name,
@@ -89,7 +90,8 @@ def bare_faces(points: np.ndarray, facets: np.ndarray, name: str) -> FaceSurface
         facets=facets,
         area=face_areas(points, facets, kind, None, name),
         mesh_facets=np.arange(len(facets)),
-        **areas_and_normals(points, facets, kind, held, twin_edges(facets)),
+        kinks=face_kinks(points, facets, kind, twins),
+        **areas_and_normals(points, facets, kind, held, twins),
     )
     seal(surface)
     return surface

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
-from weakref import WeakValueDictionary
 
 import numpy as np
 import skfem
@@ -28,6 +27,8 @@ from skfem_contact.bodies.inputs import (
     stiffness_of,
 )
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.rigid_modes import motion_names, rigid_modes
+from skfem_contact.bodies.stiffness import Stiffness
 from skfem_contact.bodies.thresholds import SAME_QUOTIENT
 from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError
@@ -35,32 +36,6 @@ from skfem_contact.sealed import seal
 
 if TYPE_CHECKING:
     from skfem_contact.bodies.surface import CurveSurface, FaceSurface
-
-
-@dataclass(frozen=True, eq=False)
-class _Stiffness:
-    """A checked stiffness and what it was assembled from; bodies made from each other share it."""
-
-    K: csr_matrix
-    basis: Any
-    form: BilinearForm | None
-
-    @classmethod
-    def of(cls, K: Any, basis: Any, whose: str) -> _Stiffness:
-        """That of the body whose `K` this is, as in dataclasses.replace, or a new one."""
-        known = _KNOWN.get(id(K))
-        if known is not None and known.K is K and known.basis is basis:
-            return known
-        form = K if isinstance(K, BilinearForm) else None
-        return cls(stiffness_of(K, basis, whose), basis, form).remembered()
-
-    def remembered(self) -> _Stiffness:
-        """Itself, from now on found by its matrix as long as a body has it."""
-        _KNOWN[id(self.K)] = self
-        return self
-
-
-_KNOWN: WeakValueDictionary[int, _Stiffness] = WeakValueDictionary()
 
 
 @with_known_keywords(stiffness="write K", load="write f", springs="add their matrix to K")
@@ -151,7 +126,7 @@ class Body(Member):
                 f"measure of {whose} is a {type(measure).__name__}, not a function of position; "
                 f"for a constant thickness pass measure=lambda x: {measure!r} + 0 * x[0]"
             )
-        stiffness = _Stiffness.of(K, basis, whose)
+        stiffness = Stiffness.of(K, basis, whose)
         values = {
             "basis": basis,
             "K": stiffness.K,
@@ -205,7 +180,7 @@ class Body(Member):
 
     def __setstate__(self, known: dict[str, Any]) -> None:
         vars(self).update(known)
-        shared = _Stiffness(self.K, self.basis, self.form).remembered()
+        shared = Stiffness(self.K, self.basis, self.form).remembered()
         object.__setattr__(self, "_stiffness", shared)
         seal(self)
 
@@ -276,50 +251,18 @@ class Body(Member):
         has the constant, shape (n, 1); an axisymmetric body the translation along its axis, (n, 1).
         A mesh of several pieces has the modes of the first, then those of the second, ...
         """
-        blocks = []
-        for part in range(self.parts.max() + 1):
-            mine = self.parts == part
-            block = np.zeros((self.n, len(self._motions)))
-            block[mine] = self._modes_of(mine)
-            blocks.append(block)
-        return np.concatenate(blocks, axis=1)
-
-    def _modes_of(self, mine: np.ndarray) -> np.ndarray:
-        component = self.dof_component[mine]
-        if self.components == 1:
-            return np.ones((len(component), 1))
-        translations = (component[:, None] == np.arange(self.dim)).astype(float)
-        if self.axisymmetric:
-            return translations[:, 1:]
-        arm = self.dof_points[mine]
-        arm = arm - arm.mean(axis=0)
-        arm /= np.abs(arm).max()
-        # the rotation in the plane (i, j) moves j by the lever arm along i, and i by minus that
-        # along j
-        planes = [(0, 1)] if self.dim == 2 else [(1, 2), (2, 0), (0, 1)]
-        rotations = [
-            np.where(component == j, arm[:, i], 0.0) - np.where(component == i, arm[:, j], 0.0)
-            for i, j in planes
-        ]
-        return np.column_stack([translations, *rotations])
-
-    @property
-    def _motions(self) -> tuple[str, ...]:
-        if self.components == 1:
-            return ("constant",)
-        if self.axisymmetric:
-            return ("translation along the axis",)
-        axes = "xyz"[: self.dim]
-        turns = ("rotation",) if self.dim == 2 else tuple(f"rotation about {a}" for a in axes)
-        return tuple(f"translation along {a}" for a in axes) + turns
+        return rigid_modes(
+            self.dof_points, self.dof_component, self.components, self.axisymmetric, self.parts
+        )
 
     @property
     def rigid_mode_names(self) -> tuple[str, ...]:
         """The motions of `rigid_modes` in words."""
+        names = motion_names(self.dim, self.components, self.axisymmetric)
         count = int(self.parts.max()) + 1
         if count == 1:
-            return self._motions
-        return tuple(f"{name} of part {i + 1}" for i in range(count) for name in self._motions)
+            return names
+        return tuple(f"{name} of part {i + 1}" for i in range(count) for name in names)
 
     @known_keywords()
     def surface(

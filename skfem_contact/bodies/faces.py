@@ -1,4 +1,4 @@
-"""Faces of solids: their nodes seen from outside, what lies across each edge, and checks."""
+"""Faces of solids: their corners seen from outside, what lies across each edge, and checks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.selection import mesh_edges, written
+from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.thresholds import NO_EXTENT, SAME_FACET
 from skfem_contact.errors import InputError
 from skfem_contact.trees import pairs_within
@@ -42,33 +42,6 @@ def area_vectors(corners: Array) -> Array:
     first = corners[..., 2, :] - corners[..., 0, :]
     second = corners[..., 3 if corners.shape[-2] == 4 else 2, :] - corners[..., 1, :]
     return np.cross(first, second)
-
-
-def face_nodes(basis: Any, numbers: Index, vertices: Index) -> Index:
-    """The nodes of faces, shape (nf, k): corners, then middles of edges, then the centre.
-
-    Of the mesh vertex v has the number v, edge e ``nvertices + e``, and facet f
-    ``nvertices + nedges + f``.
-    """
-    mesh, columns = basis.mesh, [vertices]
-    if basis.edge_dofs.size:
-        columns.append(mesh.nvertices + mesh_edges(mesh, vertices, np.roll(vertices, -1, axis=1)))
-    if basis.facet_dofs.size:
-        columns.append(mesh.nvertices + mesh.edges.shape[1] + numbers[:, None])
-    return np.concatenate(columns, axis=1)
-
-
-def node_dofs(basis: Any, nodes: Index, components: int) -> NDArray[np.int32]:
-    """The DOFs of nodes by their numbers of `face_nodes`, shape (len(nodes), components)."""
-    mesh = basis.mesh
-    edges = mesh.edges.shape[1] if basis.edge_dofs.size else 0
-    starts = 0, mesh.nvertices, mesh.nvertices + edges
-    dofs = np.empty((len(nodes), components), dtype=np.int32)
-    for start, table in zip(starts, (basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs), strict=True):
-        mine = (nodes >= start) & (nodes < start + table.shape[1])
-        if table.size:
-            dofs[mine] = table[:, nodes[mine] - start].T
-    return dofs
 
 
 def twin_edges(corners: Index) -> Index:

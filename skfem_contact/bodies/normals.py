@@ -155,8 +155,7 @@ def kink_angles(points: np.ndarray, facets: np.ndarray, neighbours: np.ndarray) 
     """
     ends = normals_at(points, facets, np.array([0.0, 1.0]))[0]
     there = ends[neighbours, np.array([1, 0])]
-    across = np.abs(ends[..., 0] * there[..., 1] - ends[..., 1] * there[..., 0])
-    turn = np.arctan2(across, np.einsum("fsd,fsd->fs", ends, there))
+    turn = angle_between(ends, there)
     known = neighbours >= 0
     turn[~known] = 0.0
     straight = known & known[:, ::-1] & (turn[:, ::-1] < STRAIGHT * turn)
@@ -193,6 +192,15 @@ def weights_of(measure: Any, x: np.ndarray, label: str) -> np.ndarray:
             "weight of the area is positive and finite (an axisymmetric mesh lies at x[0] >= 0)"
         )
     return factor
+
+
+def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Angles between unit vectors (..., d), shape (...) [rad]; exact also where they are small."""
+    along = np.einsum("...d,...d->...", one, other)
+    if one.shape[-1] == 3:
+        return np.asarray(np.arctan2(np.linalg.norm(np.cross(one, other), axis=-1), along))
+    across = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+    return np.asarray(np.abs(np.arctan2(across, along)))
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

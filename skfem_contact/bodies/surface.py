@@ -11,10 +11,12 @@ import numpy as np
 
 from skfem_contact.arguments import check_name, numbers
 from skfem_contact.bodies.curves import end_turns
+from skfem_contact.bodies.face_kinks import kink_angles as face_kinks
 from skfem_contact.bodies.face_normals import area_elements, areas_and_normals, face_areas
-from skfem_contact.bodies.faces import check_faces, face_nodes, node_dofs, seen_from_outside, twin_edges
+from skfem_contact.bodies.faces import check_faces, seen_from_outside, twin_edges
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import check_facets, facet_neighbours, order_along, oriented
+from skfem_contact.bodies.nodes import as_met, curve_nodes, face_nodes, held_components, node_dofs
 from skfem_contact.bodies.normals import (
     end_slopes,
     kink_angles,
@@ -134,7 +136,7 @@ class ContactSurface(ABC):
     @cached_property
     def held(self) -> np.ndarray:
         """Which components of each node are prescribed, shape (m, d)."""
-        return _held(self.body, self.dofs)
+        return held_components(self.body, self.dofs)
 
     def moved(self: Moved, u: np.ndarray) -> Moved:
         """Return the surface displaced: same nodes, facets and areas, new positions and normals.
@@ -202,7 +204,16 @@ class CurveSurface(ContactSurface):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FaceSurface(ContactSurface):
-    """Faces of a solid, see `ContactSurface`."""
+    """Faces of a solid, see `ContactSurface`.
+
+    Attributes
+    ----------
+    kinks : ndarray, shape (m,)
+        Angle by which the undeformed surface turns at a node on an edge beside a flat; 0 elsewhere, so
+        on curved surfaces [rad]. Strains bend flats, and would make kinks come and go.
+    """
+
+    kinks: np.ndarray
 
     @property
     def facet_areas(self) -> np.ndarray:
@@ -251,24 +262,14 @@ def _curve(body: Body, name: str, label: str, numbers: np.ndarray) -> CurveSurfa
     numbers, facets_v = oriented(mesh, numbers)
     order = order_along(facets_v)
     numbers, facets_v = numbers[order], facets_v[order]
-
-    # a node is known by its vertex number, or behind those by the number of its facet
-    quadratic = basis.facet_dofs.size > 0
-    start, end = facets_v.T
-    columns = [start, mesh.nvertices + numbers, end] if quadratic else [start, end]
-    unique, facets = _as_met(np.column_stack(columns))
-    if quadratic:
+    unique, facets = as_met(curve_nodes(basis, numbers, facets_v))
+    if facets.shape[1] == 3:
         facets = facets[:, [0, 2, 1]]
-    vertex = unique < mesh.nvertices
-    dofs = np.empty((len(unique), body.components), dtype=np.int32)
-    dofs[vertex] = basis.nodal_dofs[:, unique[vertex]].T
-    if quadratic:
-        dofs[~vertex] = basis.facet_dofs[:, unique[~vertex] - mesh.nvertices].T
-
+    dofs = node_dofs(basis, unique, body.components)
     points = np.ascontiguousarray(basis.doflocs[:, dofs[:, 0]].T)
     check_facets(points, facets, numbers, mesh, label)
     neighbours = facet_neighbours(facets)
-    normals = lengths_and_normals(points, facets, _held(body, dofs), neighbours)
+    normals = lengths_and_normals(points, facets, held_components(body, dofs), neighbours)
     return CurveSurface(
         body=body,
         name=name,
@@ -287,7 +288,7 @@ def _curve(body: Body, name: str, label: str, numbers: np.ndarray) -> CurveSurfa
 def _faces(body: Body, name: str, label: str, numbers: np.ndarray) -> FaceSurface:
     basis, mesh = body.basis, body.basis.mesh
     numbers, vertices = seen_from_outside(mesh, numbers)
-    unique, facets = _as_met(face_nodes(basis, numbers, vertices))
+    unique, facets = as_met(face_nodes(basis, numbers, vertices))
     dofs = node_dofs(basis, unique, body.components)
     points = np.ascontiguousarray(basis.doflocs[:, dofs[:, 0]].T)
     kind = kind_of(3, facets.shape[1])
@@ -301,23 +302,6 @@ def _faces(body: Body, name: str, label: str, numbers: np.ndarray) -> FaceSurfac
         facets=facets,
         area=face_areas(points, facets, kind, body.measure, label),
         mesh_facets=numbers,
-        **areas_and_normals(points, facets, kind, _held(body, dofs), twins),
+        kinks=face_kinks(points, facets, kind, twins),
+        **areas_and_normals(points, facets, kind, held_components(body, dofs), twins),
     )
-
-
-def _as_met(ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes of facets (nf, k) in the order in which facets meet them, and facets by these places."""
-    unique, first, inverse = np.unique(ids, return_index=True, return_inverse=True)
-    met = np.argsort(first)
-    rank = np.empty_like(met)
-    rank[met] = np.arange(len(met))
-    return unique[met], rank[inverse.reshape(ids.shape)]
-
-
-def _held(body: Body, dofs: np.ndarray) -> np.ndarray:
-    """Prescribed components, (m, d); a scalar field has no directions to hold."""
-    if dofs.shape[1] != body.dim or not len(body.D):
-        return np.zeros((len(dofs), body.dim), dtype=bool)
-    held = np.zeros(body.n, dtype=bool)
-    held[body.D] = True
-    return held[dofs]

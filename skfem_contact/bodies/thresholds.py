@@ -31,6 +31,9 @@ ALIKE = 2 / 3
 # A facet is straight beside a kink if the surface turns at its other end by less than this part.
 STRAIGHT = 1 / 4
 
+# Turns by less [rad] are no kink: a weighted gap is then wrong by a ten thousandth of a facet.
+BENT = 1e-3
+
 # -- body, curves, face_normals, normals, facets, faces, projection ---
 
 # A measure is that of axisymmetry if its quotient by the radius is constant to the digits of a function

@@ -3,10 +3,11 @@
 * `friction`, `return_map`, `checked_law`: laws, forces by them, the check of every value they return;
   `orthotropic`, `slip_axes`: friction with a material direction, and the axes that make a circle of it;
   `wear`: the depth that slip wears off;
-* `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, its rows, and where
-  they are when contact slides far; `lever`: the rows of rigid bodies;
+* `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, gaps and slips, and
+  where they are when contact slides far; `rows`, `lever`: their matrices, of rigid bodies too;
 * `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers;
 * `prescribed`, `motions`, `statics`: what supports prescribe, leave free, and whether contact holds it;
+  `motion_words`: such motions in words;
 * `diagnosis`, `identity`: what can be said before solving; what a stored state belongs to;
 * `thresholds`: numbers, and where they come from.
 """

@@ -11,13 +11,12 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.thresholds import NO_AREA
+from skfem_contact.conditions.thresholds import DIGITS_OF_WEIGHTS, NO_AREA
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corner_rows import Names
 from skfem_contact.pairing.corners import CornerContacts, corner_contacts
 from skfem_contact.pairing.faces.control import at_control_points
-from skfem_contact.pairing.faces.kinks import kink_angles
 from skfem_contact.pairing.faces.mortar import dual_mortar as mortar_of_faces
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.faces.rollers import along_supports
@@ -115,12 +114,7 @@ def _pair_faces(
     if len(moved) and isinstance(primary, FaceSurface):
         primary = primary.moved(moved[1])
     if isinstance(primary, FaceSurface) and contact.method == "mortar":
-        assert isinstance(contact.secondary, FaceSurface) and isinstance(contact.primary, FaceSurface)
-        kinks = (
-            kink_angles(contact.secondary),
-            kink_angles(contact.primary),
-        )  # before strains bend flats
-        pairing = mortar_of_faces(secondary, primary, reach=contact.reach, kinks=kinks)
+        pairing = mortar_of_faces(secondary, primary, reach=contact.reach)
     elif isinstance(primary, FaceSurface) or isinstance(outline, FaceSurface):
         faces = primary if isinstance(primary, FaceSurface) else outline
         assert isinstance(faces, FaceSurface)
@@ -238,6 +232,7 @@ def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
     weights = csr_matrix(pairing.secondary_weights).tocoo()
     lent = ~pairing.paired[weights.col] & (weights.row != weights.col)
     row, col, weight = weights.row[lent], weights.col[lent], weights.data[lent]
-    order = np.lexsort((-pairing.gap[row], np.round(weight, 9)))  # the last written is the largest
+    order = np.lexsort((-pairing.gap[row], np.round(weight, DIGITS_OF_WEIGHTS)))
+    # of those written to one place the last stays, with the largest weight
     heir[col[order]] = row[order]
     return heir

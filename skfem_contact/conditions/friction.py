@@ -1,4 +1,4 @@
-r"""Friction laws: limit, derivatives, return map, tangential element; pure functions of arrays.
+r"""Friction laws: limit, derivatives, return map; pure functions of arrays.
 
 A law bounds the friction force of a point, ``|tau| <= L(lambda)``; the point sticks below the
 bound and slips on it. Internally ``tau`` is the force that resists a positive slip, so that the
@@ -13,7 +13,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import block_diag, csr_matrix, diags
 
 from skfem_contact.arguments import PrintedAsCall, number, numbers, with_known_keywords
 from skfem_contact.conditions.return_map import Mapped, map_by_bound
@@ -272,36 +271,3 @@ class Tresca(FrictionLaw):
 
     def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
         return np.zeros_like(normal_force)
-
-
-def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:
-    r"""Sum of the tangential contact elements of all points, ``K_t = B_t' diag(G) B_t``.
-
-    Parameters
-    ----------
-    B_t : sparse matrix, shape (m (d-1), n)
-        Each row is ``v = [t, -N_1 t, -N_2 t, ...]`` over the DOFs of a secondary node and of its
-        partners, with the tangent `t` and the weights `N` of the primary nodes.
-    spring : ndarray, shape (m, d-1, d-1)
-        Tangential stiffness of each point; zero where there is none [force/length].
-
-    Notes
-    -----
-    ``G v v'`` is the second derivative of the energy ``G s^2 / 2`` of [M] eq. (6). The printed 6 x 6
-    matrix has its diagonal factor on the wrong side and is not symmetric; this is the one that the
-    energy gives. The weights sum to one, so a common translation costs nothing.
-
-    Examples
-    --------
-    A secondary node over the middle of a horizontal facet:
-
-    >>> import numpy as np
-    >>> row = csr_matrix([[1.0, 0.0, -0.5, 0.0, -0.5, 0.0]])
-    >>> K_t = tangential_matrix(row, np.array([[[4.0]]])).toarray()
-    >>> K_t[0]
-    array([ 4.,  0., -2.,  0., -2.,  0.])
-    >>> np.allclose(K_t @ np.tile([1.0, 0.0], 3), 0.0)
-    True
-    """
-    G = diags(spring[:, 0, 0]) if spring.shape[1] == 1 else block_diag(list(spring), format="csr")
-    return csr_matrix(B_t.T @ (G @ B_t))

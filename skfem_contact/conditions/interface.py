@@ -14,7 +14,8 @@ from skfem_contact.bodies.system import slices
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import NO_SLIP, Contact
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
-from skfem_contact.conditions.kinematics import Kinematics, compliance_scale
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.rows import compliance_scale
 from skfem_contact.conditions.thresholds import STIFFNESS
 from skfem_contact.conditions.wear import Archard
 from skfem_contact.errors import InputError

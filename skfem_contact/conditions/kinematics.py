@@ -25,18 +25,21 @@ from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import carriers
 from skfem_contact.conditions.lever import Lever
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.slip_axes import combinations, combined_rows, duals, material_frame
+from skfem_contact.conditions.rows import (
+    held_by_supports,
+    sides_of,
+    slip_sides,
+    spread_rows,
+    tangential_rows,
+    with_columns,
+)
+from skfem_contact.conditions.slip_axes import combinations, duals, material_frame
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.control import gap_weights
 from skfem_contact.pairing.node import Pairing, gap_vectors
-from skfem_contact.pairing.supports import held_rows
-from skfem_contact.pairing.vectors import turned
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 ALL = slice(None)
-#: Weights, surface and sign of one side of a contact.
-Side = tuple[csr_matrix, ContactSurface, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +128,7 @@ class Kinematics:
         return given if self.gap_weights is None else np.asarray(self.gap_weights @ given)
 
     @cached_property
-    def never_opens(self) -> Mask:
+    def never_opens(self) -> NDArray[np.bool_]:
         """Points that have a partner for good, (m,)."""
         return self.bilateral & self.paired
 
@@ -213,7 +216,7 @@ def kinematics(
     frame = np.concatenate([pairing.normal[:, None, :], pairing.tangent], axis=1)
     if scalar:  # a field with one component: the row of the value itself, no direction
         frame = np.ones((len(pairing.gap), 1, 1))
-    sides = _sides(contact, pairing.secondary_weights, pairing.primary_weights)
+    sides = sides_of(contact, pairing.secondary_weights, pairing.primary_weights)
     still = np.zeros(frame[:, 1:, 0].shape, dtype=bool)
     if pairing.still is not None:
         still |= pairing.still.reshape(len(still), -1)
@@ -224,21 +227,21 @@ def kinematics(
     if bulge is not None and still.any():  # rows of node-to-segment contact stand on the nodes
         slip_bulge = (diags((~still[:, 0]).astype(float)) @ bulge[0], *bulge[1:])
     lever = Lever.of(system, contact, pairing, moved)
-    held = _held(sides, frame[:, 0], contact.bilateral, lever)
-    slip_sides = _slip_sides(contact, pairing, sides, still)
+    held = held_by_supports(sides, frame[:, 0], contact.bilateral, lever)
+    own_sides = slip_sides(contact, pairing, sides, still)
     tangent, axes, A = pairing.tangent, None, None
     if isinstance(contact.friction, OrthotropicCoulomb):
         tangent = material_frame(contact, pairing)
-        first = still[:, 0] | _held(slip_sides[0], frame[:, 1], contact.tied, lever)
+        first = still[:, 0] | held_by_supports(own_sides[0], frame[:, 1], contact.tied, lever)
         A = combinations(tangent, contact.friction.ratios, pairing.tangent, first)
         axes = A @ pairing.tangent
-    B_n = _spread(system, sides, frame[:, 0], pairing.paired, held, bulge, lever)
+    B_n = spread_rows(system, sides, frame[:, 0], pairing.paired, held, bulge, lever)
     return Kinematics(
         B_n=B_n,
         tangential=partial(
             tangential_rows,
             system,
-            slip_sides,
+            own_sides,
             frame[:, 1:],
             pairing.paired,
             still,
@@ -265,35 +268,6 @@ def kinematics(
         gap_weights=gap_weights(pairing),
         scaled=axes,
     )
-
-
-def _sides(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> list[Side]:
-    """Weights, surface and sign of either side; a rigid obstacle has none."""
-    sides = [(secondary, contact.secondary, 1.0)]
-    if isinstance(contact.primary, ContactSurface):
-        sides.append((primary, contact.primary, -1.0))
-    return sides
-
-
-def _slip_sides(contact: Contact, pairing: Pairing, sides: list[Side], still: Mask) -> list[list[Side]]:
-    """Both sides of the rows of each tangent: other weights where supports make the slip."""
-    if pairing.slip_weights is None:
-        return [sides] * still.shape[1]
-    found = []
-    for along in still.T:
-        own, others = diags(along.astype(float)), diags((~along).astype(float))
-        weights = pairing.secondary_weights, pairing.primary_weights
-        both = zip(weights, pairing.slip_weights, strict=True)
-        found.append(_sides(contact, *(csr_matrix(others @ W + own @ slip) for W, slip in both)))
-    return found
-
-
-def _held(sides: Sequence[Side], direction: Array, glued: bool, lever: Lever | None) -> Mask:
-    """Rows that supports hold. Not of glue: its gap is zero, and its rows agree with supports."""
-    if glued:
-        return np.zeros(len(direction), dtype=bool)
-    held = held_rows(sides, direction)
-    return held if lever is None else held & lever.holds(direction)
 
 
 def _offset(contact: Contact, pairing: Pairing, lever: Lever | None) -> Array:
@@ -345,7 +319,7 @@ def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
     place[columns] = np.arange(len(columns))
     return replace(
         kin,
-        B_n=_with_columns(kin.B_n, place, len(columns)),
+        B_n=with_columns(kin.B_n, place, len(columns)),
         tangential=partial(_tangential_columns, kin, place, len(columns)),
     )
 
@@ -355,96 +329,4 @@ def _joined_tangential(parts: Sequence[Kinematics]) -> csr_matrix:
 
 
 def _tangential_columns(kin: Kinematics, place: NDArray[np.intp], count: int) -> csr_matrix:
-    return _with_columns(kin.B_t, place, count)
-
-
-def _with_columns(B: csr_matrix, place: NDArray[np.intp], count: int) -> csr_matrix:
-    """Columns moved to their new place, and left out where that is negative.
-
-    By hand, because slicing in SciPy goes over all columns of all bodies, for every new pairing.
-    """
-    column = place[B.indices]
-    keep = column >= 0
-    start = np.concatenate([[0], np.cumsum(keep)])[B.indptr]
-    return csr_matrix((B.data[keep], column[keep], start), shape=(B.shape[0], count))
-
-
-def _spread(
-    system: System,
-    sides: Sequence[Side],
-    direction: Array,
-    paired: Mask,
-    held: Mask,
-    bulge: Side | None = None,
-    lever: Lever | None = None,
-) -> csr_matrix:
-    """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
-
-    Of rows that are `held` only what is prescribed is left: so no route closes them, and checks of
-    prescribed values see them. The weights `bulge` act on displacements turned by -90 degrees.
-    """
-    entries = []
-    along, given = direction, [(*side, direction) for side in sides]
-    if bulge is not None:
-        given.append((*bulge, turned(direction)))
-    for weights, surface, sign, direction in given:
-        W = csr_matrix(weights).tocoo()
-        keep = paired[W.row]
-        row, node, value = W.row[keep], W.col[keep], sign * W.data[keep]
-        columns = system.offsets[system.index(surface.body)] + surface.dofs[node]
-        rows = np.repeat(row, surface.dofs.shape[1])
-        coefficients = value[:, None] * direction[row]
-        if held.any():
-            coefficients[held[row][:, None] & ~surface.held[node]] = 0.0
-        entries.append((coefficients.ravel(), rows, columns.ravel()))
-    if lever is not None:
-        entries.append(lever.entries(along, paired, held))
-    data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
-    spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
-    spread.sum_duplicates()
-    spread.eliminate_zeros()
-    return spread
-
-
-def tangential_rows(
-    system: System,
-    sides: Sequence[Sequence[Side]],
-    tangent: Array,
-    paired: Mask,
-    still: Mask,
-    tied: bool,
-    bulge: Side | None = None,
-    lever: Lever | None = None,
-    A: Array | None = None,
-) -> csr_matrix:
-    """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems.
-
-    With `A` along the combinations of them that friction with a material direction takes, (m, 2, 2).
-    """
-    blocks = []
-    for own, along, at_rest in zip(sides, np.moveaxis(tangent, 1, 0), still.T, strict=True):
-        held = at_rest | _held(own, along, tied, lever)
-        blocks.append(_spread(system, own, along, paired, held, bulge, lever))
-    if not blocks:
-        return csr_matrix((0, system.n))
-    rows = _interleave(blocks)
-    return rows if A is None else combined_rows(A, rows)
-
-
-def _interleave(blocks: Sequence[csr_matrix]) -> csr_matrix:
-    """Rows of several tangents in the order point by point."""
-    if len(blocks) == 1:
-        return csr_matrix(blocks[0])
-    m, k = blocks[0].shape[0], len(blocks)
-    order = np.arange(m * k).reshape(k, m).T.ravel()
-    return csr_matrix(vstack(blocks).tocsr()[order])
-
-
-def compliance_scale(B: csr_matrix, diagonal: Array) -> Array:
-    """Stiffness of each row as seen by K's diagonal, ``1 / sum(B_ij^2 / K_jj)`` [force/length].
-
-    The softer side decides, so that one multiple of it suits any pair of bodies.
-    """
-    inverse = np.where(diagonal > 0, 1.0 / np.where(diagonal > 0, diagonal, 1.0), 0.0)
-    total = np.asarray((B.multiply(B) @ diags(inverse)).sum(axis=1)).ravel()
-    return np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
+    return with_columns(kin.B_t, place, count)

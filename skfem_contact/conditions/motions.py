@@ -20,12 +20,12 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.motion_words import motion_words
 from skfem_contact.conditions.thresholds import (
     DIGITS,
     FEW_MODES,
     NO_WORK,
     NOT_MOVED,
-    NOT_NAMED,
     RESISTS,
 )
 from skfem_contact.errors import NoEquilibrium
@@ -171,7 +171,7 @@ class RigidMotions(ByFields):
         for body, name, part in zip(self.system.bodies, self.system.names, self._parts(u), strict=True):
             if np.max(np.abs(part)) > NOT_MOVED * scale:
                 bodies.append(name)
-                motions.append(_motion_words(body.rigid_modes, body.rigid_mode_names, part))
+                motions.append(motion_words(body.rigid_modes, body.rigid_mode_names, part))
         same = len(set(motions)) == 1
         words = motions[0] if same else "; ".join(map(": ".join, zip(bodies, motions, strict=True)))
         return tuple(bodies), words
@@ -188,7 +188,7 @@ class RigidMotions(ByFields):
             if isinstance(body, RigidBody) and body.obstacle.turns_in_itself(body.about):
                 size = np.linalg.norm(part[: body.dim])
             if size > NOT_MOVED * np.linalg.norm(u):
-                words = _motion_words(body.rigid_modes, body.rigid_mode_names, part)
+                words = motion_words(body.rigid_modes, body.rigid_mode_names, part)
                 sentences.append((name, words))
         return tuple(
             f"The place of body '{name}' is indifferent ({words}): {why}, and the forces are the same "
@@ -199,42 +199,6 @@ class RigidMotions(ByFields):
     def _parts(self, u: Array) -> list[Array]:
         offsets = self.system.offsets
         return [u[offsets[i] : offsets[i + 1]] for i in range(len(offsets) - 1)]
-
-
-def _motion_words(modes: Array, names: tuple[str, ...], u: Array) -> str:
-    scaled = modes / np.max(np.abs(modes), axis=0)
-    share = np.abs(np.linalg.lstsq(scaled, u, rcond=None)[0])
-    share = share if share.ndim == 1 else np.max(share, axis=1)
-    return joined([name for name, s in zip(names, share, strict=True) if s > NOT_NAMED * share.max()])
-
-
-def joined(names: Sequence[str]) -> str:
-    """Rigid motions as one: those of a kind by their axes, one kind with the other.
-
-    >>> joined(["translation along x", "translation along y", "rotation"])
-    'translation along x and y with rotation'
-    >>> joined(
-    ...     [
-    ...         "translation along x of part 2",
-    ...         "rotation about x",
-    ...         "rotation about y",
-    ...         "rotation about z",
-    ...     ]
-    ... )
-    'translation along x of part 2 with rotation about x, y and z'
-    """
-    kinds: dict[tuple[str, str], list[str]] = {}
-    for name in names:
-        motion, _, part = name.partition(" of part ")
-        kind, _, axis = motion.rpartition(" ")
-        if axis not in ("x", "y", "z"):
-            kind, axis = motion, ""
-        kinds.setdefault((kind, part), []).append(axis)
-    words = []
-    for (kind, part), axes in kinds.items():
-        listed = " and ".join(filter(None, (", ".join(axes[:-1]), axes[-1])))
-        words.append(f"{kind} {listed}".strip() + (f" of part {part}" if part else ""))
-    return " with ".join(words)
 
 
 def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matrix]) -> RigidMotions:

@@ -23,6 +23,12 @@ NO_OVERLAP = 1e-10
 # An overlap of this share of a body is no interference fit: small strains end long before.
 HUGE = 0.1
 
+# -- discretisation ----------------------------------------------
+
+# Digits after the point by which weights of a row (their sum is 1) differ: like ones, as those of
+# matching or symmetric meshes, differ in their last digits, and no choice may hang on those.
+DIGITS_OF_WEIGHTS = 9
+
 # -- return_map --------------------------------------------------
 
 # Step of difference quotients, as a share of the largest argument: the root of round-off and a digit

@@ -166,7 +166,7 @@ class Answering(ByFields):
             recover=Recovery.of(attempt) if rest is None else rest.recover,
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
-            linear=model.said,
+            linear=model.choice.said,
             indifferent=self._places(found),
         )
 

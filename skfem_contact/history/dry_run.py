@@ -39,18 +39,18 @@ def dry_run(solver: ProblemSetup) -> str:
 
 
 def _linear_words(solver: ProblemSetup) -> str:
-    model, points, n = solver.linear_model, int(solver.kin.paired.sum()), solver.system.n
-    dofs = len(np.setdiff1d(model.touched(), solver.system.D))
-    sizes = f"{n} DOFs -> {dofs} contact DOFs -> {model.rows} gaps and slips of {points} points"
-    if model.route == "full":
-        return f"linear solver {model.backend!r} on all {n} DOFs in every iteration, {model.reason}"
-    if model.route == "multigrid":
-        return f"multigrid: {sizes}; {model.backend!r}, {model.reason}"
+    choice, points, n = solver.linear_model.choice, int(solver.kin.paired.sum()), solver.system.n
+    dofs = len(np.setdiff1d(solver.linear_model.touched(), solver.system.D))
+    sizes = f"{n} DOFs -> {dofs} contact DOFs -> {choice.rows} gaps and slips of {points} points"
+    if choice.route == "full":
+        return f"linear solver {choice.backend!r} on all {n} DOFs in every iteration, {choice.reason}"
+    if choice.route == "multigrid":
+        return f"multigrid: {sizes}; {choice.backend!r}, {choice.reason}"
     factors = written_bytes(sum(size.memory for size in solver.sizes().values()))
-    if model.route == "iterated":
-        return f"iterated: {sizes}; {factors} for the factors; forces by GMRES, {model.reason}"
-    dense = f"at most {written_bytes(model.dense_bytes)} of dense matrices"
-    return f"condensed: {sizes}; {factors} for the factors, {dense}, {model.reason}"
+    if choice.route == "iterated":
+        return f"iterated: {sizes}; {factors} for the factors; forces by GMRES, {choice.reason}"
+    dense = f"at most {written_bytes(choice.dense_bytes)} of dense matrices"
+    return f"condensed: {sizes}; {factors} for the factors, {dense}, {choice.reason}"
 
 
 def _free_words(solver: ProblemSetup) -> str:

@@ -119,7 +119,7 @@ class ProblemSetup:
 
     def sizes(self) -> dict[str, FactorSize]:
         """What the factorisation of each body in contact will take, before anything is computed."""
-        return self.linear_model.sizes()
+        return self.linear_model.choice.sizes()
 
     def __repr__(self) -> str:
         bodies, contacts = ", ".join(self.system.names), ", ".join(self.names)

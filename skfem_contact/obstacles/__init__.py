@@ -3,6 +3,7 @@
 * `obstacle`, `motion`, `rotation`: what every obstacle does, how its motions are written, and turns in
   space;
 * `shapes`, `level_set`: planes, cylinders, spheres; a function of position;
-* `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file;
-* `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
+* `outlined`, `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file;
+* `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies; `rigid_inputs`: what users
+  give it.
 """

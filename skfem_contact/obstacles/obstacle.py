@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, numbe
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.node import Pairing
 from skfem_contact.sealed import sealed
 
 
@@ -135,22 +134,3 @@ def direction(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
 def check_dimension(surface: ContactSurface, dim: int, obstacle: Obstacle) -> None:
     if surface.dim != dim:
         raise InputError(f"surface {surface.label!r} is {surface.dim}-D, {obstacle.label!r} is {dim}-D")
-
-
-def placed(
-    surface: ContactSurface,
-    pairing: Pairing,
-    outline: ContactSurface,
-    signed_distances: Callable[..., np.ndarray],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`Obstacle.distance` by a pairing with edges or triangles, in the frames of small sliding.
-
-    The normals are those of the obstacle; at its edges and corners, which have none, those of the
-    surface. Nodes without a partner have the distance of the closest point.
-    """
-    normal = pairing.normal if pairing.primary_normal is None else pairing.primary_normal
-    away = gap_vectors(surface, outline, pairing.secondary_weights, pairing.primary_weights)
-    gap = np.einsum("md,md->m", normal, away)
-    if not pairing.paired.all():
-        gap = np.where(pairing.paired, gap, signed_distances(outline, surface.points))
-    return gap, normal, pairing.paired

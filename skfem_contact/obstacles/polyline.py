@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -14,10 +14,9 @@ from skfem_contact.bodies.bare import bare_curve
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import rigid_motion
-from skfem_contact.obstacles.obstacle import Obstacle, check_dimension, placed
+from skfem_contact.obstacles.outlined import Outlined
 from skfem_contact.pairing.closest import signed_distances
-from skfem_contact.pairing.node import node_to_segment
+from skfem_contact.pairing.node import Pairing, node_to_segment
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import kd_tree
 
@@ -29,7 +28,7 @@ NO_LENGTH = 1e-12
 
 @with_known_keywords()
 @dataclass(frozen=True, eq=False)
-class RigidPolyline(Obstacle):
+class RigidPolyline(Outlined):
     """A rigid obstacle in the plane with straight edges between points.
 
     Surfaces find their partners on it as they do on meshes: normals are continuous where edges meet
@@ -71,6 +70,7 @@ class RigidPolyline(Obstacle):
     closed: bool = False
     hollow: bool = False
     name: str | None = None
+    _dim = 2
 
     def __post_init__(self) -> None:
         check_name(self.name, "name of a RigidPolyline")
@@ -109,27 +109,12 @@ class RigidPolyline(Obstacle):
     def _ends(self) -> tuple[Array, Array]:
         return self.points[self.outline.facets[:, 0]], self.points[self.outline.facets[:, 1]]
 
-    def moved(self, motion: Any) -> RigidPolyline:
-        """Return the polyline after a rigid motion, see `Obstacle.moved`."""
-        turn, shift = rigid_motion(motion, 2)
-        twin = object.__new__(RigidPolyline)  # as good as it was: nothing is checked again
-        known = {f.name: getattr(self, f.name) for f in fields(self)}
-        vars(twin).update(known | {"points": sealed(self.points @ turn.T + shift)})
-        return twin
-
-    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Signed distances, normals and partners, see `Obstacle.distance`."""
-        check_dimension(surface, 2, self)
+    def _partners(self, surface: ContactSurface) -> Pairing:
         assert isinstance(surface, CurveSurface)
-        return placed(surface, node_to_segment(surface, self.outline), self.outline, signed_distances)
+        return node_to_segment(surface, self.outline)
 
-    def signed_distance(self, points: Any) -> np.ndarray:
-        """Distances of points (p, 2) from it, negative inside, shape (p,) [length]."""
-        usage = "give positions of shape (p, 2)"
-        x = numbers(points, f"points for {self.label!r}", usage)
-        if x.ndim != 2 or x.shape[1] != 2:
-            raise InputError(f"points for {self.label!r} have shape {x.shape}; {usage}")
-        return signed_distances(self.outline, x)
+    def _signed_distances(self, points: np.ndarray) -> np.ndarray:
+        return signed_distances(self.outline, points)
 
 
 def _points(given: Any, closed: bool, label: str) -> tuple[Array, bool]:

@@ -7,30 +7,29 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix, issparse
+from scipy.sparse import csr_matrix
 
 from skfem_contact.arguments import (
     check_kind,
     check_name,
     number,
-    numbers,
     shown,
-    suggest,
     with_known_keywords,
 )
-from skfem_contact.bodies.inputs import csr32
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.rigid_modes import motion_names
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import UNSYMMETRIC
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.sealed import seal, sealed, sealed_matrix
-
-#: Names of the DOFs, by the dimension of space.
-DIRECTIONS = {
-    2: ("x", "y", "rotation"),
-    3: ("x", "y", "z", "rotation x", "rotation y", "rotation z"),
-}
+from skfem_contact.obstacles.rigid_inputs import (
+    DIRECTIONS,
+    about_of,
+    dof_number,
+    held_dofs,
+    springs_of,
+    vector_of,
+)
+from skfem_contact.sealed import seal
 
 
 @with_known_keywords(f="write force and moment", motion="write D and x", load="write force and moment")
@@ -132,15 +131,19 @@ class RigidBody(Member, Obstacle):
         if isinstance(obstacle, RigidBody):
             raise InputError(f"obstacle of a RigidBody is {obstacle!r}; {usage}")
         name = name or obstacle.name
-        self._set(obstacle=obstacle, name=name, about=_about(about, obstacle, self._whose(name)))
+        self._set(obstacle=obstacle, name=name, about=about_of(about, obstacle, self._whose(name)))
         whose = self._whose(name)
         load = np.zeros(self.n)
-        load[: self.dim] = _vector(force, self.dim, f"force of {whose}")
+        load[: self.dim] = vector_of(force, self.dim, f"force of {whose}")
         turns = self.n - self.dim
         if moment is not None:
             given = moment if turns > 1 else [number(moment, f"moment of {whose}", "give one number")]
-            load[self.dim :] = _vector(given, turns, f"moment of {whose}")
-        self._set(f=load, D=self._held(D, f"D of {whose}"), K=self.stiffness(K, f"K of {whose}"))
+            load[self.dim :] = vector_of(given, turns, f"moment of {whose}")
+        self._set(
+            f=load,
+            D=held_dofs(D, self.directions, f"D of {whose}"),
+            K=self.stiffness(K, f"K of {whose}"),
+        )
         self._set(x=self._prescribed(x, f"x of {whose}"))
         seal(self)
 
@@ -225,9 +228,7 @@ class RigidBody(Member, Obstacle):
     @property
     def rigid_mode_names(self) -> tuple[str, ...]:
         """The motions in words."""
-        words = [f"translation along {axis}" for axis in "xyz"[: self.dim]]
-        turns = ["rotation"] if self.dim == 2 else [f"rotation about {axis}" for axis in "xyz"]
-        return (*words, *turns)
+        return motion_names(self.dim, self.components)
 
     def linearize(self, u: np.ndarray | None = None) -> tuple[csr_matrix, np.ndarray]:
         """Its springs and loads, see `Linearizable`."""
@@ -235,27 +236,14 @@ class RigidBody(Member, Obstacle):
 
     def stiffness(self, K: Any, what: str) -> csr_matrix:
         """Springs (n, n) that a user means: a stiffness for every DOF, a matrix, or none."""
-        n, usage = self.n, f"give {self.n} numbers, or a symmetric ({self.n}, {self.n}) matrix"
-        given = np.zeros(n) if K is None else numbers(K.toarray() if issparse(K) else K, what, usage)
-        matrix = np.diag(given) if given.shape == (n,) else given
-        if matrix.shape != (n, n) or not np.isfinite(matrix).all():
-            raise InputError(f"{what} has shape {given.shape}, or is not finite; {usage}")
-        # each entry against the two springs that it couples: forces and moments have other units
-        diagonal = np.diag(matrix)
-        scale = np.sqrt(np.abs(np.outer(diagonal, diagonal)))
-        if np.any(np.abs(matrix - matrix.T) > UNSYMMETRIC * scale):
-            raise InputError(f"{what} is not symmetric; {usage}")
-        root = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        if np.linalg.eigvalsh(matrix / np.outer(root, root))[0] < -UNSYMMETRIC:
-            raise InputError(f"{what} pushes along some motion: springs have a stiffness >= 0")
-        return sealed_matrix(csr32(csr_matrix(0.5 * (matrix + matrix.T))))
+        return springs_of(K, self.n, what)
 
     def load(self, f: Any, what: str) -> np.ndarray:
         """The load (n,) that a user means: forces and moments by name of DOF, or all of them."""
         if f is None:
             return np.zeros(self.n)
         if not isinstance(f, Mapping):
-            return _vector(f, self.n, what)
+            return vector_of(f, self.n, what)
         return self.displaced(f, np.zeros(self.n), what)
 
     def displaced(self, x: Mapping[str, Any], before: np.ndarray, what: str) -> np.ndarray:
@@ -276,7 +264,7 @@ class RigidBody(Member, Obstacle):
 
     def numbers(self, named: Mapping[str, Any], what: str) -> list[int]:
         """Numbers of the DOFs that a dict names."""
-        return [self._number(name, what) for name in named]
+        return [dof_number(name, self.directions, what) for name in named]
 
     def check_held(self, dofs: Iterable[int], what: str) -> None:
         """Refuse values of DOFs that are not prescribed."""
@@ -287,53 +275,3 @@ class RigidBody(Member, Obstacle):
                 f"{what} prescribes values {listed}that D does not have: name these DOFs in "
                 "D=(...) of the RigidBody, or give it a force"
             )
-
-    def _held(self, D: Any, what: str) -> np.ndarray:
-        if D is None:
-            return np.zeros(0, dtype=np.int64)
-        try:
-            given = [D] if isinstance(D, str) or np.ndim(D) == 0 else list(D)
-        except (TypeError, ValueError):
-            raise InputError(f"{what} is {shown(D)}; give names of DOFs") from None
-        return np.array(sorted({self._number(entry, what) for entry in given}), dtype=np.int64)
-
-    def _number(self, entry: Any, what: str) -> int:
-        if isinstance(entry, str):
-            if entry not in self.directions:
-                raise InputError(f"{what}: {entry!r} is none{suggest(entry, self.directions, 'DOFs')}")
-            return self.directions.index(entry)
-        if (
-            not isinstance(entry, int | np.integer)
-            or isinstance(entry, bool)
-            or not 0 <= entry < self.n
-        ):
-            known = ", ".join(map(repr, self.directions))
-            raise InputError(f"{what} is {shown(entry)}, no DOF of a rigid body; it has {known}")
-        return int(entry)
-
-
-def _about(about: Any, obstacle: Obstacle, whose: str) -> np.ndarray:
-    if about is None:
-        about = obstacle.reference
-    if about is None:
-        raise InputError(
-            f"{whose} needs the point that its force acts at and its rotation is counted about: "
-            f"{obstacle.label!r} has no centre of its own, give about=(...)"
-        )
-    point = numbers(about, f"about of {whose}", "give 2 or 3 finite coordinates")
-    own = obstacle.reference
-    if point.shape not in ((2,), (3,)) or not np.isfinite(point).all():
-        raise InputError(f"about of {whose} is {shown(about)}; give 2 or 3 finite coordinates")
-    if own is not None and len(own) != len(point):
-        raise InputError(f"about of {whose} is {shown(about)}, but its obstacle is {len(own)}-D")
-    return sealed(point)
-
-
-def _vector(value: Any, size: int, what: str) -> np.ndarray:
-    if value is None:
-        return np.zeros(size)
-    usage = f"give {size} finite numbers"
-    array = numbers(value, what, usage)
-    if array.shape != (size,) or not np.isfinite(array).all():
-        raise InputError(f"{what} is {shown(value)}; {usage}")
-    return array

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -25,10 +25,10 @@ from skfem_contact.bodies.bare import bare_faces
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import rigid_motion
-from skfem_contact.obstacles.obstacle import Obstacle, check_dimension, placed
+from skfem_contact.obstacles.outlined import Outlined
 from skfem_contact.pairing.faces.distance import signed_distances
 from skfem_contact.pairing.faces.node import node_to_face
+from skfem_contact.pairing.node import Pairing
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import pairs_within
 
@@ -47,7 +47,7 @@ OTHER_FACES = ("triangle", "quad", "polygon")
 
 @with_known_keywords()
 @dataclass(frozen=True, eq=False)
-class RigidSurface(Obstacle):
+class RigidSurface(Outlined):
     """A rigid obstacle in space whose surface is made of triangles.
 
     Faces find their partners on it node by node, as on faces of solids: normals are continuous where
@@ -93,6 +93,7 @@ class RigidSurface(Obstacle):
     triangles: np.ndarray
     hollow: bool = False
     name: str | None = None
+    _dim = 3
 
     @classmethod
     def from_file(
@@ -183,27 +184,12 @@ class RigidSurface(Obstacle):
         area = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
         return np.asarray(x.mean(axis=1).T @ area / area.sum())
 
-    def moved(self, motion: Any) -> RigidSurface:
-        """Return the surface after a rigid motion, see `Obstacle.moved`."""
-        turn, shift = rigid_motion(motion, 3)
-        twin = object.__new__(RigidSurface)  # as good as it was: nothing is checked again
-        known = {f.name: getattr(self, f.name) for f in fields(self)}
-        vars(twin).update(known | {"points": sealed(self.points @ turn.T + shift)})
-        return twin
-
-    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Signed distances, normals and partners, see `Obstacle.distance`."""
-        check_dimension(surface, 3, self)
+    def _partners(self, surface: ContactSurface) -> Pairing:
         assert isinstance(surface, FaceSurface)
-        return placed(surface, node_to_face(surface, self.outline), self.outline, signed_distances)
+        return node_to_face(surface, self.outline)
 
-    def signed_distance(self, points: Any) -> np.ndarray:
-        """Distances of points (p, 3) from it, negative inside, shape (p,) [length]."""
-        usage = "give positions of shape (p, 3)"
-        x = numbers(points, f"points for {self.label!r}", usage)
-        if x.ndim != 2 or x.shape[1] != 3:
-            raise InputError(f"points for {self.label!r} have shape {x.shape}; {usage}")
-        return signed_distances(self.outline, x)
+    def _signed_distances(self, points: np.ndarray) -> np.ndarray:
+        return signed_distances(self.outline, points)
 
 
 def _given(points: Any, triangles: Any, label: str) -> tuple[Array, Index]:

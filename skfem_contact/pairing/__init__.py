@@ -3,7 +3,7 @@
 * `search`, `vectors`: which facets can meet a point, or along its normal; vectors in the plane;
 * `closest`, `node`: node-to-segment contact;
 * `vertices`, `corners`, `corner_rows`: convex corners, what they meet, and the rows of that;
-* `segmentation`, `dual`, `mortar`, `supports`, `smooth`, `kinks`: dual mortar contact;
+* `segmentation`, `dual`, `mortar`, `mortar_rows`, `supports`, `smooth`, `kinks`: dual mortar contact;
 * `facing`, `frames`: normals of both sides, and the frames of small sliding;
 * `diagnosis`: what looks wrong with a pairing, in sentences;
 * `faces`: the same for faces of solids;

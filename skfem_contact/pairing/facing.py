@@ -114,11 +114,3 @@ def _long(vectors: Array) -> NDArray[np.bool_]:
     """Vectors that have a direction, shape (m, 1)."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.asarray(length > NO_DIRECTION * np.max(length, initial=0.0))
-
-
-def angle_between(one: Array, other: Array) -> Array:
-    """Angles between unit vectors, shape (m,) [rad]; exact also where they are small."""
-    along = dot(one, other)
-    if one.shape[-1] == 3:
-        return np.asarray(np.arctan2(np.linalg.norm(np.cross(one, other), axis=-1), along))
-    return np.abs(np.arctan2(dot(turned(one), other), along))

@@ -24,11 +24,10 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.bare import NoBody
 from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.normals import GAUSS, normals_at, tangents, unit
+from skfem_contact.bodies.normals import GAUSS, angle_between, normals_at, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.pairing.faces.joints import rim_points
 from skfem_contact.pairing.faces.moduli import area_vectors, strained
-from skfem_contact.pairing.facing import angle_between
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.thresholds import ALONG, NO_NORMAL, SAME_NORMAL
 from skfem_contact.pairing.vectors import dot

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.pairing.segmentation import Quadrature, points_per_segment
-from skfem_contact.pairing.thresholds import BENT
 from skfem_contact.pairing.vectors import dot, facet_normal_field
 
 Array = NDArray[np.float64]

@@ -30,21 +30,28 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.dual import WHOLE, dual_basis
 from skfem_contact.pairing.facing import mortar_normals
 from skfem_contact.pairing.kinks import least_gaps
-from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.mortar_rows import (
+    divided,
+    main_facets,
+    node_directions,
+    overhang,
+    shared_nodes,
+    weighted_gaps,
+)
+from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.segmentation import Quadrature, facet_areas, interface_quadrature
-from skfem_contact.pairing.smooth import common_heights
+from skfem_contact.pairing.smooth import bulge_matrix
 from skfem_contact.pairing.supports import FREE, MET, Supports, find_supports, without_multiplier
-from skfem_contact.pairing.thresholds import COVER_KEPT, NO_DIRECTION, NO_WEIGHT, SHARE_KEPT
+from skfem_contact.pairing.thresholds import COVER_KEPT, NO_WEIGHT, SHARE_KEPT
 from skfem_contact.pairing.vectors import facet_normal_field
-from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -131,7 +138,7 @@ def dual_mortar(
     owner, exchange = _own_rows(secondary, primary, supports, share, heir)
     D, covered_area, normal = _secondary_matrix(secondary, share, owner)
     M, facet = _primary_matrix(secondary, primary, quadrature, A)
-    bulge = _bulge_matrix(secondary, primary, quadrature, A)
+    bulge = bulge_matrix(secondary, primary, quadrature, A)
     of_secondary, of_primary = mortar_normals(secondary, primary, quadrature, A, normal)
     M = M + exchange
     paired = (covered_area > 0) & ~shared_nodes(secondary, primary)
@@ -145,13 +152,8 @@ def dual_mortar(
         handed[secondary.facets[supports.rank != FREE]] = True
     miss, nearest = overhang(secondary, primary, paired | handed, reach)
     bulge = None if bulge is None else divided(bulge, sums, paired)
-    gap = np.sum(normal * gap_vectors(secondary, primary, W_s, W_m, bulge), axis=1)
     least = least_gaps(secondary, primary, quadrature, A) if bulge is None else None
-    if least is not None:
-        gap = np.maximum(gap, least)
-    # coordinates have 16 digits; whether touching surfaces are closed is not for the last to say
-    scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
-    gap[np.abs(gap) <= NO_WEIGHT * scale] = 0.0
+    gap = weighted_gaps(secondary, primary, normal, (W_s, W_m, bulge), least)
     return Pairing(
         points=secondary.points,
         normal=normal,
@@ -259,11 +261,7 @@ def _secondary_matrix(
     normals = np.take_along_axis(facet_normal_field(surface), owner[:, :, None], axis=1)
     total = np.zeros_like(surface.points)
     np.add.at(total, row, share[:, :, None] * normals)
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    # opposite sides cancel at no corner but a crack tip; there the node's own will do
-    known = length > NO_DIRECTION * area[:, None]
-    unit = np.divide(total, length, out=surface.normals.copy(), where=known)
-    return D, area, -unit
+    return D, area, -node_directions(surface, total, area)
 
 
 def _primary_matrix(
@@ -278,52 +276,7 @@ def _primary_matrix(
     row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
     col = np.broadcast_to(primary.facets[f][:, None, :], data.shape)
     M = csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=(m, len(primary.points)))
-    part = (quadrature.weight[:, None] * N**2).ravel()
-    node, opposite = secondary.facets[e].ravel(), np.repeat(f, N.shape[1])
-    parts = coo_matrix((part, (node, opposite)), shape=(m, len(primary.facets))).tocsr().tocoo()
-    facet = np.full(m, -1)
-    order = np.argsort(parts.data, kind="stable")  # the last written is the largest
-    facet[parts.row[order]] = parts.col[order]
-    return M, facet
-
-
-def _bulge_matrix(
-    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature, A: Array
-) -> csr_matrix | None:
-    """Assemble the heights of both smooth boundaries above their chords; None where there are none.
-
-    Both in terms of the primary's facets, so that rows keep one node of the secondary (what slips
-    strains alike but for the gradient of the slip); on matching meshes they cancel.
-    """
-    e, f = quadrature.secondary_facet, quadrature.primary_facet
-    ends = quadrature.secondary_shape[:, 1], quadrature.primary_shape[:, 1]
-    height = common_heights(secondary, primary, e, f, *ends)
-    if not height.any():
-        return None
-    phi = quadrature.weight[:, None] * np.einsum("qik,qk->qi", A[e], quadrature.secondary_shape)
-    turn = phi * (height / primary.lengths[f])[:, None]
-    data = turn[:, :, None] * np.array([-1.0, 1.0])
-    row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
-    col = np.broadcast_to(primary.facets[f][:, None, :2], data.shape)
-    shape = (len(secondary.points), len(primary.points))
-    return csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=shape)
-
-
-def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:
-    """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
-    rows = matrix.tocoo()
-    keep = paired[rows.row]
-    row, col = rows.row[keep], rows.col[keep]
-    out = csr_matrix((rows.data[keep] / by[row], (row, col)), shape=matrix.shape)
-    out.sum_duplicates()
-    return out
-
-
-def shared_nodes(secondary: ContactSurface, primary: ContactSurface) -> NDArray[np.bool_]:
-    """Nodes that are on both surfaces (the tip of a slit) and can not meet themselves."""
-    if secondary.body is not primary.body:
-        return np.zeros(len(secondary.points), dtype=bool)
-    return np.isin(secondary.dofs[:, 0], primary.dofs[:, 0])
+    return M, main_facets(secondary, primary, e, f, quadrature.weight[:, None] * N**2)
 
 
 def _nominal_area(surface: CurveSurface) -> Array:
@@ -332,24 +285,3 @@ def _nominal_area(surface: CurveSurface) -> Array:
     share = np.zeros(len(surface.points))
     np.add.at(share, surface.facets, facet_areas(surface)[:, None] * WHOLE[k])
     return np.where(surface.area > NO_WEIGHT * share, surface.area, share)
-
-
-def overhang(
-    secondary: ContactSurface,
-    primary: ContactSurface,
-    paired: NDArray[np.bool_],
-    reach: float | None,
-) -> tuple[Array, Index]:
-    """How far points are beside the primary, across their normal [length], and of which facet."""
-    limit = np.inf if reach is None else float(reach)
-    _, nearest = kd_tree(primary.points).query(secondary.points)
-    away = primary.points[nearest] - secondary.points
-    normal = secondary.normals
-    along = np.sum(away * normal, axis=1)
-    across = np.linalg.norm(away - along[:, None] * normal, axis=1)
-    facing = np.sum(normal * primary.normals[nearest], axis=1) < 0
-    beside = facing & (np.abs(along) <= limit)
-    facet_of = np.empty(len(primary.points), dtype=np.intp)
-    facet_of[primary.facets] = np.arange(len(primary.facets))[:, None]
-    miss = np.select([paired, beside], [0.0, across], np.inf)
-    return miss, np.where(beside, facet_of[nearest], -1)

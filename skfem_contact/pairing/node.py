@@ -8,12 +8,12 @@ import numpy as np
 from scipy.sparse import csr_matrix, identity
 
 from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.normals import tangents
+from skfem_contact.bodies.normals import angle_between, tangents
 from skfem_contact.bodies.projection import interpolated_normals
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.closest import closest_facets, overhang, search_range
-from skfem_contact.pairing.facing import angle_between, node_normals
+from skfem_contact.pairing.facing import node_normals
 from skfem_contact.pairing.vectors import turned
 
 
@@ -186,36 +186,74 @@ def node_to_segment(
     outside, inside = search_range(secondary, primary, reach)
     point, facet, xi = closest_facets(secondary, primary, outside, inside)
 
-    m = len(secondary.points)
-    paired = np.zeros(m, dtype=bool)
-    paired[point] = True
-    # where there is no partner the frame is the node's own, turned round
-    normal = -secondary.normals
-    normal[point] = interpolated_normals(primary, facet, xi)
     N, _ = facet_shapes(xi, primary.facets.shape[1])
     nodes = primary.facets[facet]
-    gap = np.full(m, np.inf)
+    normal = interpolated_normals(primary, facet, xi)
     foot = np.einsum("pk,pkd->pd", N, primary.points[nodes])
-    gap[point] = np.einsum("pd,pd->p", normal[point], secondary.points[point] - foot)
+    gap = np.einsum("pd,pd->p", normal, secondary.points[point] - foot)
+    sides = node_normals(secondary, primary, point, normal, N, nodes)
+    beyond = overhang(secondary, primary, without(point, secondary), outside, inside)
+    return nodes_at_feet(secondary, primary, point, facet, N, gap, normal, sides, beyond)
+
+
+def without(point: np.ndarray, surface: ContactSurface) -> np.ndarray:
+    """All nodes of a surface but these, a mask of shape (m,)."""
+    others = np.ones(len(surface.points), dtype=bool)
+    others[point] = False
+    return others
+
+
+def nodes_at_feet(
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    point: np.ndarray,
+    facet: np.ndarray,
+    shape: np.ndarray,
+    gap: np.ndarray,
+    normal: np.ndarray,
+    sides: tuple[np.ndarray, np.ndarray],
+    beyond: tuple[np.ndarray, np.ndarray],
+) -> Pairing:
+    """The pairing of nodes with their closest points.
+
+    Parameters
+    ----------
+    secondary, primary : ContactSurface
+    point, facet : ndarray of int, shape (p,)
+        Nodes that have a foot, and the facets with it.
+    shape : ndarray, shape (p, k)
+        Shape functions at the feet.
+    gap : ndarray, shape (p,)
+    normal : ndarray, shape (p, d)
+        At the feet.
+    sides : (ndarray, ndarray), shape (p, d)
+        Normals of both sides, see `facing.node_normals`.
+    beyond : (ndarray, ndarray), shape (m,)
+        `miss` and facets of the nodes without a foot, see `Pairing`.
+    """
+    m, nodes = len(secondary.points), primary.facets[facet]
+    # where there is no partner the frame is the node's own, turned round
+    normals, gaps = -secondary.normals, np.full(m, np.inf)
+    of_secondary = normals.copy()
+    normals[point], gaps[point] = normal, gap
+    of_primary = normals.copy()
+    of_secondary[point], of_primary[point] = sides
     weights = csr_matrix(
-        (N.ravel(), (np.repeat(point, N.shape[1]), nodes.ravel())),
+        (shape.ravel(), (np.repeat(point, shape.shape[1]), nodes.ravel())),
         shape=(m, len(primary.points)),
     )
     weights.eliminate_zeros()
-    of_secondary, of_primary = -secondary.normals, normal.copy()
-    sides = node_normals(secondary, primary, point, normal[point], N, nodes)
-    of_secondary[point], of_primary[point] = sides
-    miss, end_facet = overhang(secondary, primary, ~paired, outside, inside)
+    miss, end_facet = beyond
     end_facet[point] = facet
     return Pairing(
         points=secondary.points,
-        normal=normal,
-        tangent=tangents(normal),
-        gap=gap,
+        normal=normals,
+        tangent=tangents(normals),
+        gap=gaps,
         area=secondary.area,
         secondary_weights=identity(m, format="csr"),
         primary_weights=weights,
-        paired=paired,
+        paired=~without(point, secondary),
         miss=miss,
         facet=end_facet,
         secondary_normal=of_secondary,

@@ -25,8 +25,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.pairing.segmentation import Quadrature
 from skfem_contact.pairing.thresholds import CURVATURE_KEPT
 
 Array = NDArray[np.float64]
@@ -70,3 +72,25 @@ def relative_height(slopes: Array, xi: Array) -> Array:
     """
     start, end = slopes.T
     return np.asarray(xi * (1 - xi) * (start * (1 - xi) - end * xi))
+
+
+def bulge_matrix(
+    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature, A: Array
+) -> csr_matrix | None:
+    """Assemble the heights of both smooth boundaries above their chords; None where there are none.
+
+    Both in terms of the primary's facets, so that rows keep one node of the secondary (what slips
+    strains alike but for the gradient of the slip); on matching meshes they cancel.
+    """
+    e, f = quadrature.secondary_facet, quadrature.primary_facet
+    ends = quadrature.secondary_shape[:, 1], quadrature.primary_shape[:, 1]
+    height = common_heights(secondary, primary, e, f, *ends)
+    if not height.any():
+        return None
+    phi = quadrature.weight[:, None] * np.einsum("qik,qk->qi", A[e], quadrature.secondary_shape)
+    turn = phi * (height / primary.lengths[f])[:, None]
+    data = turn[:, :, None] * np.array([-1.0, 1.0])
+    row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
+    col = np.broadcast_to(primary.facets[f][:, None, :2], data.shape)
+    shape = (len(secondary.points), len(primary.points))
+    return csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=shape)

@@ -94,11 +94,6 @@ NO_NORMAL = 1e-3
 # not that of an elastic body there.
 ALONG = 0.5
 
-# -- kinks -------------------------------------------------------
-
-# Turns by less [rad] are no kink: a weighted gap is then wrong by a ten thousandth of a facet.
-BENT = 1e-3
-
 # -- mortar ------------------------------------------------------
 
 # Weights of a row (their sum is 1) below this are round-off of biorthogonality.

@@ -19,30 +19,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, block_diag
-from scipy.sparse import csc_matrix, csr_matrix, vstack
+from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.bodies.system import System, slices
-from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.thresholds import FIXED
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.direct import Dense
 from skfem_contact.problem import delassus
+from skfem_contact.problem.contact_dofs import OnContactDofs
 from skfem_contact.problem.displacements import OnDisplacements
+from skfem_contact.problem.parts import reduced
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.resistance import point_resistance
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
-from skfem_contact.problem.seam import ContactProblem, Posed, PosedOn
+from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.series import PointsInSeries
 from skfem_contact.problem.sparse import SparseSpace
-from skfem_contact.problem.substructure import Components, Substructure, firmness
+from skfem_contact.problem.substructure import Components, Substructure
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE
-from skfem_contact.problem.whole import Whole
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -72,14 +70,7 @@ class Condensed:
     ) -> None:
         self.system = system
         self.spans = slices(system.offsets)  # DOFs of each body
-        self.substructures: list[Substructure] = []
-        for i, (body, span) in enumerate(zip(system.bodies, self.spans, strict=True)):
-            old = reuse[i] if len(reuse) else None
-            mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
-            firm = firmness(system, stiffness, wanted) if len(body.rotations) and not old else 0.0
-            self.substructures.append(
-                old or Substructure(body, stiffness[i], np.setdiff1d(mine, body.D), firm)
-            )
+        self.substructures = reduced(Substructure, system, stiffness, wanted, reuse)
         kept = [
             part.kept + span.start for part, span in zip(self.substructures, self.spans, strict=True)
         ]
@@ -171,58 +162,7 @@ class Condensed:
             return SurfaceProblem(self, on, prefer, labels)
 
 
-B = TypeVar("B", bound=Condensed | Whole)
-
-
-class CondensedProblem(Posed, Generic[B]):
-    """What contact problems on contact DOFs share: the rows on these, and on prescribed ones."""
-
-    def __init__(self, bodies: B, on: PosedOn) -> None:
-        super().__init__(on)
-        self.bodies: B = bodies
-        self.slips = bool(on.slipping.any())
-        self.rows = without_columns(on.kin, bodies.columns)
-        self.prescribed = without_columns(on.kin, bodies.system.D)
-
-    @cached_property
-    def onto_dofs(self) -> tuple[csc_matrix, csc_matrix]:
-        """From forces on gaps and on slips to those on the contact DOFs: the rows transposed."""
-        kin = self.rows
-        return kin.B_n.T, kin.B_t.T if self.slips else csc_matrix((len(self.bodies.columns), 0))
-
-    def changing_rows(self, on: PosedOn) -> tuple[csr_matrix, Index, Index]:
-        """Rows (q, n_c) of gaps and slips that can change, and where in them each point has its own.
-
-        Those of gaps first; -1 where a point has none, (m,) and (m, d-1).
-        """
-        kin, t = self.rows, on.kin.tangents
-        normal = np.flatnonzero(kin.paired & (_row_size(kin.B_n) > FIXED))
-        tangential, rows = np.zeros(0, dtype=np.intp), [kin.B_n[normal]]
-        if self.slips:
-            may_slip = np.repeat(kin.paired & on.slipping, t)
-            tangential = np.flatnonzero(may_slip & (_row_size(kin.B_t) > FIXED))
-            rows.append(kin.B_t[tangential])
-        normal_rows, tangential_rows = np.full(kin.m, -1), np.full(kin.m * t, -1)
-        normal_rows[normal] = np.arange(len(normal))
-        tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
-        return csr_matrix(vstack(rows)), normal_rows, tangential_rows.reshape(kin.m, t)
-
-    def constant(self, case: LoadCase) -> tuple[Array, Array]:
-        """Initial gaps and slips with what prescribed displacements add."""
-        gap0, slip0 = case.gap0, case.slip0
-        if self.prescribed.B_n.nnz:  # only where supports reach into the contact
-            gap0 = gap0 + self.prescribed.B_n @ case.x[self.bodies.system.D]
-        if self.slips and self.prescribed.B_t.nnz:
-            moved = self.prescribed.B_t @ case.x[self.bodies.system.D]
-            slip0 = slip0 + moved.reshape(slip0.shape)
-        return gap0, slip0
-
-    def surface(self, source: Source, case: LoadCase) -> Array:
-        """Displacements (n,) known without the interior."""
-        return self.bodies.surface(source, case)
-
-
-class PointProblem(CondensedProblem[Condensed]):
+class PointProblem(OnContactDofs[Condensed]):
     """The contact problem on gaps and slips, see `PointSpace`."""
 
     def __init__(self, bodies: Condensed, on: PosedOn) -> None:
@@ -299,7 +239,7 @@ class PointProblem(CondensedProblem[Condensed]):
         return sources
 
 
-class SurfaceProblem(OnDisplacements, CondensedProblem[Condensed]):
+class SurfaceProblem(OnDisplacements, OnContactDofs[Condensed]):
     """The contact problem on contact DOFs, ``T'S T``: for rows that depend on each other."""
 
     def __init__(self, bodies: Condensed, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> None:
@@ -325,7 +265,3 @@ class SurfaceProblem(OnDisplacements, CondensedProblem[Condensed]):
         f_c, components = self.bodies.load(case.f, case.x), self.bodies.components(case.f, case.x)
         gap0, slip0 = self.constant(case)
         return Load(f_c, gap0, slip0, np.zeros(len(f_c)), components)
-
-
-def _row_size(B: csr_matrix) -> Array:
-    return np.sqrt(np.asarray(B.multiply(B).sum(axis=1)).ravel())

@@ -26,7 +26,7 @@ from scipy.sparse import csr_matrix
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.krylov import Iterated, gmres
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.problem.condensed import CondensedProblem
+from skfem_contact.problem.contact_dofs import OnContactDofs
 from skfem_contact.problem.held import Held
 from skfem_contact.problem.layer import Layers
 from skfem_contact.problem.resistance import point_resistance
@@ -44,7 +44,7 @@ class DependentRows(Exception):
     """Contact rows depend on each other: their forces are not unique."""
 
 
-class OnForces(CondensedProblem[W]):
+class OnForces(OnContactDofs[W]):
     """A contact problem on forces.
 
     Attributes

@@ -19,39 +19,25 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
 from skfem_contact.elimination.rows import point_labels, secondary_dofs
-from skfem_contact.errors import InputError
-from skfem_contact.linalg.amg import AMG
-from skfem_contact.linalg.direct import Direct, as_linear_solver
-from skfem_contact.linalg.memory import Limits, factor_bound, written_bytes
-from skfem_contact.linalg.multifrontal.size import FactorSize
+from skfem_contact.linalg.direct import Direct
+from skfem_contact.linalg.memory import Limits
 from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.problem.choice import Choice, checked_linear
 from skfem_contact.problem.condensed import Condensed
-from skfem_contact.problem.delassus import dense_bytes
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.iterated import IteratedBodies
 from skfem_contact.problem.multigrid import MultigridBodies
+from skfem_contact.problem.parts import firmness
 from skfem_contact.problem.seam import Bodies, ContactProblem, PosedOn
-from skfem_contact.problem.substructure import Substructure, firmness
+from skfem_contact.problem.substructure import Substructure
 from skfem_contact.problem.thresholds import MOST_TWINS
-from skfem_contact.problem.whole import Whole, WholeBody
+from skfem_contact.problem.whole import Whole
 from skfem_contact.sealed import seal
 
 Array = NDArray[np.float64]
 AnyBodies = Condensed | IteratedBodies | MultigridBodies | FullSystem
 
 EVEN_CLOSED = "even with every contact point closed"
-
-
-def checked_linear(linear: Any) -> Any:
-    """The argument `linear` of a solver, refused at once where it is nothing that solves."""
-    if isinstance(linear, str) and linear not in ("auto", "condensed", "iterated"):
-        raise InputError(
-            f"linear = {linear!r} is neither 'auto' nor 'condensed' nor 'iterated'; a backend is "
-            "given as an object, Direct(), AMG() or PETSc(), or as a callable solver(A, b)."
-        )
-    if not isinstance(linear, str):
-        as_linear_solver(linear)
-    return linear
 
 
 class LinearModel:
@@ -104,8 +90,8 @@ class LinearModel:
     def __getstate__(self) -> dict[str, Any]:
         """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
         known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
-        for found_out in ("_wanted", "said"):
-            known.pop(found_out, None)
+        for made in ("_wanted", "choice"):
+            known.pop(made, None)
         return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting", "_on_points", "_moves"))
 
     @cached_property
@@ -210,8 +196,8 @@ class LinearModel:
         if route == "iterated":
             return IteratedBodies(*parts)
         if route == "multigrid":
-            return MultigridBodies(*parts, self.backend)
-        return FullSystem(self.system, self.stiffness, self.backend)
+            return MultigridBodies(*parts, self.choice.backend)
+        return FullSystem(self.system, self.stiffness, self.choice.backend)
 
     @property
     def known(self) -> np.ndarray:
@@ -227,94 +213,18 @@ class LinearModel:
             else list(self._reuse)
         )
 
+    @cached_property
+    def choice(self) -> Choice:
+        """How the bodies enter the contact problem, and why."""
+        slipping = self.kin.paired & self.interface.slipping
+        rows = int(self.kin.paired.sum() + self.kin.tangents * slipping.sum())
+        given = self.linear, self.limits, self.system, self.stiffness
+        return Choice(*given, rows, lambda: self._wanted)
+
     @property
     def route(self) -> str:
-        """How the bodies enter the contact problem.
-
-        "condensed" to their contact DOFs, "iterated" by products with their factors, by "multigrid"
-        without factors, or "full", with contact eliminated from all of their DOFs.
-        """
-        if not isinstance(self.linear, str):
-            return "multigrid" if isinstance(self.linear, AMG) else "full"
-        if self.linear != "auto":
-            return self.linear
-        if self.factor_bytes > self.limits.factors:
-            return "multigrid"
-        return "condensed" if self.dense_bytes <= self.limits.dense else "iterated"
-
-    @property
-    def reason(self) -> str:
-        """Why this route, in words."""
-        if self.linear != "auto":
-            return "as chosen"
-        if self.route == "multigrid":
-            most = f"max_factor_bytes allows {written_bytes(self.limits.factors)}"
-            return f"because factors would take {written_bytes(self.factor_bytes)}: {most}"
-        most = f"max_dense_bytes allows {written_bytes(self.limits.dense)}"
-        if self.route == "condensed":
-            return most
-        return f"because dense matrices would take {written_bytes(self.dense_bytes)}: {most}"
-
-    @cached_property
-    def said(self) -> str:
-        """What a report says of the route: nothing of the usual one."""
-        words = {
-            "iterated": "forces by GMRES through the factors of the bodies",
-            "multigrid": "displacements and forces by GMRES with multigrid",
-        }
-        return f"{words[self.route]}, {self.reason}" if self.route in words else ""
-
-    @cached_property
-    def factor_bytes(self) -> float:
-        """Memory that the factorisation of all bodies takes at most, or would [bytes].
-
-        A bound where this is far from the limit, as it costs nothing; else what it will be.
-        """
-        bodies = self.system.bodies
-        bound = sum(factor_bound(body.n - len(body.D), body.dim) for body in bodies)
-        if bound <= self.limits.factors:
-            return bound
-        sizes = self._sizes(Substructure).values()
-        waiting = max((size.peak - size.memory for size in sizes), default=0)
-        return float(sum(size.memory for size in sizes) + waiting)
-
-    @cached_property
-    def dense_bytes(self) -> int:
-        """Memory that the dense matrices of the contact problem take at most, or would [bytes]."""
-        enters = np.zeros(self.system.n, dtype=bool)
-        enters[self._wanted] = True
-        enters[self.system.D] = False
-        kept = np.diff(np.searchsorted(np.flatnonzero(enters), self.system.offsets))
-        return dense_bytes(kept.tolist(), self.rows)
-
-    @property
-    def rows(self) -> int:
-        """Gaps and slips of the points that have a partner."""
-        paired = self.kin.paired
-        slipping = paired & self.interface.slipping
-        return int(paired.sum() + self.kin.tangents * slipping.sum())
-
-    @property
-    def backend(self) -> Any:
-        """The solver of the routes that factorise nothing beforehand."""
-        if isinstance(self.linear, str):
-            return AMG() if self.route == "multigrid" else Direct()
-        return self.linear
-
-    def sizes(self) -> dict[str, FactorSize]:
-        """What the factorisation of each body in contact will take, before anything is computed."""
-        return self._sizes(WholeBody if self.route == "iterated" else Substructure)
-
-    def _sizes(self, kind: type[Substructure]) -> dict[str, FactorSize]:
-        wanted = self._wanted
-        out = {}
-        for i, (body, name) in enumerate(zip(self.system.bodies, self.system.names, strict=True)):
-            span = self.system.slice(body)
-            mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
-            mine = np.setdiff1d(mine, body.D)
-            if len(mine):
-                out[name] = kind(body, self.stiffness[i], mine).factor_size()
-        return out
+        """How the bodies enter the contact problem, see `Choice.route`."""
+        return self.choice.route
 
     def problem_on(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         """The contact problem on a pairing; without one, on that of the undeformed bodies."""
@@ -342,7 +252,7 @@ class LinearModel:
 
         Not in place of an iterative solver, which is chosen where a factorisation is too much.
         """
-        if self.route != "full" or not isinstance(self.backend, Direct):
+        if self.route != "full" or not isinstance(self.choice.backend, Direct):
             return problem
         if self._for_pivoting is None:
             self._for_pivoting = Condensed(self.system, self.stiffness, self._wanted)

@@ -18,7 +18,6 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.system import System
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import cholesky
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
@@ -261,13 +260,6 @@ class Substructure:
 
     def _free_load(self, f: Array, x: Array) -> Array:
         return f[self.free] - self._K_fD @ x[self.body.D]
-
-
-def firmness(system: System, stiffness: Sequence[csr_matrix], wanted: Index) -> float:
-    """Stiffness that rigid bodies meet: the median over contact DOFs of the other bodies."""
-    solid = np.concatenate([np.full(body.n, isinstance(body, Body)) for body in system.bodies])
-    diagonal = np.concatenate([K.diagonal() for K in stiffness])
-    return float(np.median(diagonal[wanted[solid[wanted]]]))
 
 
 def anchors(body: Body, wanted: Index) -> Index:

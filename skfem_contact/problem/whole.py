@@ -22,8 +22,9 @@ from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.multifrontal.response import Response
+from skfem_contact.problem.parts import reduced
 from skfem_contact.problem.response import Source
-from skfem_contact.problem.substructure import Components, Substructure, firmness
+from skfem_contact.problem.substructure import Components, Substructure
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE
 
 Array = NDArray[np.float64]
@@ -120,15 +121,7 @@ class Whole:
     ) -> None:
         self.system, self.stiffness = system, stiffness
         self.spans = slices(system.offsets)
-        found: list[WholeBody] = []
-        for i, (body, span) in enumerate(zip(system.bodies, self.spans, strict=True)):
-            old = reuse[i] if len(reuse) else None
-            if not isinstance(old, self.kind):
-                mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
-                firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
-                old = self.kind(body, stiffness[i], np.setdiff1d(mine, body.D), firm)
-            found.append(old)
-        self.substructures = parts = found
+        self.substructures = parts = reduced(self.kind, system, stiffness, wanted, reuse)
         columns = [part.columns + span.start for part, span in zip(parts, self.spans, strict=True)]
         self.columns = np.concatenate(columns)
         self.column_spans = slices(np.cumsum([0, *map(len, columns)]))

@@ -16,6 +16,13 @@ stick zone 0.707107
 from __future__ import annotations
 
 from skfem_contact.reference.blocks import block_coefficient, block_curvature
+from skfem_contact.reference.fretting import (
+    fretting_dissipation_line,
+    mindlin_compliance,
+    mindlin_dissipation,
+    mindlin_shift,
+    tangential_shift_line,
+)
 from skfem_contact.reference.friction_problems import (
     InclinedBlock,
     UniformShear,
@@ -28,6 +35,12 @@ from skfem_contact.reference.friction_problems import (
     taper_force,
     uniform_shear,
 )
+from skfem_contact.reference.full_sliding import (
+    CappedSliding,
+    annulus_torsion_capacity,
+    capped_sliding,
+    sphere_torsion_capacity,
+)
 from skfem_contact.reference.hertz import (
     HertzLine,
     HertzPoint,
@@ -38,20 +51,7 @@ from skfem_contact.reference.hertz import (
     quartic_line,
 )
 from skfem_contact.reference.manufactured import ManufacturedSlip
-from skfem_contact.reference.partial_slip import (
-    CappedSliding,
-    PartialSlip,
-    annulus_torsion_capacity,
-    capped_sliding,
-    cattaneo_mindlin,
-    cattaneo_mindlin_slip,
-    fretting_dissipation_line,
-    mindlin_compliance,
-    mindlin_dissipation,
-    mindlin_shift,
-    sphere_torsion_capacity,
-    tangential_shift_line,
-)
+from skfem_contact.reference.partial_slip import PartialSlip, cattaneo_mindlin, cattaneo_mindlin_slip
 from skfem_contact.reference.published import RAOUS, RaousBlock
 from skfem_contact.reference.punch import (
     BondedPunch,

@@ -1,4 +1,4 @@
-"""Tangential loading of smooth contacts: Cattaneo-Mindlin, reversal, fretting loops, shear cap.
+"""Tangential loading of smooth contacts: Cattaneo and Mindlin, and what they know of reversals.
 
 All contacts here are between elastically similar bodies (identical, or both incompressible), so
 that friction does not change the pressure.
@@ -6,17 +6,15 @@ that friction does not change the pressure.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 import numpy as np
-import scipy  # its parts are imported when they are used
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.errors import InputError
-from skfem_contact.reference._check import not_negative, positive
-from skfem_contact.reference.hertz import HertzLine, HertzPoint
+from skfem_contact.reference._check import positive
+from skfem_contact.reference.hertz import HertzLine
 
 Array = NDArray[np.float64]
 Self = TypeVar("Self", bound="NormalContact")
@@ -168,173 +166,3 @@ def cattaneo_mindlin_slip(contact: HertzLine, mu: float, Q: float, x: ArrayLike)
     slip = mu * (inner.surface_displacement(x) - contact.surface_displacement(x))
     # inside c both terms are the same parabola: exactly zero, not a difference of round-offs
     return np.sign(Q) * np.where(np.abs(x) <= inner.a, 0.0, slip)
-
-
-def tangential_shift_line(contact: HertzLine, mu: float, Q: float, distance: float) -> float:
-    """Tangential shift ``μ [δ(P) - δ(P - Q/μ)]`` of a Hertz line on first loading [length].
-
-    Relative to a surface point at `distance`, as the normal approach ``δ`` (Jäger, Ciavarella).
-    The loop it makes under a cycle of Q has the area of the dissipation for distant points only,
-    to ``(a/distance)²``.
-    """
-    inner = contact.with_load(max(contact.P - abs(Q) / mu, 0.0))
-    lost = inner.approach(distance) if inner.P > 0 else 0.0
-    return math.copysign(mu * (contact.approach(distance) - lost), Q)
-
-
-def _load_ratio(contact: NormalContact, mu: float, Q: float) -> float:
-    """``x = |Q|/(μP)``, at most 1."""
-    positive(mu=mu)
-    x = abs(Q) / (mu * contact.P)
-    if x > 1 + 1e-12:
-        raise InputError(f"|Q| = {abs(Q)} is more than mu*P = {mu * contact.P}.")
-    return min(x, 1.0)
-
-
-def fretting_dissipation_line(contact: HertzLine, mu: float, Q0: float) -> float:
-    r"""Energy lost per cycle ``-Q0 ... Q0`` in a Hertz line contact [force length/length].
-
-    ``W = (4/π) (μP)²/E* [x - x²/2 + (1 - x) ln(1 - x)]``, ``x = Q0/(μP)``: twice the integral of
-    traction times slip; independent of the logarithmic constant of the half plane.
-
-    Examples
-    --------
-    >>> from skfem_contact.reference import hertz_line
-    >>> h = hertz_line(P=1.0, R=1.0, E_star=1.0)
-    >>> print([round(fretting_dissipation_line(h, 1.0, Q), 8) for Q in (0.2, 0.4, 0.6, 0.8, 1.0)])
-    [0.00189096, 0.01719462, 0.06809757, 0.20131498, 0.63661977]
-    """
-    x = _load_ratio(contact, mu, Q0)
-    if x < 0.1:  # the bracket cancels to x³/6 + x⁴/12 + ...
-        k = np.arange(3, 25)
-        bracket = float(np.sum(x**k / (k * (k - 1))))
-    else:
-        bracket = x - x**2 / 2 + float(scipy.special.xlogy(1 - x, 1 - x))
-    return 4 / math.pi * (mu * contact.P) ** 2 / contact.E_star * bracket
-
-
-def mindlin_compliance(G1: float, nu1: float, G2: float = math.inf, nu2: float = 0.0) -> float:
-    """``(2 - nu1)/G1 + (2 - nu2)/G2``, the tangential compliance of two spheres [1/stress].
-
-    Examples
-    --------
-    >>> print(f"{mindlin_compliance(1.0, 0.3, 1.0, 0.3):.1f}")
-    3.4
-    """
-    positive(G1=G1, G2=G2)
-    return (2 - nu1) / G1 + (2 - nu2) / G2
-
-
-def mindlin_shift(contact: HertzPoint, mu: float, Q: float, compliance: float) -> float:
-    """Tangential shift of two spheres on first loading [length].
-
-    ``3 μ P/(16 a) S [1 - (1 - x)^(2/3)]``, ``x = Q/(μP)``, ``S`` from `mindlin_compliance`.
-    Mindlin (1949); Johnson eq. (7.42). Neglects the small slip across the direction of Q.
-
-    Examples
-    --------
-    >>> from skfem_contact.reference import hertz_point
-    >>> h = hertz_point(P=4 / 3, R=1.0, E_star=1.0)
-    >>> print(f"{mindlin_shift(h, 0.5, 2 / 3, compliance=4.0):.4f}")
-    0.5000
-    """
-    x = _load_ratio(contact, mu, Q)
-    full = 3 * mu * contact.P / (16 * contact.a) * compliance
-    # 1 - (1-x)^(2/3) without cancellation for small x
-    share = 1.0 if x == 1 else -math.expm1(2 / 3 * math.log1p(-x))
-    return math.copysign(full * share, Q)
-
-
-def mindlin_dissipation(contact: HertzPoint, mu: float, Q0: float, compliance: float) -> float:
-    r"""Energy lost per cycle ``-Q0 ... Q0`` between two spheres [force length].
-
-    ``9 (μP)²/(10 a) S {1 - (1-x)^(5/3) - (5x/6) [1 + (1-x)^(2/3)]}``; for small ``Q0``
-    ``S Q0³/(36 a μ P)``. Mindlin & Deresiewicz (1953); Johnson eq. (7.57). Prints differ in the
-    prefactor: this one is the Masing loop of `mindlin_shift`.
-
-    Examples
-    --------
-    >>> from skfem_contact.reference import hertz_point
-    >>> h = hertz_point(P=4 / 3, R=1.0, E_star=1.0)
-    >>> print(f"{mindlin_dissipation(h, 0.75, 0.01, compliance=4.0) / (4e-6 / 36):.4f}")
-    1.0067
-    """
-    x = _load_ratio(contact, mu, Q0)
-    if x < 0.1:  # binomial series: the bracket cancels to (5/162) x³ + ...
-        k = np.arange(3, 25)
-        bracket = float(np.sum(5 / 6 * (-x) ** k * scipy.special.binom(2 / 3, k - 1) * (1 - 2 / k)))
-    else:
-        y = 1 - x
-        bracket = 1 - y ** (5 / 3) - 5 * x / 6 * (1 + y ** (2 / 3))
-    return 9 * (mu * contact.P) ** 2 / (10 * contact.a) * compliance * bracket
-
-
-@dataclass(frozen=True, eq=False)
-class CappedSliding:
-    """Sliding Hertz contact whose traction is limited, ``q = min(μ p, tau_max)``.
-
-    Attributes
-    ----------
-    contact : HertzLine or HertzPoint
-        The normal contact.
-    mu, tau_max : float
-        Coefficient of friction, largest traction [stress].
-    Q : float
-        Tangential force at full sliding [force].
-    capped : float
-        Half width or radius of the zone where the cap holds [length].
-    """
-
-    contact: HertzLine | HertzPoint
-    mu: float
-    tau_max: float
-    Q: float
-    capped: float
-
-    def traction(self, x: ArrayLike) -> Array:
-        """Traction ``min(μ p, tau_max)`` [stress]."""
-        return np.minimum(self.mu * self.contact.pressure(x), self.tau_max)
-
-
-def capped_sliding(contact: HertzLine | HertzPoint, mu: float, tau_max: float) -> CappedSliding:
-    """Full sliding of a Hertz contact under Coulomb's law with a cap.
-
-    With ``s = tau_max/(μ p0) < 1`` the cap holds up to ``a sqrt(1 - s²)`` and ``Q/(μP)`` is
-    ``(2/π) (asin s + s sqrt(1 - s²))`` for the line, ``1.5 s - 0.5 s³`` for the point.
-
-    Examples
-    --------
-    >>> from skfem_contact.reference import hertz_line, hertz_point
-    >>> line, point = hertz_line(1.0, 1.0, 1.0), hertz_point(1.0, 1.0, 1.0)
-    >>> print(f"{capped_sliding(line, 1.0, 0.5 * line.p0).Q:.6f}")
-    0.608998
-    >>> print(f"{capped_sliding(point, 1.0, 0.5 * point.p0).Q:.6f}")
-    0.687500
-    """
-    positive(mu=mu)
-    not_negative(tau_max=tau_max)
-    s = min(tau_max / (mu * contact.p0), 1.0)
-    root = math.sqrt(1 - s**2)
-    if isinstance(contact, HertzLine):
-        share = 2 / math.pi * (math.asin(s) + s * root)
-    else:
-        share = 1.5 * s - 0.5 * s**3
-    return CappedSliding(contact, mu, tau_max, mu * contact.P * share, contact.a * root)
-
-
-def sphere_torsion_capacity(contact: HertzPoint, mu: float) -> float:
-    """Torque that turns a Hertz point contact, ``(3π/16) μ P a`` [force length]."""
-    return 3 * math.pi / 16 * mu * contact.P * contact.a
-
-
-def annulus_torsion_capacity(P: float, mu: float, Ri: float, Ro: float) -> float:
-    """Torque that turns a uniformly loaded flat ring, ``(2/3) μ P (Ro³-Ri³)/(Ro²-Ri²)``.
-
-    Examples
-    --------
-    >>> round(annulus_torsion_capacity(1.0, 1.0, 1.0, 2.0), 6)
-    1.555556
-    """
-    if not 0 <= Ri < Ro:
-        raise InputError(f"Ri = {Ri} must lie between 0 and Ro = {Ro}.")
-    return 2 / 3 * mu * P * (Ro**3 - Ri**3) / (Ro**2 - Ri**2)

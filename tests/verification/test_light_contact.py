@@ -23,7 +23,7 @@ from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.thresholds import SAGITTA
 from skfem_contact.answers.validity.chords import bends, sagittas
 from skfem_contact.answers.validity.drift import Drift
-from skfem_contact.answers.validity.watch import facet_words
+from skfem_contact.answers.validity.words import facet_words
 
 SIZE = 0.6
 CHORD = np.pi / 18

@@ -23,7 +23,7 @@ from skfem_contact.answers.thresholds import FARTHEST
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.kinematics import compliance_scale
+from skfem_contact.conditions.rows import compliance_scale
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.trees import kd_tree
 

@@ -12,7 +12,7 @@ the nodes of a flat side do not see an arc that comes down between them; and a w
 a parabola as a mean only, has an overlap of 2/3 of e where the curve just touches. Forces that follow
 from a prescribed approach d are wrong by ``d / e`` or its inverse. So e is compared with what the
 bodies take up elastically: forces are wrong by as large a part of them at most, and by less than half
-of that in general (`drift.SAGITTA`).
+of that in general (`answers.thresholds.SAGITTA`).
 """
 
 from __future__ import annotations

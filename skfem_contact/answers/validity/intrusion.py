@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import GAP, NO_OVERLAP
-from skfem_contact.answers.validity.drift import Track
+from skfem_contact.answers.validity.give import elastic_approach
 from skfem_contact.answers.validity.meeting import sagitta
 from skfem_contact.answers.validity.overlap import Outline
 from skfem_contact.answers.validity.skin import Skin
-from skfem_contact.answers.validity.support import Support
+from skfem_contact.answers.validity.track import Track
 from skfem_contact.answers.validity.watched import Intrusion
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facets import facet_shapes
@@ -100,7 +100,7 @@ class Intrusions:
         closed = (result.state.status[result.slices()[i]] != OPEN) & result.kin.paired[
             result.slices()[i]
         ]
-        # less than what changes forces by a tenth, see `drift.GAP`
+        # less than what changes forces by a tenth, see `answers.thresholds.GAP`
         return replace(found, left=max(found.left, GAP * elastic_approach(result, i, closed)))
 
     def _found(
@@ -186,33 +186,6 @@ class Intrusions:
                     "into the surface, or make a second contact with it."
                 )
         return tuple(words)
-
-
-def elastic_approach(result: Answer, i: int, closed: Mask, displacement: Array | None = None) -> float:
-    """What bodies take up at closed points, less their supports' rigid motions; 0 where they float.
-
-    Takes the displacements (n,) of all bodies, or some that are right on surfaces and at supports.
-
-    The force over the diagonal of K, which is all that is known without the interior, is far less in
-    bodies that are nearly incompressible.
-    """
-    contact, part, system = result.contacts[i], result.slices()[i], result.system
-    sides = [contact.secondary] if contact.rigid else [contact.secondary, contact.primary]
-    u = result.u if displacement is None else displacement
-    elastic = np.array(u)
-    for body in {id(side.body): side.body for side in sides}.values():  # type: ignore[union-attr]
-        support = Support.of(body, 0)
-        if not support.holds(contact.secondary.points[closed], result.kin.normal[part][closed]):
-            return 0.0
-        rigid = support.at(body.dof_points, support.motion(u[system.slice(body)]))
-        elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
-    if contact.rigid_body is not None:
-        own = Support.of(contact.rigid_body, 0, arm=system.extent)
-        if not own.holds(contact.secondary.points[closed], result.kin.normal[part][closed]):
-            return 0.0
-        elastic[system.slice(contact.rigid_body)] = 0.0
-    lifted = (result.kin.B_n[part] @ elastic)[closed]
-    return float(np.max(np.abs(lifted), initial=0.0))
 
 
 def _looked_at(contact: Contact) -> bool:

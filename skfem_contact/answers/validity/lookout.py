@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import ALONE, CHORDS, NO_OVERLAP, STANDING, TILT
-from skfem_contact.answers.validity.drift import Drift, Track
+from skfem_contact.answers.validity.drift import Drift
 from skfem_contact.answers.validity.face_chords import face_bends
 from skfem_contact.answers.validity.flanks import Flanks, boundary
 from skfem_contact.answers.validity.standing import Nearby, Standing, falls_away, standing_nodes
 from skfem_contact.answers.validity.support import Support
+from skfem_contact.answers.validity.track import Track
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry

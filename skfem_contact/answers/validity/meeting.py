@@ -120,8 +120,14 @@ def _distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Arr
     if isinstance(obstacle.outline, CurveSurface):
         return signed_distances(obstacle.outline, points)
     at = replace(surface, points=points, normals=np.zeros_like(points))
-    found = obstacle.first_order(at) if isinstance(obstacle, LevelSet) else obstacle.distance(at)
-    return found[0]
+    return distances(obstacle, at)[0]
+
+
+def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:
+    """Distances, normals and partners of `Obstacle.distance`, of a level set to first order."""
+    if not isinstance(obstacle, LevelSet):
+        return obstacle.distance(surface)
+    return obstacle.first_order(surface)
 
 
 def sagitta(surface: ContactSurface, normals: Array) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import GAP, NO_LENGTH
-from skfem_contact.answers.validity.drift import distances
+from skfem_contact.answers.validity.meeting import distances
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.conditions.contact import Contact

@@ -2,23 +2,17 @@ r"""Is the model valid here? What an answer says of the assumptions it was made 
 
 The certificate says how well the discrete problem is solved, the estimate how fine the mesh is. This
 says whether the *model* holds at the answer: small sliding, contact conditions that see every overlap,
-linear bodies. The bounds stand in `drift` and below, each with what it lets through, and on the page
-docs/validity.md.
-
-What is nearly free is looked at in every step (`watch`). Here the rest is measured, when somebody asks:
-with the displacements of the interior, and by a search over whole deformed boundaries (`overlap`).
+linear bodies. The bounds stand in `answers.thresholds`, each with what it lets through, and on the page
+docs/validity.md. What is nearly free is looked at in every step (`watch`), the rest when somebody asks
+(`assess`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import (
     FACETS,
     GAP,
@@ -29,23 +23,7 @@ from skfem_contact.answers.thresholds import (
     TILT,
     WIDTH,
 )
-from skfem_contact.answers.validity.drift import Drift, Track, tool_motion
-from skfem_contact.answers.validity.hull import Hull, hull
-from skfem_contact.answers.validity.intrusion import elastic_approach
-from skfem_contact.answers.validity.lookout import Lookouts
-from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, sagitta, strains
-from skfem_contact.answers.validity.overlap import Outline, outline
-from skfem_contact.answers.validity.rotation import leaning_words, rotation_words
-from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
-from skfem_contact.answers.validity.watch import facet_words, sliding_words, strain_words
-from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction import FrictionLaw
-from skfem_contact.conditions.lever import as_motion
-from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.errors import warn
-from skfem_contact.obstacles.obstacle import Obstacle
-
-Array = NDArray[np.float64]
+from skfem_contact.answers.validity.drift import Drift
 
 
 @dataclass(frozen=True)
@@ -72,7 +50,7 @@ class ContactValidity:
         Largest true gap of a closed point [length]; NaN for two surfaces of one body.
     angle : float
         Largest angle between the normals of the two sides at closed points [rad]: undeformed with
-        small sliding, see `pairing.Pairing.tilt`; zero at obstacles.
+        small sliding, see `pairing.node.Pairing.tilt`; zero at obstacles.
     angle_over_mu : float
         That over the coefficient of friction: what the choice of one side's normal may change of the
         friction; NaN without a coefficient.
@@ -244,149 +222,3 @@ def _contact_lines(part: ContactValidity) -> list[str]:
             f"normals of the two sides differ by {part.angle:.2g}, {part.angle_over_mu:.2g} of mu"
         )
     return words
-
-
-def assess(result: Answer) -> Validity:
-    """Measure the validity of a result; needs the displacements of all bodies.
-
-    Warns
-    -----
-    ContactWarning
-        What is beyond its bound, unless its history has said so before.
-    """
-    system = result.system
-    solids = {name: body for name, body in system.solids.items() if body.components > 1}
-    found = {name: strains(body, result.displacement(body)) for name, body in solids.items()}
-    outlines = {
-        n: (outline if b.dim == 2 else hull)(b, result.displacement(b)) for n, b in solids.items()
-    }
-    contacts: dict[str, ContactValidity] = {}
-    problems: dict[tuple[str, str], str] = {}
-    for i, (contact, name) in enumerate(zip(result.contacts, result.names, strict=True)):
-        if not result.watched.tracks:  # scalar fields, and solids
-            break
-        part = contacts[name] = _contact(result, i, outlines)
-        label = f"Contact {name!r} ({contact.label}): "
-        if not part.drift.small_sliding_holds:
-            problems["sliding", name] = label + sliding_words(part.drift)
-        elif part.excess > 1.0:  # small sliding that does not follow is the reason already
-            problems["overlap", name] = label + _overlap_words(part, contact)
-        elif (words := _unseen_words(result, i, part)) and not part.drift.facets_too_long:
-            problems["overlap", name] = label + words
-        if part.drift.facets_too_long:
-            problems["facets", name] = label + facet_words(part.drift)
-        if part.chord_share > GAP:
-            problems["chords", name] = label + _chord_words(part)
-        if part.drift.strain > LARGE:
-            problems["strain", name] = label + strain_words(part.drift)
-    strain, largest, rotation = ({n: f[k] for n, f in found.items()} for k in range(3))
-    told = any(kind == "strain" for kind, _ in problems)
-    for name in solids:
-        if strain[name] > LARGE and not told:
-            problems["strain", name] = (
-                f"Body {name!r} is strained by {strain[name]:.2g} where most of its energy is. "
-                "Bodies are linear: errors are of that order."
-            )
-    far = {name: turn for name, turn in rotation.items() if turn > LARGE}
-    if far:
-        problems |= {("rotation", name): rotation_words({name: turn}) for name, turn in far.items()}
-    leaning = result.watched.leaning
-    far = {name: share for name, share in leaning.items() if share > SECOND_ORDER}
-    problems |= {("second order", name): leaning_words({name: share}) for name, share in far.items()}
-    for key, text in problems.items():
-        if result.converged and key not in result.watched.said:
-            warn(text)
-    return Validity(contacts, strain, largest, rotation, problems, dict(leaning))
-
-
-def _unseen_words(result: Answer, i: int, part: ContactValidity) -> str:
-    """What no row of the contact sees: corners of obstacles, vertices and edges of solids."""
-    if i in result.watched.unseen:
-        return result.watched.unseen[i]
-    if i not in result.watched.standing:
-        return ""
-    lookouts = Lookouts(result.recover.model.geometry, lambda: np.arange(result.system.n))
-    return lookouts.sure(i, result, part.drift)
-
-
-def _contact(result: Answer, i: int, outlines: Mapping[str, Outline | Hull]) -> ContactValidity:
-    contact, part, track = result.contacts[i], result.slices()[i], result.watched.tracks[i]
-    closed = (result.state.status[part] != 0) & result.kin.paired[part]
-    drift = result.watched.drifts[i]
-    if contact.sliding == "small":
-        slip = _slip(result, part, track)
-        gap = result.gap[part]
-        force = result.state.normal_force[part]
-        tool = tool_motion(result.system, contact, track, result.u)
-        found = track.drift(closed, slip, gap, force, drift.approach, result.worn_case, i, part, tool)
-        if looked_at(contact):
-            answer = result.state, result.gap, result.worn_case, result.u, drift.approach
-            found |= obstacle_drift(result.recover.model.geometry, i, *answer)
-        drift = replace(drift, **found)
-    else:
-        drift = replace(drift, approach=max(drift.approach, elastic_approach(result, i, closed)))
-    chord_gaps = float(np.max(track.chord[closed], initial=0.0))
-    secondary = contact.secondary
-    moved = secondary.points + result.displacement(secondary.body)[secondary.dofs]
-    added = track.added - result.worn_case.interference[part]
-    args = moved, added, closed, result.kin.paired[part]
-    if isinstance(contact.primary, Obstacle):
-        # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
-        chords = sagitta(secondary, secondary.facet_node_normals)
-        motion = result.case.motion[i].as_argument()
-        if contact.rigid_body is not None:
-            motion = as_motion(result.system, contact.rigid_body, result.u)
-        obstacle = contact.primary.moved(motion)
-        meeting = at_obstacle(obstacle, secondary, chords, *args)
-    elif contact.primary.body is secondary.body:
-        chords, meeting = 0.0, Meeting()
-    else:
-        names = [result.system.names[result.system.index(s.body)] for s in (secondary, contact.primary)]
-        chords = sagitta(secondary, secondary.facet_node_normals)
-        chords += sagitta(contact.primary, contact.primary.facet_node_normals)
-        meeting = between(outlines[names[0]], outlines[names[1]], chords, result.system.extent, *args)
-    angle = float(np.max(result.kin.tilt[part][closed], initial=0.0))
-    mu = float(np.max(_coefficient(contact.friction)))
-    share = angle / mu if mu > 0 else np.nan
-    return ContactValidity(
-        drift, meeting.overlap, chords, meeting.unseen, meeting.opening, angle, share, chord_gaps
-    )
-
-
-def _coefficient(law: FrictionLaw | None) -> Any:
-    """The coefficient of friction that a tilt counts against, one or (m,); NaN without."""
-    return law.smaller if isinstance(law, OrthotropicCoulomb) else getattr(law, "mu", np.nan)
-
-
-def _slip(result: Answer, part: slice, track: Track) -> Array:
-    """By the displacements: along the tangents (m,), in 3-D vectors (m, 3)."""
-    t = result.kin.tangents
-    slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
-    if t == 1:
-        return slip.ravel()
-    return np.asarray(np.einsum("mk,mkd->md", slip.reshape(-1, t), result.kin.duals[part]))
-
-
-def _chord_words(part: ContactValidity) -> str:
-    return (
-        f"gaps are measured to the straight facets of a curved surface, and so are off by up to "
-        f"{part.chord_gaps:.3g}, {100 * part.chord_share:.3g} % of the elastic approach of "
-        f"{part.drift.approach:.3g}; forces are off by as much. Take method='mortar', quadratic "
-        "elements or a finer mesh, or give the gap that you know, gap=."
-    )
-
-
-def _overlap_words(part: ContactValidity, contact: Contact) -> str:
-    lonely = f", {part.unseen} points without partner among them" if part.unseen else ""
-    way = {
-        "small": "Give the contact sliding='finite'"
-        if part.unseen or not isinstance(contact.primary, Obstacle)
-        else "Refine the surface, whose facets are too long for what presses between their nodes",
-        "finite": "Take smaller steps, a finer or quadratic mesh where the surfaces turn, and see that "
-        "both surfaces cover all that may touch",
-    }[contact.sliding]
-    return (
-        f"the deformed bodies overlap by up to {part.overlap:.3g}{lonely}, where chords explain "
-        f"{part.chords:.2g} and the bodies take up {part.drift.approach:.3g}: contact conditions do "
-        f"not see it. {way}."
-    )

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from skfem_contact.answers.thresholds import BULGE, CHORDS
-from skfem_contact.answers.validity.drift import Drift, Track
+from skfem_contact.answers.validity.drift import Drift
 from skfem_contact.answers.validity.standing import Standing
+from skfem_contact.answers.validity.track import Track
 from skfem_contact.bodies.selection import written
 
 #: What has been warned of in a history: kind, and name of the contact or body. Or "seen", with the

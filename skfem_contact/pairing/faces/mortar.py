@@ -13,18 +13,24 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.normals import tangents, unit
+from skfem_contact.bodies.normals import angle_between, tangents, unit
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.dual import DualBasis, dual_basis, node_rows, positive_functions
-from skfem_contact.pairing.faces.kinks import kink_angles, least_gaps
+from skfem_contact.pairing.faces.kinks import least_gaps
 from skfem_contact.pairing.faces.segmentation import Segmentation, segment
 from skfem_contact.pairing.faces.supports import Supports, find_supports, slip_rows
-from skfem_contact.pairing.facing import angle_between
-from skfem_contact.pairing.mortar import divided, overhang, shared_nodes
-from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.mortar_rows import (
+    divided,
+    main_facets,
+    node_directions,
+    overhang,
+    shared_nodes,
+    weighted_gaps,
+)
+from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.supports import FREE, MET, without_multiplier
 from skfem_contact.pairing.thresholds import (
     KINK,
@@ -79,13 +85,7 @@ class Moments:
         return cls(e, f, own, across.reshape(p, k, k_other))
 
 
-def dual_mortar(
-    secondary: FaceSurface,
-    primary: FaceSurface,
-    *,
-    reach: float | None = None,
-    kinks: tuple[Array, Array] | None = None,
-) -> Pairing:
+def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | None = None) -> Pairing:
     """Pair two surfaces of faces in the weighted mean, with dual multipliers on the secondary.
 
     Parameters
@@ -95,9 +95,6 @@ def dual_mortar(
     primary : FaceSurface
     reach : float, optional
         Parts of the surfaces farther apart than this along the normal do not meet [length].
-    kinks : (ndarray, ndarray), optional
-        `kinks.kink_angles` of both surfaces before they were displaced, where they are: strains bend
-        flats, and would make kinks come and go.
 
     Returns
     -------
@@ -114,9 +111,7 @@ def dual_mortar(
     owner, exchange = _own_rows(secondary, primary, supports, basis)
     D, area, normal = _secondary_matrix(secondary, basis.share, owner)
     M, facet = _primary_matrix(secondary, primary, moments, basis.A)
-    if kinks is None:
-        kinks = kink_angles(secondary), kink_angles(primary)
-    of_secondary, of_primary = normals_of_sides(secondary, primary, moments, basis.A, normal, kinks)
+    of_secondary, of_primary = normals_of_sides(secondary, primary, moments, basis.A, normal)
     M = M + exchange
     paired = (area > 0) & ~shared_nodes(secondary, primary)
     W_s = divided(D, area, paired)
@@ -124,12 +119,8 @@ def dual_mortar(
     for W in (W_s, W_m):
         W.data[np.abs(W.data) < NO_WEIGHT] = 0.0
     W_m.eliminate_zeros()
-    gap = np.sum(normal * gap_vectors(secondary, primary, W_s, W_m), axis=1)
-    least = least_gaps(parts, kinks, np.asarray(basis.A.any(axis=2)))
-    if least is not None:
-        gap = np.maximum(gap, least)
-    scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
-    gap[np.abs(gap) <= NO_WEIGHT * scale] = 0.0
+    least = least_gaps(parts, np.asarray(basis.A.any(axis=2)))
+    gap = weighted_gaps(secondary, primary, normal, (W_s, W_m, None), least)
     handed = np.zeros(len(paired), dtype=bool)
     if supports is not None:
         handed[secondary.facets[supports.rank != FREE]] = True
@@ -159,7 +150,6 @@ def normals_of_sides(
     moments: Moments,
     A: Array,
     own: Array,
-    kinks: tuple[Array, Array],
 ) -> tuple[Array, Array]:
     """Normals of both sides in the weighted mean of the multipliers, as `facing.mortar_normals`.
 
@@ -174,8 +164,6 @@ def normals_of_sides(
         The multipliers in the shape functions of the secondary's faces.
     own : ndarray, shape (m, 3)
         Normals at the nodes of the secondary, turned round.
-    kinks : (ndarray, ndarray)
-        `kinks.kink_angles` of both.
 
     Returns
     -------
@@ -192,7 +180,7 @@ def normals_of_sides(
     along = np.ones(len(own))
     np.minimum.at(along, node, dot(of_primary[node], mean[:, None]))
     corner = along < np.cos(0.5 * SPREAD)
-    beside = np.any(kinks[1][primary.facets[moments.f]] > KINK, axis=1)
+    beside = np.any(primary.kinks[primary.facets[moments.f]] > KINK, axis=1)
     corner[node[beside]] = True
     corner = corner[:, None]
     of_primary = np.where(corner, own, of_primary)
@@ -200,7 +188,7 @@ def normals_of_sides(
     covered = np.unique(moments.e)
     turned, node = np.zeros(len(own)), secondary.facets[covered]
     np.maximum.at(turned, node, angle_between(secondary.facet_node_normals[covered], -own[node]))
-    sharp = ((turned > SAME_NORMAL) | (kinks[0] > KINK))[:, None]
+    sharp = ((turned > SAME_NORMAL) | (secondary.kinks > KINK))[:, None]
     return np.where(sharp & ~corner, of_primary, own), of_primary
 
 
@@ -276,10 +264,7 @@ def _secondary_matrix(surface: FaceSurface, share: Array, S: Array) -> tuple[csr
     area = np.asarray(np.bincount(surface.facets.ravel(), part.ravel(), m), dtype=float)
     total = np.zeros_like(surface.points)
     np.add.at(total, surface.facets, part[:, :, None] * surface.facet_node_normals)
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    known = length > NO_DIRECTION * area[:, None]
-    unit = np.divide(total, length, out=surface.normals.copy(), where=known)
-    return D, area, -unit
+    return D, area, -node_directions(surface, total, area)
 
 
 def _primary_matrix(
@@ -292,10 +277,4 @@ def _primary_matrix(
     col = np.broadcast_to(primary.facets[f][:, None, :], data.shape)
     shape = (len(secondary.points), len(primary.points))
     M = csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=shape)
-    part = moments.cross.sum(axis=2).ravel()
-    node, opposite = secondary.facets[e].ravel(), np.repeat(f, secondary.facets.shape[1])
-    parts = coo_matrix((part, (node, opposite)), shape=(shape[0], len(primary.facets))).tocsr().tocoo()
-    facet = np.full(shape[0], -1)
-    order = np.argsort(parts.data, kind="stable")  # the last written is the largest
-    facet[parts.row[order]] = parts.col[order]
-    return M, facet
+    return M, main_facets(secondary, primary, e, f, moments.cross.sum(axis=2))

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, identity
 
-from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.faces.closest import closest_faces, overhang
 from skfem_contact.pairing.faces.joints import sharp_points
 from skfem_contact.pairing.faces.projection import interpolated_normals, project
-from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.node import Pairing, nodes_at_feet, without
 from skfem_contact.pairing.thresholds import COINCIDENT
 from skfem_contact.pairing.vectors import dot
 
@@ -71,39 +69,12 @@ def node_to_face(
     outside, inside = search_range(secondary, primary, reach)
     point, facet = closest_faces(secondary, primary, outside, inside)
     feet = project(primary, facet, secondary.points[point])
-
-    m = len(secondary.points)
-    paired = np.zeros(m, dtype=bool)
-    paired[point] = True
-    # where there is no partner the frame is the node's own, turned round
-    normal = -secondary.normals
-    normal[point] = interpolated_normals(primary, facet, feet.xi)
-    gap = np.full(m, np.inf)
-    gap[point] = dot(normal[point], secondary.points[point] - feet.foot)
+    normal = interpolated_normals(primary, facet, feet.xi)
+    gap = dot(normal, secondary.points[point] - feet.foot)
     N, nodes = feet.shape, primary.facets[facet]
-    weights = csr_matrix(
-        (N.ravel(), (np.repeat(point, N.shape[1]), nodes.ravel())), shape=(m, len(primary.points))
-    )
-    weights.eliminate_zeros()
-    of_secondary, of_primary = -secondary.normals, normal.copy()
-    sides = _normals_of_sides(secondary, primary, point, normal[point], N, nodes)
-    of_secondary[point], of_primary[point] = sides
-    miss, end_facet = overhang(secondary, primary, ~paired, outside, inside)
-    end_facet[point] = facet
-    return Pairing(
-        points=secondary.points,
-        normal=normal,
-        tangent=tangents(normal),
-        gap=gap,
-        area=secondary.area,
-        secondary_weights=identity(m, format="csr"),
-        primary_weights=weights,
-        paired=paired,
-        miss=miss,
-        facet=end_facet,
-        secondary_normal=of_secondary,
-        primary_normal=of_primary,
-    )
+    sides = _normals_of_sides(secondary, primary, point, normal, N, nodes)
+    beyond = overhang(secondary, primary, without(point, secondary), outside, inside)
+    return nodes_at_feet(secondary, primary, point, facet, N, gap, normal, sides, beyond)
 
 
 def _normals_of_sides(

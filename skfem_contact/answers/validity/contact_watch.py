@@ -1,0 +1,208 @@
+"""One contact as `watch` sees it: what is known of it beforehand, and its drift at every answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.validity.curve_track import CurveTrack
+from skfem_contact.answers.validity.drift import Drift
+from skfem_contact.answers.validity.face_track import FaceTrack
+from skfem_contact.answers.validity.give import elastic_approach, soft, spared
+from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
+from skfem_contact.answers.validity.support import Support, unit_motions
+from skfem_contact.answers.validity.track import Track, tool_motion
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.conditions.geometry import Geometry
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import OPEN, State
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+class ContactWatch:
+    """What does not change from answer to answer, of one contact.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    i : int
+        The contact.
+    supports : sequence of Support
+        Of all bodies.
+    diagonals : sequence of ndarray
+        Of the stiffness of every body [force/length].
+    known : callable
+        Gives the DOFs whose displacements are known without the interior; called only where bodies that
+        nothing holds along a frictionless contact may slide on it.
+
+    Attributes
+    ----------
+    track : Track
+    soft : float
+        What a force on a point presses it in [length/force].
+    spared : ndarray, shape (m,), or None
+        What of `soft` points do not feel, because supports take up their force on one side.
+    normal_rows, tangential_rows : list of ndarray
+        How far motions of each body move points along their normals and tangents.
+    held : bool
+        Whether supports hold both sides along the normals.
+    loose : list of Support, or None
+        Motions of bodies where neither friction nor supports say how they slide.
+    inside : bool
+        Whether some of these show in the interior alone.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        i: int,
+        supports: Sequence[Support],
+        diagonals: Sequence[Array],
+        known: Callable[[], Index],
+    ) -> None:
+        self.geometry, self.i, self.system = geometry, i, geometry.system
+        self.contact, self.part = geometry.contacts[i], geometry.point_slices[i]
+        contact, pairing = self.contact, geometry.pairings[i]
+        self.dim = geometry.kin.points.shape[1]
+        make = CurveTrack if self.dim == 2 else FaceTrack
+        own = geometry.interference[i]
+        self.track = make(contact, pairing, geometry.kin.gap0[self.part], own)
+        self.on_obstacle = looked_at(contact)
+        sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
+        bodies = [self.system.index(side.body) for side in sides]
+        # the diagonal of K at a surface is of the order of the modulus, whatever the mesh; in 3-D
+        # of half of it times the size of a face
+        stiff = [diagonals[b][side.dofs] for b, side in zip(bodies, sides, strict=True)]
+        self.extent = sum(supports[b].arm for b in bodies)
+        size = [1.0 if self.dim == 2 else 0.5 * float(np.median(side.lengths)) for side in sides]
+        self.soft = sum(soft(h, d) for h, d in zip(size, stiff, strict=True))
+        self.spared = spared(pairing, sides, stiff, size)
+        if contact.rigid_body is not None:  # it takes up nothing, but it moves
+            bodies.append(self.system.index(contact.rigid_body))
+        self.bodies = bodies
+        held_by = [supports[b] for b in bodies]
+        self.normal_rows = [s.along(self.track.points, self.track.normal) for s in held_by]
+        self.tangential_rows = [self._along(s) for s in held_by]
+        points, normal = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
+        self.held = all(s.holds(points, normal) for s in held_by)
+        self.inside, self.loose = False, None
+        if contact.sliding == "small" and contact.friction is None and not contact.tied:
+            along = np.moveaxis(pairing.tangent[pairing.paired], 1, 0)
+            if not all(s.holds(points, way) for s in held_by for way in along):
+                self.loose = [self._free(b, known()) for b in bodies]
+
+    def _along(self, support: Support) -> Array:
+        """How motions move points along their tangents, (m, 3); in 3-D all of it, (m, 3, 6)."""
+        track: Track = self.track
+        if self.dim == 2:
+            return support.along(track.points, track.tangent[:, 0])
+        return unit_motions(track.points, support.centre, support.arm)
+
+    def _free(self, b: int, known: Index) -> Support:
+        """How a body moves as a whole, by what is known of its displacements."""
+        start, end = self.system.offsets[b : b + 2]
+        known = known[(known >= start) & (known < end)] - start
+        body = self.system.bodies[b]
+        found = Support.of(body, int(start), np.union1d(known, body.D), self.system.extent)
+        if not found.free.shape[1]:
+            return found
+        # frictionless contact along an axis knows no displacements across it: those of all DOFs say it
+        self.inside = True
+        return Support.of(body, int(start), np.arange(body.n), self.system.extent)
+
+    def follow(self, motions: Sequence[Array]) -> None:
+        """See how the supports of all bodies have moved."""
+        if self.contact.sliding == "small":
+            moved = [motions[b] for b in self.bodies]
+            self._lifted = relative(self.normal_rows, moved)
+            self._dragged = self.track.tangential(relative(self.tangential_rows, moved))
+
+    def drift(self, state: State, gap: Array, case: LoadCase, u: Array) -> Drift:
+        """How far the contact has drifted at an answer, under the motions that it was told to follow.
+
+        Parameters
+        ----------
+        state, gap, case
+            Of the answer.
+        u : ndarray, shape (n,)
+            Displacements, where `Watch.look` asks for them.
+        """
+        contact, part, track = self.contact, self.part, self.track
+        small = contact.sliding == "small"
+        closed = state.status[part] != OPEN
+        if small:  # the pairing at the start is no other's
+            closed &= track.paired
+        count = int(np.count_nonzero(closed))
+        sagitta = self._sagitta(state)
+        if not count and not (small and contact.rigid):
+            return Drift(sagitta=sagitta)
+        approach, strain = self._pressed(closed, state.normal_force[part])
+        if not small:
+            return Drift(count, approach=approach, strain=strain, sagitta=sagitta)
+        if self.held and count:
+            lifted = case.gap0[part][closed] - gap[part][closed]
+            lifted += self._lifted[closed]
+            elastic = float(np.abs(lifted).max())
+            approach, strain = max(approach, elastic), max(strain, elastic / self.extent)
+        if contact.friction is not None or contact.tied:
+            given = self.geometry.kin.slip_along(case.slip0[part], part)
+            slip = track.slip(state.slip[part], given)
+            # a belt is pressed in by its stretch along the drum
+            stretch = slip - self._dragged
+            approach = max(approach, track.spread(stretch[closed]) if count else 0.0)
+        else:
+            slip = self._dragged
+            if self.loose is not None:
+                moved = [body.motion(u) for body in self.loose]
+                slip = track.tangential(relative(self.tangential_rows, moved))
+        force = state.normal_force[part]
+        tool = tool_motion(self.system, contact, track, u)
+        found = track.drift(closed, slip, gap[part], force, approach, case, self.i, part, tool)
+        if self.on_obstacle:
+            found |= obstacle_drift(self.geometry, self.i, state, gap, case, u, approach)
+        return Drift(count, approach=approach, strain=strain, sagitta=sagitta, **found)
+
+    def _pressed(self, closed: NDArray[np.bool_], force: Array) -> tuple[float, float]:
+        """Approach [length] and strain under normal forces (m,), by the diagonal of K."""
+        pressing, width = np.abs(force[closed]), self.track.breadth(closed)
+        pressed = float(pressing.sum() * self.soft)
+        if self.spared is not None:
+            pressed = max(pressed - float(pressing @ self.spared[closed]), 0.0)
+        if self.dim == 3:  # a force over a length, where in 2-D it is one over the thickness
+            pressed = pressed / width if width else 0.0
+        return pressed, pressed / width if width else 0.0
+
+    def _sagitta(self, state: State) -> float:
+        contact, part, track = self.contact, self.part, self.track
+        if not track.curved or not isinstance(contact.primary, ContactSurface):
+            return 0.0
+        force, moved = np.where(state.status[part] != OPEN, state.normal_force[part], 0.0), None
+        if contact.sliding == "finite":
+            u = self.geometry.spread(state.surface)
+            one, other = (
+                s.points + u[self.system.slice(s.body)][s.dofs]
+                for s in (track.secondary, contact.primary)
+            )
+            moved = one, other
+        return track.sagitta(force, moved)
+
+    def sure(self, result: Answer, drift: Drift) -> Drift:
+        """Where points slide far and facets seem too long: with the approach since the beginning."""
+        if self.contact.sliding == "small" or not drift.facets_too_long:
+            return drift
+        closed = (result.state.status[self.part] != OPEN) & result.kin.paired[self.part]
+        u = self.geometry.spread(result.state.surface)
+        u[self.system.D] = result.case.x[self.system.D]
+        return replace(drift, approach=max(drift.approach, elastic_approach(result, self.i, closed, u)))
+
+
+def relative(rows: Sequence[Array], motions: Sequence[Array]) -> Array:
+    """How far points move against each other, from the rows (m, r) or (m, d, r) and motions (r,)."""
+    own = rows[0] @ motions[0]
+    return np.asarray(own - rows[1] @ motions[1] if len(rows) > 1 else own)

@@ -1,0 +1,248 @@
+"""`Track`: where the points of one contact with small sliding may be led by their slip, see `drift`.
+
+This is what curves and faces have in common; how they measure is in `curve_track` and `face_track`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.validity.chords import sagittas
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import System
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.lever import as_motion
+from skfem_contact.conditions.loads import LoadCase, Motion
+from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.pairing.node import Pairing
+from skfem_contact.trees import kd_tree
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+#: What `Track.drift` says where nothing has slid past an end.
+NONE_PAST = {"beyond": 0, "overhang": 0.0, "beyond_share": 0.0}
+
+
+class Track(ABC):
+    """Where the points of one contact with small sliding may be led by their slip.
+
+    Parameters
+    ----------
+    contact : Contact
+    pairing : Pairing
+        Of the undeformed bodies.
+    gap0 : ndarray, shape (m,)
+        Initial gaps with the contact's own interference [length].
+    own : ndarray, shape (m,), or 0.0
+        That interference [length].
+
+    Attributes
+    ----------
+    feet : ndarray, shape (m, d)
+        Of the points on the primary; the points themselves where there is none.
+    spacing : ndarray, shape (m,)
+        The share of each point in the surface, as a length.
+    added : ndarray, shape (m,)
+        What a given or adjusted gap adds to the measured one, interference apart [length].
+    follows : bool
+        Whether anything is wrong with gaps: nothing is with those of glued points.
+    nodal : bool
+        Whether only nodes see the primary.
+    facet : ndarray, shape (m,)
+        Length of the facet that each point meets.
+    turns : bool
+        Whether the primary curves.
+    chord, sagittas : ndarray, shape (m,)
+        By how much gaps to straight facets are off; heights of curves over one facet [length].
+    curved : bool
+        Whether there are such heights.
+    room : ndarray, shape (m,)
+        Slips up to this leave a point with all of its share above the surface [length].
+    """
+
+    facet: Array
+    room: Array
+    turns: bool
+    sagittas: Array
+
+    def __init__(
+        self, contact: Contact, pairing: Pairing, gap0: Array, own: Array | float = 0.0
+    ) -> None:
+        self.secondary, self.primary = contact.secondary, contact.primary
+        self.points, self.paired = contact.secondary.points, pairing.paired
+        self.normal, self.tangent = pairing.normal, pairing.tangent
+        gap = np.where(pairing.paired, pairing.gap, 0.0)
+        self.feet = self.points - gap[:, None] * pairing.normal
+        self.spacing = self._spacing(pairing)
+        self.added = np.where(self.paired, gap0 + own - gap, 0.0)
+        self.follows, self.nodal = not contact.tied, contact.method == "node"
+        self.chord, self.curved = np.zeros(len(self.points)), False
+        if isinstance(self.primary, ContactSurface):
+            # a gap that is given, or zero as meshed, knows the curves
+            measured = contact.gap is None and not contact.adjust and not contact.bilateral
+            facet = np.where(self.paired, pairing.facet, 0)
+            self.facet = self.primary.lengths[facet]
+            straight = measured and self.nodal and contact.sliding == "small"
+            self._look_at_primary(self.primary, facet, straight)
+            self.sagittas = self.chord
+            if measured:
+                self.sagittas = sagittas(self.secondary, self.primary, facet, self.nodal)
+            self.curved = measured and bool(self.sagittas.any())
+
+    def sagitta(self, force: Array, moved: tuple[Array, Array] | None) -> float:
+        """Height of the curves over one facet where normal forces act, their mean [length].
+
+        Parameters
+        ----------
+        force : ndarray, shape (m,)
+            Of closed points; zero elsewhere.
+        moved : pair of ndarray, optional
+            Where points slide far, the places of both sides' nodes [length].
+        """
+        force = np.abs(force)
+        total = float(force.sum())
+        if not (self.curved and total > 0):
+            return 0.0
+        heights = self.sagittas
+        if moved is not None and isinstance(self.primary, ContactSurface):
+            corners = self.primary.facets[:, : self.primary.kind.corners]
+            middles = moved[1][corners].mean(axis=1)
+            there = kd_tree(middles).query(moved[0])[1]
+            heights = sagittas(self.secondary, self.primary, there, self.nodal)
+        return float(force @ heights / total)
+
+    def drift(
+        self,
+        closed: Mask,
+        slip: Array,
+        gap: Array,
+        force: Array,
+        approach: float,
+        case: LoadCase,
+        i: int,
+        part: slice,
+        tool: tuple[Motion, Array] | None = None,
+    ) -> dict[str, Any]:
+        """The numbers of `Drift` that are those of small sliding.
+
+        Parameters
+        ----------
+        closed : ndarray of bool, shape (m,)
+        slip : ndarray, shape (m,), of solids (m, 3)
+            Displacement of the secondary along the tangents, relative to a deformable primary [length].
+        gap : ndarray, shape (m,)
+            Of the answer [length].
+        force : ndarray, shape (m,)
+            Normal forces.
+        approach : float
+            [length]
+        case : LoadCase
+        i, part : int, slice
+            The contact, and its points.
+        tool : pair of Motion and ndarray, optional
+            Of a rigid body, see `tool_motion`.
+        """
+        found: dict[str, Any] = {}
+        on_obstacle = isinstance(self.primary, Obstacle)
+        if on_obstacle:
+            found = self._at_obstacle(closed, slip, gap, approach, case, i, part, tool)
+        if on_obstacle and tool is None:  # else it is part of the slip
+            slip = slip - self._along_tangents(slid(case.motion[i], self.points))
+        if not closed.any():
+            return found
+        way = self._size(slip)
+        breadth = self.breadth(closed)
+        found["slip"] = float(way[closed].max())
+        found["widths"] = found["slip"] / breadth if breadth > 0 else np.inf
+        if on_obstacle:
+            return found
+        found["facets"] = float((way / self.facet)[closed].max())
+        if self.turns:
+            found["tilt"], error = self._off_by_curvature(closed, slip)
+            found["gap_error"] = error
+            found["gap_share"] = error / approach if approach > 0 else 0.0
+        far = closed & (way >= self.room)
+        return found | (self._past_end(closed, far, slip, np.abs(force)) if far.any() else NONE_PAST)
+
+    @abstractmethod
+    def breadth(self, closed: Mask) -> float:
+        """Of the contact [length]."""
+
+    @abstractmethod
+    def slip(self, vectors: Array, given: Array) -> Array:
+        """Displacements along the tangents from slips (m, d), less given ones (m, d-1)."""
+
+    @abstractmethod
+    def tangential(self, vectors: Array) -> Array:
+        """What of the rows of motions is along the tangents."""
+
+    @abstractmethod
+    def spread(self, stretch: Array) -> float:
+        """By how much slips differ from point to point [length]."""
+
+    @abstractmethod
+    def _spacing(self, pairing: Pairing) -> Array:
+        """`spacing`."""
+
+    @abstractmethod
+    def _look_at_primary(self, primary: ContactSurface, facet: Index, straight: bool) -> None:
+        """Curvature and ends where points meet these facets; `chord` if gaps are to `straight` ones."""
+
+    @abstractmethod
+    def _along_tangents(self, vectors: Array) -> Array:
+        """The part of vectors (m, d) along the tangents, as slips are."""
+
+    @abstractmethod
+    def _size(self, slip: Array) -> Array:
+        """Of slips, shape (m,) [length]."""
+
+    @abstractmethod
+    def _off_by_curvature(self, closed: Mask, slip: Array) -> tuple[float, float]:
+        """Largest angle [rad] and error of gaps [length] that slips along a curved primary bring."""
+
+    @abstractmethod
+    def _past_end(self, closed: Mask, far: Mask, slip: Array, force: Array) -> dict[str, Any]:
+        """What of `far` points has slid past the end of the primary."""
+
+    def _at_obstacle(
+        self,
+        closed: Mask,
+        slip: Array,
+        gap: Array,
+        approach: float,
+        case: LoadCase,
+        i: int,
+        part: slice,
+        tool: tuple[Motion, Array] | None,
+    ) -> dict[str, Any]:
+        """Against the obstacle itself, where it and the points are now; of solids see `solids`."""
+        return {}
+
+
+def tool_motion(
+    system: System, contact: Contact, track: Track, u: Array
+) -> tuple[Motion, Array] | None:
+    """Motion of a contact's rigid body, and the linear displacement (m, d) it gives points on it.
+
+    By displacements u of the system (n,); None where the primary is none.
+    """
+    body = contact.rigid_body
+    if body is None:
+        return None
+    motion = Motion(*as_motion(system, body, u))
+    arm = np.where(track.paired[:, None], track.feet, track.points) - body.about
+    if arm.shape[1] == 3:
+        return motion, motion.translation + np.cross(motion.angle, arm)
+    turned = motion.angle * np.column_stack([-arm[:, 1], arm[:, 0]])
+    return motion, motion.translation + turned
+
+
+def slid(motion: Motion, points: Array) -> Array:
+    """How far an obstacle's surface has come along under points, the whole turn counted, (m, d)."""
+    return motion.slid(Motion.none(len(motion.centre)), points)

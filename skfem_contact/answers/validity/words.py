@@ -1,0 +1,92 @@
+"""What is wrong where the model does not hold, and what to do: sentences of warnings and reports."""
+
+from __future__ import annotations
+
+from skfem_contact.answers.thresholds import GAP, TILT
+from skfem_contact.answers.validity.drift import Drift
+from skfem_contact.answers.validity.validity import ContactValidity
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.obstacles.obstacle import Obstacle
+
+
+def sliding_words(drift: Drift) -> str:
+    """What small sliding does wrong, and what to do."""
+    found = []
+    if drift.slides_far:
+        found.append(
+            f"points have slid by up to {drift.slip:.3g}, {drift.facets:.3g} facets of the primary "
+            f"and {drift.widths:.3g} times the width of the contact, and press where they began"
+        )
+    if drift.slides_far and drift.beyond:
+        found.append(
+            f"{drift.beyond} of {drift.closed} closed points lie beyond the end of the primary "
+            f"surface, by up to {drift.overhang:.3g}"
+        )
+    if drift.passes_end:
+        found.append(
+            f"{100 * drift.beyond_share:.3g} % of the normal force acts beyond the end of the primary "
+            f"surface (slip {drift.slip:.3g}, {drift.facets:.3g} facets)"
+        )
+    if drift.tilt > TILT:
+        found.append(f"normals are off by up to {drift.tilt:.3g} rad, and so are the forces")
+    if drift.gap_share > GAP:
+        found.append(
+            f"gaps are wrong by up to {drift.gap_error:.3g}, {100 * drift.gap_share:.3g} % of the "
+            f"elastic approach of {drift.approach:.3g}, and forces by as much"
+        )
+    if drift.motion and not drift.slides_far:
+        found.append(f"the obstacle has moved by {drift.motion:.3g}")
+    return (
+        "small sliding, which keeps partners, normals and gaps of the undeformed bodies, does not "
+        "follow: " + "; ".join(found) + ". Give the contact sliding='finite'."
+    )
+
+
+def facet_words(drift: Drift) -> str:
+    """What long facets on curves do to a light contact, and what to do."""
+    # a body rests on one facet or on the next where it is pressed in by less than what they stand out
+    several = "There may be several answers, one for each facet that can carry. "
+    return (
+        f"over the length of one facet the curves stand {drift.sagitta:.3g} off each other, "
+        f"{100 * drift.sagitta_share:.3g} % of the elastic approach of {drift.approach:.3g}: contact "
+        "ends within the facets, and polygons meet elsewhere than curves do. Pressures there are not "
+        "resolved, and forces that follow from prescribed displacements may be wrong by a large "
+        f"factor. {several if drift.sagitta_share > 1 else ''}Refine both surfaces where they touch."
+    )
+
+
+def strain_words(drift: Drift) -> str:
+    """What linear elasticity does wrong, and what to do."""
+    return (
+        f"the bodies take up {drift.approach:.3g} elastically, a strain or rotation of about "
+        f"{drift.strain:.2g}. Bodies are linear: errors are of that order, {100 * drift.strain:.0f} %. "
+        "Check units, load and modulus; large strains need a body that is linearised in each step "
+        "(solver.update)."
+    )
+
+
+def chord_words(part: ContactValidity) -> str:
+    """What straight facets do to gaps of node-to-segment contact, and what to do."""
+    return (
+        f"gaps are measured to the straight facets of a curved surface, and so are off by up to "
+        f"{part.chord_gaps:.3g}, {100 * part.chord_share:.3g} % of the elastic approach of "
+        f"{part.drift.approach:.3g}; forces are off by as much. Take method='mortar', quadratic "
+        "elements or a finer mesh, or give the gap that you know, gap=."
+    )
+
+
+def overlap_words(part: ContactValidity, contact: Contact) -> str:
+    """That bodies overlap where contact conditions do not see it, and what to do."""
+    lonely = f", {part.unseen} points without partner among them" if part.unseen else ""
+    way = {
+        "small": "Give the contact sliding='finite'"
+        if part.unseen or not isinstance(contact.primary, Obstacle)
+        else "Refine the surface, whose facets are too long for what presses between their nodes",
+        "finite": "Take smaller steps, a finer or quadratic mesh where the surfaces turn, and see that "
+        "both surfaces cover all that may touch",
+    }[contact.sliding]
+    return (
+        f"the deformed bodies overlap by up to {part.overlap:.3g}{lonely}, where chords explain "
+        f"{part.chords:.2g} and the bodies take up {part.drift.approach:.3g}: contact conditions do "
+        f"not see it. {way}."
+    )

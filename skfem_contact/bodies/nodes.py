@@ -1,0 +1,76 @@
+"""The nodes of a surface by their numbers in the mesh, their DOFs, and their order."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.selection import mesh_edges
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+def curve_nodes(basis: Any, numbers: Index, ends: Index) -> Index:
+    """The nodes of facets in the plane as one meets them, shape (nf, k): start, middle, end.
+
+    Vertex v of the mesh has the number v, the middle of facet f ``nvertices + f``.
+    """
+    start, end = ends.T
+    if not basis.facet_dofs.size:
+        return np.column_stack([start, end])
+    return np.column_stack([start, basis.mesh.nvertices + numbers, end])
+
+
+def face_nodes(basis: Any, numbers: Index, vertices: Index) -> Index:
+    """The nodes of faces, shape (nf, k): corners, then middles of edges, then the centre.
+
+    Of the mesh vertex v has the number v, edge e ``nvertices + e``, and facet f
+    ``nvertices + nedges + f``.
+    """
+    mesh, columns = basis.mesh, [vertices]
+    if basis.edge_dofs.size:
+        columns.append(mesh.nvertices + mesh_edges(mesh, vertices, np.roll(vertices, -1, axis=1)))
+    if basis.facet_dofs.size:
+        columns.append(mesh.nvertices + mesh.edges.shape[1] + numbers[:, None])
+    return np.concatenate(columns, axis=1)
+
+
+def node_dofs(basis: Any, nodes: Index, components: int) -> NDArray[np.int32]:
+    """The DOFs of nodes by their numbers of `curve_nodes` or `face_nodes`, (len(nodes), components)."""
+    mesh = basis.mesh
+    edges = mesh.edges.shape[1] if basis.edge_dofs.size else 0
+    starts = 0, mesh.nvertices, mesh.nvertices + edges
+    dofs = np.empty((len(nodes), components), dtype=np.int32)
+    for start, table in zip(starts, (basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs), strict=True):
+        mine = (nodes >= start) & (nodes < start + table.shape[1])
+        if table.size:
+            dofs[mine] = table[:, nodes[mine] - start].T
+    return dofs
+
+
+def as_met(ids: Index) -> tuple[Index, Index]:
+    """Nodes of facets (nf, k) in the order in which facets meet them, and facets by these places.
+
+    >>> nodes, facets = as_met(np.array([[7, 3], [3, 5]]))
+    >>> nodes.tolist(), facets.tolist()
+    ([7, 3, 5], [[0, 1], [1, 2]])
+    """
+    unique, first, inverse = np.unique(ids, return_index=True, return_inverse=True)
+    met = np.argsort(first)
+    rank = np.empty_like(met)
+    rank[met] = np.arange(len(met))
+    return unique[met], rank[inverse.reshape(ids.shape)]
+
+
+def held_components(body: Member, dofs: np.ndarray) -> Mask:
+    """Prescribed components of nodes, (m, d); a scalar field has no directions to hold."""
+    if dofs.shape[1] != body.dim or not len(body.D):
+        return np.zeros((len(dofs), body.dim), dtype=bool)
+    held = np.zeros(body.n, dtype=bool)
+    held[body.D] = True
+    return held[dofs]

@@ -1,0 +1,38 @@
+"""`Stiffness`: checked once, and shared by bodies that are made from each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+from weakref import WeakValueDictionary
+
+from scipy.sparse import csr_matrix
+from skfem.assembly import BilinearForm
+
+from skfem_contact.bodies.inputs import stiffness_of
+
+
+@dataclass(frozen=True, eq=False)
+class Stiffness:
+    """A checked stiffness and what it was assembled from."""
+
+    K: csr_matrix
+    basis: Any
+    form: BilinearForm | None
+
+    @classmethod
+    def of(cls, K: Any, basis: Any, whose: str) -> Stiffness:
+        """That of the body whose `K` this is, as in dataclasses.replace, or a new one."""
+        known = _KNOWN.get(id(K))
+        if known is not None and known.K is K and known.basis is basis:
+            return known
+        form = K if isinstance(K, BilinearForm) else None
+        return cls(stiffness_of(K, basis, whose), basis, form).remembered()
+
+    def remembered(self) -> Stiffness:
+        """Itself, from now on found by its matrix as long as a body has it."""
+        _KNOWN[id(self.K)] = self
+        return self
+
+
+_KNOWN: WeakValueDictionary[int, Stiffness] = WeakValueDictionary()

@@ -1,0 +1,181 @@
+r"""Rows over the DOFs: gaps and slips of contact points as sums over both sides.
+
+Each side gives ``sign direction . (W u_surface)`` with the weights W of a `Pairing`, a rigid body the
+rows of its `Lever`; where supports hold a point, its row has only what they prescribe.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import block_diag, csr_matrix, diags, vstack
+
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import System
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.lever import Lever
+from skfem_contact.conditions.slip_axes import combined_rows
+from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.supports import held_rows
+from skfem_contact.pairing.vectors import turned
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+#: Weights, surface and sign of one side of a contact.
+Side = tuple[csr_matrix, ContactSurface, float]
+
+
+def sides_of(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> list[Side]:
+    """Weights, surface and sign of either side; a rigid obstacle has none."""
+    sides = [(secondary, contact.secondary, 1.0)]
+    if isinstance(contact.primary, ContactSurface):
+        sides.append((primary, contact.primary, -1.0))
+    return sides
+
+
+def slip_sides(contact: Contact, pairing: Pairing, sides: list[Side], still: Mask) -> list[list[Side]]:
+    """Both sides of the rows of each tangent: other weights where supports make the slip."""
+    if pairing.slip_weights is None:
+        return [sides] * still.shape[1]
+    found = []
+    for along in still.T:
+        own, others = diags(along.astype(float)), diags((~along).astype(float))
+        weights = pairing.secondary_weights, pairing.primary_weights
+        both = zip(weights, pairing.slip_weights, strict=True)
+        found.append(sides_of(contact, *(csr_matrix(others @ W + own @ slip) for W, slip in both)))
+    return found
+
+
+def held_by_supports(sides: Sequence[Side], direction: Array, glued: bool, lever: Lever | None) -> Mask:
+    """Rows that supports hold. Not of glue: its gap is zero, and its rows agree with supports."""
+    if glued:
+        return np.zeros(len(direction), dtype=bool)
+    held = held_rows(sides, direction)
+    return held if lever is None else held & lever.holds(direction)
+
+
+def spread_rows(
+    system: System,
+    sides: Sequence[Side],
+    direction: Array,
+    paired: Mask,
+    held: Mask,
+    bulge: Side | None = None,
+    lever: Lever | None = None,
+) -> csr_matrix:
+    """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
+
+    Of rows that are `held` only what is prescribed is left: so no route closes them, and checks of
+    prescribed values see them. The weights `bulge` act on displacements turned by -90 degrees.
+    """
+    entries = []
+    along, given = direction, [(*side, direction) for side in sides]
+    if bulge is not None:
+        given.append((*bulge, turned(direction)))
+    for weights, surface, sign, direction in given:
+        W = csr_matrix(weights).tocoo()
+        keep = paired[W.row]
+        row, node, value = W.row[keep], W.col[keep], sign * W.data[keep]
+        columns = system.offsets[system.index(surface.body)] + surface.dofs[node]
+        rows = np.repeat(row, surface.dofs.shape[1])
+        coefficients = value[:, None] * direction[row]
+        if held.any():
+            coefficients[held[row][:, None] & ~surface.held[node]] = 0.0
+        entries.append((coefficients.ravel(), rows, columns.ravel()))
+    if lever is not None:
+        entries.append(lever.entries(along, paired, held))
+    data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
+    spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
+    spread.sum_duplicates()
+    spread.eliminate_zeros()
+    return spread
+
+
+def tangential_rows(
+    system: System,
+    sides: Sequence[Sequence[Side]],
+    tangent: Array,
+    paired: Mask,
+    still: Mask,
+    tied: bool,
+    bulge: Side | None = None,
+    lever: Lever | None = None,
+    A: Array | None = None,
+) -> csr_matrix:
+    """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems.
+
+    With `A` along the combinations of them that friction with a material direction takes, (m, 2, 2).
+    """
+    blocks = []
+    for own, along, at_rest in zip(sides, np.moveaxis(tangent, 1, 0), still.T, strict=True):
+        held = at_rest | held_by_supports(own, along, tied, lever)
+        blocks.append(spread_rows(system, own, along, paired, held, bulge, lever))
+    if not blocks:
+        return csr_matrix((0, system.n))
+    rows = _interleave(blocks)
+    return rows if A is None else combined_rows(A, rows)
+
+
+def _interleave(blocks: Sequence[csr_matrix]) -> csr_matrix:
+    """Rows of several tangents in the order point by point."""
+    if len(blocks) == 1:
+        return csr_matrix(blocks[0])
+    m, k = blocks[0].shape[0], len(blocks)
+    order = np.arange(m * k).reshape(k, m).T.ravel()
+    return csr_matrix(vstack(blocks).tocsr()[order])
+
+
+def compliance_scale(B: csr_matrix, diagonal: Array) -> Array:
+    """Stiffness of each row as seen by K's diagonal, ``1 / sum(B_ij^2 / K_jj)`` [force/length].
+
+    The softer side decides, so that one multiple of it suits any pair of bodies.
+    """
+    inverse = np.where(diagonal > 0, 1.0 / np.where(diagonal > 0, diagonal, 1.0), 0.0)
+    total = np.asarray((B.multiply(B) @ diags(inverse)).sum(axis=1)).ravel()
+    return np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
+
+
+def with_columns(B: csr_matrix, place: NDArray[np.intp], count: int) -> csr_matrix:
+    """Columns moved to their new place, and left out where that is negative.
+
+    By hand, because slicing in SciPy goes over all columns of all bodies, for every new pairing.
+    """
+    column = place[B.indices]
+    keep = column >= 0
+    start = np.concatenate([[0], np.cumsum(keep)])[B.indptr]
+    return csr_matrix((B.data[keep], column[keep], start), shape=(B.shape[0], count))
+
+
+def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:
+    r"""Sum of the tangential contact elements of all points, ``K_t = B_t' diag(G) B_t``.
+
+    Parameters
+    ----------
+    B_t : sparse matrix, shape (m (d-1), n)
+        Each row is ``v = [t, -N_1 t, -N_2 t, ...]`` over the DOFs of a secondary node and of its
+        partners, with the tangent `t` and the weights `N` of the primary nodes.
+    spring : ndarray, shape (m, d-1, d-1)
+        Tangential stiffness of each point; zero where there is none [force/length].
+
+    Notes
+    -----
+    ``G v v'`` is the second derivative of the energy ``G s^2 / 2`` of [M] eq. (6). The printed 6 x 6
+    matrix has its diagonal factor on the wrong side and is not symmetric; this is the one that the
+    energy gives. The weights sum to one, so a common translation costs nothing.
+
+    Examples
+    --------
+    A secondary node over the middle of a horizontal facet:
+
+    >>> import numpy as np
+    >>> row = csr_matrix([[1.0, 0.0, -0.5, 0.0, -0.5, 0.0]])
+    >>> K_t = tangential_matrix(row, np.array([[[4.0]]])).toarray()
+    >>> K_t[0]
+    array([ 4.,  0., -2.,  0., -2.,  0.])
+    >>> np.allclose(K_t @ np.tile([1.0, 0.0], 3), 0.0)
+    True
+    """
+    G = diags(spring[:, 0, 0]) if spring.shape[1] == 1 else block_diag(list(spring), format="csr")
+    return csr_matrix(B_t.T @ (G @ B_t))

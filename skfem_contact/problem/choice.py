@@ -1,0 +1,147 @@
+"""How the bodies enter the contact problem: as chosen, or by the memory that each way takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from skfem_contact.bodies.system import System
+from skfem_contact.errors import InputError
+from skfem_contact.linalg.amg import AMG
+from skfem_contact.linalg.direct import Direct, as_linear_solver
+from skfem_contact.linalg.memory import Limits, factor_bound, written_bytes
+from skfem_contact.linalg.multifrontal.size import FactorSize
+from skfem_contact.problem.delassus import dense_bytes
+from skfem_contact.problem.parts import wanted_of
+from skfem_contact.problem.substructure import Substructure
+from skfem_contact.problem.whole import WholeBody
+
+Index = NDArray[np.intp]
+
+
+def checked_linear(linear: Any) -> Any:
+    """The argument `linear` of a solver, refused at once where it is nothing that solves."""
+    if isinstance(linear, str) and linear not in ("auto", "condensed", "iterated"):
+        raise InputError(
+            f"linear = {linear!r} is neither 'auto' nor 'condensed' nor 'iterated'; a backend is "
+            "given as an object, Direct(), AMG() or PETSc(), or as a callable solver(A, b)."
+        )
+    if not isinstance(linear, str):
+        as_linear_solver(linear)
+    return linear
+
+
+class Choice:
+    """One of the routes, and why it was taken.
+
+    Parameters
+    ----------
+    linear : "auto", "condensed", "iterated", a backend or a solver callable
+        As for `ContactSolver`.
+    limits : Limits
+        Memory up to which "auto" forms dense matrices, and factorises.
+    system : System
+    stiffness : sequence of csr_matrix
+        Of each body.
+    rows : int
+        Gaps and slips of the points that have a partner.
+    wanted : callable
+        Gives the DOFs (stacked) that contact rows may touch; called where something depends on them.
+    """
+
+    def __init__(
+        self,
+        linear: Any,
+        limits: Limits,
+        system: System,
+        stiffness: Sequence[csr_matrix],
+        rows: int,
+        wanted: Callable[[], Index],
+    ) -> None:
+        self.linear, self.limits = linear, limits
+        self.system, self.stiffness = system, stiffness
+        self.rows, self._wanted = rows, wanted
+
+    @property
+    def route(self) -> str:
+        """How the bodies enter the contact problem.
+
+        "condensed" to their contact DOFs, "iterated" by products with their factors, by "multigrid"
+        without factors, or "full", with contact eliminated from all of their DOFs.
+        """
+        if not isinstance(self.linear, str):
+            return "multigrid" if isinstance(self.linear, AMG) else "full"
+        if self.linear != "auto":
+            return self.linear
+        if self.factor_bytes > self.limits.factors:
+            return "multigrid"
+        return "condensed" if self.dense_bytes <= self.limits.dense else "iterated"
+
+    @property
+    def reason(self) -> str:
+        """Why this route, in words."""
+        if self.linear != "auto":
+            return "as chosen"
+        if self.route == "multigrid":
+            most = f"max_factor_bytes allows {written_bytes(self.limits.factors)}"
+            return f"because factors would take {written_bytes(self.factor_bytes)}: {most}"
+        most = f"max_dense_bytes allows {written_bytes(self.limits.dense)}"
+        if self.route == "condensed":
+            return most
+        return f"because dense matrices would take {written_bytes(self.dense_bytes)}: {most}"
+
+    @cached_property
+    def said(self) -> str:
+        """What a report says of the route: nothing of the usual one."""
+        words = {
+            "iterated": "forces by GMRES through the factors of the bodies",
+            "multigrid": "displacements and forces by GMRES with multigrid",
+        }
+        return f"{words[self.route]}, {self.reason}" if self.route in words else ""
+
+    @cached_property
+    def factor_bytes(self) -> float:
+        """Memory that the factorisation of all bodies takes at most, or would [bytes].
+
+        A bound where this is far from the limit, as it costs nothing; else what it will be.
+        """
+        bodies = self.system.bodies
+        bound = sum(factor_bound(body.n - len(body.D), body.dim) for body in bodies)
+        if bound <= self.limits.factors:
+            return bound
+        sizes = self._sizes(Substructure).values()
+        waiting = max((size.peak - size.memory for size in sizes), default=0)
+        return float(sum(size.memory for size in sizes) + waiting)
+
+    @cached_property
+    def dense_bytes(self) -> int:
+        """Memory that the dense matrices of the contact problem take at most, or would [bytes]."""
+        enters = np.zeros(self.system.n, dtype=bool)
+        enters[self._wanted()] = True
+        enters[self.system.D] = False
+        kept = np.diff(np.searchsorted(np.flatnonzero(enters), self.system.offsets))
+        return dense_bytes(kept.tolist(), self.rows)
+
+    @property
+    def backend(self) -> Any:
+        """The solver of the routes that factorise nothing beforehand."""
+        if isinstance(self.linear, str):
+            return AMG() if self.route == "multigrid" else Direct()
+        return self.linear
+
+    def sizes(self) -> dict[str, FactorSize]:
+        """What the factorisation of each body in contact will take, before anything is computed."""
+        return self._sizes(WholeBody if self.route == "iterated" else Substructure)
+
+    def _sizes(self, kind: type[Substructure]) -> dict[str, FactorSize]:
+        out, wanted = {}, self._wanted()
+        for body, name, K in zip(self.system.bodies, self.system.names, self.stiffness, strict=True):
+            mine = wanted_of(body, self.system, wanted)
+            if len(mine):
+                out[name] = kind(body, K, mine).factor_size()
+        return out
