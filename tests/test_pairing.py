@@ -21,6 +21,7 @@ from skfem_contact.pairing.diagnosis import diagnose
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import node_to_segment
 from skfem_contact.pairing.thresholds import COINCIDENT, FACING
+from skfem_contact.pairing.vertices import Corners
 
 
 def body(mesh, element=None, name=None):
@@ -425,3 +426,14 @@ def test_feet_on_a_bulge_are_the_closest_of_several():
     least = np.linalg.norm(x[:, None] - along, axis=2).min(axis=1)
     # points of the facet are 2e-3 apart: beside the foot they are farther by the square of that
     np.testing.assert_array_less(np.linalg.norm(x - foot, axis=1), least + 1e-9)
+
+
+def test_only_convex_ends_of_a_surface_are_corners():
+    """Of an L: a ledge has none where the other leg stands on it, nor half a side where it goes on."""
+    mesh = fem.MeshQuad.init_tensor(np.arange(3.0), np.arange(3.0))
+    ell = body(mesh.restrict(np.flatnonzero(mesh.p[:, mesh.t].mean(axis=1).sum(axis=0) < 2.5)))
+    ledge = ell.surface(lambda x: (x[1] == 1) & (x[0] > 1))
+    np.testing.assert_allclose(np.sort(ledge.end_turns.ravel()), [-np.pi / 2, np.pi / 2], atol=1e-14)
+    half = ell.surface(lambda x: (x[1] == 0) & (x[0] < 1))
+    for surface, place in ((ledge, (2, 1)), (half, (0, 0))):
+        np.testing.assert_allclose(surface.points[Corners.of(surface).node], [place], atol=1e-14)
