@@ -92,10 +92,6 @@ MOST_ROWS = 2000
 # Of the parabola's height: a middle node that stands this high makes two facets of a quadratic one.
 CURVED = 0.5
 
-# What two curved quadratic faces leave of each other's height, over the sum of both, below which they
-# fit: 0.36 at most on balls in hollow ones of the same radius, where three faces meet; 0.01 elsewhere.
-FITS = 0.4
-
 # Least singular value of the equations of unit directions from which the twist of a face is known: four
 # edges in pairs at an angle of 2 degrees have .05, edges and diagonals of a square 1.4, of 10:1 .28,
 # the edges of a triangle of 10:1 .14.

@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import CURVED, FITS, FLAT, NO_LENGTH, TWIST
+from skfem_contact.answers.thresholds import CURVED, FLAT, NO_LENGTH, TWIST
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.bodies.thresholds import ALIKE, STEEPEST
@@ -45,41 +45,28 @@ def face_sagittas(secondary: FaceSurface, primary: FaceSurface, facet: Index, by
     m, faces = len(secondary.points), secondary.facets
     own, edges = face_bends(secondary)
     of_primary, others = face_bends(primary)
-    if not (own.any() or of_primary.any()):
+    # curved faces that fit are known to differ little; which of them bend is not known well enough
+    if not (own.any() or of_primary.any()) or (secondary.quadratic and primary.quadratic):
         return np.zeros(m)
     mean = np.zeros((m, 3, 3))
     np.add.at(mean, faces, own[:, None])
     mean /= np.bincount(faces.ravel(), minlength=m)[:, None, None]
-    partner = of_primary[facet]
-    bend = mean + partner
-    # curved faces that fit lie on each other to a higher order than how they bend is known to
-    fits = FITS if secondary.quadratic and primary.quadratic else 0.0
-    out = _heights(others[facet], mean, partner, fits)
-    around = _heights(edges[:, None], mean[faces], partner[faces], fits)
+    bend = mean + of_primary[facet]
+    out = _heights(others[facet], bend)
+    around = _heights(edges[:, None], bend[faces])
     if by_node:
         # S by the edges of a triangle, or of a parallelogram
         spread = np.einsum("fcd,fce->fde", edges, edges) / (9 if secondary.kind.triangle else 8)
-        whole, its = (np.abs(np.einsum("fkde,fde->fk", K[faces], spread)) for K in (bend, partner))
-        whole = np.where(whole > 2 * fits * its, whole, 0.0)
-        around = np.maximum(around, 4 * np.minimum(whole, its))
+        whole = [np.abs(np.einsum("fkde,fde->fk", K[faces], spread)) for K in (bend, of_primary[facet])]
+        around = np.maximum(around, 4 * np.minimum(*whole))
     np.maximum.at(out, faces, around)
     # what normals of plane faces differ by
     return np.where(out > 8 * NO_LENGTH * np.abs(secondary.points).max(), out / 8, 0.0)
 
 
-def _heights(edges: Array, one: Array, other: Array, fits: float) -> Array:
-    """Largest |x' K x| of edges (..., c, 3) and the sums K of two tensors (..., 3, 3).
-
-    None is what the two leave of each other, if that is no more than a part of them.
-    """
-    found = np.abs(_along(edges, one + other))
-    if fits:
-        found[found <= fits * (np.abs(_along(edges, one)) + np.abs(_along(edges, other)))] = 0.0
-    return np.asarray(found.max(axis=-1))
-
-
-def _along(edges: Array, bend: Array) -> Array:
-    return np.asarray(np.einsum("...cd,...de,...ce->...c", edges, bend, edges))
+def _heights(edges: Array, bend: Array) -> Array:
+    """Largest |x' K x| of edges (..., c, 3) and tensors (..., 3, 3)."""
+    return np.abs(np.einsum("...cd,...de,...ce->...c", edges, bend, edges)).max(axis=-1)
 
 
 def face_bends(surface: FaceSurface) -> tuple[Array, Array]:
