@@ -305,10 +305,11 @@ def elsewhere(court: Court, k: int, one: Answer, two: Answer, same: float) -> bo
     return told and difference(court, k, one, replace(two, u=one.u), 0.0) <= same
 
 
-def may_be_several(answer: Answer) -> bool:
-    """Whether the user is told that another facet may carry, or that nothing holds a body."""
-    told = "There may be several answers, one for each facet", "The place of body"
-    return any(words in warned for words in told for warned in answer.warned)
+def may_be_several(one: Answer, two: Answer) -> bool:
+    """Whether one user is told that another facet may carry, the other one that or that none does."""
+    several, none = "There may be several answers, one for each facet", "The place of body"
+    told = [[any(words in w for w in a.warned) for words in (several, none)] for a in (one, two)]
+    return any(facets for facets, _ in told) and all(any(both) for both in told)
 
 
 def another(court: Court, other: Run, k: int, one: Answer, two: Answer) -> bool:
@@ -339,7 +340,7 @@ def compare_orders(court: Court, first: Run) -> str:
     if first_off is not None and elsewhere(court, first_off, *pairs[first_off], SAME):
         # all that follows depends on where the body was left, a later refusal too
         return f"several answers are reported: a place that is indifferent, step {first_off}"
-    if first_off is not None and all(may_be_several(a) for a in pairs[first_off]):
+    if first_off is not None and may_be_several(*pairs[first_off]):
         return f"several answers are reported: facets longer than the contact, step {first_off}"
     # whatever a refusal is called: that there is no equilibrium, or that none was found
     same = type(first.error) is type(second.error)

@@ -212,6 +212,21 @@ def test_table_of_solids_names_what_failed_and_what_is_not_run(solids: Any) -> N
     assert solids.of_plain(row | {"plain": failed}, "total") == "more than 3600 s"
 
 
+@pytest.mark.parametrize("method", ["mortar", "node"])
+def test_plates_that_fit_are_paired_whole(run: Any, method: str) -> None:
+    """Every point of the lower plate has a partner, on the surface that it is made of."""
+    import pairing
+
+    measured = pairing.pairing(replace(pairing.QUICK, method=method))
+    assert measured["paired"] == measured["points"] == 49
+    assert measured["off"] < 1e-15
+    height = pairing.BULGE * np.pi**2 / 8 * (1 / 6**2 + (pairing.OVERHANG / 5) ** 2)
+    assert 0 < measured["gap"] < 2 * height  # sagittas along two axes, of both sides
+    assert (measured["pieces"] > 36) == (method == "mortar")
+    failed = pairing.table([{"case": "large", "failed": "MemoryError"}])
+    assert "| large | failed: MemoryError |" in failed
+
+
 def test_newton_does_not_wait_for_multigrid(solids: Any) -> None:
     """Loads met to 1e-10 leave forces less exact than Newton asks: it came no further, 117 times."""
     scene = solids.Scene(solids.Case("some", 12, 10, 6, linear="AMG"))

@@ -172,21 +172,36 @@ def test_proposals_follow_signorini():
 
 def test_holding_keeps_just_enough_points():
     """A body free to move up and along keeps the points nearest to contact, no more than it needs."""
-    one = step([1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
-    load = replace(one.load, gap0=np.array([0.3, 0.1, 0.2]))
-    up, along = np.eye(2)
-    points = SimpleNamespace(m=3, tangents=1, B_n=np.tile(up, (3, 1)), B_t=np.tile(along, (3, 1)))
-    one = replace(one, load=load, motions=RigidMotions(np.eye(2), points, None))
-    status, held = hold(one, cold(one))
+    status, held = holding([0.3, 0.1, 0.2])
     assert_array_equal(status, [OPEN, STICK, OPEN])
     assert_array_equal(held.points, [False, True, False])
     assert held.motion.shape == (2, 2)
 
 
+def test_round_off_of_gaps_does_not_choose_what_holds():
+    """Gaps of 1e-15 between points 1 apart are alike: the first by `rank` holds."""
+    assert_array_equal(holding([3e-15, 1e-15, -2e-15])[0], [STICK, OPEN, OPEN])
+    # over the 9 digits to which gaps are told apart, and over the round-off of coordinates
+    assert_array_equal(holding([3e-13, 1e-13, 2e-13])[0], [OPEN, STICK, OPEN])
+
+
+def holding(gaps):
+    """What holds a body of three points, free to move up and along, that are all open."""
+    one = step([1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
+    load = replace(one.load, gap0=np.array(gaps))
+    up, along = np.eye(2)
+    place = np.array([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]])
+    rows = {"B_n": np.tile(up, (3, 1)), "B_t": np.tile(along, (3, 1))}
+    points = SimpleNamespace(m=3, tangents=1, points=place, **rows)
+    one = replace(one, load=load, motions=RigidMotions(np.eye(2), points, None), rank=np.arange(3))
+    return hold(one, replace(cold(one), status=np.zeros(3, dtype=int)))
+
+
 def test_holding_passes_points_that_do_not_resist():
     """A body free to turn about one of its sliding points is not held by the friction of that one."""
     one = step([1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
-    points = SimpleNamespace(m=3, tangents=1, B_n=np.zeros((3, 1)), B_t=np.array([[0.0], [1.0], [2.0]]))
+    rows = {"B_n": np.zeros((3, 1)), "B_t": np.array([[0.0], [1.0], [2.0]])}
+    points = SimpleNamespace(m=3, tangents=1, points=np.zeros((3, 2)), **rows)
     one = replace(one, motions=RigidMotions(np.eye(1), points, None))
     # by its friction, which is far below its limit, the first point is asked before the others
     sliding = replace(

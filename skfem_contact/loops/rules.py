@@ -18,7 +18,7 @@ from skfem_contact.loops.projection import (
     resistances,
 )
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import DIGITS_ALIKE, FIRMLY, MOVES, NEARLY_STUCK, ROUND_OFF
+from skfem_contact.loops.thresholds import DIGITS_ALIKE, FIRMLY, MOVES, NEARLY_STUCK, ROUND_OFF, ROUNDED
 from skfem_contact.problem.response import Resistance, Response
 
 Array = NDArray[np.float64]
@@ -174,7 +174,10 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
     points = np.zeros(len(status), dtype=bool)
     limit = step.limit(current.normal_force, current.slip)
     excess = lengths(current.tangential_force) - limit
-    slipping, opened = _by(excess, status == SLIP, step), _by(step.load.gap0, status == OPEN, step)
+    # a gap is no more exact than the coordinates that it is a difference of
+    known = ROUNDED * float(np.abs(motions.kin.points).max(initial=0.0))
+    slipping = _by(excess, status == SLIP, step)
+    opened = _by(step.load.gap0, status == OPEN, step, known)
     order = np.concatenate([slipping, opened])
     for i in order:
         if free.shape[1] == 0:
@@ -202,9 +205,12 @@ def _across(step: Step, current: Guess, status: NDArray[np.intp]) -> Array | Non
     return ((firm[:, None, None] * across) @ step.motions.tangential[at]).reshape(-1, step.motions.k)
 
 
-def _by(value: Array, mask: Mask, step: Step) -> NDArray[np.intp]:
-    """Points from the smallest value to the largest; those alike up to round-off by their rank."""
+def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> NDArray[np.intp]:
+    """Points from the smallest value to the largest; those alike up to round-off by their rank.
+
+    `known`: what values are uncertain by, however small they are.
+    """
     chosen = np.flatnonzero(mask & step.paired)
-    largest = np.max(np.abs(value[chosen]), initial=0.0)
+    largest = max(float(np.max(np.abs(value[chosen]), initial=0.0)), known * 10**DIGITS_ALIKE)
     alike = np.round(value[chosen] / largest if largest > 0 else value[chosen], DIGITS_ALIKE)
     return chosen[np.lexsort((step.rank[chosen], alike))]

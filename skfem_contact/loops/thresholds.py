@@ -52,6 +52,10 @@ ROUND_OFF = 1e-11
 # which symmetry makes alike are so in whatever order they are numbered.
 DIGITS_ALIKE = 9
 
+# Round-off of a gap over the coordinates that it is a difference of: some units in the last place of
+# each, as a pairing interpolates and a body that has moved adds its displacements.
+ROUNDED = 2e-14
+
 # Share of its trial force that the bound of a slipping point is at most taken for: the stiffness across
 # its direction is share / (1 - share) of the point's own, and 1e6 of it leaves ten digits.
 NEARLY_STUCK = 1 - 1e-6
