@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-from skfem_contact.answers.thresholds import CLOSE, FEW, SHARES, SHOWN
+from skfem_contact.answers.thresholds import CLOSE, FEW, LEAST_FRICTION, SHARES, SHOWN
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky
 from skfem_contact.linalg.in_place import divide
 from skfem_contact.problem.points import PointSpace
@@ -74,7 +74,8 @@ def unique_up_to(space: PointSpace, friction: Array, G: Array, tied: Mask) -> fl
     n, t = normal[normal >= 0], tangential[tangential >= 0]
     try:
         form = Form(space, n, t, G[point])
-        mu = np.where(rubs, friction, 0.0)
+        # what holds for more friction holds for less, whose squares are no numbers any more
+        mu = np.where(rubs, np.maximum(friction, LEAST_FRICTION), 0.0)
         d = _ratios(form, np.flatnonzero(normal >= 0), point, len(normal))
         balance = form.balance((mu * d)[normal >= 0], (mu / d)[point])
     except (LinAlgError, ArpackNoConvergence):

@@ -81,6 +81,9 @@ AS_STUCK = 1e9
 # and round-off of the matrices do not count. Eigenvalues of more than so few rows are iterated.
 SHOWN, CLOSE, FEW = 1e-3, 1e-4, 100
 
+# A coefficient of friction that no force can tell from none; its square is a number yet.
+LEAST_FRICTION = 1e-100
+
 # Shares of the normal compliance that are tried for the proof: each is as valid, one is the best.
 SHARES = (0.0, 0.5, 2.0, 8.0, 32.0, 1024.0)
 

@@ -216,7 +216,9 @@ def _compliance(S: Array, weak: float) -> Array:
     # a point whose motion costs nothing, on a body that turns freely, is scaled like the others
     size = np.sqrt(np.where(diagonal > NO_STIFFNESS * largest, diagonal, largest))
     values, vectors = np.linalg.eigh(S / np.outer(size, size))
-    values = np.maximum(values, max(weak, NO_EIGENVALUE) * np.max(values, initial=0.0))
+    # a body that moves freely as a whole has round-off of either sign alone; the unit is the scaled one
+    most = np.max(values, initial=0.0) or 1.0
+    values = np.maximum(values, max(weak, NO_EIGENVALUE) * most)
     return (vectors / values) @ vectors.T / np.outer(size, size)
 
 

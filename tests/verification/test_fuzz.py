@@ -177,6 +177,14 @@ def test_limits_that_lag_run_away_from_a_solution_that_newton_has(cuts):
     assert [kind for kind, _ in judge(choice)] == ["right"]
 
 
+@pytest.mark.parametrize(("mu", "floating"), [(0.0, True), (5e-324, False), (1e-160, False)])
+def test_friction_whose_square_is_none_and_a_body_that_nothing_holds(mu, floating):
+    """The smallest coefficient there is; and a stiffness of round-off alone, of either sign."""
+    steps = (StepChoice(0, 1.0, 1.0),) * 2
+    choice = Choice(0, mu, 2, floating, (1.0, 1.0), np.inf, {}, "node", "newton", "auto", 0, steps)
+    assert not {kind for kind, _ in judge(choice)} & {"wrong", "crashed", "missed"}
+
+
 def test_an_overlap_without_digits():
     """An interference of 2e-311, the smallest there is but for its digits, is nothing."""
     steps = StepChoice(0, 1.0, 1.0, 2.225073858507e-311), StepChoice(0, 1.0, 0.0)
