@@ -21,6 +21,8 @@ def motion_names(dim: int, components: int, axisymmetric: bool = False) -> tuple
     axisymmetric : bool
         Whether the axis is all that it can move along.
 
+    Examples
+    --------
     >>> motion_names(2, 2)
     ('translation along x', 'translation along y', 'rotation')
     """
