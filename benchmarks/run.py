@@ -262,17 +262,22 @@ def compared(row: dict[str, Any]) -> str:
     return f"{row['case']}: {', '.join(shares)} of the other checkout's"
 
 
-def table(rows: list[dict[str, Any]], columns: Iterable[str] = tuple(COLUMNS)) -> str:
-    """The table in Markdown."""
-    columns = list(columns)
+def listed(rows: list[dict[str, Any]], columns: dict[str, Callable[[dict[str, Any]], str]]) -> str:
+    """A table in Markdown, a row for each measurement; the reason where one failed."""
     lines = ["| " + " | ".join(columns) + " |", "|" + " --- |" * len(columns)]
     for row in rows:
-        cells = [row["case"], f"failed: {row['history'].get('failed')}"]
-        cells += [""] * (len(columns) - 2)
-        if "failed" not in row["history"]:
-            cells = [COLUMNS[name](row) for name in columns]
+        measured = row.get("history", row)
+        if "failed" in measured:
+            cells = [row["case"], f"failed: {measured['failed']}"] + [""] * (len(columns) - 2)
+        else:
+            cells = [cell(row) for cell in columns.values()]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
+
+
+def table(rows: list[dict[str, Any]], columns: Iterable[str] = tuple(COLUMNS)) -> str:
+    """The table in Markdown."""
+    return listed(rows, {name: COLUMNS[name] for name in columns})
 
 
 def growth(rows: list[dict[str, Any]]) -> dict[str, float]:
@@ -334,22 +339,33 @@ def processor() -> str:
     return next((line.split(":")[1].strip() for line in lines if "model name" in line), "")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def command_line(doc: str) -> argparse.ArgumentParser:
+    """What all benchmarks of this kind take."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="the smallest case, once")
-    parser.add_argument("--all", action="store_true", help="the case of a million DOFs as well")
-    parser.add_argument("--only", nargs="*", help="names of cases; others stay")
+    parser.add_argument("--only", nargs="*", help="names of cases; the rows of others stay")
     parser.add_argument("--write", action="store_true", help="put the table into the documents")
-    parser.add_argument("--beside", metavar="CHECKOUT", help="measure its library in turn with this")
     parser.add_argument("--worker", nargs=2, help=argparse.SUPPRESS)
+    return parser
+
+
+def answer(work: Callable[[], dict[str, Any]]) -> None:
+    """Print what a worker has measured for `measure`, or why it failed."""
+    try:
+        print(json.dumps(work()))
+    except Exception:
+        traceback.print_exc()
+        raise SystemExit(1) from None
+
+
+def main() -> None:
+    parser = command_line(__doc__)
+    parser.add_argument("--all", action="store_true", help="the case of a million DOFs as well")
+    parser.add_argument("--beside", metavar="CHECKOUT", help="measure its library in turn with this")
     args = parser.parse_args()
     if args.worker:
         what, name = args.worker
-        try:
-            print(json.dumps(worker(what, next(c for c in CASES if c.name == name))))
-        except Exception:
-            traceback.print_exc()
-            raise SystemExit(1) from None
+        answer(lambda: worker(what, next(c for c in CASES if c.name == name)))
         return
     chosen = [c for c in CASES if (args.all or not c.optional or c.name in (args.only or ()))]
     if args.only is not None:

@@ -19,10 +19,8 @@ are those of the same meshes, glued together and lowered.
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
-import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,7 +28,20 @@ from typing import Any
 
 import numpy as np
 import skfem as fem
-from run import HERE, RESULTS, Clock, machine, measure, middle, ratio, stored, write_into
+from run import (
+    HERE,
+    RESULTS,
+    Clock,
+    answer,
+    command_line,
+    listed,
+    machine,
+    measure,
+    middle,
+    ratio,
+    stored,
+    write_into,
+)
 from scipy.linalg import block_diag
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -322,31 +333,15 @@ def of_plain(row: dict[str, Any], key: str) -> str:
 
 def table(rows: list[dict[str, Any]], columns: tuple[str, ...] = tuple(COLUMNS)) -> str:
     """The table in Markdown."""
-    lines = ["| " + " | ".join(columns) + " |", "|" + " --- |" * len(columns)]
-    for row in rows:
-        cells = [row["case"], f"failed: {row['history'].get('failed')}"]
-        cells += [""] * (len(columns) - 2)
-        if "failed" not in row["history"]:
-            cells = [COLUMNS[name](row) for name in columns]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    return listed(rows, {name: COLUMNS[name] for name in columns})
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="a very small case, once")
-    parser.add_argument("--only", nargs="*", help="names of cases; the rows of others stay")
-    parser.add_argument("--write", action="store_true", help="put the table into the documents")
-    parser.add_argument("--worker", nargs=2, help=argparse.SUPPRESS)
-    args = parser.parse_args()
+    args = command_line(__doc__).parse_args()
     known = {case.name: case for case in [*CASES, QUICK]}
     if args.worker:
         what, name = args.worker
-        try:
-            print(json.dumps(worker(what, known[name])))
-        except Exception:
-            traceback.print_exc()
-            raise SystemExit(1) from None
+        answer(lambda: worker(what, known[name]))
         return
     chosen = [known[name] for name in args.only] if args.only is not None else CASES
     path = RESULTS / ("solids_quick.json" if args.quick else "solids.json")

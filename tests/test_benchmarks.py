@@ -214,12 +214,12 @@ def test_table_of_solids_names_what_failed_and_what_is_not_run(solids: Any) -> N
 
 @pytest.mark.parametrize("method", ["mortar", "node"])
 def test_plates_that_fit_are_paired_whole(run: Any, method: str) -> None:
-    """Every point of the lower plate has a partner, on the surface that it is made of."""
+    """Every point of the lower plate has a partner, which makes no gap where all moves alike."""
     import pairing
 
     measured = pairing.pairing(replace(pairing.QUICK, method=method))
     assert measured["paired"] == measured["points"] == 49
-    assert measured["off"] < 1e-15
+    assert measured["translation"] < 1e-14  # round-off of sums of some ten weights of one
     height = pairing.BULGE * np.pi**2 / 8 * (1 / 6**2 + (pairing.OVERHANG / 5) ** 2)
     assert 0 < measured["gap"] < 2 * height  # sagittas along two axes, of both sides
     assert (measured["pieces"] > 36) == (method == "mortar")
