@@ -168,7 +168,7 @@ class PointSpace:
             row, column = where[self.tangential_rows[on, k]], where[self.tangential_rows[on, j]]
             At[column, row] += conditions.spring[on, k, j]
         At[:, where[rows.rubbing]] += rows.share * self.S[np.ix_(free, rows.pressing)]
-        return factorised(At.T, symmetric=not len(rows.rubbing))
+        return factorised(At.T, symmetric=not len(rows.rubbing) and conditions.even_springs)
 
     def _response(
         self, conditions: Conditions, load: Load, rows: HeldRows, z: Array, p: Array

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.return_map import lengths
+from skfem_contact.problem.thresholds import SKEW
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -51,6 +52,20 @@ class Conditions:
     def gives(self) -> bool:
         """Whether any point has a spring."""
         return bool(np.count_nonzero(self.spring))
+
+    @property
+    def even_springs(self) -> bool:
+        """Whether all springs are symmetric.
+
+        They are not where a bound grows with the slip: the force along the direction of friction then
+        changes with slip along another, that of all slip so far.
+        """
+        spring = self.spring
+        if spring.shape[1] == 1 or not self.gives:
+            return True
+        size = np.max(np.abs(spring), axis=(1, 2))
+        skew = np.max(np.abs(spring - spring.swapaxes(1, 2)), axis=(1, 2))
+        return not np.count_nonzero(skew > SKEW * size)
 
     def matrix_key(self) -> bytes:
         """Equal for conditions with the same matrix, so that a factorisation can be kept."""

@@ -91,7 +91,8 @@ class SparseSpace:
         key = conditions.matrix_key()
         if key != self._key:
             self._key = self._factor = None  # not two of them at once
-            self._factor = self._factorize(K_r, trial, spd=test is trial)
+            symmetric = test is trial and conditions.even_springs
+            self._factor = self._factorize(K_r, trial, spd=symmetric)
             self._key = key
         u = trial.expand(self._factor.solve(f_r))
         p = np.zeros(len(names))

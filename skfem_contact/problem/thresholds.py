@@ -65,6 +65,12 @@ SPARE, FEWEST, SHARE, SURPLUS = 0.25, 8, 1 / 8, 2.0
 # Pivot over the largest one at which the points that are left do not hold the bodies.
 LOOSE = 1e-7
 
+# -- response ----------------------------------------------------
+
+# Difference of a point's spring from its transpose, over its largest entry, that is round-off: springs
+# across a direction are inverted from matrices with a condition of up to 1e6 (`loops.NEARLY_STUCK`).
+SKEW = 1e-9
+
 # -- resistance --------------------------------------------------
 
 # Rows whose flexibility is formed at a time: a small part of the dense problem's memory.

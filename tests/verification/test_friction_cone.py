@@ -183,6 +183,13 @@ class Hardening(sc.FrictionLaw):
         return (0.2 + 0.3 * moved / (moved + 2e-3)) * normal_force
 
 
+class Stiffening(sc.FrictionLaw):
+    """A strength that grows with the size of the slip, whatever presses: springs are not symmetric."""
+
+    def limit(self, normal_force, area, slip):
+        return (1e-3 + 3.0 * np.linalg.norm(slip, axis=1)) * area
+
+
 class Weakening(sc.FrictionLaw):
     """The coefficient falls with the size of the slip, from .5 to .3."""
 
@@ -213,6 +220,7 @@ LAWS = {
     "cohesive": sc.Coulomb(0.2, cohesion=1e-3),
     "Tresca": sc.Tresca(2e-3),
     "hardening": Hardening(),
+    "stiffening": Stiffening(),
     "weakening": Weakening(),
     "rooted": Rooted(),
 }
@@ -264,6 +272,18 @@ def test_every_law(name, loop):
     for case, (_, last, state, _) in zip(cases, found, strict=True):
         # the tolerance of the loop, in the judge's units
         assert blocks.residual(case, last, state, checked) < 1e-10
+
+
+@pytest.mark.parametrize("route", ["points", "surface", "full", "iterated"])
+def test_springs_that_are_not_symmetric(route):
+    """Friction along one direction, its bound made by slip along others."""
+    blocks, law = Blocks(Scene(nodes=5, below=4), route), Stiffening()
+    cases = [blocks.moved(shift) for shift in SHIFTS]
+    checked = CheckedLaw(law, "joint", blocks.kin.points)
+    for case, (_, last, state, outcome) in zip(cases, run(blocks, cases, law=law), strict=True):
+        assert blocks.residual(case, last, state, checked) < 1e-10
+        assert not outcome.iterate.conditions.coupling.any()
+    assert not outcome.iterate.conditions.even_springs
 
 
 def test_glue_beside_friction():
