@@ -315,6 +315,34 @@ def test_blocks_that_touch_slide_without_force(loop, method, pressed):
 
 
 @pytest.mark.parametrize("loop", LOOPS)
+def test_an_answer_given_as_guess_is_confirmed(loop):
+    """Begun where it ended, each loop needs one iteration and moves nothing."""
+    one = step([-1.0, 2.0, 2.0, 2.0], [0.5, 0.5, 3.0, -3.0], stiffness=10 * K_T)
+    it = run(loop, one).iterate
+    there = it.response
+    known = Guess(it.status, it.direction, there.normal_force, there.tangential_force, there.slip)
+    again = drive(LOOPS[loop], one, known, Options().tolerance, 2)
+    assert again.converged and len(again.trace) == 1
+    assert_allclose(again.iterate.response.slip, there.slip, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("loop", ["direct", "fictitious"])
+def test_a_loop_that_does_not_settle_goes_on_from_newton(loop):
+    """Too few iterations for friction that lags: Newton solves the same springs, and it confirms."""
+    mesh = fem.MeshQuad().refined(3).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.03, -0.01)}, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    foot = sc.Contact(block.surface("bottom"), floor, friction=Coulomb(0.3))
+    long = sc.ContactSolver(block, foot, loop=loop).solve()
+    few = 4
+    assert long.iterations > few and (long.status == SLIP).any()
+    short = sc.ContactSolver(block, foot, loop=loop, options=Options(max_iterations=few, max_cuts=0))
+    size = np.abs(long.forces).max()
+    assert_allclose(short.solve().forces, long.forces, rtol=0, atol=Options().tolerance * size)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
 def test_the_answer_solves_its_last_conditions(loop):
     """The conditions that an iterate keeps are those of its answer: solved again, it comes out."""
     one = step([-1.0, 2.0, 2.0, 2.0], [0.5, 0.5, 3.0, -3.0])

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops.anderson import Anderson
@@ -17,6 +18,8 @@ from skfem_contact.loops.rules import hold, propose
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import FREE_CHANGES, SETTLED
 from skfem_contact.problem.response import Conditions
+
+Array = NDArray[np.float64]
 
 
 def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
@@ -27,7 +30,7 @@ def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
     excess ``e`` is corrected until the two agree. The plain iteration contracts by a factor that
     tends to one as G grows; the acceleration shortens it but does not lift that limit.
     """
-    excess = np.zeros_like(guess.direction)
+    excess = _excess(step, guess)
     mixing = Anderson(depth=7)
     current, free_changes = guess, FREE_CHANGES
     while True:
@@ -79,3 +82,11 @@ def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
         else:
             excess = mixing.next(excess.ravel(), image.ravel()).reshape(excess.shape)
         current = replace(proposal, status=status)
+
+
+def _excess(step: Step, guess: Guess) -> Array:
+    """By what the law is exceeded where the guess presses, (m, d-1): none where nothing is known."""
+    trial = step.trial(guess.slip)
+    mapped, _ = step.force(trial, guess.normal_force, guess.slip)
+    known = step.frictional & (guess.normal_force > 0)
+    return np.where(known[:, None], mapped - trial, 0.0)

@@ -25,12 +25,12 @@ DENSE = ("pivoting", "proximal")
 def possible_starts(points: int, loop: str, turns: bool) -> list[str]:
     """Where attempts may begin.
 
-    Newton only for the loop `direct`, whose lagged limits settle slowly near gross slip; pivoting only
-    on problems small enough for its tableau, and where directions of friction do not turn. Where they
-    do, it is the proximal point.
+    Newton for the loops whose friction lags behind the normal forces, which settles slowly near gross
+    slip, and never where both drive each other; pivoting only on problems small enough for its tableau,
+    and where directions of friction do not turn. Where they do, it is the proximal point.
     """
     few = points <= MOST_POINTS and not turns
-    useful = {"newton": loop == "direct", "pivoting": few, "proximal": turns}
+    useful = {"newton": loop != "newton", "pivoting": few, "proximal": turns}
     return [start for start in STARTS if useful.get(start, True)]
 
 
