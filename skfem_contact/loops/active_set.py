@@ -14,7 +14,6 @@ import numpy as np
 
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.pace import Pace
-from skfem_contact.loops.plane_rules import propose_in_plane
 from skfem_contact.loops.rules import disagreement, hold, law_residual, propose, violations
 from skfem_contact.loops.search import Search
 from skfem_contact.loops.step import Guess, Iterate, Step
@@ -37,7 +36,6 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
     current = guess
     # the limits of `direct` settle over several iterations: until then its sets may well change
     pace = Search(whole=not coupled) if step.turns else Pace(patience=4 if coupled else 15)
-    rule = propose if step.turns else propose_in_plane
     settled = False
     while True:
         status, held = hold(step, current)
@@ -45,7 +43,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             current = replace(current, status=status)
         rough = step.turns and held is None and not settled
         response, conditions = _solve(step, current, coupled, rough)
-        proposal = rule(step, current, response)
+        proposal = propose(step, current, response)
         if step.turns:
             wrong, residual = violations(step, response, tolerance)
         else:

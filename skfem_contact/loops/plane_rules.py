@@ -69,13 +69,8 @@ def _slip_rule(
     # would press by friction again, and be let go again
     if force_scale <= step.noise:
         slips &= was_slip
-    # a coefficient of zero, or one that no force can tell from it: nothing can stick, not even the
-    # round-off of a force
-    smooth: Mask | bool = False
-    if step.smooth:
-        probe = np.full(len(slips), force_scale if force_scale > 0 else 1.0)
-        smooth = (step.limit(probe, response.slip) <= EPS * probe) & step.frictional
-        slips |= smooth
+    smooth = smooth_points(step, force_scale, response.slip)
+    slips |= smooth
     side = np.where(keep, was_along, side)
     # where nothing resisted yet a point began to slip without a direction: now its slip tells
     blank = keep & (was_along == 0)
@@ -94,3 +89,14 @@ def _slip_rule(
         slips |= sideways
         side = np.where(sideways, np.sign(step_slip), side)
     return slips, np.where(slips, side, 0.0)
+
+
+def smooth_points(step: Step, force_scale: float, slip: Array) -> Mask | bool:
+    """Points where nothing can stick, not even the round-off of a force, (m,); False where none.
+
+    Their coefficient is zero, or one that no force can tell from it.
+    """
+    if not step.smooth:
+        return False
+    probe = np.full(len(slip), force_scale if force_scale > 0 else 1.0)
+    return (step.limit(probe, slip) <= EPS * probe) & step.frictional

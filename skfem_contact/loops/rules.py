@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
-from skfem_contact.loops.plane_rules import propose_in_plane
+from skfem_contact.loops.plane_rules import propose_in_plane, smooth_points
 from skfem_contact.loops.projection import (
     left_over,
     pressing,
@@ -23,9 +23,6 @@ from skfem_contact.problem.response import Resistance, Response
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-# That of a single number.
-EPS = float(np.finfo(float).eps)
 
 
 def propose(step: Step, current: Guess, response: Response) -> Guess:
@@ -45,22 +42,18 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     pulls = ~was_open & (force < -nothing) & ~step.bilateral
     force = np.where(step.paired, np.where(step.bilateral, force, np.maximum(force, 0.0)), 0.0)
 
-    slips, direction = np.zeros(len(force), dtype=bool), np.zeros(response.slip.shape)
-    reach = None
-    if step.laws:
-        slips, direction, reach = _slip_rule(step, current, response, force, rho)
-        slips &= ~was_open | penetrates
-        direction = np.where(slips[:, None], direction, 0.0)
+    slips, direction, reach = _slip_rule(step, current, response, force, rho)
+    slips &= ~was_open | penetrates
+    direction = np.where(slips[:, None], direction, 0.0)
     status = np.where(slips, SLIP, STICK)
     status = np.where(was_open & ~penetrates | pulls, OPEN, status)
     status = np.where(step.tied & step.paired, STICK, status)
-    force = force if step.turns else response.normal_force
     return Guess(status, direction, force, response.tangential_force, response.slip, reach=reach)
 
 
 def _slip_rule(
     step: Step, current: Guess, response: Response, force: Array, rho: Resistance
-) -> tuple[Mask, Array, Array | None]:
+) -> tuple[Mask, Array, Array]:
     """Which points slip if they are closed, in which direction, and under what trial force."""
     exact, was_slip = step.exact, current.status == SLIP
     largest = response.largest_force
@@ -83,17 +76,10 @@ def _slip_rule(
     # where nothing presses, forces are round-off and decide nothing: what slips goes on, for stuck it
     # would press by friction again, and be let go again
     slips &= (current.status != STICK) | (largest > step.noise)
-    # a coefficient of zero, or one that no force can tell from it: nothing can stick, not even the
-    # round-off of a force
-    smooth: Mask | bool = False
-    if step.smooth:
-        probe = np.full(len(size), largest if largest > 0 else 1.0)
-        smooth = (step.limit(probe, response.slip) <= EPS * probe) & step.frictional
+    smooth = smooth_points(step, largest, response.slip)
     keep = was_slip & (smooth | (size <= nothing))
     direction = np.where(keep[:, None], current.direction, unit)
-    reach = None
-    if step.turns:
-        reach = np.where(bound > 0, np.maximum(size, bound / NEARLY_STUCK), BEYOND)
+    reach = np.where(bound > 0, np.maximum(size, bound / NEARLY_STUCK), BEYOND)
     return slips | smooth, direction, reach
 
 
