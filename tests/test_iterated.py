@@ -181,6 +181,25 @@ def test_slips_that_a_tool_alone_decides_depend_on_each_other(linear):
     assert_allclose(forces[1], forces[0], rtol=0, atol=1e-9 * abs(forces[0]).max())
 
 
+@pytest.mark.parametrize("linear", ["iterated", AMG(tol=1e-13)], ids=["iterated", "multigrid"])
+def test_sticking_that_gives_a_little_amplifies_no_tolerance(linear):
+    """A force is the stiffness times the slip: a stiff one leaves few digits."""
+    mesh = fem.MeshHex.init_tensor(*3 * [np.linspace(0, 1, 4)]).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=3)
+    K = linear_elasticity(*lame_parameters(1.0, 0.3)).assemble(basis)
+    block = sc.Body(basis, K, D="back", x={"back": (0.01, 0.004, -0.02)}, name="block")
+    plane = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    answers = []
+    for way in ("auto", linear):
+        law = sc.Coulomb(0.15, stiffness=1e6)
+        contact = sc.Contact(block.surface("front"), plane, friction=law, name="seat")
+        answers.append(sc.ContactSolver(block, contact, linear=way).solve()["seat"])
+    dense, found = answers
+    assert 0 < np.count_nonzero(dense.status == 2) < len(dense.status)  # both stick and slip
+    # the tolerance of the loop
+    assert_allclose(found.forces, dense.forces, rtol=0, atol=1e-10 * abs(dense.forces).max())
+
+
 def test_one_load_solved_again_is_the_same_to_the_last_bit():
     """What an iteration begins with comes from its own load alone."""
     blocks = two_blocks(5, 3)

@@ -36,6 +36,7 @@ from skfem_contact.problem.thresholds import ROUGHLY, STIFFER, UNHELD
 from skfem_contact.problem.whole import Whole
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 W = TypeVar("W", bound=Whole)
 P = TypeVar("P", bound="OnForces[Any]")
 
@@ -142,11 +143,30 @@ class OnForces(OnContactDofs[W]):
         gap[closed], slip[sticks] = 0.0, conditions.anchor[sticks]
         normal_force = np.where(closed, p[self.normal_rows], 0.0)
         found = np.where(conditions.closed[:, None] & exists, -p[self.tangential_rows], 0.0)
-        # by the law itself to the last digit; but a stiff spring would magnify the round-off of slips
-        lawful = friction_force(conditions, slip, normal_force)
-        rigid = conditions.closed & ~conditions.stick & ~conditions.spring.any(axis=(1, 2))
-        tangential = np.where(rigid[:, None] & exists, lawful, found)
+        gives = (conditions.closed & ~conditions.stick)[:, None] & exists
+        slip, tangential = self._lawful(conditions, gives, slip, found, normal_force)
         return Response(gap, slip, normal_force, tangential, solution, rough)
+
+    def _lawful(
+        self, conditions: Conditions, gives: Mask, slip: Array, found: Array, normal_force: Array
+    ) -> tuple[Array, Array]:
+        """Slips and friction forces that fulfil the law to the last digit, where they give (m, t).
+
+        Equations are fulfilled to their tolerance, which a spring that is stiffer than its point would
+        magnify in the force, and a softer one in the slip. Both take a part of it, as in `Held`.
+        """
+        missing = np.where(gives, found - friction_force(conditions, slip, normal_force), 0.0)
+        if not missing.any():
+            return slip, found
+        at = np.flatnonzero(missing.any(axis=1))
+        r = np.max(np.append(self.own, 0.0)[self.tangential_rows[at]], axis=1)[:, None]
+        both = gives[at, :, None] & gives[at, None, :]
+        K = np.where(both, conditions.spring[at], 0.0) + r[:, None] * np.eye(gives.shape[1])
+        moved = np.zeros(slip.shape)
+        moved[at] = np.linalg.solve(K, missing[at, :, None])[:, :, 0]
+        taken = np.zeros(slip.shape)
+        taken[at] = r * moved[at]
+        return slip + moved, found - taken
 
 
 class HeldForces(ABC):
