@@ -143,8 +143,12 @@ class OnForces(OnContactDofs[W]):
         gap[closed], slip[sticks] = 0.0, conditions.anchor[sticks]
         normal_force = np.where(closed, p[self.normal_rows], 0.0)
         found = np.where(conditions.closed[:, None] & exists, -p[self.tangential_rows], 0.0)
-        gives = (conditions.closed & ~conditions.stick)[:, None] & exists
-        slip, tangential = self._lawful(conditions, gives, slip, found, normal_force)
+        rubs = (conditions.closed & ~conditions.stick)[:, None]
+        slip, tangential = self._lawful(conditions, rubs & exists, slip, found, normal_force)
+        if not exists.all():
+            # along a tangent whose slip supports prescribe there is only the law to ask
+            lawful = friction_force(conditions, slip, normal_force)
+            tangential = np.where(rubs & ~exists, lawful, tangential)
         return Response(gap, slip, normal_force, tangential, solution, rough)
 
     def _lawful(

@@ -38,7 +38,8 @@ class HeldRows:
 
     Attributes
     ----------
-    closed : ndarray of bool, shape (m,)
+    closed, rubs : ndarray of bool, shape (m,)
+        Closed points whose gap can change; all closed points that do not stick.
     stick, slides : ndarray of bool, shape (m, d-1)
     gaps, slips, sliding : ndarray of int
         The rows of these.
@@ -52,10 +53,10 @@ class HeldRows:
 
     def __init__(self, space: PointSpace, conditions: Conditions) -> None:
         has_gap, has_slip = space.normal_rows >= 0, space.tangential_rows >= 0
-        slides = conditions.closed & ~conditions.stick
+        self.rubs = conditions.closed & ~conditions.stick
         self.closed = conditions.closed & has_gap
         self.stick = conditions.stick[:, None] & has_slip
-        self.slides = slides[:, None] & has_slip
+        self.slides = self.rubs[:, None] & has_slip
         self.gaps = space.normal_rows[self.closed]
         self.slips = space.tangential_rows[self.stick]
         self.sliding = space.tangential_rows[self.slides]
@@ -180,8 +181,9 @@ class PointSpace:
         normal_force, tangential = np.zeros(gap.shape), np.zeros(slip.shape)
         normal_force[rows.closed] = p[rows.gaps]
         tangential[rows.stick] = -p[rows.slips]
-        sliding = friction_force(conditions, slip, normal_force, rows.gives)
-        tangential[rows.slides] = sliding[rows.slides]
+        # with its part along a tangent whose slip supports prescribe, for which there is no row
+        friction = friction_force(conditions, slip, normal_force, rows.gives)
+        tangential[rows.rubs] = friction[rows.rubs]
         return Response(gap, slip, normal_force, tangential, z)
 
 

@@ -283,3 +283,40 @@ def test_half_a_block_is_half_of_the_whole(linear, frame):
             assert np.abs(values[1].traction[on_plane, 1]).max() < 1e-12
     for whole, part in zip(*forces, strict=True):
         np.testing.assert_allclose(part[[0, 2]], 0.5 * whole[[0, 2]], rtol=1e-9, atol=1e-14)
+
+
+@pytest.mark.parametrize("moves", ["foot", "floor"])
+@pytest.mark.parametrize("linear", ["condensed", "iterated", sc.Direct(), sc.AMG()], ids=str)
+def test_supports_move_points_along_one_tangent(linear, moves):
+    """A foot that is moved along y, and free along x: friction is opposite to the slip along both.
+
+    So it is where the foot stands still and the floor moves the other way.
+    """
+    low, high = at(2, 0.0), at(2, 1.0)
+    block = elastic(cube("quad4"), "quad4", "block", nu=0.0, held=((low, (1,)), (high, (0, 1, 2))))
+    law = sc.Coulomb(0.3)
+    contact = sc.Contact(block.surface(low), FLOOR, friction=law, name="joint")
+    steps = []
+    for along, across in ((0.0, 0.0), (0.1, 0.1), (0.1, 0.3)):
+        x = np.zeros(block.n)
+        place, component = block.basis.doflocs, block.dof_component
+        x[high(place) & (component == 0)] = along
+        x[high(place) & (component == 2)] = -0.02
+        if moves == "foot":
+            x[component == 1] = across
+            steps.append({"x": {"block": x}})
+        else:
+            steps.append({"x": {"block": x}, "motion": {"floor": (0.0, -across, 0.0)}})
+    solver = sc.ContactSolver(block, contact, linear=linear)
+    before = None
+    for result in solver.history(steps):
+        assert result.certificate.worst < 1e-9
+        if before is not None:
+            slip = result.slip_vector - before.slip_vector
+            size, force = np.linalg.norm(slip, axis=1), result.tangential_force_vector
+            bound = 0.3 * result.normal_force
+            against = -bound[:, None] * slip / size[:, None]
+            # multigrid ends at 1e-10 of the load
+            np.testing.assert_allclose(force, against, rtol=0, atol=1e-8 * bound.max())
+            assert np.all(result.status == 2) and np.abs(slip[:, 0]).min() > 1e-3
+        before = result
