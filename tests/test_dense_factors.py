@@ -45,6 +45,20 @@ def test_even_pivots(factorise):
     np.testing.assert_allclose(known.diagonal, wanted, rtol=1e-15)
     share = wanted.min() / wanted.max()
     assert known.even(0.99 * share) and not known.even(1.01 * share)
+    for unit in (1e-30, 1e30):  # of the stiffness
+        known = factorise(unit * np.diag(diagonal))
+        assert known.even(0.99 * share) and not known.even(1.01 * share)
+    assert factorise(np.zeros((0, 0))).even(1.0)
+
+
+@pytest.mark.parametrize("n", range(6))
+def test_the_sign_of_a_determinant(n):
+    """That of NumPy's own, whatever rows are exchanged; of Cholesky's factor it is 1."""
+    rng = np.random.default_rng(n)
+    for _ in range(8):
+        A = rng.standard_normal((n, n))
+        assert lu(A).sign == np.linalg.slogdet(A)[0]
+        assert cholesky(A @ A.T + np.eye(n)).sign == 1
 
 
 def test_an_inverse_is_symmetric_to_the_last_bit():

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
-from skfem_contact.answers.thresholds import AS_STUCK, DIRECTIONS, NO_COUPLING, NOT_HELD
+from skfem_contact.answers.thresholds import AS_STUCK, DIRECTIONS, NO_COUPLING, NO_SIGN, NOT_HELD
 from skfem_contact.conditions.state import OPEN, SLIP
-from skfem_contact.linalg.dense_factors import DenseFactors, cholesky
+from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, lu
+from skfem_contact.linalg.in_place import divide
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
 
@@ -94,7 +95,7 @@ def orientation(
     G: Array,
     springs: Array,
 ) -> int:
-    """Sign of the determinant of the linear problem that an answer solves: 1, -1, or 0.
+    """Sign of the determinant of the linear problem that an answer solves: 1, -1, or 0 for round-off.
 
     Parameters
     ----------
@@ -123,7 +124,14 @@ def orientation(
         J[np.searchsorted(free, t[on, k])] += (
             push[:, None] * space.S[np.ix_(space.normal_rows[on], free)]
         )
-    return int(np.linalg.slogdet(J / np.outer(size, size))[0])
+    divide(J, size)
+    try:
+        factors = lu(J, overwrite=True)
+    except LinAlgError:
+        return 0
+    # where pieces of opposite signs meet, round-off would tell of answers that there are not
+    least = NO_SIGN * np.max(factors.diagonal, initial=1.0)
+    return factors.sign if np.all(factors.diagonal > least) else 0
 
 
 def turning_springs(tangential_force: Array, slip: Array, G: Array, space: PointSpace) -> Array:
@@ -206,14 +214,16 @@ def _least(K: Array, k: Array, over: Array, scale: Array) -> Array:
     """The critical coefficient; infinite without coupling, or where nothing but this point holds."""
     held = np.linalg.eigvalsh(K)[:, 0] > NOT_HELD * scale
     clear = held & (np.linalg.norm(k, axis=1) > NO_COUPLING * scale)
-    with np.errstate(divide="ignore"):
-        out = 1.0 / np.linalg.norm(over, axis=1)
-        if k.shape[1] == 2:  # at any of many directions it is sufficient: the least of them, nearly
-            angle = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-            d = np.column_stack([np.cos(angle), np.sin(angle)])
-            along = np.einsum("qi,pij,qj->pq", d, K, d, optimize=True)
-            out = np.minimum(out, np.min(along / np.abs(k @ d.T), axis=1))
-    return np.where(clear, out, np.inf)
+    found = 1.0 / np.linalg.norm(over[clear], axis=1)
+    if k.shape[1] == 2:  # at any of many directions it is sufficient: the least of them, nearly
+        angle = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+        d = np.column_stack([np.cos(angle), np.sin(angle)])
+        along = np.einsum("qi,pij,qj->pq", d, K[clear], d, optimize=True)
+        with np.errstate(divide="ignore"):  # along a direction across the coupling
+            found = np.minimum(found, np.min(along / np.abs(k[clear] @ d.T), axis=1))
+    out = np.full(len(k), np.inf)
+    out[clear] = found
+    return out
 
 
 def _able(space: PointSpace, friction: Array) -> Mask:

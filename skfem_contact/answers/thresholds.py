@@ -71,6 +71,10 @@ SEGMENTS_NEAR = 6
 # tangential stiffness below the second is none that the rest of the body would hold the point with.
 NO_COUPLING, NOT_HELD = 1e-12, 1e-9
 
+# Of a matrix that had ones on its diagonal before friction came in: where a pivot is below this part of
+# the largest one, or of one, its determinant has no sign but that of round-off.
+NO_SIGN = 1e-11
+
 # Directions of friction in half a turn that are tried in 3-D: the least coefficient to four digits.
 DIRECTIONS = 720
 

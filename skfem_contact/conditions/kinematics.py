@@ -149,14 +149,19 @@ class Kinematics:
     def axes(self) -> Array:
         """What slips have components along, and components of friction are forces along, (m, d-1, d).
 
-        The tangents, scaled where friction has a material direction, see `slip_axes`.
+        The tangents, scaled where friction has a material direction, see `slip_axes`; none of a field
+        with one component.
         """
-        return self.tangent if self.scaled is None else self.scaled
+        return self._axes if self.scaled is None else self.scaled
 
     @property
     def duals(self) -> Array:
         """What components make the vector of a slip of, and friction has its own along, (m, d-1, d)."""
-        return self.tangent if self.scaled is None else self._scaled_duals
+        return self._axes if self.scaled is None else self._scaled_duals
+
+    @property
+    def _axes(self) -> Array:
+        return self.tangent if self.tangents else self.tangent[:, :0]
 
     @cached_property
     def _scaled_duals(self) -> Array:

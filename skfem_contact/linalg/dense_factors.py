@@ -68,7 +68,20 @@ class DenseFactors:
     def even(self, share: float) -> bool:
         """Whether no entry of `diagonal` is below this share of the largest one."""
         diagonal = self.diagonal
-        return bool(np.min(diagonal, initial=1.0) >= share * np.max(diagonal, initial=0.0))
+        return bool(np.min(diagonal, initial=np.inf) >= share * np.max(diagonal, initial=0.0))
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant.
+
+        >>> lu(np.array([[0.0, 1.0], [1.0, 0.0]])).sign
+        -1
+        """
+        if self.exchanged is None:
+            return 1
+        swaps = np.count_nonzero(self.exchanged != np.arange(len(self.exchanged)))
+        negative = np.count_nonzero(self.factors.diagonal() < 0)
+        return -1 if (swaps + negative) % 2 else 1
 
     def inverse(self) -> Array:
         """``A^-1`` from Cholesky's factor, which it overwrites; exactly symmetric.

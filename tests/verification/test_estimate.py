@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import skfem as fem
 from numpy.testing import assert_allclose
 from scenes import block_basis, elastic, field
 from sheared import Sheared
@@ -147,6 +148,19 @@ def test_advice_for_sharp_edges():
     result = punched(20, 0.3)
     assert "at the end of block/top" in advice(result)
     assert "no bound" in advice(result)
+
+
+def test_an_end_that_touches_nothing_is_no_sharp_edge():
+    """A tip of two facets that only its vertex touches: contact ends between nodes, not at a corner."""
+    mesh = fem.MeshTri(np.array([[0.0, 1, -1], [0, 1, 1]]), np.array([[0], [1], [2]])).refined(1)
+    sides = {"tip": lambda x: (x[1] < 1) & (np.abs(x[0]) < 0.5), "top": lambda x: x[1] == 1}
+    basis = fem.Basis(mesh.with_boundaries(sides), fem.ElementVector(fem.ElementTriP1()))
+    tip = sc.Body(basis, elastic(1.0, 0.3), D="top", x={"top": (0.0, -0.02)}, name="tip")
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    result = sc.ContactSolver(tip, sc.Contact(tip.surface("tip"), floor)).solve()
+    assert np.sum(result.status != 0) == 1
+    assert np.argmax(result.error_estimate.indicator) != np.argmin(result.gap)
+    assert "most of it where contact or sticking ends (1 points across" in advice(result)
 
 
 def test_advice_for_coarse_bodies():

@@ -15,6 +15,8 @@ from scenes import elastic
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers.pieces import orientation
+from skfem_contact.problem.points import PointSpace
 from skfem_contact.reference import (
     ONE_NODE_TRIANGLE,
     critical_friction,
@@ -288,6 +290,22 @@ def test_n1_report_speaks_of_other_answers_only_above_the_critical_friction(mu, 
     found = "with mu = 1.51 above 1.50 at (0, 0) the load may have several answers;\nthis is the one"
     assert (found in text) == several
     assert ("answers" in text) == several
+
+
+def test_n1_no_index_where_two_pieces_meet() -> None:
+    """At the critical friction itself the determinant is zero: round-off makes no index of -1 of it."""
+    rng = np.random.default_rng(0)
+    slipping, exact, none = np.array([2]), np.full(1, np.inf), np.zeros((1, 1, 1))
+    for _ in range(50):
+        A = rng.standard_normal((2, 2))
+        S = A @ A.T
+        space = PointSpace(S, np.array([0]), np.array([[1]]))
+        critical = S[1, 1] / abs(S[0, 1])
+        # the friction that goes with the coupling of gap and slip, and the one against it
+        for against, share, index in ((1, 1.0, 0), (1, 0.99, 1), (1, 1.01, -1), (-1, 1.0, 1)):
+            tau = np.array([[-against * np.sign(S[0, 1])]])
+            mu = np.array([share * critical])
+            assert orientation(space, slipping, tau, mu, exact, none) == index
 
 
 def test_n1_index_of_each_of_three_answers() -> None:

@@ -130,6 +130,14 @@ def test_all_answers_of_one_point(seeds):
     assert several == 2 * len(seeds)
 
 
+def test_a_point_that_nothing_else_holds():
+    """Without coupling, or without stiffness along its slips, no friction is critical."""
+    for tangential in ((0.0, 0.0), (1e-13, 0.0), (1.0, 0.0), (1.0, 2.0)):
+        space = PointSpace(np.diag([1.0, *tangential]), np.array([0]), np.array([[1, 2]]))
+        found = critical_friction(space, np.array([STICK]), np.ones(1), np.full(1, EXACT))
+        assert found.tolist() == [np.inf]
+
+
 def residual(space, p, h, mu, last, G, rho):
     """Alart and Curnier's, written with forces as unknowns: gaps and slips follow from them."""
     z = np.linalg.solve(space.S, h + p)

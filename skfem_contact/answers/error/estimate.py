@@ -167,7 +167,8 @@ def _of_largest(
     worst = int(np.argmax(share))
     name = contact.secondary.label
     at = "(" + ", ".join(f"{x:.3g}" for x in values.points[worst]) + ")"
-    if largest == "edges" and ends[worst]:
+    # where an end does not touch, it only lies beside the edge of contact
+    if largest == "edges" and ends[worst] and values.status[worst] != OPEN:
         return (
             f"most of it at the end of {name} near {at}: at a sharp edge stress has no bound, which no "
             "mesh resolves; round the edge, or use resultants only"
