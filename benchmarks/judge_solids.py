@@ -21,7 +21,7 @@ import sys
 import time
 import traceback
 import warnings
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from solid_checks import Answer, Court, Finding, Told
 from solid_friction import rubbing
 from solid_oracle import against_oracle
-from solid_scenes import GIVEN, Scene, Way, build, make, scene, turned
+from solid_scenes import GIVEN, Scene, Way, build, law, make, scene, turned
 from solid_statics import feasible
 
 import skfem_contact as sc
@@ -54,6 +54,7 @@ REFUSALS = (sc.NoEquilibrium, sc.NotConverged, sc.SingularMatrix)
 SAME = 1e-7  # of the largest force: round-off, times what contrasts of 1e6 and springs make of it
 METHODS = 0.5  # of a force: what mortar and node to face may differ by on meshes of 1 to 4 faces a side
 EVERY = 6  # scene is solved by both methods
+RISE = 1e3  # friction over the normal force, in place of friction that jumps
 LONGEST = 60.0  # CPU seconds for a scene and its comparisons
 SEVERAL = 1.0  # a coefficient from which several answers are no surprise, each of them judged
 
@@ -203,10 +204,35 @@ def refusal(court: Court, found: Run) -> tuple[str, str]:
         return "WRONG", f"raw exception, {text}"
     if not isinstance(error, REFUSALS):
         return "refused with reason", text
+    if court.s.jumps and stateless(court, k):
+        return (
+            "refused with reason",
+            f"{text} (a bound that begins at zero has an answer, this one none)",
+        )
     rests = feasible(court, k)
     if rests:
         return "refused though feasible", text
     return "refused with reason", text if rests is False else f"{text} (statics not decided)"
+
+
+def stateless(court: Court, k: int) -> bool:
+    """Whether friction that jumps has no state in a step where friction that rises steeply has one.
+
+    The answer with the latter is one with the former unless points slip under a part of its bound.
+    """
+    s = replace(court.s, rise=RISE)
+    answers = run(s, made=court.made).answers
+    if len(answers) <= k:
+        return False
+    for c in s.contacts:
+        told, full = answers[k].contacts[c.name], law(court.s, c)
+        if full is None:
+            continue
+        bound = full.limit(told.normal_force, told.area, np.zeros((len(told.area), 2)))
+        short = (told.status == 2) & (RISE * told.normal_force < (1 - SAME) * bound)
+        if short.any():
+            return True
+    return False
 
 
 def ways(s: Scene) -> dict[str, Way]:

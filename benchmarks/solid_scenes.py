@@ -112,6 +112,7 @@ class Scene:
     finite: bool = False
     placement: float = 1e-7  # tolerance of finite sliding
     rigid: tuple[tuple[str, float], ...] = ()  # obstacles on springs: stiffness over the unit and size
+    rise: float = 0.0  # friction over small normal forces where it would jump; zero: it jumps
 
     def springs(self, name: str) -> tuple[float, float]:
         """Stiffness of the springs of a rigid body, and the arm by which they hold its turns."""
@@ -368,8 +369,24 @@ def obstacle(s: Scene, c: ContactSpec) -> Any:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Rising(sc.FrictionLaw):
+    """A law whose bound begins at zero and rises steeply."""
+
+    law: Any
+    rise: float
+
+    def limit(self, normal_force: np.ndarray, area: np.ndarray, slip: np.ndarray) -> np.ndarray:
+        return np.minimum(self.law.limit(normal_force, area, slip), self.rise * normal_force)
+
+
 def law(s: Scene, c: ContactSpec) -> Any:
     """The friction law of a contact."""
+    found = _law_as_given(s, c)
+    return Rising(found, s.rise, stiffness=found.stiffness) if found and s.rise else found
+
+
+def _law_as_given(s: Scene, c: ContactSpec) -> Any:
     if c.friction is None:
         return None
     body = next(b for b in s.bodies if b.name == c.secondary[0])

@@ -1,7 +1,8 @@
 """From one state to the next: a load step, cut into smaller ones where it fails.
 
 A step is tried whole, from the last state's contact zone; if that fails, from a cold start, then from
-complementary pivoting (Lemke's method); if all fail it is halved. Where contact slides far and a point
+complementary pivoting (Lemke's method); if all fail it is halved. What is left in the end is friction
+that rises steeply where it jumps (`loops.steep`). Where contact slides far and a point
 slid too far in it, it is cut to the share that the distance tells.
 """
 
@@ -14,7 +15,7 @@ from dataclasses import replace
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.energy import nothing
 from skfem_contact.history.load_step import Advance, LoadStep
-from skfem_contact.history.stepper import RAN_AWAY, Stepper
+from skfem_contact.history.stepper import RAN_AWAY, STEEPLY, Stepper
 from skfem_contact.history.thresholds import AIM, LONGER, SHORTER
 from skfem_contact.history.wearing import attempted
 from skfem_contact.linalg.singular import SingularMatrix
@@ -53,6 +54,8 @@ def advance(
             continue
         except SingularMatrix:
             # not of the bodies, if another set of points can be solved for
+            if starts == [STEEPLY]:
+                return so_far
             if len(starts) == 1:
                 raise
             starts.pop(0)
@@ -81,6 +84,9 @@ def advance(
         elif len(starts) > 1 and not attempt.failure and not attempt.stopped:
             starts.pop(0)  # before cutting: begin elsewhere
         elif share <= smallest or fails >= most or attempt.stopped:
+            if by.jumps and not (attempt.stopped or attempt.failure or starts == [STEEPLY]):
+                starts = [STEEPLY]  # before giving up
+                continue
             if doubt is not None and not attempt.stopped:
                 doubt(True)
             return so_far

@@ -87,13 +87,13 @@ def friction_bound(interface: Interface, state: LocalState) -> Array:
     return bound
 
 
-def rough_at_rest(interface: Interface, state: LocalState) -> bool:
+def rough_at_rest(interface: Interface, area: Array, tangents: int) -> bool:
     """Whether some friction bound is not zero where nothing presses: it jumps where a point opens."""
     for part, law in interface.laws:
         if interface.bilateral[part].any():  # which never opens
             continue
-        slip = np.zeros_like(state.slip[part])
-        if np.any(law.limit(np.zeros(len(slip)), state.area[part], slip) > 0):
+        own = area[part]
+        if np.any(law.limit(np.zeros(len(own)), own, np.zeros((len(own), tangents))) > 0):
             return True
     return False
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.bodies.surface import CurveSurface
@@ -10,6 +12,7 @@ from skfem_contact.conditions.motions import no_equilibrium
 from skfem_contact.errors import NoEquilibrium, NotConverged
 from skfem_contact.history.energy import rough_at_rest
 from skfem_contact.history.finding import CAN_CARRY, Finding
+from skfem_contact.history.load_step import Attempt
 from skfem_contact.pairing.vertices import Corners
 
 USUALLY = (
@@ -48,12 +51,29 @@ def failure(found: Finding, answer: Answer) -> NoEquilibrium | NotConverged:
     culprit = attempt.culprit
     if culprit >= 0 and _has_corners(interface.contacts[interface.contact_of(culprit)]):
         usually = CORNERS
-    elif attempt.outcome.iterate.changes and rough_at_rest(interface, attempt.local):
+    elif attempt.stateless is not None:
+        usually = JUMPS + _stateless(attempt)
+    elif attempt.outcome.iterate.changes and rough_at_rest(
+        interface, attempt.local.area, attempt.problem.kin.tangents
+    ):
         usually = JUMPS + USUALLY
     return NotConverged(
         f"The loop '{by.loop}' did not converge: {result.message}. {usually}"
         "the last state is in `.result` of this exception, the steps before it in `.results`.",
         result,
+    )
+
+
+def _stateless(attempt: Attempt) -> str:
+    """The points that have no state, in words."""
+    interface, points, shares = attempt.model.interface, attempt.problem.kin.points, attempt.stateless
+    assert shares is not None
+    found = np.flatnonzero(shares)
+    i = int(found[0])
+    more = "" if len(found) == 1 else f" ({len(found)} points do so, of which this is the first)"
+    return (
+        f"Here {interface.point_words(i, points[i])} has none: with a bound that begins at zero, and "
+        f"rises however steeply, it slips without pressure at {100 * shares[i]:.3g} % of it{more}. "
     )
 
 

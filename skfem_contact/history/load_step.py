@@ -68,6 +68,9 @@ class Attempt:
     travel: float = 0.0  # of the point that slid furthest, over what is allowed
     own_action: Array | None = None
     culprit: int = -1  # the point whose partner or way made the attempt fail
+    stateless: Array | None = (
+        None  # see `loops.steep.steeply`, (m,); None where there are no such points
+    )
 
     @cached_property
     def state(self) -> State:

@@ -13,18 +13,23 @@ from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, LocalState
 from skfem_contact.conditions.statics import balanced
+from skfem_contact.history.energy import rough_at_rest
 from skfem_contact.history.grip import pins
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.thresholds import NOISE
 from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.loops.driver import Options, Outcome, drive
 from skfem_contact.loops.guided import guided_friction
-from skfem_contact.loops.starts import DENSE, admissible, possible_starts, starting_values
+from skfem_contact.loops.starts import DENSE, admissible, as_guess, possible_starts, starting_values
+from skfem_contact.loops.steep import steeply
 from skfem_contact.loops.step import Step
 from skfem_contact.loops.table import LOOPS
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Load
 from skfem_contact.problem.seam import ContactProblem
+
+# Where an attempt begins once all others have failed, with friction that jumps: see `loops.steep`.
+STEEPLY = "steeply"
 
 RAN_AWAY = (
     "loads and contact forces do not balance along a motion that supports leave free: it is hardly "
@@ -66,6 +71,13 @@ class Stepper(ByFields):
         found = possible_starts(len(interface.stiffness), self.loop, turns and bool(interface.laws))
         return tuple(found)
 
+    @cached_property
+    def jumps(self) -> bool:
+        """Whether friction jumps where points open, and can be made to rise steeply instead."""
+        interface, kin = self.model.interface, self.model.kin
+        by_bound = all(law.by_bound for _, law in interface.laws)
+        return by_bound and kin.tangents > 1 and rough_at_rest(interface, kin.area, kin.tangents)
+
     @property
     def complete(self) -> bool:
         """Whether pivoting finds what there is: for linear laws in 2-D and a given pairing.
@@ -97,15 +109,18 @@ class Stepper(ByFields):
             load = problem.load(seen)
             step = self._step(problem, load, last, noise)
             dense = step
-            if start in DENSE and (points := self.model.on_points(problem)) is not problem:
+            if start in (*DENSE, STEEPLY) and (points := self.model.on_points(problem)) is not problem:
                 dense = replace(step, problem=points, load=points.load(seen))
-            guess, spent = starting_values(start, begin, step, kin, options.tolerance, self.loop, dense)
+            tolerance, spent = options.tolerance, None
+            stateless = np.zeros(kin.m)
+            if start == STEEPLY:
+                guess, stateless = steeply(dense, admissible(as_guess(begin), dense), tolerance)
+            else:
+                guess, spent = starting_values(start, begin, step, kin, tolerance, self.loop, dense)
             guess = admissible(guess, step)
             loop = LOOPS[self.loop]
             limit = options.max_iterations or loop.most
-            outcome = drive(
-                loop.iterates, step, guess, options.tolerance, limit, to.callback, loop.patience
-            )
+            outcome = drive(loop.iterates, step, guess, tolerance, limit, to.callback, loop.patience)
             trace = (*spent.trace, *outcome.trace) if spent else outcome.trace
             if spent and spent.converged and not outcome.converged and not outcome.stopped:
                 # the same equations and tolerance: limits that lag ran away from their solution
@@ -118,7 +133,10 @@ class Stepper(ByFields):
             local = self._state(step, outcome, to.share, problem, load, target, seen)
         carried = NOISE * max(self.model.stiffest) * moved
         failure = "" if balanced(problem.motions, target.f, local, noise, carried) else RAN_AWAY
-        return Attempt(outcome, self.model, problem, load, target, seen, last, local, failure=failure)
+        attempt = Attempt(
+            outcome, self.model, problem, load, target, seen, last, local, failure=failure
+        )
+        return replace(attempt, stateless=stateless) if stateless.any() else attempt
 
     def _step(self, problem: ContactProblem, load: Load, last: LocalState, noise: float) -> Step:
         """A load step as loops see it; what belongs to the undeformed pairing is found out once."""

@@ -5,6 +5,6 @@
 * `tangent`: the linear conditions of an iteration; `pace`, `search`: how far one goes at a time;
 * `active_set`, `fictitious`, `table`: the three loops, and each by its name and limits;
 * `driver`: what counts, logs and stops them;
-* `starts`, `lemke`, `proximal`: where iterations begin; `anderson`: secants for fixed points;
+* `starts`, `lemke`, `proximal`, `steep`: where iterations begin; `anderson`: secants for fixed points;
 * `thresholds`: numbers, and where they come from.
 """

@@ -94,3 +94,12 @@ EQUAL_RATIO, EQUAL_PART, TIED_RATIO = 1e-11, 1e-9, 1e-13
 
 # Diagonal entries, and eigenvalues of the scaled matrix, over the largest, that are round-off.
 NO_STIFFNESS, NO_EIGENVALUE = 1e-12, 1e-14
+
+# -- steep -------------------------------------------------------
+
+# Friction over the normal force where bounds that jump are made to rise: pressures on the rise are a
+# thousandth of the bound, and where an answer is found from there, a hundred thousandth.
+STEEP = (1e3, 1e5)
+
+# Share of its bound from which on a point has all of it, but for the tolerance of the loop.
+FULL_BOUND = 1 - 1e-6
