@@ -99,8 +99,9 @@ def test_the_same_points_under_another_load_know_nothing_of_the_first():
     trial = np.full((2, 1), 100.0)
     assert_allclose(first.force(trial, force, slip)[0][:, 0], MU * force)
     other = step([-1.0, 2.0], [0.0, 0.0])
-    second = first.under(other.load, other.last, 0.25)
+    second = first.under(other.load, other.last, 0.25, 0.5)
     assert (second.load, second.last, second.noise) == (other.load, other.last, 0.25)
+    assert second.far == 0.5
     assert second.laws is first.laws and second.paired is first.paired
     assert_array_equal(run("newton", second).iterate.status, run("newton", other).iterate.status)
     # the same arrays, then others of the same size

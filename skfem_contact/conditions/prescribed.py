@@ -19,10 +19,10 @@ def prescribed_rows(B: Array, D: NDArray[np.intp]) -> Mask:
     return np.asarray(abs(B) @ free <= FIXED)
 
 
-def guided_points(kin: Kinematics, D: NDArray[np.intp]) -> Mask:
-    """Points whose slip supports alone prescribe, shape (m,); without tangential rows none."""
+def guided_tangents(kin: Kinematics, D: NDArray[np.intp]) -> Mask:
+    """Tangents along which supports alone prescribe the slip of a point, shape (m, d-1)."""
     free = np.ones(kin.B_t.shape[1])
     free[D] = 0.0
     size = abs(kin.B_t)
     row = (size @ free == 0) & (np.diff(kin.B_t.indptr) > 0)
-    return np.asarray(row.reshape(kin.m, -1).all(axis=1) & (kin.tangents > 0) & kin.paired)
+    return np.asarray(row.reshape(kin.m, kin.tangents) & kin.paired[:, None])

@@ -107,7 +107,7 @@ class Stepper(ByFields):
         with single_threaded():
             seen = geometry.case(kin, problem.u, target, last, to.before)
             load = problem.load(seen)
-            step = self._step(problem, load, last, noise)
+            step = self._step(problem, load, last, noise, moved)
             dense = step
             if start in (*DENSE, STEEPLY) and (points := self.model.on_points(problem)) is not problem:
                 dense = replace(step, problem=points, load=points.load(seen))
@@ -138,19 +138,24 @@ class Stepper(ByFields):
         )
         return replace(attempt, stateless=stateless) if stateless.any() else attempt
 
-    def _step(self, problem: ContactProblem, load: Load, last: LocalState, noise: float) -> Step:
+    def _step(
+        self, problem: ContactProblem, load: Load, last: LocalState, noise: float, far: float
+    ) -> Step:
         """A load step as loops see it; what belongs to the undeformed pairing is found out once."""
         known: Step | None = vars(self).get("_first")
         if known is not None and known.problem is problem:
-            return known.under(load, last, noise)
+            return known.under(load, last, noise, far)
         interface, kin = self.model.interface, problem.kin
         paired = kin.paired & (interface.bilateral | problem.able)
         if self.barred is not None:
             paired &= ~self.barred
-        frictional, guided = interface.frictional & paired, None
-        if interface.laws and np.count_nonzero(problem.guided):
-            guided = problem.guided & interface.frictional
-            frictional &= ~problem.guided
+        frictional, guided, guided_along = interface.frictional & paired, None, None
+        if interface.laws and np.count_nonzero(along := problem.guided_tangents):
+            # without tangents (scalar problems) there are no laws
+            if np.count_nonzero(whole := along.all(axis=1)):
+                guided, frictional = whole & interface.frictional, frictional & ~whole
+            if np.count_nonzero(half := along & frictional[:, None]):
+                guided_along = half
         step = Step(
             problem=problem,
             load=load,
@@ -165,8 +170,10 @@ class Stepper(ByFields):
             last=last,
             rank=self.model.geometry.rank,
             noise=noise,
+            far=far,
             resistance=problem.resistance if interface.laws and kin.tangents > 1 else None,
             guided=guided,
+            guided_along=guided_along,
         )
         if problem.u is None:  # which the model keeps: those of other pairings are large
             vars(self)["_first"] = step

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
+from skfem_contact.loops.projection import same_slip
 from skfem_contact.loops.step import Step
-from skfem_contact.loops.thresholds import SAME_SLIP
 
 if TYPE_CHECKING:
     from skfem_contact.problem.response import Response
@@ -36,8 +36,7 @@ def guided_friction(
         return status, response.tangential_force
     moved = response.slip - step.last.slip
     size = np.linalg.norm(moved, axis=1)
-    length = np.linalg.norm(response.slip, axis=1) + np.linalg.norm(step.last.slip, axis=1)
-    moves = size > SAME_SLIP * length
+    moves = size > same_slip(step, response)
     along = moved / np.where(moves, size, 1.0)[:, None]
     # exact sticking gives way to any slip
     exact = np.where(moves[:, None], BEYOND * along, step.last.tangential_force)

@@ -8,8 +8,9 @@ both where, point by point,
 
 with P the return map of the friction law under the normal force a. Any positive rho will do: it only
 says how gaps and slips count beside forces. A point with a finite tangential stiffness G has its
-elastic trial force ``t = tau_n + G (s - s_n)`` instead. Points that never open have ``lambda = a``, and
-laws are asked with ``max(a, 0)``.
+elastic trial force ``t = tau_n + G (s - s_n)`` instead. Where supports make a point slip along one of
+its tangents exact sticking gives way, and t is any force along ``s - s_n`` that is beyond the bound.
+Points that never open have ``lambda = a``, and laws are asked with ``max(a, 0)``.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.return_map import lengths
+from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.loops.step import Step
+from skfem_contact.loops.thresholds import SAME_SLIP
 from skfem_contact.problem.response import Resistance, Response
 
 Array = NDArray[np.float64]
@@ -44,9 +47,32 @@ def pushing(step: Step, response: Response, rho: Resistance) -> Array:
     """The trial friction force ``t`` of a state, (m, d-1) [force]."""
     moved = response.slip - step.last.slip
     trial = response.tangential_force + rho.tangential[:, None] * moved
+    made = made_to_slip(step, response)
+    if made is not None:
+        along = moved / np.where(made, lengths(moved), 1.0)[:, None]
+        trial = np.where(made[:, None], BEYOND * along, trial)
     if step.all_exact:
         return trial
     return np.where(step.exact[:, None], trial, step.trial(response.slip))
+
+
+def made_to_slip(step: Step, response: Response) -> Mask | None:
+    """Points that exact sticking does not hold, as supports move them along a tangent, (m,).
+
+    None where there are no such supports.
+    """
+    if step.guided_along is None:
+        return None
+    moved = lengths(np.where(step.guided_along, response.slip - step.last.slip, 0.0))
+    return step.exact & (moved > same_slip(step, response))
+
+
+def same_slip(step: Step, response: Response) -> float:
+    """A slip up to this may be the round-off of prescribed displacements [length]."""
+    finite = np.isfinite(response.gap)
+    approach = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
+    slips = max(lengths(slip).max(initial=0.0) for slip in (response.slip, step.last.slip))
+    return SAME_SLIP * float(max(step.far, approach, slips))
 
 
 def left_over(step: Step, response: Response) -> tuple[Array, Array]:

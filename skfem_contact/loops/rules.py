@@ -13,6 +13,7 @@ from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.loops.plane_rules import propose_in_plane, smooth_points
 from skfem_contact.loops.projection import (
     left_over,
+    made_to_slip,
     pressing,
     pushing,
     resistances,
@@ -42,13 +43,17 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     pulls = ~was_open & (force < -nothing) & ~step.bilateral
     force = np.where(step.paired, np.where(step.bilateral, force, np.maximum(force, 0.0)), 0.0)
 
+    made = made_to_slip(step, response)
     slips, direction, reach = _slip_rule(step, current, response, force, rho)
+    if made is not None:
+        slips |= made
     slips &= ~was_open | penetrates
     direction = np.where(slips[:, None], direction, 0.0)
     status = np.where(slips, SLIP, STICK)
     status = np.where(was_open & ~penetrates | pulls, OPEN, status)
     status = np.where(step.tied & step.paired, STICK, status)
-    return Guess(status, direction, force, response.tangential_force, response.slip, reach=reach)
+    own = response.tangential_force
+    return Guess(status, direction, force, own, response.slip, reach=reach, made=made)
 
 
 def _slip_rule(

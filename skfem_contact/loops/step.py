@@ -25,13 +25,15 @@ Mask = NDArray[np.bool_]
 class Step:
     """One load step as a loop sees it: a linear world, a load, the laws and the history.
 
-    `tied` points are glued; `bilateral` ones, glued or not, never open.
+    `tied` points are glued; `bilateral` ones, glued or not, never open. `far`: largest prescribed
+    displacement [length].
     `noise`: forces up to this are round-off of loads and stiffness, whatever the contact forces are;
     where nothing presses it is all there is. `rank`: a number for every point that does not depend on
     the order in which bodies, contacts and nodes were given; where points have to be taken one after
     the other, or two are alike, it decides. `resistance`: of each point, as far as it is known.
-    `guided`: points with friction whose slip supports prescribe, which `frictional` leaves out; None
-    where there are none.
+    `guided`: points with friction whose slip supports prescribe, which `frictional` leaves out.
+    `guided_along`: tangents, (m, d-1), along which supports prescribe the slip of points that are free
+    along the other. Both are None where there are none.
     """
 
     problem: LinearProblem
@@ -47,16 +49,18 @@ class Step:
     last: LocalState
     rank: NDArray[np.intp]
     noise: float = 0.0
+    far: float = 0.0
     resistance: Resistance | None = None
     guided: Mask | None = None
+    guided_along: Mask | None = None
 
-    def under(self, load: Load, last: LocalState, noise: float) -> Step:
+    def under(self, load: Load, last: LocalState, noise: float, far: float) -> Step:
         """The same points under another load; what is known of the points by themselves is shared."""
         step = object.__new__(Step)
-        vars(step).update(vars(self), load=load, last=last, noise=noise, _bounds=None)
+        vars(step).update(vars(self), load=load, last=last, noise=noise, far=far, _bounds=None)
         return step
 
-    # What is remembered from here on depends on neither load, last state nor noise: see `under`.
+    # What is remembered from here on depends on nothing that `under` changes.
 
     @cached_property
     def turns(self) -> bool:
@@ -220,7 +224,8 @@ class Guess:
 
     `pivoted` says whether complementary pivoting found the values: work that the iterations of the loop
     do not count. `reach` is the size of the trial forces of slipping points, (m,): how firmly friction
-    resists across its direction; without it, not at all [force].
+    resists across its direction; without it, not at all [force]. `made`: points that supports move, so
+    that exact sticking gives way, (m,).
     """
 
     status: NDArray[np.intp]
@@ -230,6 +235,7 @@ class Guess:
     slip: Array
     pivoted: bool = False
     reach: Array | None = None
+    made: Mask | None = None
 
 
 @dataclass(frozen=True)

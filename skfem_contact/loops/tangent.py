@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.loops.step import Guess, Step
@@ -74,22 +75,26 @@ def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[A
             force -= np.einsum("ikl,il->ik", spring, current.slip)
     if step.turns:
         turning = np.where((slips & beyond)[:, None, None], by.trial, 0.0)
-        return _turning(step, trial, turning, (force, spring, coupling))
+        return _turning(step, current, trial, turning, (force, spring, coupling))
     return force, spring, coupling
 
 
 def _turning(
-    step: Step, trial: Array, J: Array, friction: tuple[Array, Array, Array]
+    step: Step, current: Guess, trial: Array, J: Array, friction: tuple[Array, Array, Array]
 ) -> tuple[Array, Array, Array]:
     """The same with the derivative J by the trial force, which is solved for where it has tau in it."""
     assert step.resistance is not None
     force, spring, coupling = friction
-    exact = step.exact
+    exact = with_force = step.exact
     k = np.where(exact, step.resistance.tangential, step.stiffness)[:, None]
+    if current.made is not None:  # the trial force of these is along the slip alone
+        made, slip = current.made, lengths(current.slip - step.last.slip)
+        k = np.where(made, lengths(trial) / np.where(made, slip, 1.0), k[:, 0])[:, None]
+        with_force = exact & ~made
     still = np.where(exact[:, None], -k * step.last.slip, step.trial(np.zeros_like(trial)))
     force = force + np.einsum("ikl,il->ik", J, still - trial)
     spring = spring + k[:, :, None] * J
-    solved = np.linalg.inv(np.eye(J.shape[1]) - np.where(exact[:, None, None], J, 0.0))
+    solved = np.linalg.inv(np.eye(J.shape[1]) - np.where(with_force[:, None, None], J, 0.0))
     return (
         np.einsum("ikl,il->ik", solved, force),
         solved @ spring,

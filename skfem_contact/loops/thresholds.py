@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-# -- guided ------------------------------------------------------
+# -- projection --------------------------------------------------
 
-# A change of the slip below this part of it is the round-off of prescribed displacements.
+# A slip below this part of the largest motion is round-off of what is prescribed, as 0.1 cos(pi / 2).
 SAME_SLIP = 1e-12
 
 # -- lemke -------------------------------------------------------

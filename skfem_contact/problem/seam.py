@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.prescribed import guided_points, prescribed_rows
+from skfem_contact.conditions.prescribed import guided_tangents, prescribed_rows
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 
@@ -90,8 +90,8 @@ class ContactProblem(LinearProblem, Protocol):
         ...
 
     @property
-    def guided(self) -> Mask:
-        """Points whose slip supports prescribe: they take whatever friction there is."""
+    def guided_tangents(self) -> Mask:
+        """Tangents along which supports prescribe the slip, (m, d-1): they take any friction there."""
         ...
 
     @property
@@ -185,6 +185,6 @@ class Posed:
         return ~prescribed_rows(self.kin.B_n, self.motions.system.D)
 
     @cached_property
-    def guided(self) -> Mask:
-        """Points whose slip supports prescribe: they take whatever friction there is."""
-        return guided_points(self.kin, self.motions.system.D)
+    def guided_tangents(self) -> Mask:
+        """Tangents along which supports prescribe the slip, (m, d-1): they take any friction there."""
+        return guided_tangents(self.kin, self.motions.system.D)

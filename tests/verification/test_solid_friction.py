@@ -285,19 +285,22 @@ def test_half_a_block_is_half_of_the_whole(linear, frame):
         np.testing.assert_allclose(part[[0, 2]], 0.5 * whole[[0, 2]], rtol=1e-9, atol=1e-14)
 
 
+@pytest.mark.every_value
+@pytest.mark.parametrize("mu, far", [(0.3, 0.1), (0.3, 1e-3), (100.0, 1e-3)])
 @pytest.mark.parametrize("moves", ["foot", "floor"])
 @pytest.mark.parametrize("linear", ["condensed", "iterated", sc.Direct(), sc.AMG()], ids=str)
-def test_supports_move_points_along_one_tangent(linear, moves):
+def test_supports_move_points_along_one_tangent(linear, moves, mu, far):
     """A foot that is moved along y, and free along x: friction is opposite to the slip along both.
 
-    So it is where the foot stands still and the floor moves the other way.
+    So it is where the foot stands still and the floor moves the other way; by however little, and
+    whatever the friction: what is moved does not stick.
     """
     low, high = at(2, 0.0), at(2, 1.0)
     block = elastic(cube("quad4"), "quad4", "block", nu=0.0, held=((low, (1,)), (high, (0, 1, 2))))
-    law = sc.Coulomb(0.3)
+    law = sc.Coulomb(mu)
     contact = sc.Contact(block.surface(low), FLOOR, friction=law, name="joint")
     steps = []
-    for along, across in ((0.0, 0.0), (0.1, 0.1), (0.1, 0.3)):
+    for along, across in ((0.0, 0.0), (0.1, far), (0.1, 3 * far)):
         x = np.zeros(block.n)
         place, component = block.basis.doflocs, block.dof_component
         x[high(place) & (component == 0)] = along
@@ -312,11 +315,36 @@ def test_supports_move_points_along_one_tangent(linear, moves):
     for result in solver.history(steps):
         assert result.certificate.worst < 1e-9
         if before is not None:
-            slip = result.slip_vector - before.slip_vector
-            size, force = np.linalg.norm(slip, axis=1), result.tangential_force_vector
-            bound = 0.3 * result.normal_force
-            against = -bound[:, None] * slip / size[:, None]
+            closed = result.normal_force > 0
+            slip = (result.slip_vector - before.slip_vector)[closed]
+            bound = mu * result.normal_force[closed]
+            against = -bound[:, None] * slip / np.linalg.norm(slip, axis=1)[:, None]
             # multigrid ends at 1e-10 of the load
+            force = result.tangential_force_vector[closed]
             np.testing.assert_allclose(force, against, rtol=0, atol=1e-8 * bound.max())
-            assert np.all(result.status == 2) and np.abs(slip[:, 0]).min() > 1e-3
+            assert np.all(result.status[closed] == 2) and np.abs(slip[:, 0]).min() > 0
         before = result
+
+
+@pytest.mark.parametrize("dim, axis", [(2, 0), (3, 1)])
+def test_round_off_of_prescribed_displacements_is_no_slip(dim, axis):
+    """A foot that is held along an axis to 0.1 cos(pi / 2), which is 6e-18 and not zero, sticks."""
+    ticks = [np.linspace(0, 1, 3)] * dim
+    mesh, element = (fem.MeshQuad, fem.ElementQuad1()) if dim == 2 else (fem.MeshHex, fem.ElementHex1())
+    basis = fem.Basis(mesh.init_tensor(*ticks), fem.ElementVector(element), intorder=2)
+    low, high = at(dim - 1, 0.0), at(dim - 1, 1.0)
+    parts = basis.split_indices()
+    held = parts[axis][low(basis.doflocs[:, parts[axis]])]
+    top = np.flatnonzero(high(basis.doflocs))
+    stiffness = linear_elasticity(*lame_parameters(1.0, 0.0))
+    block = sc.Body(basis, stiffness, D=np.union1d(top, held), name="block")
+    floor = sc.RigidPlane((0,) * dim, (0,) * (dim - 1) + (1,), name="floor")
+    solver = sc.ContactSolver(block, sc.Contact(block.surface(low), floor, friction=sc.Coulomb(0.3)))
+    for moved in (0.1 * np.cos(np.pi / 2), 1e-9):
+        x = np.zeros(basis.N)
+        x[np.intersect1d(top, parts[-1])], x[held] = -0.02, moved
+        result = solver.solve(x={"block": x})
+        slips = moved == 1e-9
+        assert np.all(result.status == (2 if slips else 1))
+        # pressed by 0.02, with E = 1
+        np.testing.assert_allclose(result.force[axis], -0.3 * 0.02 if slips else 0.0, atol=1e-12)
