@@ -63,14 +63,15 @@ class Uniqueness:
     index : int
         Sign of the determinant of this answer's linear problem. If it is -1, and supports hold all
         bodies, this very load has at least two other answers. 0 where nothing follows from it: with
-        wear, with a user's own law, and where a bound is not zero on points that open (Tresca,
-        cohesion).
+        wear, with a user's own law, where a bound is not zero on points that open (Tresca, cohesion),
+        and at the critical friction itself, where the determinant is round-off.
     held : bool
         Whether they do.
     unique_up_to : float
         *Every* load has exactly one answer while no coefficient of friction is more than this many
         times what it is here. That is shown, not measured: beyond it nothing is known, and 0 is where
-        nothing is known at all (bodies that supports do not hold, and where `index` is 0).
+        nothing is known at all: with bodies that supports do not hold, with wear, laws of one's own,
+        and bounds that are not zero on points that open.
 
     Examples
     --------

@@ -252,7 +252,7 @@ class ContactValues:
 
     @cached_property
     def error_estimate(self) -> ErrorEstimate:
-        """Estimated error of pressure and friction by the mesh, in 3-D a part; see `estimate`."""
+        """Estimated error of pressure and friction by the mesh; see `estimate`."""
         return self.assess(self)
 
     def interpolate(self, values: ArrayLike, points: ArrayLike) -> Array:

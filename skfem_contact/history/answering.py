@@ -60,7 +60,7 @@ class Answering(ByFields):
             state = natural_state(kin, len(geometry.surface_dofs))
             state = replace(state, gap=before.gap0)  # without interference
         else:
-            state, before = start.state, self._left(start)
+            state, before = start.state, self.left(start)
         warm = guess or start
         step = LoadStep(state, before, target, None if warm is None else warm.state, callback)
         found = Finding(self.stepper, step, start)
@@ -85,7 +85,7 @@ class Answering(ByFields):
             return result
         raise failure(found, result)
 
-    def _left(self, start: Answer | SavedState) -> LoadCase:
+    def left(self, start: Answer | SavedState) -> LoadCase:
         """The loads of a state to go on from, with the places that new supports find DOFs at.
 
         They hold from there on, also in parts of a step: not from zero.

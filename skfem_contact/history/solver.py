@@ -133,7 +133,7 @@ class ContactSolver(Variants):
             The state to continue from, or one from `load_state`: friction remembers it, and what is
             not named stays as it is there; loads that are a multiple of the bodies' own, that multiple
             of what they are in this solver. It may come from another one over the same meshes and
-            contacts.
+            contacts; supports that it had not hold the bodies where they find them.
         guess : ContactResult, optional
             Starting values only.
         callback : callable, optional
@@ -272,7 +272,9 @@ class ContactSolver(Variants):
         return save_state(path, known)
 
     def _begin(self, start: Answer | SavedState | None) -> LoadCase:
-        return self._reader.initial() if start is None else self._reader.resumed(start.case)
+        if start is None:
+            return self._reader.initial()
+        return self._reader.resumed(start.case, self._answering.left(start).x)
 
     @known_keywords()
     def load_state(self, path: str | Path) -> SavedState:

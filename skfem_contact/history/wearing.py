@@ -60,28 +60,28 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
         grown = np.divide(volume, area, out=np.zeros_like(volume), where=area > 0)
         change = last.wear + grown - depth
         left, size = float(np.linalg.norm(change)), float(np.linalg.norm(grown))
-        answer = Answering.of(interface, attempt)
-        if answer is not None:
-            share = max(share, answer.share / ANSWERED) if number < 2 else share
+        relief = Relief.of(interface, attempt)
+        if relief is not None:
+            share = max(share, relief.share / ANSWERED) if number < 2 else share
         elif number == 1:
             share = left / before / ANSWERED_BY_SECANTS if before > 0 else 0.0
         if share > 1.0:
             words = f"its wear would change the pressures {share:.2g} times as much as they may"
             # where pressures have become zero how far the step is too long is not known
-            far = share if answer is not None else max(share, FAR_TOO_LONG)
+            far = share if relief is not None else max(share, FAR_TOO_LONG)
             return replace(attempt, failure=words, travel=max(attempt.travel, far))
         if left <= max(WEAR_SETTLED * size, WEAR_DIGITS * float(np.linalg.norm(depth))):
             local = replace(attempt.local, wear=last.wear + grown, worn=last.worn + volume)
             return replace(attempt, local=local, travel=max(attempt.travel, share))
         before, start = left, "warm"
-        depth = secant.next(depth, depth + change) if answer is None else depth + answer.settle(change)
+        depth = secant.next(depth, depth + change) if relief is None else depth + relief.settle(change)
         step = replace(step, known=attempt.state)
     return replace(attempt, failure=f"the depth worn off did not settle in {WEAR_ROUNDS} rounds")
 
 
 @dataclass(frozen=True, eq=False)
-class Answering:
-    """How closed points that wear answer a depth worn off them.
+class Relief:
+    """How closed points are relieved by a depth that wears off them.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class Answering:
     S: Array
 
     @classmethod
-    def of(cls, interface: Interface, attempt: Attempt) -> Answering | None:
+    def of(cls, interface: Interface, attempt: Attempt) -> Relief | None:
         """At the end of an attempt; None where the contact problem has no matrix of its own."""
         space, local = attempt.problem.points, attempt.local
         if space is None:

@@ -56,7 +56,7 @@ def assess(result: Answer) -> Validity:
     contacts: dict[str, ContactValidity] = {}
     problems: dict[tuple[str, str], str] = {}
     for i, (contact, name) in enumerate(zip(result.contacts, result.names, strict=True)):
-        if not result.watched.tracks:  # scalar fields, and solids
+        if not result.watched.tracks:  # scalar fields move nothing
             break
         part = contacts[name] = _contact(result, i, outlines)
         label = f"Contact {name!r} ({contact.label}): "
