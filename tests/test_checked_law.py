@@ -110,6 +110,20 @@ def test_bounds_may_be_lists():
     assert_allclose(pushed(law).solve().forces, pushed(sc.Coulomb(0.1)).solve().forces)
 
 
+@pytest.mark.parametrize(
+    "law", [sc.Tresca(2.0), sc.Coulomb(0.3, cohesion=2.0), sc.Coulomb(0.3, tau_max=2.0)]
+)
+def test_points_of_negative_area_have_no_bound(law):
+    """Vertices of quadratic faces by mortar: they carry nothing, and no division by zero warns."""
+    force, area, none = np.array([1.0, 0.0]), np.array([1.0, -0.5]), np.zeros((2, 2))
+    checked = CheckedLaw(law, "joint", np.zeros((2, 3)))
+    limit = checked.limit(force, area, none)
+    assert limit[0] > 0 and limit[1] == 0
+    with np.errstate(all="raise"):
+        mapped, slips = checked.force(none, force, area, none)
+    assert not mapped.any() and not slips.any()
+
+
 def test_numbers_that_are_not_finite_are_not_blamed_on_the_law():
     """Forces that are NaN already, from a linear solve gone wrong, pass through."""
     for given in (sc.Coulomb(0.5), own(lambda N, A, s: 0.5 * N)):

@@ -91,7 +91,8 @@ class CheckedLaw(ByFields):
             The law returned something else than one finite bound >= 0 for each point.
         """
         if self._plain:
-            return self.law.limit(normal_force, area, slip)
+            # areas of points that carry nothing, vertices of quadratic faces by mortar, may be negative
+            return np.maximum(self.law.limit(normal_force, area, slip), 0.0)
         bounds, known = self._ask(self.law.limit, "limit", normal_force, area, slip)
         good = known & np.isfinite(bounds)
         largest = max(np.max(part[good], initial=0.0) for part in (normal_force, bounds))
