@@ -131,6 +131,11 @@ LARGE = 0.1
 # Lengths below this part of a coordinate are round-off.
 NO_LENGTH = 1e-12
 
+# An approach below this part of the extent of the bodies is none: what is left of gaps and forces
+# where a load has been taken back. Curves that mortar fits leave 1e-11; a centimetre of steel is
+# pressed in by 4e-9 of its height under its own weight.
+NO_APPROACH = 1e-10
+
 # Of what moments of second order change of the motion of a tool, over that motion.
 SECOND_ORDER = 0.1
 

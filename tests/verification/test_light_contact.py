@@ -22,7 +22,6 @@ import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.thresholds import SAGITTA
 from skfem_contact.answers.validity.chords import bends, sagittas
-from skfem_contact.answers.validity.drift import Drift
 from skfem_contact.answers.validity.words import facet_words
 
 SIZE = 0.6
@@ -195,10 +194,37 @@ def test_curves_that_fit_and_facets_that_are_curved():
         np.testing.assert_allclose(length[inner], pieces * side.lengths[inner])
 
 
-def test_a_touch_without_force_is_no_light_contact():
-    """Bodies lifted to where they touch press with round-off: there is nothing to resolve."""
-    assert Drift(sagitta=1e-4, approach=1e-6).facets_too_long
-    assert not Drift(sagitta=1e-4, approach=1e-32).facets_too_long
+@pytest.mark.parametrize("other", ["node", "mortar", "obstacle", "tool"])
+def test_a_touch_without_force_is_no_light_contact(other):
+    """Pressed, drawn aside and lifted to where they touch, bodies press with round-off or not at all.
+
+    There is nothing to resolve, and no force that gaps beside an arc could be wrong by.
+    """
+    way, basis = 1e-3, block("flat", CHORD / 4, "Q1")
+    low = sc.Body(basis, elastic(1.0, 0.3), D="bottom", name="flat")
+    disc, rough = sc.RigidCylinder((0, 1), 1, name="disc"), {"friction": sc.Coulomb(0.3), "name": "c"}
+    if other == "obstacle":
+        solver = sc.ContactSolver([low], sc.Contact(low.surface("top"), disc, **rough))
+    elif other == "tool":
+        tool = sc.RigidBody(disc, D=("x", "y", "rotation"), name="arc")
+        solver = sc.ContactSolver([low, tool], sc.Contact(low.surface("top"), tool, **rough))
+    else:
+        arc = sc.Body(block("arc", CHORD / 4, "Q1"), elastic(1.0, 0.3), D="top", name="arc")
+        pair = sc.Contact(low.surface("top"), arc.surface("bottom"), method=other, **rough)
+        solver = sc.ContactSolver([low, arc], pair)
+
+    def step(x, y):
+        if other == "obstacle":
+            return {"motion": {"disc": (x, y)}}
+        return {"x": {"arc": (x, y, 0.0) if other == "tool" else {"top": (x, y)}}}
+
+    *_, aside, lifted = solver.history([step(0, -0.01), step(way, -0.01), step(way, 0)])
+    assert aside.force[1] < -1e-3 and abs(lifted.force[1]) < 1e-10  # and no warning is given
+    assert np.any(lifted.status != 0) and lifted.validity.holds
+    # pressed by a tenth of what small sliding does not see of the arc
+    unseen = way**2 / 2
+    with pytest.warns(sc.ContactWarning, match="gaps are wrong by up to 5e-07"):
+        next(solver.history([step(way, -0.1 * unseen)], start=aside))
 
 
 @pytest.mark.parametrize("share", [0.5, 2.0])

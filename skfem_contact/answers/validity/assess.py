@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import GAP, LARGE, SECOND_ORDER
-from skfem_contact.answers.validity.give import elastic_approach
+from skfem_contact.answers.validity.give import beyond_round_off, elastic_approach
 from skfem_contact.answers.validity.hull import Hull, hull
 from skfem_contact.answers.validity.lookout import Lookouts
 from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, sagitta, strains
@@ -117,7 +117,8 @@ def _contact(result: Answer, i: int, outlines: Mapping[str, Outline | Hull]) -> 
             found |= obstacle_drift(result.recover.model.geometry, i, *answer)
         drift = replace(drift, **found)
     else:
-        drift = replace(drift, approach=max(drift.approach, elastic_approach(result, i, closed)))
+        elastic = beyond_round_off(elastic_approach(result, i, closed), result.system.extent)
+        drift = replace(drift, approach=max(drift.approach, elastic))
     chord_gaps = float(np.max(track.chord[closed], initial=0.0))
     secondary = contact.secondary
     moved = secondary.points + result.displacement(secondary.body)[secondary.dofs]

@@ -12,7 +12,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.validity.curve_track import CurveTrack
 from skfem_contact.answers.validity.drift import Drift
 from skfem_contact.answers.validity.face_track import FaceTrack
-from skfem_contact.answers.validity.give import elastic_approach, soft, spared
+from skfem_contact.answers.validity.give import beyond_round_off, elastic_approach, soft, spared
 from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
 from skfem_contact.answers.validity.support import Support, unit_motions
 from skfem_contact.answers.validity.track import Track, tool_motion
@@ -144,6 +144,7 @@ class ContactWatch:
             return Drift(sagitta=sagitta)
         approach, strain = self._pressed(closed, state.normal_force[part])
         if not small:
+            approach = beyond_round_off(approach, self.extent)
             return Drift(count, approach=approach, strain=strain, sagitta=sagitta)
         if self.held and count:
             lifted = case.gap0[part][closed] - gap[part][closed]
@@ -161,6 +162,7 @@ class ContactWatch:
             if self.loose is not None:
                 moved = [body.motion(u) for body in self.loose]
                 slip = track.tangential(relative(self.tangential_rows, moved))
+        approach = beyond_round_off(approach, self.extent)
         force = state.normal_force[part]
         tool = tool_motion(self.system, contact, track, u)
         found = track.drift(closed, slip, gap[part], force, approach, case, self.i, part, tool)
@@ -199,7 +201,8 @@ class ContactWatch:
         closed = (result.state.status[self.part] != OPEN) & result.kin.paired[self.part]
         u = self.geometry.spread(result.state.surface)
         u[self.system.D] = result.case.x[self.system.D]
-        return replace(drift, approach=max(drift.approach, elastic_approach(result, self.i, closed, u)))
+        elastic = beyond_round_off(elastic_approach(result, self.i, closed, u), self.extent)
+        return replace(drift, approach=max(drift.approach, elastic))
 
 
 def relative(rows: Sequence[Array], motions: Sequence[Array]) -> Array:

@@ -12,7 +12,7 @@ from skfem_contact.answers.thresholds import NO_LENGTH
 from skfem_contact.answers.validity.curvature import chord_gaps, curvatures
 from skfem_contact.answers.validity.ends import ways_to_ends
 from skfem_contact.answers.validity.meeting import distances
-from skfem_contact.answers.validity.track import Track
+from skfem_contact.answers.validity.track import Track, gaps_at_obstacle
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.loads import LoadCase, Motion
@@ -114,7 +114,7 @@ class CurveTrack(Track):
         assert isinstance(self.primary, Obstacle)
         motion, carried = tool or (case.motion[i], np.zeros((1, 1)))
         obstacle = self.primary.obstacle if isinstance(self.primary, RigidBody) else self.primary
-        found = {}
+        found: dict[str, Any] = {}
         moved = np.linalg.norm(motion.shift(self.points), axis=1)
         found["motion"] = float(np.max(moved[closed], initial=0.0))
         if not self.follows or (isinstance(obstacle, RigidPlane) and not motion.turns):
@@ -127,18 +127,11 @@ class CurveTrack(Track):
         at = replace(self.secondary, points=self.points + u)
         distance, normal, facing = distances(obstacle.moved(motion.as_argument()), at)
         true = distance + added
-        error = np.abs(true - gap)[closed & self.by_node]
-        deepest = np.max(-true[~closed & facing & self.paired], initial=0.0)
-        worst = float(max(np.max(error, initial=0.0), deepest))
-        if worst <= NO_LENGTH * float(np.max(np.abs(at.points))):
-            worst = 0.0
         cross = self.normal[:, 0] * normal[:, 1] - self.normal[:, 1] * normal[:, 0]
         angle = np.arctan2(np.abs(cross), np.einsum("md,md->m", self.normal, normal))
         found["tilt"] = float(np.max(angle[closed & self.by_node], initial=0.0))
-        found["gap_error"] = worst
-        # where nothing touches any more all of the force is lost
-        found["gap_share"] = worst / max(approach, worst) if worst else 0.0
-        return found
+        sunk, noise = ~closed & facing & self.paired, NO_LENGTH * float(np.max(np.abs(at.points)))
+        return found | gaps_at_obstacle(true, gap, closed & self.by_node, sunk, approach, noise)
 
 
 def node_lengths(surface: ContactSurface) -> Array:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from skfem_contact.answers.thresholds import BEYOND, FACETS, GAP, NO_LENGTH, SAGITTA, TILT, WIDTH
+from skfem_contact.answers.thresholds import BEYOND, FACETS, GAP, SAGITTA, TILT, WIDTH
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,8 @@ class Drift:
     motion : float
         By how much a rigid obstacle has moved where points are closed [length].
     approach : float
-        What the bodies take up elastically between their supports and the contact [length].
+        What the bodies take up elastically between their supports and the contact; zero where that is
+        round-off of their places [length].
     strain : float
         The approach over the extent of the bodies, or the mean pressure over the modulus.
     sagitta : float
@@ -99,9 +100,9 @@ class Drift:
     def sagitta_share(self) -> float:
         """The height of the curves over one facet, over the elastic approach.
 
-        Zero where the approach is round-off of that height: nothing presses, whatever touches.
+        Zero where the approach is none: nothing presses, whatever touches.
         """
-        return self.sagitta / self.approach if self.approach > NO_LENGTH * self.sagitta else 0.0
+        return self.sagitta / self.approach if self.approach > 0 else 0.0
 
     @property
     def facets_too_long(self) -> bool:

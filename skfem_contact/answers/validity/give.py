@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.thresholds import NO_APPROACH
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
@@ -19,6 +20,11 @@ Mask = NDArray[np.bool_]
 def soft(size: float, stiff: Array) -> float:
     """Approach of a side under a force, from the diagonal of its K; zero of a rigid one."""
     return float(size / np.median(stiff[stiff > 0])) if (stiff > 0).any() else 0.0
+
+
+def beyond_round_off(approach: float, extent: float) -> float:
+    """An elastic approach, or zero where nothing presses and round-off is what there is [length]."""
+    return approach if approach > NO_APPROACH * extent else 0.0
 
 
 def spared(

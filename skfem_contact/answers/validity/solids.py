@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import GAP, NO_LENGTH
 from skfem_contact.answers.validity.meeting import distances
+from skfem_contact.answers.validity.track import gaps_at_obstacle
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.conditions.contact import Contact
@@ -64,20 +65,16 @@ def obstacle_drift(
     added = first - np.where(pairing.paired, pairing.gap, 0.0) - case.interference[part]
     rows = np.diff(pairing.secondary_weights.tocsr().indptr) == 1
     true = distance + added
-    error = np.abs(true - np.where(pairing.paired, gap[part], 0.0))[closed & rows]
-    sunk = -true[~closed & facing & pairing.paired & rows]  # where nothing presses
-    worst = max(float(np.max(error, initial=0.0)), float(np.max(sunk, initial=0.0)))
-    if worst <= NO_LENGTH * float(np.max(np.abs(at.points))):
-        worst = 0.0
+    known = np.where(pairing.paired, gap[part], 0.0)
+    sunk = ~closed & facing & pairing.paired & rows  # where nothing presses
+    noise = NO_LENGTH * float(np.max(np.abs(at.points)))
     cosine = np.einsum("md,md->m", pairing.normal, normal)
     across = np.linalg.norm(np.cross(pairing.normal, normal), axis=1)
     shift = np.linalg.norm(case.motion[i].shift(surface.points)[closed], axis=1)
     return {
         "tilt": float(np.max(np.arctan2(across, cosine)[closed], initial=0.0)),
-        "gap_error": worst,
-        # where nothing touches any more all of the force is lost
-        "gap_share": worst / max(approach, worst) if worst else 0.0,
         "motion": float(np.max(shift, initial=0.0)),
+        **gaps_at_obstacle(true, known, closed & rows, sunk, approach, noise),
     }
 
 

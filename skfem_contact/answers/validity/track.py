@@ -243,6 +243,30 @@ def tool_motion(
     return motion, motion.translation + turned
 
 
+def gaps_at_obstacle(
+    true: Array, gap: Array, closed: Mask, open_: Mask, approach: float, noise: float
+) -> dict[str, float]:
+    """`gap_error` and `gap_share` of `Drift` at an obstacle.
+
+    Parameters
+    ----------
+    true, gap : ndarray, shape (m,)
+        Gaps as they are, and as small sliding has them [length].
+    closed, open_ : ndarray of bool, shape (m,)
+        Points that are compared, and those that may be sunk in.
+    approach : float
+        That the bodies take up elastically; where nothing presses no force is lost by a gap [length].
+    noise : float
+        Round-off of gaps [length].
+    """
+    error = (true - gap)[closed]
+    error = np.abs(error) if approach > 0 else -error
+    worst = float(max(np.max(error, initial=0.0), np.max(-true[open_], initial=0.0)))
+    worst = worst if worst > noise else 0.0
+    # where nothing touches any more all of the force is lost
+    return {"gap_error": worst, "gap_share": worst / max(approach, worst) if worst else 0.0}
+
+
 def slid(motion: Motion, points: Array) -> Array:
     """How far an obstacle's surface has come along under points, the whole turn counted, (m, d)."""
     return motion.slid(Motion.none(len(motion.centre)), points)
