@@ -45,6 +45,14 @@ class Obstacle(PrintedAsCall, ABC):
         """Its edges or triangles, if given by those: it is then paired as a surface of a body is."""
         return None
 
+    @property
+    def bend(self) -> np.ndarray | None:
+        """How its surface curves, (d, d): ``x' B x`` along x, positive where it bulges [1/length].
+
+        Known of shapes that curve alike everywhere; None of others.
+        """
+        return None
+
     def turns_in_itself(self, about: np.ndarray) -> bool:
         """Whether a rotation about a point leaves its shape where it is; known of discs alone."""
         return False

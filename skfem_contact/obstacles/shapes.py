@@ -62,6 +62,11 @@ class RigidPlane(Obstacle):
         """The point that it was given by."""
         return self.point
 
+    @property
+    def bend(self) -> np.ndarray:
+        """None at all."""
+        return np.zeros((len(self.point), len(self.point)))
+
     def moved(self, motion: Any) -> RigidPlane:
         """Return the plane after a rigid motion, see `Obstacle.moved`."""
         turn, shift = rigid_motion(motion, len(self.point))
@@ -117,6 +122,14 @@ class RigidCylinder(Obstacle):
     def reference(self) -> np.ndarray:
         """Its centre, in 3-D a point of its axis."""
         return self.centre
+
+    @property
+    def bend(self) -> np.ndarray:
+        """One over its radius across the axis, negative in a hole."""
+        across = np.eye(len(self.centre))
+        if self.axis is not None:
+            across = across - np.outer(self.axis, self.axis)
+        return (-across if self.hollow else across) / self.radius
 
     def turns_in_itself(self, about: np.ndarray) -> bool:
         """About its centre, in the plane."""
@@ -177,6 +190,11 @@ class RigidSphere(Obstacle):
     def reference(self) -> np.ndarray:
         """Its centre."""
         return self.centre
+
+    @property
+    def bend(self) -> np.ndarray:
+        """One over its radius, negative in a cavity."""
+        return (-1.0 if self.hollow else 1.0) / self.radius * np.eye(len(self.centre))
 
     def turns_in_itself(self, about: np.ndarray) -> bool:
         """About its centre, in the plane."""

@@ -6,7 +6,8 @@
 * `rotation`, `support`: how far bodies turn, and what supports say of it;
 * `give`: how far the sides of a contact give under its forces;
 * `solids`: the same at obstacles in 3-D;
-* `chords`, `face_chords` (in 3-D): facets that are too long for what presses on a curve;
+* `chords`, `face_chords` (in 3-D), `tool_chords`: facets that are too long for what presses on a curve;
+* `behind`: surfaces that begin in the solid of their obstacle, and touch nothing;
 * `overlap`, `hull` (in 3-D), `meeting`, `skin`, `intrusion`: deformed boundaries against each other;
 * `standing`, `flanks`, `lookout`: vertices and edges of solids that overlap where no row sees it, and
   what runs into sides that are in no contact;

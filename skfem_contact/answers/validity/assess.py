@@ -67,7 +67,7 @@ def assess(result: Answer) -> Validity:
         elif (words := _unseen_words(result, i, part)) and not part.drift.facets_too_long:
             problems["overlap", name] = label + words
         if part.drift.facets_too_long:
-            problems["facets", name] = label + facet_words(part.drift)
+            problems["facets", name] = label + facet_words(part.drift, contact.rigid)
         if part.chord_share > GAP:
             problems["chords", name] = label + chord_words(part)
         if part.drift.strain > LARGE:

@@ -9,17 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.validity.behind import behind_words, depth_behind
 from skfem_contact.answers.validity.curve_track import CurveTrack
 from skfem_contact.answers.validity.drift import Drift
 from skfem_contact.answers.validity.face_track import FaceTrack
 from skfem_contact.answers.validity.give import beyond_round_off, elastic_approach, soft, spared
 from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
 from skfem_contact.answers.validity.support import Support, unit_motions
+from skfem_contact.answers.validity.tool_chords import pierced, pierced_words
 from skfem_contact.answers.validity.track import Track, tool_motion
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.obstacles.obstacle import Obstacle
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -74,6 +77,7 @@ class ContactWatch:
         own = geometry.interference[i]
         self.track = make(contact, pairing, geometry.kin.gap0[self.part], own)
         self.on_obstacle = looked_at(contact)
+        self._behind: float | None = None  # see `untouched`
         sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
         bodies = [self.system.index(side.body) for side in sides]
         # the diagonal of K at a surface is of the order of the modulus, whatever the mesh; in 3-D
@@ -182,10 +186,12 @@ class ContactWatch:
 
     def _sagitta(self, state: State) -> float:
         contact, part, track = self.contact, self.part, self.track
-        if not track.curved or not isinstance(contact.primary, ContactSurface):
+        # how far bodies that no support holds against a tool are pressed in is known from forces alone,
+        # which tell too little of it
+        if not track.curved or (contact.rigid and not self.held):
             return 0.0
         force, moved = np.where(state.status[part] != OPEN, state.normal_force[part], 0.0), None
-        if contact.sliding == "finite":
+        if contact.sliding == "finite" and isinstance(contact.primary, ContactSurface):
             u = self.geometry.spread(state.surface)
             one, other = (
                 s.points + u[self.system.slice(s.body)][s.dofs]
@@ -193,6 +199,24 @@ class ContactWatch:
             )
             moved = one, other
         return track.sagitta(force, moved)
+
+    def untouched(self, gap: Array) -> str:
+        """What is wrong where nothing touches an obstacle, in words; empty if nothing is.
+
+        `gap` is that of the answer.
+        """
+        contact, track = self.contact, self.track
+        if not isinstance(contact.primary, Obstacle) or contact.bilateral:
+            return ""
+        if self._behind is None:
+            self._behind = depth_behind(contact, self.geometry.pairings[self.i])
+        # what finds partners that it did not have has come to another place
+        if self._behind and (self.track.paired.any() or not np.isfinite(gap[self.part]).any()):
+            return behind_words(contact, self._behind)
+        if track.bend is None:
+            return ""
+        found = pierced(track.secondary, track.bend, gap[self.part])
+        return pierced_words(track.secondary, *found, contact.primary.label) if found else ""
 
     def sure(self, result: Answer, drift: Drift) -> Drift:
         """Where points slide far and facets seem too long: with the approach since the beginning."""

@@ -53,15 +53,36 @@ def face_sagittas(secondary: FaceSurface, primary: FaceSurface, facet: Index, by
     mean /= np.bincount(faces.ravel(), minlength=m)[:, None, None]
     bend = mean + of_primary[facet]
     out = _heights(others[facet], bend)
-    around = _heights(edges[:, None], bend[faces])
     if by_node:
-        # S by the edges of a triangle, or of a parallelogram
-        spread = np.einsum("fcd,fce->fde", edges, edges) / (9 if secondary.kind.triangle else 8)
-        whole = [np.abs(np.einsum("fkde,fde->fk", K[faces], spread)) for K in (bend, of_primary[facet])]
-        around = np.maximum(around, 4 * np.minimum(*whole))
+        around = heights_over(edges, bend[faces], of_primary[facet][faces], secondary.kind.triangle)
+    else:
+        around = _heights(edges[:, None], bend[faces])
     np.maximum.at(out, faces, around)
     # what normals of plane faces differ by
     return np.where(out > 8 * NO_LENGTH * np.abs(secondary.points).max(), out / 8, 0.0)
+
+
+def heights_over(edges: Array, bend: Array, of_primary: Array, triangle: bool) -> Array:
+    """Eight times the height over faces whose nodes alone see the primary.
+
+    Parameters
+    ----------
+    edges : ndarray, shape (nf, c, 3)
+    bend : ndarray, shape (nf, k, 3, 3) or (nf, 3, 3)
+        Of both sides together.
+    of_primary : ndarray, shape (nf, k, 3, 3) or (1, 3, 3)
+    triangle : bool
+        Whether faces are triangles.
+
+    Returns
+    -------
+    ndarray, shape (nf, k) or (nf,)
+    """
+    around = _heights(edges[:, None] if bend.ndim > edges.ndim else edges, bend)
+    # S by the edges of a triangle, or of a parallelogram
+    spread = np.einsum("fcd,fce->fde", edges, edges) / (9 if triangle else 8)
+    whole = [np.abs(np.einsum("f...de,fde->f...", K, spread)) for K in (bend, of_primary)]
+    return np.maximum(around, 4 * np.minimum(*whole))
 
 
 def _heights(edges: Array, bend: Array) -> Array:

@@ -91,10 +91,10 @@ def at_obstacle(
 ) -> Meeting:
     """A deformed surface, its nodes and points between them, against an obstacle at its place."""
     noise = NO_OVERLAP * float(np.max(np.ptp(surface.points, axis=0)))
-    at_nodes = _distance(obstacle, surface, nodes) + added
+    at_nodes = signed_distance(obstacle, surface, nodes) + added
     ends = surface.facets
     between = [
-        _distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ w
+        signed_distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ w
         for w in _weights_between(surface)
     ]
     deepest = -float(np.min(np.concatenate([at_nodes, *between])))
@@ -115,7 +115,7 @@ def _weights_between(surface: ContactSurface) -> list[Array]:
     return [np.array([0.375, -0.125, 0.75]), np.array([-0.125, 0.375, 0.75])]
 
 
-def _distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
+def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
     """Signed distances of any points, whether they face the obstacle or not."""
     if isinstance(obstacle.outline, CurveSurface):
         return signed_distances(obstacle.outline, points)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.validity.chords import sagittas
+from skfem_contact.answers.validity.tool_chords import tool_bend, tool_sagittas
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
@@ -62,6 +63,8 @@ class Track(ABC):
         By how much gaps to straight facets are off; heights of curves over one facet [length].
     curved : bool
         Whether there are such heights.
+    bend : ndarray, shape (d, d), or None
+        How a rigid obstacle curves, where that is known and its gaps are measured [1/length].
     room : ndarray, shape (m,)
         Slips up to this leave a point with all of its share above the surface [length].
     """
@@ -83,9 +86,15 @@ class Track(ABC):
         self.added = np.where(self.paired, gap0 + own - gap, 0.0)
         self.follows, self.nodal = not contact.tied, contact.method == "node"
         self.chord, self.curved = np.zeros(len(self.points)), False
+        # a gap that is given, or zero as meshed, knows the curves
+        measured = contact.gap is None and not contact.adjust and not contact.bilateral
+        self.bend = None
+        if measured and isinstance(self.primary, Obstacle):
+            self.bend = tool_bend(self.primary)
+        if self.bend is not None:
+            self.sagittas = tool_sagittas(self.secondary, self.bend)
+            self.curved = bool(self.sagittas.any())
         if isinstance(self.primary, ContactSurface):
-            # a gap that is given, or zero as meshed, knows the curves
-            measured = contact.gap is None and not contact.adjust and not contact.bilateral
             facet = np.where(self.paired, pairing.facet, 0)
             self.facet = self.primary.lengths[facet]
             straight = measured and self.nodal and contact.sliding == "small"

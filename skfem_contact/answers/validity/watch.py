@@ -134,6 +134,10 @@ class Watch:
             for i in self.slides_off:
                 words[i] = past_words(self.geometry, i, gap, case, u, drifts[i].approach)
             unseen = {i: text for i, text in words.items() if text}
+        for i, watch in enumerate(self.watches):
+            if not drifts[i].closed and i not in unseen:
+                text = watch.untouched(gap)
+                unseen |= {i: text} if text else {}
         found = Watched(drifts, turns, said, tuple(self.tracks), overlaps, unseen)
         if self.lookouts is None:
             return found
@@ -207,7 +211,7 @@ class Watch:
         if "facets" not in told:
             sure = self.watches[i].sure(result, drift)
             if sure.facets_too_long:
-                found.append(("facets", facet_words(sure)))
+                found.append(("facets", facet_words(sure, self.contacts[i].rigid)))
         if drift.strain > LARGE and "strain" not in told:
             found.append(("strain", strain_words(drift)))
         return found

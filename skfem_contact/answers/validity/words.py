@@ -42,8 +42,17 @@ def sliding_words(drift: Drift) -> str:
     )
 
 
-def facet_words(drift: Drift) -> str:
+def facet_words(drift: Drift, rigid: bool = False) -> str:
     """What long facets on curves do to a light contact, and what to do."""
+    if rigid:
+        return (
+            f"over the length of one facet the two sides stand {drift.sagitta:.3g} off each other, "
+            f"{100 * drift.sagitta_share:.3g} % of the elastic approach of {drift.approach:.3g}: the "
+            "contact is about as small as a facet, and what it carries depends on where the nodes are. "
+            "Pressures are not resolved, and forces that follow from prescribed displacements may be "
+            f"wrong by {'a large factor' if drift.sagitta_share > 1 else 'tens of percent'}. Refine "
+            "the surface where it touches, to four nodes or more under the contact."
+        )
     # a body rests on one facet or on the next where it is pressed in by less than what they stand out
     several = "There may be several answers, one for each facet that can carry. "
     return (
