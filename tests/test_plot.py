@@ -233,6 +233,8 @@ def test_history_of_one_contact_of_two() -> None:
     assert_allclose(areas, [1.0, 0.0], rtol=0, atol=1e-12)
     with pytest.raises(sc.InputError, match="there are 2 contacts"):
         sc.plot_history([result])
+    with pytest.raises(sc.InputError, match=r"write plot_contact\(result, 'wall'\)"):
+        sc.plot_contact(result["wall"])
 
 
 def test_axes_of_the_user_are_used() -> None:

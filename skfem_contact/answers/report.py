@@ -101,7 +101,7 @@ def _last_lines(result: ContactResult) -> list[str]:
     seconds = ", ".join(f"{k} {v:.3g} s" for k, v in result.timings.items())
     linear = result._answer.linear
     lines += ["", f"linear problems: {linear}"] if linear else [""]
-    return [*lines, f"{result.iterations} iterations; {seconds}"]
+    return [*lines, f"{result.iterations} iteration{'s' if result.iterations != 1 else ''}; {seconds}"]
 
 
 def _watched_line(answer: Answer) -> str:

@@ -124,4 +124,5 @@ class Advance:
         """What else it took, for messages: cuts of the step."""
         if not self.cuts:
             return ""
-        return f", step cut {self.cuts} times, substep {self.substeps}"
+        times = "once" if self.cuts == 1 else f"{self.cuts} times"
+        return f", step cut {times}, substep {self.substeps}"

@@ -67,7 +67,10 @@ def _cut(closed: NDArray[np.bool_]) -> int:
 
 def is_solid(result: ContactResult) -> bool:
     """Whether a result is of solids; refused where there are no displacements to draw."""
-    check_kind(result, ContactResult, "result", "draw what solve(...) returned, or one of a history")
+    usage = "draw what solve(...) returned, or one of a history"
+    if isinstance(result, ContactValues):
+        usage = f"write plot_contact(result, {result.name!r}), and plot_deformed(result) for the bodies"
+    check_kind(result, ContactResult, "result", usage)
     body = next(iter(result.system.solids.values()))
     if body.components != body.dim:
         raise InputError(
