@@ -14,7 +14,7 @@ import skfem_contact as sc
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.faces.closest import closest_faces
-from skfem_contact.pairing.faces.joints import rim_points, sharp_edges, sharp_points
+from skfem_contact.pairing.faces.joints import rim_points
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.faces.projection import interpolated_normals, project
 from skfem_contact.pairing.faces.rollers import along_supports
@@ -204,7 +204,7 @@ def test_reach_and_overlaps(kind):
 def test_convex_edges_and_corners_take_nodes_up_to_45_degrees():
     """Round the edge of a cube a node is paired along the normal of its side, at 45 degrees at most."""
     cube_ = body(cube("quad4", 2), "quad4").surface(None)
-    assert sharp_points(cube_).sum() == 8 + 12 and not rim_points(cube_).any()
+    assert cube_.sharp_points.sum() == 8 + 12 and not rim_points(cube_).any()
     for angle, expected in ((10, True), (44, True), (46, False)):
         # the tip of a small tetrahedron that looks down, beyond the edge x = 1 of the top z = 1
         tan = np.tan(np.radians(angle))
@@ -347,6 +347,24 @@ def test_projection_from_beyond_the_centres_of_curvature(kind):
     assert np.count_nonzero(np.linalg.norm(feet.foot - x, axis=1) > nearest + 1e-9) <= 3
 
 
+@every_kind
+@pytest.mark.parametrize("height", [1e-3, 1e-6, 1e-9])
+def test_projection_of_points_that_nearly_touch(kind, height):
+    """Points on the normals of a bent face have their feet where those normals stand, to round-off."""
+    surface = body(cube(kind, 2, warped), kind).surface(None)
+    rng = np.random.default_rng(1)
+    facet, xi = rng.integers(0, len(surface.facets), 300), rng.uniform(0.05, 0.45, (300, 2))
+    N, dN = surface.kind.shapes(xi)
+    x = np.einsum("pk,pkd->pd", N, surface.points[surface.facets[facet]])
+    one, other = np.einsum("pki,pkd->ipd", dN, surface.points[surface.facets[facet]])
+    up = np.cross(one, other)
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    feet = project(surface, facet, x + height * up)
+    # places of size one have 16 digits; edges of faces are half as long
+    np.testing.assert_allclose(feet.foot, x, rtol=0, atol=5e-15)
+    np.testing.assert_allclose(feet.xi, xi, rtol=0, atol=2e-14)
+
+
 def test_the_search_is_selective_and_complete_on_a_ball():
     """Of a ball of 384 faces a far point is shown few, and the one it sees is among them."""
     ball = body(cube("quad4", 8, onto_ball), "quad4").surface(None)
@@ -441,9 +459,9 @@ def test_a_bend_that_grows_along_its_edge():
     rise = np.tan(np.radians(30.0)) * np.abs(mesh.p[0] - 0.5) * mesh.p[1] * mesh.p[2]
     p = mesh.p - np.array([[0.0], [0.0], [1.0]]) * rise
     surface = body(fem.MeshHex(p, mesh.t), "quad4").surface(mesh.facets_satisfying(at(2, 1.0)))
-    sharp = sharp_edges(surface)
+    sharp = surface.sharp_edges
     assert sharp.sum() == 2  # the same edge from both faces
-    assert set(np.flatnonzero(sharp_points(surface))) == set(
+    assert set(np.flatnonzero(surface.sharp_points)) == set(
         np.flatnonzero(np.isclose(surface.points[:, 0], 0.5))
     )
 

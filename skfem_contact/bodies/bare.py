@@ -91,6 +91,7 @@ def bare_faces(points: np.ndarray, facets: np.ndarray, name: str) -> FaceSurface
         area=face_areas(points, facets, kind, None, name),
         mesh_facets=np.arange(len(facets)),
         kinks=face_kinks(points, facets, kind, twins),
+        twins=twins,
         **areas_and_normals(points, facets, kind, held, twins),
     )
     seal(surface)

@@ -1,8 +1,9 @@
-"""Kinks of faces: edges beside a flat at which a surface turns by less than a corner does.
+"""Where a surface turns at the edges of its faces: sharp edges, and kinks beside a flat.
 
-At an edge where faces meet at 45 degrees and less the surface has one normal, averaged, which is right
-for curved surfaces. A chamfer beside a flat is none: it is known by what the surface does next to the
-edge. On one side at least it goes straight on (`normals.kink_angles` is the same of curves).
+At a sharp edge faces meet at more than 45 degrees. At any other edge the surface has one normal,
+averaged, which is right for curved surfaces. A chamfer beside a flat is none: it is known by what the
+surface does next to the edge. On one side at least it goes straight on. (`normals.kink_angles` is the
+same of curves.)
 """
 
 from __future__ import annotations
@@ -18,6 +19,21 @@ from skfem_contact.bodies.thresholds import BENT, CORNER, STRAIGHT
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
+
+
+def sharp_edges(normals: Array, twins: Index) -> Mask:
+    """Edges (nf, c) where faces meet at more than 45 degrees, at one end at least.
+
+    Parameters
+    ----------
+    normals : ndarray, shape (nf, c, 3)
+        Their own unit normals at the corners.
+    twins : ndarray of int, shape (nf, c)
+        From `faces.twin_edges`.
+    """
+    (here, across), (ahead, beyond) = _both_ends(normals, twins)
+    turns = [np.einsum("fcd,fcd->fc", *pair) for pair in ((here, across), (ahead, beyond))]
+    return np.asarray((np.minimum(*turns) < CORNER) & (twins >= 0))
 
 
 def kink_angles(points: Array, facets: Index, kind: FacetKind, twins: Index) -> Array:
@@ -50,14 +66,17 @@ def kink_angles(points: Array, facets: Index, kind: FacetKind, twins: Index) -> 
 
 def _bends(normals: Array, twins: Index) -> Array:
     """Mean angle between the normals (nf, c, 3) of two faces along each edge; 0 at rims and corners."""
+    pairs = _both_ends(normals, twins)
+    bend = 0.5 * (angle_between(*pairs[0]) + angle_between(*pairs[1]))
+    return np.where((twins >= 0) & (bend <= np.arccos(CORNER)), bend, 0.0)
+
+
+def _both_ends(normals: Array, twins: Index) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Normals of two faces at the start of each edge, and at its end, four arrays (nf, c, 3)."""
     c = twins.shape[1]
     own = normals.reshape(-1, 3)
-    here = np.arange(twins.size).reshape(-1, c)
-    ahead, there = np.roll(here, -1, axis=1), twins
-    begin = there // c * c + (there + 1) % c  # the edge across starts where this one ends
-    pairs = (own[here], own[begin]), (own[ahead], own[there])
-    bend = 0.5 * (angle_between(*pairs[0]) + angle_between(*pairs[1]))
-    return np.where((there >= 0) & (bend <= np.arccos(CORNER)), bend, 0.0)
+    begin = twins // c * c + (twins + 1) % c  # the edge across starts where this one ends
+    return (normals, own[begin]), (np.roll(normals, -1, axis=1), own[twins])
 
 
 def _at_far_vertices(points: Array, corners: Index, twins: Index, bend: Array) -> tuple[Array, Mask]:

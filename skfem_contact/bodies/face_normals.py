@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.normals import unit, weights_of
+from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
+from skfem_contact.bodies.normals import cross, unit, weights_of
 from skfem_contact.bodies.thresholds import CANCELLED, CORNER, SAME_PLACE
 
 Array = NDArray[np.float64]
@@ -27,8 +27,8 @@ Mask = NDArray[np.bool_]
 def area_elements(points: Array, facets: Index, kind: FacetKind, xi: Array) -> Array:
     """Outward normals of faces with the length of the area element, (nf, q, 3), at (q, 2)."""
     _, dN = kind.shapes(xi)
-    along = np.einsum("qki,fkd->fqid", dN, points[facets])
-    return np.cross(along[:, :, 0], along[:, :, 1]) + 0.0  # + 0.0 turns -0.0 into 0.0
+    along = np.einsum("qki,fkd->fqid", dN, node_positions(points, facets), order="F")
+    return cross(along[:, :, 0], along[:, :, 1]) + 0.0  # + 0.0 turns -0.0 into 0.0
 
 
 def areas_and_normals(

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.facet_kinds import FacetKind
+from skfem_contact.bodies.face_normals import area_elements
+from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.thresholds import NO_EXTENT, SAME_FACET
 from skfem_contact.errors import InputError
@@ -60,9 +61,8 @@ def twin_edges(corners: Index) -> Index:
     """
     start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
     forward = start < end
-    ends = np.stack([np.minimum(start, end), np.maximum(start, end)], axis=1)
-    _, edge = np.unique(ends, axis=0, return_inverse=True)
-    edge = edge.ravel()
+    ends = np.minimum(start, end) * (1 + corners.max(initial=0)) + np.maximum(start, end)
+    _, edge = np.unique(ends, return_inverse=True)
     order = np.lexsort((np.arange(len(edge)), forward, edge))
     first = np.r_[True, np.diff(2 * edge[order] + forward[order]) != 0]
     place = np.arange(len(edge))
@@ -85,15 +85,12 @@ def check_faces(
     ------
     InputError
     """
-    x = points[facets]
-    corners = x[:, : kind.corners]
+    corners = node_positions(points, facets[:, : kind.corners])
     side = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     # coordinates carry 16 digits of the mesh's extent; anything near that has no direction
     extent = np.abs(mesh.doflocs - mesh.doflocs.mean(axis=1, keepdims=True)).max()
     small = NO_EXTENT * extent
-    _, dN = kind.shapes(np.vstack([kind.locations, kind.middle]))
-    along = np.einsum("qki,fkd->fqid", dN, x)
-    area = np.cross(along[:, :, 0], along[:, :, 1])
+    area = area_elements(points, facets, kind, np.vstack([kind.locations, kind.middle]))
     up = np.einsum("fqd,fd->fq", area, area[:, -1])
     flat = (side.min(axis=1) <= small) | (
         np.linalg.norm(area[:, -1], axis=1) <= small * side.max(axis=1)

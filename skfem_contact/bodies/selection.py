@@ -23,7 +23,9 @@ def name_of(where: Any) -> str:
 def select_facets(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
     """Boundary facets that `where` means."""
     chosen = np.unique(_normalize(mesh, where, nodes, label))
-    on_boundary = np.intersect1d(chosen, mesh.boundary_facets())
+    outer = np.zeros(mesh.nfacets, dtype=bool)
+    outer[mesh.boundary_facets()] = True
+    on_boundary = chosen[outer[chosen]]
     if on_boundary.size:
         return on_boundary
     if chosen.size:

@@ -12,6 +12,7 @@ import numpy as np
 from skfem_contact.arguments import check_name, numbers
 from skfem_contact.bodies.curves import end_turns
 from skfem_contact.bodies.face_kinks import kink_angles as face_kinks
+from skfem_contact.bodies.face_kinks import sharp_edges
 from skfem_contact.bodies.face_normals import area_elements, areas_and_normals, face_areas
 from skfem_contact.bodies.faces import check_faces, seen_from_outside, twin_edges
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
@@ -211,22 +212,18 @@ class FaceSurface(ContactSurface):
     kinks : ndarray, shape (m,)
         Angle by which the undeformed surface turns at a node on an edge beside a flat; 0 elsewhere, so
         on curved surfaces [rad]. Strains bend flats, and would make kinks come and go.
+    twins : ndarray of int, shape (nf, c)
+        The same edge seen from the face across it; -1 where the surface ends. Edge i of face f has the
+        number ``c f + i``.
     """
 
     kinks: np.ndarray
+    twins: np.ndarray
 
     @property
     def facet_areas(self) -> np.ndarray:
         """Areas of the faces, shape (nf,), without a `measure`."""
         return self.lengths**2
-
-    @cached_property
-    def twins(self) -> np.ndarray:
-        """The same edge seen from the face across it, shape (nf, c); -1 where the surface ends.
-
-        Edge i of face f has the number ``c f + i``.
-        """
-        return twin_edges(self.facets[:, : self.kind.corners])
 
     @property
     def neighbours(self) -> np.ndarray:
@@ -238,6 +235,18 @@ class FaceSurface(ContactSurface):
         """The faces' own outward unit normals at their nodes, (nf, k, 3), not averaged."""
         normals = area_elements(self.points, self.facets, self.kind, self.kind.locations)
         return normals / np.linalg.norm(normals, axis=2, keepdims=True)
+
+    @cached_property
+    def sharp_edges(self) -> np.ndarray:
+        """Edges (nf, c) where faces meet at more than 45 degrees, at one end at least."""
+        return sharp_edges(self.own_normals[:, : self.kind.corners], self.twins)
+
+    @cached_property
+    def sharp_points(self) -> np.ndarray:
+        """Nodes on sharp edges, shape (m,)."""
+        sharp = np.zeros(len(self.points), dtype=bool)
+        sharp[self.facets[:, self.kind.edges][self.sharp_edges]] = True
+        return sharp
 
     def _normals_at(self, points: np.ndarray) -> dict[str, Any]:
         return areas_and_normals(points, self.facets, self.kind, self.held, self.twins)
@@ -303,5 +312,6 @@ def _faces(body: Body, name: str, label: str, numbers: np.ndarray) -> FaceSurfac
         area=face_areas(points, facets, kind, body.measure, label),
         mesh_facets=numbers,
         kinks=face_kinks(points, facets, kind, twins),
+        twins=twins,
         **areas_and_normals(points, facets, kind, held_components(body, dofs), twins),
     )

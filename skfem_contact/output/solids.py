@@ -30,7 +30,6 @@ from skfem_contact.output.thresholds import (
 )
 from skfem_contact.output.units import labelled, quantity
 from skfem_contact.output.view import View
-from skfem_contact.pairing.faces.joints import sharp_edges
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -134,7 +133,7 @@ def _outline(surface: FaceSurface, places: Array, eye: Array) -> Array:
     chain = surface.facets[:, edges[:, [0, 2, 1]] if edges.shape[1] == 3 else edges]
     x = places[surface.facets[:, : surface.kind.corners]]
     front = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]) @ eye > 0
-    x = places[chain[sharp_edges(surface) & front[:, None]]]
+    x = places[chain[surface.sharp_edges & front[:, None]]]
     x = np.concatenate([x[:, :2], x[:, 1:]]) if x.shape[1] == 3 else x
     part = np.linspace(0.0, 1.0, 9)[:, None, None]
     points = (1 - part) * x[:, 0] + part * x[:, 1]

@@ -8,9 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.bodies.thresholds import CORNER
-from skfem_contact.pairing.faces.joints import Joints, across_edges, sharp_edges, sharp_points
+from skfem_contact.pairing.faces.joints import Joints, across_edges
 from skfem_contact.pairing.faces.projection import Feet, interpolated_normals, project
 from skfem_contact.pairing.faces.search import FaceTree, closest_candidates
 from skfem_contact.pairing.thresholds import COINCIDENT, FACING, TIE
@@ -42,11 +43,6 @@ class Side:
     def joints(self) -> Joints:
         """The corners of the primary by its points."""
         return Joints.of(self.primary)
-
-    @cached_property
-    def sharp(self) -> tuple[Mask, Mask]:
-        """Edges (nf, c) and points (m,) of the primary that are sharp."""
-        return sharp_edges(self.primary), sharp_points(self.primary)
 
     def judge(self, point: Index, facet: Index) -> tuple[Mask, Array]:
         """Whether faces may be the partners of points, and the distances [length]."""
@@ -100,7 +96,7 @@ class Side:
 
         at = np.flatnonzero(~on_edge)
         corner = primary.facets[facet[at], local[at]]
-        smooth = ~self.sharp[1][corner]
+        smooth = ~primary.sharp_points[corner]
         good[at] = ~self.joints.leads_off(corner, apart[at], least[at]) & (smooth | in_cone[at])
         return good
 
@@ -126,14 +122,18 @@ def closest_faces(
         valid, distance = side.judge(point, facet)
         return point[valid], facet[valid], distance[valid]
 
-    # a first guess among the nearest faces bounds the distance, the exact search then is short
+    # a first guess, the nearest face or else the next one, bounds the distance: the exact search then
+    # is short
     m = len(secondary.points)
+    bound, found = np.full(m, np.inf), []
     few = min(2, len(primary.facets))
-    _, guess = kd_tree(primary.points[primary.facets].mean(axis=1)).query(secondary.points, k=few)
-    guessed = valid_pairs(np.repeat(np.arange(m), few), guess.reshape(-1))
-    point, facet, distance = guessed
-    bound = np.full(m, np.inf)
-    np.minimum.at(bound, point, distance + 2 * TIE * primary.lengths[facet])
+    centres = node_positions(primary.points, primary.facets).mean(axis=1)
+    _, guess = kd_tree(centres).query(secondary.points, k=np.arange(1, few + 1))
+    for nearest in guess.T:
+        left = np.flatnonzero(np.isinf(bound))
+        found.append(valid_pairs(left, nearest[left]))
+        point, facet, distance = found[-1]
+        bound[point] = distance + 2 * TIE * primary.lengths[facet]
 
     blocks = closest_candidates(
         FaceTree.build(primary),
@@ -144,7 +144,7 @@ def closest_faces(
         outside=outside,
         inside=inside,
     )
-    found = [guessed, *(valid_pairs(point, facet) for point, facet in blocks)]
+    found += [valid_pairs(point, facet) for point, facet in blocks]
     point, facet, distance = (np.concatenate(column) for column in zip(*found, strict=True))
     nearest = np.full(m, np.inf)
     np.minimum.at(nearest, point, distance)
@@ -165,7 +165,7 @@ def _most_opposite(
     away = (middle - secondary.points[point]) / primary.lengths[facet][:, None]
     keys = np.round(np.column_stack([facing, np.linalg.norm(away, axis=1), away]), 6)
     order = np.lexsort((facet, *keys.T[::-1], point))
-    _, first = np.unique(point[order], return_index=True)
+    first = np.append(True, np.diff(point[order]) > 0)[: len(point)]
     chosen = order[first]
     return point[chosen], facet[chosen]
 
@@ -184,7 +184,7 @@ def overhang(
     """
     miss = np.where(lonely, np.inf, 0.0)
     end_facet = np.full(len(miss), -1)
-    facet, edge = np.nonzero((primary.twins < 0) | sharp_edges(primary))
+    facet, edge = np.nonzero((primary.twins < 0) | primary.sharp_edges)
     point = np.flatnonzero(lonely)
     if not (len(facet) and len(point)):
         return miss, end_facet

@@ -1,4 +1,4 @@
-"""Where faces meet: sharp edges and corners, and the directions that lead along the surface there."""
+"""Where faces meet: the rim, and the directions that lead along the surface from edges and corners."""
 
 from __future__ import annotations
 
@@ -7,34 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.bodies.facet_kinds import node_positions
+from skfem_contact.bodies.normals import cross
 from skfem_contact.bodies.surface import FaceSurface
-from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.pairing.thresholds import COINCIDENT, SAME_NORMAL
 from skfem_contact.pairing.vectors import dot, ragged
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-
-def sharp_edges(surface: FaceSurface) -> Mask:
-    """Edges (nf, c) where faces meet at more than 45 degrees, at one end at least."""
-    c = surface.kind.corners
-    own = surface.own_normals[:, :c].reshape(-1, 3)
-    here = np.arange(surface.twins.size).reshape(-1, c)
-    there = surface.twins
-    ahead = np.roll(here, -1, axis=1)
-    # the edge across starts where this one ends
-    begin, end = _following(there, c), there
-    sharp = (dot(own[here], own[begin]) < CORNER) | (dot(own[ahead], own[end]) < CORNER)
-    return np.asarray(sharp & (there >= 0))
-
-
-def sharp_points(surface: FaceSurface) -> Mask:
-    """Nodes on sharp edges, shape (m,)."""
-    sharp = np.zeros(len(surface.points), dtype=bool)
-    sharp[surface.facets[:, surface.kind.edges][sharp_edges(surface)]] = True
-    return sharp
 
 
 def rim_points(surface: FaceSurface, mirrored: bool = True) -> Mask:
@@ -52,11 +33,6 @@ def rim_points(surface: FaceSurface, mirrored: bool = True) -> Mask:
     rim = np.zeros(len(surface.points), dtype=bool)
     rim[edges] = True
     return rim
-
-
-def _following(number: Index, c: int) -> Index:
-    """The number ``c f + i`` of the corner after that with a number, on the same face."""
-    return np.asarray(number // c * c + (number + 1) % c)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +68,8 @@ class Joints:
         leaving, arriving = start, -np.roll(end, 1, axis=1)
         normal = surface.own_normals[:, :c]
         rim = (surface.twins < 0)[..., None]
-        before = np.where(np.roll(rim, 1, axis=1), np.cross(-arriving, normal), 0.0)
-        outward = np.stack([np.where(rim, np.cross(leaving, normal), 0.0), before], axis=2)
+        before = np.where(np.roll(rim, 1, axis=1), cross(-arriving, normal), 0.0)
+        outward = np.stack([np.where(rim, cross(leaving, normal), 0.0), before], axis=2)
         return cls(
             np.concatenate([[0], np.cumsum(count)]),
             row,
@@ -131,9 +107,9 @@ def edge_tangents(surface: FaceSurface) -> tuple[Array, Array]:
     at = kind.locations[:c]
     way = np.roll(at, -1, axis=0) - at
     _, dN = kind.shapes(at)
-    x = surface.points[surface.facets]
-    start = np.einsum("cki,ci,fkd->fcd", dN, way, x)
-    end = np.einsum("cki,ci,fkd->fcd", np.roll(dN, -1, axis=0), way, x)
+    x = node_positions(surface.points, surface.facets)
+    start = np.einsum("cki,ci,fkd->fcd", dN, way, x, order="F")
+    end = np.einsum("cki,ci,fkd->fcd", np.roll(dN, -1, axis=0), way, x, order="F")
     return _unit(start), _unit(end)
 
 
@@ -157,11 +133,11 @@ def across_edges(surface: FaceSurface, number: Index, part: Array) -> tuple[Arra
     facet, edge = number // c, number % c
     at = kind.locations[:c]
     way = (np.roll(at, -1, axis=0) - at)[edge]
-    _, dN = kind.shapes(at[edge] + part[:, None] * way)
-    along = np.einsum("pki,pkd->pid", dN, surface.points[surface.facets[facet]])
-    normal = _unit(np.cross(along[:, 0], along[:, 1]))
+    _, dN = kind.shapes(np.asfortranarray(at[edge] + part[:, None] * way))
+    along = np.einsum("pki,pkd->pid", dN, node_positions(surface.points, surface.facets[facet]))
+    normal = _unit(cross(along[:, 0], along[:, 1]))
     tangent = _unit(np.einsum("pi,pid->pd", way, along))
-    return np.cross(tangent, normal), normal
+    return cross(tangent, normal), normal
 
 
 def _unit(vectors: Array) -> Array:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.thresholds import BENT
-from skfem_contact.pairing.faces.joints import sharp_points
 from skfem_contact.pairing.faces.meeting import meet
 from skfem_contact.pairing.faces.segmentation import Segmentation
 
@@ -37,7 +36,7 @@ def least_gaps(parts: Segmentation, acts: Mask) -> Array | None:
     face = [own.facet[cell] for own, cell in zip(parts.cells, cells, strict=True)]
     over = np.zeros(len(parts.e), dtype=bool)
     for surface, facet in zip(surfaces, face, strict=True):
-        bent = (surface.kinks > BENT) | sharp_points(surface)
+        bent = (surface.kinks > BENT) | surface.sharp_points
         over |= np.any(bent[surface.facets], axis=1)[facet]
     if not over.any():
         return None

@@ -18,7 +18,8 @@ def strained(surface: FaceSurface) -> tuple[Array, Array]:
     trace; their squares add up to 5/3 of the identity, those of the forces to ``5/3 (2 mu)^2 |a|^2``.
     """
     body, centre = surface.body, surface.points.mean(axis=0)
-    unit_x = (np.arange(3) == body.dof_component[:, None]).astype(float)
+    own = body.dof_component[:, None]
+    unit_x = (np.arange(3) == own).astype(float)
     at = body.dof_points - centre
     shears = np.zeros((5, 3, 3))
     for k, (i, j) in enumerate(((0, 1), (1, 2), (2, 0))):
@@ -26,7 +27,7 @@ def strained(surface: FaceSurface) -> tuple[Array, Array]:
     shears[3] = np.diag([1.0, -1.0, 0.0]) / np.sqrt(2)
     shears[4] = np.diag([1.0, 1.0, -2.0]) / np.sqrt(6)
     strains = np.concatenate([np.eye(3)[None], shears])
-    columns = [np.sum(unit_x * (at @ strain), axis=1) for strain in strains]
+    columns = [np.take_along_axis(at @ strain, own, axis=1)[:, 0] for strain in strains]
     forces = body.K[surface.dofs.ravel()] @ np.column_stack([*columns, unit_x])
     forces = forces.reshape(len(surface.points), 3, 9)
     # the fields vanish at the node itself: less their value there, a translation

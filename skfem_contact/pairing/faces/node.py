@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.faces.closest import closest_faces, overhang
-from skfem_contact.pairing.faces.joints import sharp_points
 from skfem_contact.pairing.faces.projection import interpolated_normals, project
 from skfem_contact.pairing.node import Pairing, nodes_at_feet, without
 from skfem_contact.pairing.thresholds import COINCIDENT
@@ -90,7 +89,7 @@ def _normals_of_sides(
     On a sharp edge or corner a side has no normal: there that of the other side stands for both.
     """
     own = -secondary.normals[point]
-    corner = sharp_points(secondary)[point, None]
-    on_sharp = np.sum(np.where(sharp_points(primary)[nodes], np.abs(weights), 0.0), axis=1)
+    corner = secondary.sharp_points[point, None]
+    on_sharp = np.sum(np.where(primary.sharp_points[nodes], np.abs(weights), 0.0), axis=1)
     at_corner = (on_sharp >= 1 - COINCIDENT)[:, None]
     return np.where(corner & ~at_corner, feet, own), np.where(at_corner & ~corner, own, feet)

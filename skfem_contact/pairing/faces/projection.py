@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.facet_kinds import FacetKind
+from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
+from skfem_contact.bodies.normals import cross
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.vectors import dot
 
@@ -29,8 +30,8 @@ Index = NDArray[np.intp]
 STEPS = 30
 #: Change of reference coordinates at which they are known, and by which a point is on an edge.
 KNOWN, ON_EDGE = 1e-13, 1e-9
-#: Round-off of squared distances, below which a step has not led away.
-SAME_DISTANCE = 1e-14
+#: Round-off of distances, below which a step has not led away: of themselves, and of coordinates.
+SAME_DISTANCE, SAME_PLACE = 5e-15, 1e-15
 #: Of the squared length element, the least curvature of the model: beyond a centre of curvature the
 #: true one is negative.
 LEAST = 0.1
@@ -74,14 +75,14 @@ def project(surface: FaceSurface, facet: Index, points: Array) -> Feet:
     points : ndarray, shape (p, 3)
     """
     kind = surface.kind
-    nodes = surface.points[surface.facets[facet]]
+    nodes, points = node_positions(surface.points, surface.facets[facet]), np.asfortranarray(points)
     xi = _closest(kind, nodes, points)
     place = _places(kind, xi)
     xi = _snapped(kind, xi, place)
     N, dN = kind.shapes(xi)
     foot = np.einsum("pk,pkd->pd", N, nodes)
     along = np.einsum("pki,pkd->pid", dN, nodes)
-    own = np.cross(along[:, 0], along[:, 1])
+    own = cross(along[:, 0], along[:, 1])
     own /= np.linalg.norm(own, axis=1, keepdims=True)
     apart = points - foot
     across = apart - dot(apart, own)[:, None] * own
@@ -94,46 +95,56 @@ def interpolated_normals(surface: FaceSurface, facet: Index, xi: Array) -> Array
 
     Between the normals at the corners, also on quadratic faces, as in 2-D.
     """
-    corner = surface.facet_node_normals[facet, : surface.kind.corners]
+    corner = _some(surface.facet_node_normals[:, : surface.kind.corners], facet)
     normal = np.einsum("pk,pkd->pd", surface.kind.linear.shapes(xi)[0], corner)
     return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
 def _closest(kind: FacetKind, nodes: Array, points: Array) -> Array:
-    """Reference coordinates (p, 2) of the closest points of faces with nodes (p, k, 3)."""
+    """Reference coordinates (p, 2) of the closest points of faces with nodes (p, k, 3).
+
+    All arrays are in Fortran order, see `node_positions`.
+    """
     starts = kind.middle[None] if kind.straight else _lattice(kind, 4 if kind.quadratic else 2)
-    where = np.einsum("sk,pkd->psd", kind.shapes(starts)[0], nodes)
+    where = np.einsum("sk,pkd->psd", kind.shapes(starts)[0], nodes, order="F")
     first = np.argmin(np.sum((where - points[:, None]) ** 2, axis=2), axis=1)
-    xi = starts[first]
-    bent = None if kind.curvatures is None else np.einsum("kij,pkd->pijd", kind.curvatures, nodes)
+    xi = _some(starts, first)
+    second = kind.curvatures
+    bent = None if second is None else np.einsum("kij,pkd->pijd", second, nodes, order="F")
     left = np.arange(len(points))
     value = np.full(len(points), np.inf)
+    # of points that nearly touch distances have few digits, and must not turn good steps back
+    round_off = SAME_PLACE * np.abs(points).max(initial=0.0)
     step = np.zeros_like(xi)
     for _ in range(STEPS):
-        x, p = nodes[left], points[left]
-        at = xi[left]
+        x, at = _some(nodes, left), _some(xi, left)
         N, dN = kind.shapes(at)
-        apart = np.einsum("pk,pkd->pd", N, x) - p
-        now = dot(apart, apart)
-        worse = now > value[left] * (1 + SAME_DISTANCE)
+        apart = np.einsum("pk,pkd->pd", N, x) - _some(points, left)
+        now = np.sqrt(dot(apart, apart))
+        worse = now > value[left] * (1 + SAME_DISTANCE) + round_off
         if worse.any():  # back by half of the way; the model was too flat
             back = left[worse]
             step[back] *= 0.5
             xi[back] -= step[back]
-        good = ~worse
-        on = left[good]
-        value[on] = now[good]
-        along = np.einsum("pki,pkd->pid", dN[good], x[good])
-        curved = (
-            np.einsum("pkij,pkd->pijd", kind.second(at[good]), x[good]) if bent is None else bent[on]
-        )
-        step[on] = _model_minimum(kind, at[good], apart[good], along, curved) - at[good]
+            good = np.flatnonzero(~worse)
+            x, at, dN, apart = (_some(part, good) for part in (x, at, dN, apart))
+            now = now[good]
+        on = left[~worse]
+        value[on] = now
+        along = np.einsum("pki,pkd->pid", dN, x)
+        curved = np.einsum("pkij,pkd->pijd", kind.second(at), x) if bent is None else _some(bent, on)
+        step[on] = _model_minimum(kind, at, apart, along, curved) - at
         xi[on] += step[on]
         moved = np.abs(step[left]).max(axis=1) > KNOWN
         left = left[moved]
         if kind.straight or not len(left):
             break
     return xi
+
+
+def _some(values: Array, chosen: Index) -> Array:
+    """``values[chosen]`` in Fortran order."""
+    return np.asarray(np.take(values.T, chosen, axis=-1).T)
 
 
 def _lattice(kind: FacetKind, parts: int) -> Array:

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import FaceSurface
-from skfem_contact.pairing.faces.joints import sharp_points
 from skfem_contact.pairing.search import ball_of, children, descend
 from skfem_contact.pairing.thresholds import BULGE, MARGIN, NO_PLANE
 from skfem_contact.pairing.vectors import dot
@@ -170,7 +169,7 @@ def _spreads(surface: FaceSurface) -> Array:
     around = np.zeros(len(surface.points))
     np.maximum.at(around, corners, off)
     smooth = _angles(np.einsum("fkd,fd->fk", mean, middle)) + around[corners]
-    reach = np.where(sharp_points(surface)[corners], angle[:, :c] + 0.25 * np.pi, smooth)
+    reach = np.where(surface.sharp_points[corners], angle[:, :c] + 0.25 * np.pi, smooth)
     return np.minimum(np.maximum(turn, reach.max(axis=1)), np.pi)
 
 
