@@ -14,7 +14,7 @@ from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.output.drawing import arc_length
-from skfem_contact.output.view import auto_scale, view
+from skfem_contact.output.view import view
 
 matplotlib = pytest.importorskip("matplotlib")
 matplotlib.use("Agg")
@@ -187,12 +187,12 @@ def test_colours_are_the_stress_where_given() -> None:
 
 def test_scale_is_round_and_keeps_gaps_small() -> None:
     """Displacements are shown up to 6 % of the extent; a closed gap, overlapping, up to 1 %."""
-    assert auto_scale(pressed(depth=0.001).solve()) == 50.0
-    assert auto_scale(pressed(depth=1e-6).solve()) == 50_000.0
+    assert view(pressed(depth=0.001).solve()).factor == 50.0
+    assert view(pressed(depth=1e-6).solve()).factor == 50_000.0
     # a gap of 0.005 closed first: at a factor above three it would overlap by more than 0.01
-    assert auto_scale(pressed(depth=0.01, gap=0.005).solve()) == 2.0
+    assert view(pressed(depth=0.01, gap=0.005).solve()).factor == 2.0
     # (0.06, shown in true size)
-    assert auto_scale(pressed(depth=0.06).solve()) == 1.0
+    assert view(pressed(depth=0.06).solve()).factor == 1.0
 
 
 def test_ring_is_cut_open_where_nothing_touches() -> None:

@@ -99,7 +99,7 @@ def test_sticking_points_and_slipping_arrows() -> None:
         status=status,
         tangential_force=force,
     )
-    ax = draw_contact(result, rough, None, {"stress": "Pa"})
+    ax = draw_contact(rough, None, {"stress": "Pa"})
     assert ax.get_legend_handles_labels()[1] == [
         "sticks",
         "slips: friction on this side, up to 0.003 Pa",

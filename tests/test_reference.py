@@ -890,6 +890,7 @@ def test_raous_data_are_consistent():
         (lambda: ref.friction_cone_turn(4.0, 1.0), "start = 4.0"),
         (lambda: ref.friction_cone_turn(1.0, 1.0, 0), "at least 1"),
         (lambda: ref.sliding_wedge_force(2.0, 0.5), "locks"),
+        (lambda: ref.tangential_shift_line(LINE, 0.5, 501.0, 1e3), r"501.0 is more than mu\*P = 500"),
         (lambda: ref.bar_between_planes(1, 1, 1, 1).pull(2.0, turned_at=1.0), "outside"),
         (lambda: ref.triangle_stiffness([(0, 0), (1, 1), (2, 2)], 1.0, 0.3), "on one line"),
     ],

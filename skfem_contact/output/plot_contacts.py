@@ -85,7 +85,7 @@ def plot_contact(
     """
     solid, i, words = is_solid(result), which(result, contact), checked(units)
     if solid:
-        return draw_contact(result, result.values[i], ax, words)
+        return draw_contact(result.values[i], ax, words)
     values, settings = result.values[i], result.contacts[i]
     surface = settings.secondary
     ax = new_axes(ax, (7.0, 4.0))

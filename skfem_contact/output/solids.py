@@ -47,9 +47,7 @@ QUARTERS = np.array(
 ) / 2.0  # fmt: skip
 
 
-def draw_contact(
-    result: ContactResult, values: ContactValues, ax: Any, units: Mapping[str, str]
-) -> Any:
+def draw_contact(values: ContactValues, ax: Any, units: Mapping[str, str]) -> Any:
     """The secondary surface around what touches, coloured by pressure, seen from the other side."""
     surface = values.surface
     assert isinstance(surface, FaceSurface)

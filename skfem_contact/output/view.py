@@ -83,11 +83,6 @@ def view(result: ContactResult, scale: float | Literal["auto"] = "auto") -> View
     return views[1] if views[1].factor > TOGETHER * views[0].factor else views[0]
 
 
-def auto_scale(result: ContactResult) -> float:
-    """The factor of the view that is taken without being told."""
-    return view(result).factor
-
-
 def nodal(body: Member, result: ContactResult) -> Array:
     """Displacements of a body by node, in any order, shape (nodes, d)."""
     u = result.displacement(body)

@@ -23,13 +23,14 @@ def tangential_shift_line(contact: HertzLine, mu: float, Q: float, distance: flo
     The loop it makes under a cycle of Q has the area of the dissipation for distant points only,
     to ``(a/distance)²``.
     """
+    _load_ratio(contact, mu, Q)
     inner = contact.with_load(max(contact.P - abs(Q) / mu, 0.0))
     lost = inner.approach(distance) if inner.P > 0 else 0.0
     return math.copysign(mu * (contact.approach(distance) - lost), Q)
 
 
 def _load_ratio(contact: NormalContact, mu: float, Q: float) -> float:
-    """``x = |Q|/(μP)``, at most 1."""
+    """``x = |Q|/(μP)``, at most 1; more is refused, for there is no equilibrium."""
     positive(mu=mu)
     x = abs(Q) / (mu * contact.P)
     if x > 1 + 1e-12:

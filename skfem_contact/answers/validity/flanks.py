@@ -35,7 +35,7 @@ class Flanks:
     def __init__(self, whole: FaceSurface, selected: FaceSurface, own: FaceSurface) -> None:
         self.whole, self.own = whole, own
         self.beside = ~np.isin(whole.mesh_facets, selected.mesh_facets)
-        self.near = Nearby(whole, own)
+        self.near = Nearby(whole)
 
     def look(self, u: Array, u_own: Array, least: float) -> Standing | None:
         """The node that is deepest in, if it is deeper than a length.

@@ -205,7 +205,7 @@ class Lookout:
         self.contact, self.secondary, self.primary = contact, contact.secondary, contact.primary
         self.noise = NO_OVERLAP * extent
         self.chords = [CHORDS * _heights(side) for side in (self.secondary, self.primary)]
-        self.near = [Nearby(self.secondary, self.primary), Nearby(self.primary, self.secondary)]
+        self.near = [Nearby(self.secondary), Nearby(self.primary)]
         self.edges = [sharp_edges_of(side) for side in (self.secondary, self.primary)]
 
     def look(self, u: Sequence[Array], added: Array, approach: float) -> Standing | None:

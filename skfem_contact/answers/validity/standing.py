@@ -100,11 +100,11 @@ class Nearby:
 
     Parameters
     ----------
-    other, own : FaceSurface
-        With the faces, and with the nodes.
+    other : FaceSurface
+        With the faces.
     """
 
-    def __init__(self, other: FaceSurface, own: FaceSurface) -> None:
+    def __init__(self, other: FaceSurface) -> None:
         self.corners = other.facets[:, : other.kind.corners]
         self.facets = other.facets
         x = other.points[other.facets]
