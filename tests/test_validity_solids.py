@@ -271,6 +271,21 @@ def test_curvature_of_a_ball_and_of_a_plane(kind):
     assert not curvature_tensors(flat).any()
 
 
+def test_beyond_a_corner_is_beyond_the_rim():
+    """The corner of a triangle is as far from both sides: the one counts that the point is out of.
+
+    Behind an acute corner a point may be on the inner side of the line of one of them.
+    """
+    rng = np.random.default_rng(0)
+    x = np.array([[0.0, 0, 0], [1, -0.2, 0], [1, 0.2, 0]])
+    for turn in Rotation.from_rotvec(rng.normal(size=(50, 3))).as_matrix():
+        start, end = x @ turn.T, np.roll(x, -1, axis=0) @ turn.T
+        rim = Rim(start, end, np.tile(turn[:, 2], (3, 1)))
+        points = np.array([[-0.1, 0.0, 0], [-0.1, 0.3, 0], [-0.1, -0.3, 0], [0.9, 0.0, 0]]) @ turn.T
+        away = np.linalg.norm(points[:3], axis=1)
+        np.testing.assert_allclose(rim.beyond(points), [*away, -0.1], rtol=1e-12)
+
+
 def test_the_way_to_the_rim():
     """Of a square: inside negative, beyond positive, past a corner the distance from it."""
     rim = Rim.of(body(cube("quad4", 3), "quad4").surface(at(2, 1.0)))
