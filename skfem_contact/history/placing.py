@@ -49,14 +49,17 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
         if number >= EDGE:
             lost = lost | (problem.kin.paired & ~next_kin.paired)
         mismatch = geometry.mismatch(problem.kin, next_kin, attempt.local, by.barred)
-        if mismatch <= options.placement_tolerance:
+        limit = options.placement_tolerance
+        if number + 1 == options.max_placements:
+            limit = max(limit, options.tolerance)  # forces that a loop knows so far move points as far
+        if mismatch <= limit:
             # so far only the next pairing is alike: what counts is that of the answer itself
             own = next_kin
             if not plain:
                 own = geometry.at(geometry.spread(there), case, next_kin)
                 own = without_points(own, lost)
                 mismatch = geometry.mismatch(problem.kin, own, attempt.local, by.barred)
-            if mismatch <= options.placement_tolerance:
+            if mismatch <= limit:
                 return _settled(by, attempt, own, mismatch)
         start, step = "warm", replace(step, known=attempt.state)
         problem = model.problem_on(next_kin, u)

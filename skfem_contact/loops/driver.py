@@ -47,7 +47,8 @@ class Options:
     placement_tolerance : float
         With ``sliding="finite"``: how far the pairing of a load step may be from that of its own
         answer: gaps of closed points over the extent of the bodies, and change of the contact
-        forces' distribution over the largest of them.
+        forces' distribution over the largest of them. Where rounds run out, `tolerance` will do: the
+        forces are known no better.
     max_placements : int
         How often a load step may be paired anew before it is cut.
     max_travel : float

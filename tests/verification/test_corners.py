@@ -208,7 +208,7 @@ def test_refusals_without_corners_blame_none():
     disc = sc.Body(tool, elastic(1.0), D="inner", name="disc")
     ground = sc.RigidPlane((0, 0), (0, 1))
     contact = sc.Contact(disc.surface("outer"), ground, sliding="finite", name="c")
-    options = sc.Options(placement_tolerance=0.0, max_placements=2, max_cuts=0)
+    options = sc.Options(tolerance=0.0, placement_tolerance=0.0, max_placements=2, max_cuts=0)
     solver = sc.ContactSolver(disc, contact, options=options)
     step = {"x": {"disc": placed(tool, disc.D, HOME - [0.0, 0.04])}}
     with pytest.raises(sc.NotConverged, match=r"point \d+ of contact 'c', now at ") as caught:

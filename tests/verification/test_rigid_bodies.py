@@ -410,6 +410,23 @@ def test_loops_and_routes_agree(loop, route, sliding):
     assert_allclose(found, known, rtol=0, atol=near)
 
 
+@pytest.mark.parametrize("loop", ["newton", "direct"])
+def test_a_pairing_is_asked_no_more_digits_than_its_forces_have(loop):
+    """Placed to zero, which round-off never meets, a step ends where the loop's tolerance does."""
+    block, die = slab(), sc.RigidBody(disc(), force=(0.001, -0.02), D="rotation")
+    contact = sc.Contact(block.surface("top"), die, friction=sc.Coulomb(0.4), sliding="finite")
+    found = [
+        solver_of(
+            [block, die], [contact], loop=loop, options=sc.Options(placement_tolerance=to)
+        ).solve()
+        for to in (1e-9, 0.0)
+    ]
+    assert found[1].certificate.placement <= sc.Options().tolerance
+    size = np.abs(found[0].forces).max()
+    # the looser of both asks for 1e-9 of the largest force
+    assert_allclose(found[1].forces, found[0].forces, rtol=0, atol=1e-8 * size)
+
+
 # -- energy, histories, states ------------------------------------------------------------------------
 
 
