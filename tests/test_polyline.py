@@ -69,19 +69,59 @@ def test_polygons_of_ever_more_edges_approach_a_circle(hollow):
 def test_partners_are_those_on_a_mesh_with_the_same_boundary():
     """A polygon is paired as the surface of a body is, by the same search."""
     points = np.array([(1.5, 1.0), (-1.5, 1.2), (-1.2, 0.3), (-0.3, -0.02), (0.2, 0.01), (1.1, 0.4)])
-    middle = points.mean(axis=0)
+    shape = sc.RigidPolyline(points[::-1], closed=True)  # either direction will do
+    points = shape.outline.points  # with those at the ends of straight edges
+    n, middle = len(points), points.mean(axis=0)
     fan = fem.MeshTri(
-        np.vstack([points, middle]).T, np.array([(i, (i + 1) % 6, 6) for i in range(6)]).T
+        np.vstack([points, middle]).T, np.array([(i, (i + 1) % n, n) for i in range(n)]).T
     ).with_boundaries({"all": lambda x: np.ones(x.shape[1], dtype=bool)})
     basis = fem.Basis(fan, fem.ElementVector(fem.ElementTriP1()))
     mesh = sc.Body(basis, linear_elasticity(), name="mesh").surface("all")
-    shape = sc.RigidPolyline(points[::-1], closed=True)  # either direction will do
     top = block().surface("top")
     one, other = node_to_segment(top, shape.outline), node_to_segment(top, mesh)
     assert one.paired.sum() > 15
     assert np.array_equal(one.paired, other.paired)
     for name in ("gap", "normal", "miss"):
         assert_allclose(getattr(one, name), getattr(other, name), atol=1e-14, err_msg=name)
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+@pytest.mark.parametrize("angle", [10, 27, 40])
+def test_a_flat_between_chamfers_is_flat(angle, sliding):
+    """Friction on it is mu times the pressure; it leant by up to half of the angle of the chamfers."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(-0.5, 0.5, 5), np.linspace(0, 1, 5)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    body = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", name="block")
+    low = -3 * np.tan(np.radians(angle))
+    table = sc.RigidPolyline([(-6, low), (-6, -9), (6, -9), (6, low), (3, 0), (-3, 0)], closed=True)
+    contact = sc.Contact(body.surface("bottom"), table, friction=sc.Coulomb(0.2), sliding=sliding)
+    steps = [{"x": {"block": {"top": (way, -0.01)}}} for way in (0.0, 0.5, 1.0, 1.5, -1.5)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sc.ContactWarning)  # of small sliding that does not follow
+        results = list(sc.ContactSolver(body, contact).history(steps))
+    for result, sign in zip(results[1:], (-1, -1, -1, 1), strict=True):
+        assert_allclose(result.force, result.force[1] * np.array([0.2 * sign, 1.0]), rtol=1e-9)
+
+
+def test_which_edges_are_cut():
+    """Those of a curve are not, nor a straight line; flats are, beside bends that are no corners."""
+
+    def cut(points, **given):
+        outline = sc.RigidPolyline(points, **given).outline
+        return len(outline.points) - len(points)
+
+    angle = np.radians(np.arange(0, 181, 10))
+    arc = np.column_stack([np.cos(angle), np.sin(angle)])
+    assert circle(36).outline.points.shape == (36, 2) and cut(arc) == 0
+    assert cut(arc[::-1] * (1, -1)) == cut([(2, 0), (1, 0), (0, 0)]) == 0
+    assert cut([(1, 1), (0, 1), (0, 0), (1, 0)][::-1], closed=True) == 0  # corners
+    assert cut([(2, -0.2), (1, 0), (0, 0), (-1, -0.2)]) == 4  # one flat between two
+    # a rounded punch: its flat side turns no more than its arcs, and at its ends only
+    punch = np.vstack([arc[:10] + (1, 0), arc[9:] - (1, 0)])
+    outline = sc.RigidPolyline(punch, closed=True).outline
+    flat = np.isclose(outline.facet_normals[:, 1], 1.0)
+    level = np.isclose(outline.facet_node_normals[flat][..., 1], 1.0).all(axis=1)
+    assert outline.lengths[flat][level].sum() > 0.9 * 2
 
 
 def test_a_very_stiff_body_is_the_limit_also_at_its_corner():
@@ -132,13 +172,15 @@ def star(seed):
     angle = 2 * np.pi * (np.arange(k) + rng.uniform(0.0, 0.8, k)) / k
     points = rng.uniform(0.25, 0.5, k)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     centre = np.array([rng.uniform(-0.2, 0.2), rng.uniform(-0.003, -0.001) - points[:, 1].min()])
-    points += centre
+    rigid = sc.RigidPolyline(points + centre, closed=True, name="die")
+    points = rigid.outline.points
+    k = len(points)
     cells = np.array([(i, (i + 1) % k, k) for i in range(k)]).T
     mesh = fem.MeshTri(np.vstack([points, centre]).T, cells)
     mesh = mesh.with_boundaries({"all": lambda x: np.ones(x.shape[1], dtype=bool)})
     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementTriP1()))
     held = sc.Body(basis, linear_elasticity(), D=np.arange(basis.N), name="die")
-    return held, sc.RigidPolyline(points, closed=True, name="die"), rng
+    return held, rigid, rng
 
 
 @pytest.mark.parametrize("sliding", ["small", "finite"])

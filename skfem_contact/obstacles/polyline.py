@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.arguments import check_name, check_switch, numbers, with_known_keywords
 from skfem_contact.bodies.bare import bare_curve
+from skfem_contact.bodies.normals import end_slopes
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.errors import InputError
@@ -24,6 +25,11 @@ Array = NDArray[np.float64]
 
 #: Edges shorter than this part of the extent have no direction: coordinates have 16 digits.
 NO_LENGTH = 1e-12
+#: Normals differ by round-off where edges are in line.
+IN_LINE = 1e-9
+#: Part of a straight edge over which its normals turn towards a smooth bend at its end. Longer, and
+#: friction on flats leans by the bend; shorter, and points that pass it meet a corner.
+ROUNDED = 1 / 8
 
 
 @with_known_keywords()
@@ -32,8 +38,10 @@ class RigidPolyline(Outlined):
     """A rigid obstacle in the plane with straight edges between points.
 
     Surfaces find their partners on it as they do on meshes: normals are continuous where edges meet
-    at less than 45 degrees, which stands for a curve; where they meet at more there is a corner, which
-    also presses between two nodes. Corners of the body meet its edges.
+    at less than 45 degrees; where they meet at more there is a corner, which also presses between two
+    nodes. Corners of the body meet its edges. Edges that turn alike at both ends, by 22.5 degrees at
+    most and two of them at least, stand for a curve, and normals turn all along them. Other edges are
+    straight, such as a flat between two chamfers: normals turn within an eighth of them at their ends.
 
     Parameters
     ----------
@@ -90,10 +98,18 @@ class RigidPolyline(Outlined):
 
     @cached_property
     def outline(self) -> CurveSurface:
-        """Its edges with their normals, as surfaces of bodies have them."""
+        """Its edges with their normals, as surfaces of bodies have them.
+
+        Edges that are no pieces of a curve are cut near their ends, see `_cut_at_bends`.
+        """
         count = len(self.points)
         start = np.arange(count if self.closed else count - 1)
-        return bare_curve(self.points, np.column_stack([start, (start + 1) % count]), self.label)
+        plain = bare_curve(self.points, np.column_stack([start, (start + 1) % count]), self.label)
+        points = _cut_at_bends(plain)
+        if len(points) == count:
+            return plain
+        start = np.arange(len(points) if self.closed else len(points) - 1)
+        return bare_curve(points, np.column_stack([start, (start + 1) % len(points)]), self.label)
 
     @property
     def reference(self) -> np.ndarray:
@@ -107,7 +123,8 @@ class RigidPolyline(Outlined):
 
     @property
     def _ends(self) -> tuple[Array, Array]:
-        return self.points[self.outline.facets[:, 0]], self.points[self.outline.facets[:, 1]]
+        start, end = self.outline.facets.T
+        return self.outline.points[start], self.outline.points[end]
 
     def _partners(self, surface: ContactSurface) -> Pairing:
         assert isinstance(surface, CurveSurface)
@@ -115,6 +132,42 @@ class RigidPolyline(Outlined):
 
     def _signed_distances(self, points: np.ndarray) -> np.ndarray:
         return signed_distances(self.outline, points)
+
+
+def _cut_at_bends(plain: CurveSurface) -> Array:
+    """The points of an outline, and more of them on straight edges, beside smooth bends.
+
+    Normals are interpolated between the nodes of an edge. On a piece of a curve that is right. The flat
+    of a tool with chamfers is none: over all of its length forces would lean by up to half of the angle
+    of the chamfer. There normals turn over a short piece at the end of the edge.
+    """
+    before, after = plain.neighbours.T
+    own, there = plain.facet_normals, plain.facet_node_normals
+    slopes = end_slopes(plain.points, plain.facets, there)
+    alike = np.abs(slopes).max(axis=1) > 0
+    # a flat between two chamfers turns alike at both ends, too, but has no like beside it
+    inner = alike & ((alike[before] & (before >= 0)) | (alike[after] & (after >= 0)))
+    last = (before < 0) & inner[after] | (after < 0) & inner[before]
+    straight = ~(inner | last)
+    # averaged with a neighbour, and not in line with it
+    bent = np.linalg.norm(there - own[:, None], axis=2) > IN_LINE
+    cut = bent & straight[:, None]
+    if not cut.any():
+        return plain.points
+    lengths = plain.lengths[:, None]
+    room = np.minimum(ROUNDED * lengths, 0.5 * plain.lengths[plain.neighbours])
+    start, end = plain.points[plain.facets[:, 0]], plain.points[plain.facets[:, 1]]
+    along = (end - start) / lengths
+    points = []
+    for k in range(len(start)):  # an outline has few edges that are cut
+        points.append(start[k])
+        if cut[k, 0]:
+            points.append(start[k] + room[k, 0] * along[k])
+        if cut[k, 1]:
+            points.append(end[k] - room[k, 1] * along[k])
+    if before[0] < 0:
+        points.append(end[-1])
+    return np.array(points)
 
 
 def _points(given: Any, closed: bool, label: str) -> tuple[Array, bool]:

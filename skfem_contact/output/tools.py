@@ -147,7 +147,7 @@ def _(obstacle: RigidCylinder, low: Array, high: Array) -> tuple[Array, Index]:
 
 @outline.register
 def _(obstacle: RigidPolyline, low: Array, high: Array) -> tuple[Array, Index]:
-    return np.array(obstacle.points), np.array(obstacle.outline.facets)
+    return np.array(obstacle.outline.points), np.array(obstacle.outline.facets)
 
 
 @outline.register
