@@ -103,6 +103,14 @@ def test_the_law_by_itself():
     assert "OrthotropicCoulomb(mu=(0.1, 0.3), direction=(1, 2, 0))" in str(solver())
 
 
+def test_the_direction_may_have_any_length():
+    """Also one whose square is zero, or infinite."""
+    known = solver().geometry.kin.axes
+    for length in (1e-200, 2.0**-600, 1e200):
+        law = sc.OrthotropicCoulomb((0.1, 0.3), length * np.array([1.0, 2.0, 0.0]))
+        assert_allclose(solver(law).geometry.kin.axes, known, rtol=0, atol=1e-15)
+
+
 def test_axes_make_a_circle_of_the_ellipse():
     """Whichever tangent is held: it is a multiple of one axis, and duals give vectors back."""
     rng = np.random.default_rng(3)

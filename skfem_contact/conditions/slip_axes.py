@@ -41,6 +41,8 @@ def material_frame(contact: Contact, pairing: Pairing) -> Array:
     assert isinstance(law, OrthotropicCoulomb)
     normal = pairing.normal
     given = np.broadcast_to(np.asarray(law.direction, dtype=float), normal.shape)
+    # of any length: by a power of two first, or squares of it may be zero or infinite
+    given = np.ldexp(given, -np.frexp(np.abs(given).max(axis=1))[1][:, None])
     given = given / np.linalg.norm(given, axis=1)[:, None]
     across = given - np.einsum("md,md->m", given, normal)[:, None] * normal
     size = np.linalg.norm(across, axis=1)

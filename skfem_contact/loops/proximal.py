@@ -29,6 +29,7 @@ from skfem_contact.loops.thresholds import (
     SOFTENED,
     SOFTEST,
     TOO_SOFT,
+    TOO_STIFF,
 )
 from skfem_contact.problem.response import Resistance
 from skfem_contact.problem.seam import ContactProblem
@@ -48,7 +49,7 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
     """
     softness, eased = SOFTEST, EASED
     trace: list[Record] = []
-    while len(trace) < MOST_IN_SERIES and softness < TOO_SOFT:
+    while len(trace) < MOST_IN_SERIES and TOO_STIFF < softness < TOO_SOFT:
         found = drive(newton, _in_series(step, softness, guess), guess, tolerance, IN_SERIES)
         trace += [replace(record, note="springs in series") for record in found.trace]
         if not found.converged:
