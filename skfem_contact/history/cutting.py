@@ -16,7 +16,7 @@ from skfem_contact.errors import ConstraintError
 from skfem_contact.history.energy import nothing
 from skfem_contact.history.load_step import Advance, LoadStep
 from skfem_contact.history.stepper import RAN_AWAY, STEEPLY, Stepper
-from skfem_contact.history.thresholds import AIM, LONGER, SHORTER
+from skfem_contact.history.thresholds import AIM, LONGER, SHORTER, SNAPS
 from skfem_contact.history.wearing import attempted
 from skfem_contact.linalg.singular import SingularMatrix
 
@@ -83,7 +83,7 @@ def advance(
             starts = ["pivoting"]
         elif len(starts) > 1 and not attempt.failure and not attempt.stopped:
             starts.pop(0)  # before cutting: begin elsewhere
-        elif share <= smallest or fails >= most or attempt.stopped:
+        elif share <= max(smallest, SNAPS) or fails >= most or attempt.stopped:
             if by.jumps and not (attempt.stopped or attempt.failure or starts == [STEEPLY]):
                 starts = [STEEPLY]  # before giving up
                 continue

@@ -14,6 +14,10 @@ SHORTER, LONGER = 0.5, 2.0
 # first round, on a pairing that is only predicted, is believed.
 AIM, FAR = 0.95, 1.3
 
+# Share of a step in which points that still slide too far snap from one place to another: a larger step
+# would be one of a billion facets. Below it shares end in round-off of their sum.
+SNAPS = 1e-9
+
 # Rounds of plain repetition, which suffice where pressures are small against the modulus.
 PLAIN = 3
 

@@ -257,3 +257,43 @@ def test_plane_faces_have_no_height():
     facet = np.zeros(len(up.points), dtype=int)
     for by_node in (False, True):
         assert not sagittas(up, low, facet, by_node).any()
+
+
+def wave(x):
+    """Height of the side on which two blocks meet."""
+    return 0.5 + 0.04 * np.sin(2 * x[0]) * np.cos(2 * x[1])
+
+
+def between(x):
+    """Faces there."""
+    return (np.abs(x[2] - wave(x)) < 0.01) & (np.abs(x[:2] - 0.5) < 0.499).all(axis=0)
+
+
+def on_a_wave(kind, n, shift=0.0):
+    """Force and warnings of a block pressed on another one, n by n faces between them."""
+    bodies = []
+    for name, of, away in (("low", "quad4", 0.0), ("up", kind, shift)):
+        x = np.linspace(0, 1, n + 1)
+        x[1:-1] += away / n
+        mesh = KINDS[of][0].init_tensor(x, x, np.linspace(0, 1, 1 + n // 2))
+        p, up = mesh.p.copy(), name == "up"
+        p[2] = wave(p) + (1 - wave(p)) * p[2] if up else wave(p) * p[2]
+        end = at(2, float(up))
+        settings = {"push": (end, (0.0, 0.0, -1e-3))} if up else {}
+        held = ((end, (0, 1, 2)),)
+        bodies.append(elastic(type(mesh)(p, mesh.t), of, name, held=held, **settings))
+    low, up = (body.surface(between, name="wave") for body in bodies)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = sc.ContactSolver(bodies, [sc.Contact(up, low, method="node")]).solve()
+    return result.normal_force.sum(), [str(w.message) for w in caught]
+
+
+@pytest.mark.parametrize(("shift", "warned"), [(0.0, False), (0.4, True)])
+def test_unlike_faces_between_the_same_nodes_are_one_surface(shift, warned):
+    """Tetrahedra on hexahedra with the same nodes on a wave: node by node no curves differ, and the
+    force is that of a finer mesh. With nodes of one side between those of the other gaps differ."""
+    force, texts = on_a_wave("tri3", 6, shift)
+    assert any(WORDS in text for text in texts) is warned
+    if not warned:  # the coarser mesh is stiffer
+        assert 1.0 < force / on_a_wave("tri3", 12)[0] < 1.05

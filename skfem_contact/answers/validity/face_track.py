@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.thresholds import NO_LENGTH
 from skfem_contact.answers.validity.curvature import curvature_tensors, face_gaps
 from skfem_contact.answers.validity.ends import Rim
 from skfem_contact.answers.validity.track import Track
@@ -55,6 +56,21 @@ class FaceTrack(Track):
             self.chord = np.where(self.paired, face_gaps(primary, facet, self.feet, self.bends), 0.0)
         self.rim = Rim.of(primary)
         self.room = self.rim.at_least(self.feet)
+
+    def _on_one_surface(self, gap: Array) -> Mask:
+        """Where all nodes up to two faces away are on the other side: no curves differ between them.
+
+        Node by node that is all that contact asks. Faces of other kinds between the same nodes seem to
+        bend in other ways. Two by two faces say how a surface bends, less do not.
+        """
+        away = np.abs(gap) > NO_LENGTH * np.abs(self.points).max()
+        if not self.nodal or len(gap) < 9:
+            return np.zeros(len(gap), dtype=bool)
+        away |= ~self.paired
+        for _ in range(2):
+            faces = self.secondary.facets
+            away[faces[away[faces].any(axis=1)]] = True
+        return ~away
 
     def _along_tangents(self, vectors: Array) -> Array:
         return self.tangential(vectors)

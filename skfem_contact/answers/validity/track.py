@@ -102,7 +102,12 @@ class Track(ABC):
             self.sagittas = self.chord
             if measured:
                 self.sagittas = sagittas(self.secondary, self.primary, facet, self.nodal)
+                self.sagittas[self._on_one_surface(gap)] = 0.0
             self.curved = measured and bool(self.sagittas.any())
+
+    def _on_one_surface(self, gap: Array) -> Mask:
+        """Points around which both sides are known to be one surface, by their gaps (m,)."""
+        return np.zeros(len(gap), dtype=bool)
 
     def sagitta(self, force: Array, moved: tuple[Array, Array] | None) -> float:
         """Height of the curves over one facet where normal forces act, their mean [length].
