@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from itertools import islice
 from types import SimpleNamespace
@@ -24,7 +25,7 @@ from skfem_contact.loops.anderson import Anderson
 from skfem_contact.loops.driver import drive
 from skfem_contact.loops.fictitious import fictitious
 from skfem_contact.loops.guided import guided_friction
-from skfem_contact.loops.rules import disagreement, hold, propose
+from skfem_contact.loops.rules import _by, disagreement, hold, propose
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.problem.points import PointSpace
@@ -108,6 +109,16 @@ def test_the_same_points_under_another_load_know_nothing_of_the_first():
     for normal in (force, 2 * force, force.copy()):
         for _ in range(2):
             assert_allclose(second.force(trial, normal, slip)[0][:, 0], MU * normal)
+
+
+@pytest.mark.parametrize("share", [0.0, 2.0**-10, 3 * 2.0**-10, 1e-3, 0.25, 1 / 3, 0.3, 0.5e-9, 2 / 3])
+def test_points_that_are_alike_but_for_round_off_go_by_rank(share):
+    """Whatever part of the largest value theirs is, a binary fraction that ends with a 5 as well."""
+    value = np.array([share, np.nextafter(share, 1.0), np.nextafter(share, -1.0), 1.0])
+    for first in itertools.permutations(range(3)):
+        points = SimpleNamespace(paired=np.ones(4, dtype=bool), rank=np.array([*first, 3]))
+        found = _by(value, np.ones(4, dtype=bool), points)
+        assert_array_equal(points.rank[found], np.arange(4))
 
 
 @pytest.mark.parametrize("loop", LOOPS)

@@ -19,7 +19,15 @@ from skfem_contact.loops.projection import (
     resistances,
 )
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import DIGITS_ALIKE, FIRMLY, MOVES, NEARLY_STUCK, ROUND_OFF, ROUNDED
+from skfem_contact.loops.thresholds import (
+    BETWEEN,
+    DIGITS_ALIKE,
+    FIRMLY,
+    MOVES,
+    NEARLY_STUCK,
+    ROUND_OFF,
+    ROUNDED,
+)
 from skfem_contact.problem.response import Resistance, Response
 
 Array = NDArray[np.float64]
@@ -203,5 +211,6 @@ def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> NDArray[np.
     """
     chosen = np.flatnonzero(mask & step.paired)
     largest = max(float(np.max(np.abs(value[chosen]), initial=0.0)), known * 10**DIGITS_ALIKE)
-    alike = np.round(value[chosen] / largest if largest > 0 else value[chosen], DIGITS_ALIKE)
+    share = value[chosen] / largest if largest > 0 else value[chosen]
+    alike = np.floor(share * 10.0**DIGITS_ALIKE + BETWEEN)
     return chosen[np.lexsort((step.rank[chosen], alike))]

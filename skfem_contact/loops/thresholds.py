@@ -56,6 +56,10 @@ ROUND_OFF = 1e-11
 # which symmetry makes alike are so in whatever order they are numbered.
 DIGITS_ALIKE = 9
 
+# Where in a unit of the last of these digits one number begins and the other ends: at no fraction that
+# meshes have. At a half it is at 2^-10, among others, and round-off tells equal points apart.
+BETWEEN = (3 - 5**0.5) / 2
+
 # Round-off of a gap over the coordinates that it is a difference of: some units in the last place of
 # each, as a pairing interpolates and a body that has moved adds its displacements.
 ROUNDED = 2e-14
