@@ -32,7 +32,7 @@ def second_order(attempt: Attempt) -> dict[str, float]:
     """
     model = attempt.model
     system, contacts = model.system, model.interface.contacts
-    tools = {c.rigid_body for c in contacts if c.sliding == "small"} - {None}
+    tools = dict.fromkeys(c.rigid_body for c in contacts if c.sliding == "small")  # once, in order
     leaning = [b for b in tools if isinstance(b, RigidBody) and np.setdiff1d(b.rotations, b.D).size]
     if not leaning:
         return {}

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import skfem as fem
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 ROOT = Path(__file__).parent.parent.parent
@@ -17,7 +17,8 @@ import effectivity_solids  # noqa: E402
 from solids import at, body, cube, elastic, shuffled  # noqa: E402
 
 import skfem_contact as sc  # noqa: E402
-from skfem_contact.answers.error.faces import Net, _between, _near_ends, _scatter  # noqa: E402
+from skfem_contact.answers.error.faces import Net, _between, _near_ends, _scatter, _sharp  # noqa: E402
+from skfem_contact.conditions.state import OPEN, SLIP, STICK  # noqa: E402
 
 PROBLEMS = dict(effectivity_solids.problems())
 FEW = "H2 rigid sphere, hexahedra, 4 per radius"
@@ -108,6 +109,28 @@ def test_scatter(across, factor):
     # what a curve of the size of the surface leaves is next to nothing
     long = 0.3 * np.cos(i @ [2.0, 1.0] / n)[:, None]
     assert _scatter(net, net.misfit(long), left_out)[inner].mean() < 1e-4 * mean
+
+
+@pytest.mark.parametrize(("beside", "sharp"), [(0.3, True), (0.4, False)])
+def test_where_tractions_are_sharp(beside, sharp):
+    """At the end of stick, if it misfits more than three times as much as what is beside it; at ends.
+
+    Not on a plane of symmetry, nor where the end of the surface is open.
+    """
+    mesh, symmetric = cube("quad4", 10, layers=1), ((at(0, 0.0), (0,)),)
+    surface = elastic(mesh, "quad4", "block", held=symmetric).surface(at(2, 1.0))
+    x, y, _ = surface.points.T
+    net = Net(surface, np.ones(len(x), dtype=bool))
+    i, j = np.round(10 * x), np.round(10 * y)
+    sticks, opened = (i >= 3) & (i <= 5) & (j >= 3) & (j <= 5), j == 10
+    status = np.where(opened, OPEN, np.where(sticks, STICK, SLIP))
+    off = np.maximum(abs(i - 4), abs(j - 4))
+    corner = (abs(i - 4) == off) & (abs(j - 4) == off)
+    # the corners of the ring around stick have no neighbour in it, those of stick none off the border
+    border = (off == 1) | ((off == 2) & ~corner)
+    first = np.where(border, 1.0, beside)[:, None]
+    ends = ((i == 10) | (j == 0)) & (i > 0)
+    assert_array_equal(_sharp(net, status, first), (border & (sharp | corner)) | (ends & ~opened))
 
 
 @pytest.mark.parametrize(("n", "told"), [((5, 3), False), ((4, 4), True)])
