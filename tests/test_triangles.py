@@ -298,3 +298,38 @@ def test_a_tip_between_the_nodes_is_told(sliding):
     with warnings.catch_warnings():  # a dent between nodes is no corner
         warnings.simplefilter("error")
         pressed(ball(2000), (0, 0, -0.1), sliding=sliding)
+
+
+@pytest.mark.parametrize("angle", [27, 40])
+def test_flats_of_large_triangles_lean(angle):
+    """Beside a chamfer friction of 0.2 comes out anywhere, which is said; not with narrow triangles."""
+
+    def table(x):
+        low = -np.maximum(np.abs(x) - 3, 0) * np.tan(np.radians(angle))
+        points = [(a, y, z) for a, z in zip(x, low, strict=True) for y in (-9, 9)]
+        i = 2 * np.arange(len(x) - 1)[:, None]
+        return sc.RigidSurface(points, np.vstack([i + [0, 2, 1], i + [2, 3, 1]]), name="table")
+
+    t = np.linspace(-0.5, 0.5, 5)
+    mesh = fem.MeshHex.init_tensor(t, t, np.linspace(0, 1, 3))
+    mesh = mesh.with_boundaries({"top": lambda x: x[2] == 1, "bottom": lambda x: x[2] == 0})
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    body = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", name="block")
+
+    def ratio(x, caught):
+        contact = sc.Contact(
+            body.surface("bottom"), table(np.array(x)), friction=sc.Coulomb(0.2), sliding="finite"
+        )
+        steps = [{"x": {"block": {"top": (way, 0, -0.01)}}} for way in (0.0, 1.0, 2.0)]
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            *_, last = sc.ContactSolver(body, contact).history(steps)
+        caught += [str(warning.message) for warning in found]
+        return -last.force[0] / last.force[2]
+
+    coarse: list[str] = []
+    fine: list[str] = []
+    assert abs(ratio([-6, -3, 3, 6], coarse) - 0.2) > 0.1
+    assert len(coarse) == 1 and "normals of 'table' lean by 0.1" in coarse[0]
+    assert_allclose(ratio([-6, -3.2, -3, -2.8, 2.8, 3, 3.2, 6], fine), 0.2, rtol=1e-9)
+    assert not fine

@@ -7,6 +7,7 @@
 * `give`: how far the sides of a contact give under its forces;
 * `solids`: the same at obstacles in 3-D;
 * `chords`, `face_chords` (in 3-D), `tool_chords`: facets that are too long for what presses on a curve;
+* `flats`: normals that lean on flats of obstacles made of few triangles;
 * `behind`: surfaces that begin in the solid of their obstacle, and touch nothing;
 * `overlap`, `hull` (in 3-D), `meeting`, `skin`, `intrusion`: deformed boundaries against each other;
 * `standing`, `flanks`, `lookout`: vertices and edges of solids that overlap where no row sees it, and

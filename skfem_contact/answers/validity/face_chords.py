@@ -149,6 +149,15 @@ def face_bends(surface: FaceSurface) -> tuple[Array, Array]:
     return bend, edges
 
 
+def kinked_faces(surface: FaceSurface) -> Mask:
+    """Faces at whose edges the surface turns, but not as a curve does, shape (nf,)."""
+    corners = surface.facets[:, : surface.kind.corners]
+    start, end = np.arange(corners.shape[1]), np.roll(np.arange(corners.shape[1]), -1)
+    x, n = surface.points[corners], surface.facet_node_normals[:, : surface.kind.corners]
+    kinked = _rises(x[:, end] - x[:, start], surface.facet_normals, n[:, start], n[:, end])[1]
+    return np.asarray(kinked.any(axis=1))
+
+
 def _chords(kind: FacetKind) -> Index:
     """Corners of a face that chords go between: its edges, then the diagonals of a quadrilateral."""
     start = np.arange(kind.corners)

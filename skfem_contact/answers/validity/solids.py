@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import GAP, NO_LENGTH
+from skfem_contact.answers.validity.flats import leaning_faces, leaning_words
 from skfem_contact.answers.validity.meeting import distances
 from skfem_contact.answers.validity.track import gaps_at_obstacle
 from skfem_contact.bodies.selection import written
@@ -84,16 +85,33 @@ def of_triangles(contact: Contact) -> bool:
     return rigid and not contact.bilateral and contact.gap is None
 
 
-def unseen_words(geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Array) -> str:
-    """What to say of corners and edges of triangles that stand in a solid between its nodes.
+def triangle_words(
+    geometry: Geometry, i: int, state: State, gap: Array, case: LoadCase, u: Array
+) -> str:
+    """What to say of an obstacle of triangles: corners that no row sees, normals that lean on flats.
 
-    Parameters are those of `obstacle_drift`; empty where there are none.
+    Parameters are those of `obstacle_drift`; empty where there is nothing.
     """
-    contact, part = geometry.contacts[i], geometry.point_slices[i]
+    contact = geometry.contacts[i]
     surface, obstacle = contact.secondary, contact.primary
     assert isinstance(surface, FaceSurface) and isinstance(obstacle, Obstacle)
     outline = obstacle.moved(_motion(geometry, i, case, u)).outline
-    if not isinstance(outline, FaceSurface) or case.interference[part].any():
+    assert isinstance(outline, FaceSurface)
+    words = _unseen_words(geometry, i, gap, case, u, outline)
+    leaning = leaning_faces(surface, outline)
+    if words or not leaning.any():
+        return words
+    return leaning_words(geometry, i, state, outline, leaning, u)
+
+
+def _unseen_words(
+    geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Array, outline: FaceSurface
+) -> str:
+    """What to say of corners and edges of triangles that stand in a solid between its nodes."""
+    contact, part = geometry.contacts[i], geometry.point_slices[i]
+    surface, obstacle = contact.secondary, contact.primary
+    assert isinstance(surface, FaceSurface)
+    if case.interference[part].any():
         return ""
     known = np.isfinite(gap[part])
     met = replace(geometry.pairings[i], gap=np.where(known, gap[part], 0.0), paired=known)

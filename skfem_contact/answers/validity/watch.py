@@ -15,7 +15,7 @@ from skfem_contact.answers.validity.drift import Drift
 from skfem_contact.answers.validity.intrusion import Intrusions
 from skfem_contact.answers.validity.lookout import Lookouts
 from skfem_contact.answers.validity.rotation import leaning_words, rigid_rotations, rotation_words
-from skfem_contact.answers.validity.solids import of_triangles, past_words, slides_off, unseen_words
+from skfem_contact.answers.validity.solids import of_triangles, past_words, slides_off, triangle_words
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.watched import Said, Watched
 from skfem_contact.answers.validity.words import facet_words, sliding_words, strain_words
@@ -130,7 +130,9 @@ class Watch:
         overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
         unseen = {}
         if self.of_triangles or self.slides_off:
-            words = {i: unseen_words(self.geometry, i, gap, case, u) for i in self.of_triangles}
+            words = {
+                i: triangle_words(self.geometry, i, state, gap, case, u) for i in self.of_triangles
+            }
             for i in self.slides_off:
                 words[i] = past_words(self.geometry, i, gap, case, u, drifts[i].approach)
             unseen = {i: text for i, text in words.items() if text}
