@@ -287,6 +287,16 @@ def test_random_scenes(seed):
     assert bench.judge(seed).kind != "WRONG"
 
 
+def test_what_stands_in_faces_with_unknown_corners_is_seen():
+    """Corners of the secondary beside the primary are in no row: without the interior they were off
+    by as much as vertices of the primary stood in the faces between them (131)."""
+    s = scene(131)
+    s = replace(s, steps=s.steps[:1])
+    warned = [bench.run(s, Way(linear=linear)).warned for linear in ("auto", "direct")]
+    assert len(warned[0]) == 1 and "vertices of" in warned[0][0]
+    assert warned[0] == warned[1]
+
+
 @pytest.mark.filterwarnings("ignore::skfem_contact.ContactWarning")  # 7 slides far
 @pytest.mark.parametrize(
     "seed, way", [(7, Way(shuffle=1)), pytest.param(12, Way(turn=1), marks=pytest.mark.slow)]

@@ -5,7 +5,8 @@ with what the bodies take up elastically: a part of that changes forces by as li
 not slide far, nodes that are in no row have displacements that only the interior knows: they follow
 the rigid motion of what is known, and the nearest node that is known. What seems to overlap is looked
 at again with all displacements before anything is said. Where such a node is over a face of the other
-side its place is too uncertain to see an overlap: then too, once for every doubling of the approach.
+side, or a corner of a face that a node is under, its place is too uncertain to see an overlap: then
+too, once for every doubling of the approach.
 """
 
 from __future__ import annotations
@@ -232,9 +233,9 @@ class Lookout:
         return found or self._edges(x, added, max(self.noise, STANDING * approach))
 
     def unsure(self, u: Sequence[Array], unknown: Sequence[Index], approach: float) -> Standing | None:
-        """Nodes that may stand in faces of the other side, and whose places are not known.
+        """Nodes that may stand in faces of the other side, where one of their places is not known.
 
-        These are as uncertain as the approach: the faces that they belong to are pressed in as well.
+        These are as uncertain as the approach: faces with unknown corners are pressed in as well.
 
         Parameters
         ----------
@@ -247,11 +248,12 @@ class Lookout:
         """
         sides = self.secondary, self.primary
         for near, own in zip(self.near, (1, 0), strict=True):
-            if not len(unknown[own]) or approach <= self.noise:
+            if not (len(unknown[0]) or len(unknown[1])) or approach <= self.noise:
                 continue
             x = [side.points + v[side.dofs] for side, v in zip(sides, u, strict=True)]
             node, face = near.under(x[1 - own], x[own], -approach)
-            mine = np.isin(node, unknown[own])
+            hangs: Mask = np.any(np.isin(sides[1 - own].facets, unknown[1 - own]), axis=1)
+            mine = np.isin(node, unknown[own]) | hangs[face]
             if not mine.any():
                 continue
             moved = [side.moved(v) for side, v in zip(sides, u, strict=True)]
