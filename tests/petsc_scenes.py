@@ -1,9 +1,10 @@
 """Blocks pressed, slid and slid back, as a script, with `mpirun` or without.
 
-    mpirun -n 2 python tests/petsc_scenes.py answers OUT.npz [direct] [SCENE ...] [-sc_... options]
+    mpirun -n 2 python tests/petsc_scenes.py answers OUT.npz [direct] [assembled] [SCENE ...] [-sc_...]
     mpirun -n 2 python tests/petsc_scenes.py history FOLDER [killed | broken | mistaken | unsolved]
 
-`answers` stores every step of the scenes, all of them if none is named. `history` goes on from
+`answers` stores every step of the scenes, all of them if none is named; `assembled` has the stiffness
+assembled rank by rank. `history` goes on from
 FOLDER/last.npz, where there is one, and stores the last step. What may happen in its fourth step: the
 last rank is killed, or fails by itself, or the script has a mistake, or a linear problem is not solved.
 """
@@ -15,6 +16,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,28 +39,68 @@ SIZES = {2: 10, 3: 5}  # elements along the lower block
 PLACED = sc.Options(placement_tolerance=1e-11)
 
 
-def grid(sides: list[np.ndarray]) -> Any:
-    """Quadrilaterals or hexahedra, with the fields of two or three displacements."""
-    kind, element = (
-        (fem.MeshQuad, fem.ElementQuad1()) if len(sides) == 2 else (fem.MeshHex, fem.ElementHex1())
-    )
-    mesh = kind.init_tensor(*sides).with_defaults()
-    return fem.Basis(mesh, fem.ElementVector(element), intorder=2)
+ELEMENTS = {2: fem.ElementQuad1(), 3: fem.ElementHex1()}
 
 
-def blocks(dim: int, method: str, sliding: str, n: int) -> tuple[list[sc.Body], sc.Contact]:
-    """A block of n - 2 elements along its sides on a wider one of n."""
-    form = linear_elasticity(*lame_parameters(1.0, 0.3))
-    wide, narrow = np.linspace(0.0, 1.0, n + 1), np.linspace(0.23, 0.81, n - 1)
-    low = grid([wide] * (dim - 1) + [np.linspace(-0.5, 0.0, n // 2 + 1)])
-    up = grid([narrow] * (dim - 1) + [np.linspace(0.0, 0.4, n // 2 + 1)])
+def mesh_of(dim: int, n: int, upper: bool) -> Any:
+    """Quadrilaterals or hexahedra of one of the blocks."""
+    kind = fem.MeshQuad if dim == 2 else fem.MeshHex
+    side = np.linspace(0.23, 0.81, n - 1) if upper else np.linspace(0.0, 1.0, n + 1)
+    height = np.linspace(0.0, 0.4, n // 2 + 1) if upper else np.linspace(-0.5, 0.0, n // 2 + 1)
+    return kind.init_tensor(*[side] * (dim - 1), height).with_defaults()
+
+
+def basis_of(mesh: Any, elements: Any = None) -> Any:
+    """The fields of two or three displacements."""
+    element = fem.ElementVector(ELEMENTS[mesh.dim()])
+    return fem.Basis(mesh, element, intorder=2, elements=elements)
+
+
+def elastic(mesh: Any) -> Any:
+    """Stiffness of a piece of a body; each rank has its own."""
+    return linear_elasticity(*lame_parameters(1.0, 0.3)).assemble(basis_of(mesh))
+
+
+def some_elements(dim: int, n: int, rank: int, count: int) -> tuple[np.ndarray, Any]:
+    """Of the upper block, what a rank has of it by another partition."""
+    mesh = mesh_of(dim, n, True)
+    basis = basis_of(mesh, np.array_split(np.arange(mesh.nelements), count)[rank])
+    K = linear_elasticity(*lame_parameters(1.0, 0.3)).assemble(basis)
+    dofs = np.unique(basis.element_dofs)[::-1]  # in any order
+    return dofs, K[dofs][:, dofs]
+
+
+def blocks(
+    dim: int, method: str, sliding: str, n: int, linear: Any = None, collected: bool = True
+) -> tuple[list[sc.Body], sc.Contact]:
+    """A block of n - 2 elements along its sides on a wider one of n.
+
+    With a `PETSc` their stiffness is assembled rank by rank: of the lower one on pieces that the
+    library cuts, of the upper one, where it is `collected`, by another partition.
+    """
+    low, up = (mesh_of(dim, n, upper) for upper in (False, True))
+    form: Any = linear_elasticity(*lame_parameters(1.0, 0.3))
+    if linear is None:
+        low, up = basis_of(low), basis_of(up)
+        stiffness = form, form
+    else:
+        element = fem.ElementVector(ELEMENTS[dim])
+        low, up = (linear.numbering(mesh, element) for mesh in (low, up))
+        stiffness = (
+            linear.assemble(elastic, low),
+            (
+                linear.collect(partial(some_elements, dim, n))
+                if collected
+                else linear.assemble(elastic, up)
+            ),
+        )
     at = [basis.doflocs[-1] for basis in (low, up)]
     shift = np.zeros((2, up.N))
     component = np.arange(up.N) % dim
     shift[0, (component == 0) & (at[1] > 0.39)] = 1.0
     shift[1, (component == dim - 1) & (at[1] > 0.39)] = -1.0
-    lower = sc.Body(low, form, D=np.flatnonzero(at[0] < -0.49), name="lower")
-    upper = sc.Body(up, form, D=np.flatnonzero(at[1] > 0.39), x=shift[1], name="upper")
+    lower = sc.Body(low, stiffness[0], D=np.flatnonzero(at[0] < -0.49), name="lower")
+    upper = sc.Body(up, stiffness[1], D=np.flatnonzero(at[1] > 0.39), x=shift[1], name="upper")
     sides = (
         upper.surface(lambda x: x[-1] < 1e-9),
         lower.surface(lambda x: x[-1] > -1e-9),
@@ -81,18 +123,30 @@ def moves(upper: sc.Body, steps: int = 1) -> list[dict[str, Any]]:
     return out
 
 
-def answers(linear: Any, scenes: Sequence[str]) -> dict[str, np.ndarray]:
-    """Displacements and forces of every step of some scenes."""
+def answers(linear: Any, scenes: Sequence[str], assembled: bool = False) -> dict[str, np.ndarray]:
+    """Displacements and forces of every step of some scenes, reactions and the certificate.
+
+    With `assembled` the stiffness is assembled rank by rank.
+    """
     out = {}
     for name in scenes:
         dim, method, sliding = SCENES[name]
-        bodies, contact = blocks(dim, method, sliding, SIZES[dim])
+        given = linear if assembled else None
+        bodies, contact = blocks(dim, method, sliding, SIZES[dim], given)
         solver = sc.ContactSolver(bodies, contact, linear=linear, options=PLACED)
         history = solver.history(moves(bodies[1]))
         for step, result in zip(STEPS, history, strict=True):
             for what in ("u", "normal_force", "traction"):  # the last in axes of space
                 out[f"{name}, {step}: {what}"] = getattr(result, what)
+            reactions = [result.reaction(body) for body in ("lower", "upper")]
+            out[f"{name}, {step}: reactions"] = np.concatenate(reactions)
+            out[f"{name}, {step}: worst"] = np.array(result.certificate.worst)
     return out
+
+
+def away(found: np.ndarray, expected: np.ndarray) -> float:
+    """Largest difference over the largest number."""
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
 def history(linear: Any, folder: Path, fault: str) -> None:
@@ -140,9 +194,10 @@ def main() -> None:
             fails_by_itself(10)
     linear = sc.PETSc("direct" if fault == "direct" else "iterative", tol=1e-12)
     if what == "answers":
-        found = answers(linear, [word for word in words if word in SCENES] or list(SCENES))
+        scenes = [word for word in words if word in SCENES] or list(SCENES)
+        found = answers(linear, scenes, "assembled" in words)
         most = max(solve.iterations for solve in linear.solves)
-        np.savez(where, **found, most=most, held=len(ranks().shares))
+        np.savez(where, **found, most=most, held=len(ranks().shares), rows=len(ranks().held))
         print(f"{len(linear.solves)} solves on {linear.ranks} ranks, at most {most} iterations")
     else:
         history(linear, Path(where), fault)

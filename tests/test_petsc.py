@@ -127,8 +127,8 @@ def test_the_command_line_is_read_for_options_of_this_library_alone(
 # -- by mpirun --------------------------------------------------------------------------------
 
 
-def mpirun(count: int, *words: object) -> subprocess.CompletedProcess:
-    """Run the script of the scenes on some ranks."""
+def mpirun(count: int, *words: object, script: Path = SCRIPT) -> subprocess.CompletedProcess:
+    """Run the script of the scenes, or another one, on some ranks."""
     # the cores are shared, and rank 0 may be root in a container
     settings = {
         "OMPI_MCA_mpi_yield_when_idle": "1",
@@ -137,7 +137,7 @@ def mpirun(count: int, *words: object) -> subprocess.CompletedProcess:
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
     }
-    command = ["mpirun", "--oversubscribe", "-n", str(count), sys.executable, str(SCRIPT)]
+    command = ["mpirun", "--oversubscribe", "-n", str(count), sys.executable, str(script)]
     return subprocess.run(
         [*command, *map(str, words)],
         capture_output=True,
@@ -156,6 +156,9 @@ def serial(*scenes: str) -> dict[str, np.ndarray]:
 def assert_serial(found: Mapping[str, np.ndarray], scenes: Sequence[str]) -> None:
     """Displacements, pressures and tractions of all steps are those of the default route."""
     for name, expected in serial(*scenes).items():
+        if name.endswith("worst"):  # of the certificate: forces that are left over the largest
+            assert found[name] < 1e-8, name
+            continue
         # residuals are below 1e-12 of the loads, times conditions of some hundreds
         assert np.abs(found[name] - expected).max() < 1e-9 * np.abs(expected).max(), name
 

@@ -198,3 +198,9 @@ EQUALLY_FAR = 1e-9
 
 # Nodes of a face span no plane where the square of its width is less than this part of its length's.
 NEEDLE = 1e-6
+
+# -- validity.strain ---------------------------------------------
+
+# Elements whose shape functions are made at once for a body that has none at points of integration:
+# some 20 kB each of solids.
+ELEMENTS_AT_ONCE = 2000

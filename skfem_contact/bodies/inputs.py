@@ -11,6 +11,7 @@ from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 
 from skfem_contact.arguments import suggest
 from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
+from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.thresholds import SYMMETRIC, UNSYMMETRIC
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import sealed_matrix
@@ -74,9 +75,26 @@ def check_basis(basis: Any, whose: str) -> None:
         )
 
 
-def stiffness_of(K: Any, basis: Any, whose: str) -> csr_matrix:
+def check_points(basis: Any, what: str) -> None:
+    """Refuse to integrate on a basis that has the numbering alone, where all integrals are zero."""
+    if not basis.X.shape[1]:
+        raise InputError(
+            f"{what} is a form, and its basis has no points of integration, see PETSc.numbering: "
+            "assemble the form on a basis that has some, and pass what comes out"
+        )
+
+
+def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
     given = K
+    if isinstance(K, DistributedStiffness):  # checked where it was assembled
+        if K.shape != (basis.N, basis.N):
+            raise InputError(
+                f"K of {whose} has shape {K.shape}, its basis has {basis.N} DOFs; K belongs to "
+                "another basis"
+            )
+        return K
     if isinstance(K, BilinearForm):
+        check_points(basis, f"K of {whose}")
         K = K.assemble(basis)
     is_matrix = issparse(K) or (isinstance(K, np.ndarray) and K.ndim == 2)
     if not is_matrix:
@@ -117,6 +135,7 @@ def load_of(f: Any, basis: Any, what: str) -> np.ndarray:
     if f is None:
         return np.zeros(basis.N)
     if isinstance(f, LinearForm):
+        check_points(basis, what)
         f = f.assemble(basis)
     return _vector(f, basis, what)
 

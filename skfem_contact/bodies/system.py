@@ -13,6 +13,7 @@ from scipy.sparse import block_diag, csr_matrix, diags
 from skfem_contact import arguments
 from skfem_contact.arguments import suggest
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.distributed import check_whole
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.bodies.linearizable import Linearizable
 from skfem_contact.bodies.member import Member
@@ -63,7 +64,9 @@ class System:
     @cached_property
     def K(self) -> csr_matrix:
         """Block diagonal stiffness, shape (n, n) [force/length]."""
-        return sealed_matrix(csr32(block_diag(self.linearize()[0], format="csr")))
+        stiffness = self.linearize()[0]
+        check_whole(stiffness, "System.K")
+        return sealed_matrix(csr32(block_diag(stiffness, format="csr")))
 
     @cached_property
     def f(self) -> np.ndarray:

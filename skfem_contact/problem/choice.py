@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.bodies.distributed import DistributedStiffness, check_whole, refused
 from skfem_contact.bodies.system import System
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.amg import AMG
@@ -34,6 +35,14 @@ def checked_linear(linear: Any) -> Any:
     if not isinstance(linear, str):
         as_linear_solver(linear)
     return linear
+
+
+def check_distributed(linear: Any, stiffness: Sequence[Any]) -> None:
+    """Refuse what can not solve with a stiffness that is held rank by rank."""
+    held = any(isinstance(K, DistributedStiffness) for K in stiffness)
+    if held and not getattr(linear, "distributed", False):
+        given = repr(linear) if isinstance(linear, str) else type(linear).__name__
+        raise refused(f"linear = {given} needs it whole: give the PETSc() that assembled it")
 
 
 class Choice:
@@ -139,6 +148,7 @@ class Choice:
         return self._sizes(WholeBody if self.route == "iterated" else Substructure)
 
     def _sizes(self, kind: type[Substructure]) -> dict[str, FactorSize]:
+        check_whole(self.stiffness, "a factorisation, and its size,")
         out, wanted = {}, self._wanted()
         for body, name, K in zip(self.system.bodies, self.system.names, self.stiffness, strict=True):
             mine = wanted_of(body, self.system, wanted)

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag as dense_block_diag
 from scipy.sparse import block_diag, csr_matrix, diags
 
+from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.direct import as_linear_solver
+from skfem_contact.linalg.distributed.stacked import StackedStiffness
 from skfem_contact.problem.displacements import OnDisplacements
 from skfem_contact.problem.resistance import point_resistance
 from skfem_contact.problem.response import Load, Resistance, Source
@@ -31,9 +33,13 @@ class FullSystem:
     def __init__(self, system: System, stiffness: Sequence[csr_matrix], backend: Any) -> None:
         self.system = system
         self.backend = as_linear_solver(backend)
+        self.points: Array | None = None
+        self.modes: Array | None = None
+        if any(isinstance(K, DistributedStiffness) for K in stiffness):
+            self.K = StackedStiffness.of(system.bodies, stiffness, self.backend.uses_modes)
+            return  # the ranks have places and motions of their rows
         self.K = csr_matrix(block_diag(stiffness))
         self.points = np.concatenate([body.dof_points for body in system.bodies])
-        self.modes: Array | None = None
         if self.backend.uses_modes:
             self.modes = dense_block_diag(*(body.rigid_modes for body in system.bodies))
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
@@ -22,7 +23,7 @@ from skfem_contact.elimination.rows import point_labels, secondary_dofs
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.memory import Limits
 from skfem_contact.linalg.threads import single_threaded
-from skfem_contact.problem.choice import Choice, checked_linear
+from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.iterated import IteratedBodies
@@ -78,6 +79,7 @@ class LinearModel:
         self.stiffness = tuple(stiffness)
         self.motions = motions
         self.linear, self.limits = checked_linear(linear), limits
+        check_distributed(self.linear, self.stiffness)
         self.timings = timings
         self._reuse = list(reuse)
         self._bodies: AnyBodies | None = None
@@ -154,7 +156,7 @@ class LinearModel:
             substructures = self.substructures or [None] * len(self.stiffness)
             for body, K, part in zip(self.system.bodies, self.stiffness, substructures, strict=True):
                 own = springs[self.system.slice(body)]
-                stiffness.append(csr_matrix(K + diags(own)) if own.any() else K)
+                stiffness.append(_with_springs(K, own) if own.any() else K)
                 reuse.append(None if own.any() else part)
             motions = rigid_motions(self.system, self.kin, stiffness)
             if len(self._sprung) >= MOST_TWINS:
@@ -295,3 +297,8 @@ class LinearModel:
     def _check_support(self) -> None:
         if self.loose.shape[1]:
             raise no_equilibrium(self.motions, self.loose, EVEN_CLOSED)
+
+
+def _with_springs(K: Any, springs: Array) -> Any:
+    held = isinstance(K, DistributedStiffness)
+    return K + csr_matrix(diags(springs)) if held else csr_matrix(K + diags(springs))

@@ -3,7 +3,7 @@
 * `watched`, `watch`, `contact_watch`: what every step measures and warns of; `words`: in sentences;
 * `drift`: how far small sliding has been left; `track`, `curve_track`, `face_track` (in 3-D): where
   points are led by their slip; `ends`, `curvature`: where surfaces end, how they curve;
-* `rotation`, `support`: how far bodies turn, and what supports say of it;
+* `strain`, `rotation`, `support`: how far bodies are strained and turn, and what supports say of it;
 * `give`: how far the sides of a contact give under its forces;
 * `solids`: the same at obstacles in 3-D;
 * `chords`, `face_chords` (in 3-D), `tool_chords`: facets that are too long for what presses on a curve;

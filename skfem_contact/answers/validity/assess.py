@@ -17,10 +17,11 @@ from skfem_contact.answers.thresholds import GAP, LARGE, SECOND_ORDER
 from skfem_contact.answers.validity.give import beyond_round_off, elastic_approach
 from skfem_contact.answers.validity.hull import Hull, hull
 from skfem_contact.answers.validity.lookout import Lookouts
-from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, sagitta, strains
+from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, sagitta
 from skfem_contact.answers.validity.overlap import Outline, outline
 from skfem_contact.answers.validity.rotation import leaning_words, rotation_words
 from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
+from skfem_contact.answers.validity.strain import strains
 from skfem_contact.answers.validity.track import tool_motion
 from skfem_contact.answers.validity.validity import ContactValidity, Validity
 from skfem_contact.answers.validity.words import (

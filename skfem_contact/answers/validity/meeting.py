@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from skfem_contact.answers.thresholds import NO_OVERLAP
 from skfem_contact.answers.validity.hull import Hull
 from skfem_contact.answers.validity.overlap import Outline
-from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -150,50 +149,3 @@ def sagitta(surface: ContactSurface, normals: Array) -> float:
         return float(np.max(heights) / 8)
     turn = np.linalg.norm(normals[:, 1] - normals[:, 0], axis=1)
     return float(np.max(turn * surface.lengths) / 8)
-
-
-def strains(body: Body, u: Array) -> tuple[float, float, float]:
-    """Strain and rotation of a body.
-
-    Parameters
-    ----------
-    body : Body
-    u : ndarray, shape (n_body,)
-        [length]
-
-    Returns
-    -------
-    mean : float
-        Largest principal strain, averaged with its own square: where most of the energy is.
-    largest : float
-        In any point of integration.
-    rotation : float
-        Root of the mean square over the body [rad].
-    """
-    gradient = np.asarray(body.basis.interpolate(u).grad)
-    if body.dim == 3:
-        return _strains_of_solid(gradient, body.basis.dx)
-    (a, b), (c, d) = gradient
-    middle, radius = 0.5 * (a + d), np.sqrt(0.25 * (a - d) ** 2 + 0.25 * (b + c) ** 2)
-    size = np.abs(middle) + radius
-    volume = body.basis.dx
-    if body.axisymmetric:
-        x = np.asarray(body.basis.global_coordinates())
-        hoop = np.asarray(body.basis.interpolate(u))[0] / np.maximum(x[0], np.finfo(float).tiny)
-        size, volume = np.maximum(size, np.abs(hoop)), volume * x[0]
-    square = np.sum(size**2 * volume)
-    mean = float(np.sum(size**3 * volume) / square) if square > 0 else 0.0
-    rotation = np.sqrt(np.sum(0.25 * (c - b) ** 2 * volume) / np.sum(volume))
-    return mean, float(size.max()), float(rotation)
-
-
-def _strains_of_solid(gradient: Array, volume: Array) -> tuple[float, float, float]:
-    """`strains` by the gradient (3, 3, elements, q) of the displacements."""
-    G = np.moveaxis(gradient, (0, 1), (2, 3))
-    other = np.swapaxes(G, 2, 3)
-    size = np.abs(np.linalg.eigvalsh(0.5 * (G + other))).max(axis=2)
-    square = np.sum(size**2 * volume)
-    mean = float(np.sum(size**3 * volume) / square) if square > 0 else 0.0
-    # half of the squares of a skew matrix are those of its vector
-    turn = np.sum((0.5 * (G - other)) ** 2, axis=(2, 3)) / 2
-    return mean, float(size.max()), float(np.sqrt(np.sum(turn * volume) / np.sum(volume)))

@@ -5,19 +5,24 @@ from __future__ import annotations
 import logging
 import time
 import weakref
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import repeat
 from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
+from skfem.assembly import CellBasis
 
 from skfem_contact.arguments import number, shown, with_known_keywords
+from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.backend import Backend, Factorisation, LinearSolveError, by_column
+from skfem_contact.linalg.backend import Backend, Factorisation, by_column
+from skfem_contact.linalg.distributed.assembly import assembled, collected, numbering
 from skfem_contact.linalg.distributed.layout import Layout, directions
 from skfem_contact.linalg.distributed.ranks import Ranks, ranks
+from skfem_contact.linalg.distributed.record import LinearSolve, not_solved
+from skfem_contact.linalg.distributed.reduction import ReducedStiffness
 from skfem_contact.linalg.distributed.share import PREFIX, Settings, Solved, direct_package
 from skfem_contact.linalg.singular import check_eigenvalue, singular
 from skfem_contact.linalg.thresholds import ACCEPTED
@@ -25,47 +30,6 @@ from skfem_contact.linalg.thresholds import ACCEPTED
 logger = logging.getLogger("skfem_contact")
 
 METHODS = ("iterative", "direct")
-
-# PETSc's KSPConvergedReason in words.
-REASONS = {
-    -3: "it did not end within max_iterations",
-    -4: "the residual grew without bound",
-    -5: "the iteration broke down",
-    -6: "the iteration broke down",
-    -8: "the preconditioner is not positive definite",
-    -9: "a number was not finite",
-    -10: "the matrix is not positive definite",
-    -11: "the preconditioner could not be set up",
-}
-
-
-@dataclass(frozen=True)
-class LinearSolve:
-    """How one linear problem was solved.
-
-    Attributes
-    ----------
-    unknowns : int
-    method : str
-        Iteration and preconditioner as PETSc calls them, such as ``cg + gamg``.
-    iterations : int
-    residual : float
-        ``|b - A x| / |b|``, measured.
-    ranks : int
-    setup, seconds : float
-        Time of the preconditioner, of which the first of several solves has all, and of the solve [s].
-    memory : int
-        Matrices of all ranks together, those of multigrid or the factors included [bytes].
-    """
-
-    unknowns: int
-    method: str
-    iterations: int
-    residual: float
-    ranks: int
-    setup: float
-    seconds: float
-    memory: int
 
 
 @with_known_keywords(tolerance="write tol", maxiter="write max_iterations")
@@ -121,6 +85,8 @@ class PETSc(Backend):
     1e-09
     """
 
+    distributed = True  # takes stiffness that is held rank by rank
+
     method: str = "iterative"
     tol: float = 1e-10
     max_iterations: int = 500
@@ -149,6 +115,72 @@ class PETSc(Backend):
         """How many ranks there are."""
         return ranks().size
 
+    def numbering(self, mesh: Any, element: Any) -> CellBasis:
+        """A basis without points of integration: what a body needs whose K is assembled elsewhere.
+
+        Shape functions at points of integration are what fills rank 0, some kB for each DOF of a
+        solid. Nothing can be integrated on this basis; forms are refused.
+        """
+        return numbering(mesh, element)
+
+    def assemble(self, function: Callable[[Any], Any], basis: CellBasis) -> DistributedStiffness:
+        """The stiffness of a body, assembled rank by rank on pieces of its mesh.
+
+        Parameters
+        ----------
+        function : callable
+            ``function(mesh)``: the stiffness (sparse) of a piece of the mesh, in the numbering of
+            ``Basis(mesh, element)``. Each rank calls it with its own piece, which has the boundaries
+            and subdomains of the mesh by name. By def above the first `PETSc()`, where all ranks
+            find it, or in a module; settings go with functools.partial.
+        basis : skfem.CellBasis
+            Of the body, see `numbering`.
+
+        Returns
+        -------
+        DistributedStiffness
+            `K` of a `Body`.
+
+        Raises
+        ------
+        InputError
+            A function without name, matrices that are not symmetric, or of another size.
+
+        Examples
+        --------
+        In a script that ``mpirun -n 4`` starts::
+
+            def stiffness(mesh):
+                basis = fem.Basis(mesh, ELEMENT, intorder=2)
+                return linear_elasticity().assemble(basis)
+
+
+            linear = sc.PETSc()
+            basis = linear.numbering(mesh, ELEMENT)
+            body = sc.Body(basis, linear.assemble(stiffness, basis), D="bottom")
+        """
+        return assembled(ranks(), function, basis)
+
+    def collect(self, function: Callable[[int, int], Any]) -> DistributedStiffness:
+        """The stiffness of a body, from matrices that each rank has.
+
+        Parameters
+        ----------
+        function : callable
+            ``function(rank, ranks)``: DOFs of the body (k,), each once, and a symmetric sparse matrix
+            (k, k) over them; K is the sum over all ranks. Found by its name, as for `assemble`.
+
+        Returns
+        -------
+        DistributedStiffness
+
+        Raises
+        ------
+        InputError
+            A function without name, matrices that are not symmetric, DOFs that no rank has.
+        """
+        return collected(ranks(), function)
+
     def memory(self) -> list[int]:
         """Largest memory that each rank has had so far, all of the process [bytes]."""
         return ranks().memory()
@@ -156,15 +188,18 @@ class PETSc(Backend):
     def _factorize(
         self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
     ) -> Factorisation:
-        begin, own, A = time.perf_counter(), ranks(), csr_matrix(A)
-        layout = Layout.of(A.shape[0], points, modes, own.size)
-        _check_size(layout, A, own)
-        settings = Settings(
-            spd, self.method, float(self.tol), int(self.max_iterations), layout.block, self.options
-        )
-        near = repeat(None, own.size) if modes is None else layout.vectors(directions(modes))
-        key = own.factorize(layout.matrices(A), near, settings)
-        share, scale = own.shares[key], abs(A).max(axis=1).toarray().ravel()
+        begin, own = time.perf_counter(), ranks()
+        if isinstance(A, ReducedStiffness):
+            layout, scale = A.layout, A.diagonal()
+            _check_size(layout, A.nnz, own)
+            key = A.factorize(self._settings(spd, layout))
+        else:
+            A = csr_matrix(A)
+            layout, scale = Layout.of(A.shape[0], points, modes, own.size), largest_entries(A)
+            _check_size(layout, A.nnz, own)
+            near = repeat(None, own.size) if modes is None else layout.vectors(directions(modes))
+            key = own.factorize(layout.matrices(A), near, self._settings(spd, layout))
+        share = own.shares[key]
         spent, memory = time.perf_counter() - begin, share.memory
 
         def solve(b: np.ndarray) -> np.ndarray:
@@ -186,6 +221,10 @@ class PETSc(Backend):
         weakref.finalize(solve, own.drop, key)
         return Factorisation(f"PETSc, {share.name} on {own.size} ranks", memory, by_column(solve))
 
+    def _settings(self, spd: bool, layout: Layout) -> Settings:
+        tol, most = float(self.tol), int(self.max_iterations)
+        return Settings(spd, self.method, tol, most, layout.block, self.options)
+
     def _check(self, how: Solved, name: str) -> None:
         """Raise what a solve that failed has to say."""
         direct = self.method == "direct"
@@ -193,16 +232,12 @@ class PETSc(Backend):
             raise singular(-1, 0.0)
         if direct or how.residual <= self.tol:
             return
-        known = REASONS.get(how.reason, f"PETSc's reason is {how.reason}")
-        why = f"{known[0].upper()}{known[1:]}. " if how.reason < 0 else ""
-        raise LinearSolveError(
-            f"PETSc, {name}: the residual is {how.residual:.1e} of the load after {how.iterations} "
-            f"iterations, above tol={self.tol:.1e}. {why}Usually a rigid motion is "
-            "left free, or springs are much stiffer than the bodies. Try PETSc(method='direct'), or a "
-            "larger tol or max_iterations.",
-            how.residual,
-            how.iterations,
-        )
+        raise not_solved(name, how, self.tol)
+
+
+def largest_entries(A: csr_matrix) -> np.ndarray:
+    """Of each row, shape (n,)."""
+    return np.asarray(abs(A).max(axis=1).toarray().ravel())
 
 
 def _checked(options: Any) -> dict[str, str]:
@@ -222,10 +257,10 @@ def _checked(options: Any) -> dict[str, str]:
     return checked
 
 
-def _check_size(layout: Layout, A: csr_matrix, own: Ranks) -> None:
+def _check_size(layout: Layout, nnz: int, own: Ranks) -> None:
     most = np.iinfo(own.PETSc.IntType).max
-    if max(layout.size, A.nnz // own.size) > most:
+    if max(layout.size, nnz // own.size) > most:
         raise InputError(
-            f"{A.nnz} entries in {layout.size} rows on {own.size} ranks are more than the integers of "
+            f"{nnz} entries in {layout.size} rows on {own.size} ranks are more than the integers of "
             f"this PETSc can count, {most} on each: use more ranks, or a PETSc with 64-bit indices."
         )

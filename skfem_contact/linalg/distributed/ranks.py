@@ -15,7 +15,7 @@ import os
 import sys
 import time
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Any, NoReturn
 
@@ -25,9 +25,9 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.errors import InputError, warn
 from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.linalg.distributed.messages import receive, send
 from skfem_contact.linalg.distributed.share import PREFIX, Settings, Share, Solved
 from skfem_contact.linalg.distributed.thresholds import (
-    AT_ONCE,
     LATER,
     MISSED_AFTER,
     PATIENT,
@@ -114,34 +114,68 @@ class Ranks:
         self.PETSc, self.MPI, self.comm = PETSc, MPI, comm
         self.rank, self.size = int(comm.rank), int(comm.size)
         self.shares: dict[int, Share] = {}
+        self.held: dict[int, Any] = {}  # rows of stiffness, see `rows` and `stack`
         self._count, self._dropped, self._stopped = 0, [], False  # type: int, list[int], bool
 
     # -- commands of rank 0 -------------------------------------------------------------------
+
+    def number(self) -> int:
+        """The next number of a matrix."""
+        self._count += 1
+        return self._count
+
+    def together(
+        self,
+        work: Callable[[Ranks, tuple[Any, ...], list[Array]], list[Array]],
+        given: tuple[Any, ...] = (),
+        pieces: Iterable[list[Array]] | None = None,
+    ) -> list[list[Array]]:
+        """Let every rank do some work on its piece; returns what each of them gives back.
+
+        Parameters
+        ----------
+        work : callable
+            A function of this library, which the other ranks find by its name.
+        given : tuple
+            The same for all.
+        pieces : iterable of list of ndarray, optional
+            For each rank; only one exists at a time.
+        """
+        with _Together(self, "work", (work, given)):
+            mine: list[Array] = []
+            for rank, parts in enumerate(pieces or ([] for _ in range(self.size))):
+                if rank == 0:
+                    mine = parts
+                else:
+                    send(self.comm, parts, rank)
+            found = [work(self, given, mine)]
+            found += [receive(self.comm, rank) for rank in range(1, self.size)]
+        return found
 
     def factorize(
         self, rows: Iterable[csr_matrix], directions: Iterable[Array | None], settings: Settings
     ) -> int:
         """Give each rank its rows; returns the number of the matrix."""
-        self._count += 1
-        with _Together(self, "factorize", (self._count, settings)):
+        key = self.number()
+        with _Together(self, "factorize", (key, settings)):
             mine: list[Array] = []
             for rank, parts in enumerate(map(_parts, rows, directions)):
                 if rank == 0:
                     mine = parts
                 else:
-                    self._send(parts, rank)
+                    send(self.comm, parts, rank)
                     parts.clear()
-            self._factorize(self._count, settings, mine)
-        return self._count
+            self.make(key, settings, mine)
+        return key
 
     def solve(self, key: int, pieces: Iterable[Array]) -> tuple[Array, Solved]:
         """All rows of the answer, those of rank 0 first, and how it went."""
         with _Together(self, "solve", (key,)):
             mine, *others = pieces
             for rank, piece in enumerate(others, start=1):
-                self._send([piece], rank)
+                send(self.comm, [piece], rank)
             x, how = self.shares[key].solve(mine)
-            found = [x] + [self._receive(rank)[0] for rank in range(1, self.size)]
+            found = [x] + [receive(self.comm, rank)[0] for rank in range(1, self.size)]
         return np.concatenate(found), how
 
     def drop(self, key: int) -> None:
@@ -151,7 +185,7 @@ class Ranks:
     def memory(self) -> list[int]:
         """Largest memory that each rank has had so far [bytes]."""
         with _Together(self, "memory", ()):
-            found = [_peak()] + [int(self._receive(rank)[0][0]) for rank in range(1, self.size)]
+            found = [_peak()] + [int(receive(self.comm, rank)[0][0]) for rank in range(1, self.size)]
         return found
 
     def stop(self) -> None:
@@ -184,12 +218,15 @@ class Ranks:
 
     def _carry_out(self, what: str, given: tuple[Any, ...]) -> None:
         if what == "factorize":
-            self._factorize(given[0], given[1], self._receive(0))
+            self.make(given[0], given[1], receive(self.comm, 0))
+        elif what == "work":
+            work, for_all = given
+            send(self.comm, work(self, for_all, receive(self.comm, 0)), 0)
         elif what == "solve":
-            x, _ = self.shares[given[0]].solve(self._receive(0)[0])
-            self._send([x], 0)
+            x, _ = self.shares[given[0]].solve(receive(self.comm, 0)[0])
+            send(self.comm, [x], 0)
         else:
-            self._send([np.array([_peak()])], 0)
+            send(self.comm, [np.array([_peak()])], 0)
 
     def _wait(self) -> None:
         looks = 0
@@ -199,7 +236,8 @@ class Ranks:
 
     # -- what all do --------------------------------------------------------------------------
 
-    def _factorize(self, key: int, settings: Settings, parts: list[Array]) -> None:
+    def make(self, key: int, settings: Settings, parts: list[Array]) -> None:
+        """This rank's share of a matrix, ready to solve with."""
         share = Share(self.PETSc, parts, settings)
         parts.clear()  # PETSc has its own copies: the set-up of multigrid is where memory is short
         share.set_up()
@@ -208,11 +246,11 @@ class Ranks:
     def forget(self, keys: list[int]) -> None:
         """Free matrices, in the same order on all ranks, as PETSc needs it."""
         for key in keys:
-            self.shares.pop(key).destroy()
+            (self.shares if key in self.shares else self.held).pop(key).destroy()
 
     def _end(self) -> None:
         """Give everything back while all are there to do so together."""
-        self.forget(sorted(self.shares))
+        self.forget([*sorted(self.shares), *self.held])
         self.comm.Free()
         self.PETSc._finalize()
         self.MPI.Finalize()
@@ -225,19 +263,6 @@ class Ranks:
         print(words, file=sys.stderr, flush=True)
         self.comm.Abort(1)
         os._exit(1)
-
-    def _send(self, arrays: list[Any], rank: int) -> None:
-        self.comm.send([(array.shape, array.dtype.str) for array in arrays], dest=rank)
-        for array in arrays:
-            for piece in _pieces(np.ascontiguousarray(array)):
-                self.comm.Send(piece, dest=rank)
-
-    def _receive(self, rank: int) -> list[Array]:
-        arrays = [np.empty(shape, dtype) for shape, dtype in self.comm.recv(source=rank)]
-        for array in arrays:
-            for piece in _pieces(array):
-                self.comm.Recv(piece, source=rank)
-        return arrays
 
 
 class _Together:
@@ -266,11 +291,6 @@ def _parts(rows: csr_matrix, directions: Array | None) -> list[Array]:
     """What a rank is sent: its rows, and rigid motions on them."""
     parts = [np.array(rows.shape), rows.indptr, rows.indices, rows.data]
     return parts if directions is None else [*parts, directions]
-
-
-def _pieces(array: Array) -> Iterator[Array]:
-    flat = array.reshape(-1)
-    return (flat[first : first + AT_ONCE] for first in range(0, len(flat), AT_ONCE))
 
 
 def _peak() -> int:

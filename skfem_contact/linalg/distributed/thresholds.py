@@ -23,6 +23,12 @@ MISSED_AFTER = 60.0
 # Array entries that are sent in one message, whose length MPI counts in 32 bits.
 AT_ONCE = 2**28
 
+# -- assembly ----------------------------------------------------
+
+# Elements of the pieces of a mesh that a rank assembles one after the other: scikit-fem takes some
+# 40 kB for a hexahedron of 8 nodes, so this is 80 MB, and a call takes milliseconds.
+ELEMENTS_AT_ONCE = 2000
+
 # -- share -------------------------------------------------------
 
 # The residual that conjugate gradients carry along drifts from the true one; an iteration is begun

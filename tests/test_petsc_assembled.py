@@ -1,0 +1,221 @@
+"""Bodies assembled rank by rank: rows, products, ``T'KT`` and answers are those of whole matrices.
+
+What needs PETSc runs by `mpirun`; what one rank does is tested without it.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import petsc_assembled
+import petsc_scenes
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+from petsc_scenes import blocks, elastic, mesh_of, some_elements
+from scipy.sparse import csr_matrix
+from skfem.models.elasticity import linear_elasticity
+from test_petsc import ALL, FEW, assert_serial, mpirun, needs_petsc
+
+import skfem_contact as sc
+from skfem_contact.answers.validity.strain import strains
+from skfem_contact.linalg.distributed import assembly
+from skfem_contact.linalg.distributed.layout import directions
+from skfem_contact.linalg.distributed.ranks import Ranks
+from skfem_contact.linalg.distributed.reduction import _order, reduced
+from skfem_contact.linalg.distributed.stack import orthonormal
+from skfem_contact.linalg.distributed.stacked import StackedStiffness
+
+SCRIPT = Path(petsc_assembled.__file__)
+
+# -- without PETSc, on one rank ---------------------------------------------------------------
+
+
+@pytest.fixture
+def alone() -> Ranks:
+    """One rank, whose messages to all others come back to itself."""
+    same = {name: lambda x: x for name in ("allreduce", "alltoall")}
+    first = SimpleNamespace(
+        rank=0, size=1, gather=lambda x: [x], scatter=lambda x: x[0], Dup=None, **same
+    )
+    return Ranks(SimpleNamespace(Error=RuntimeError), None, first)
+
+
+def test_rows_and_products_are_those_of_the_matrix(alone: Ranks) -> None:
+    """By pieces of the mesh and by elements of one's own, with springs and without."""
+    (lower, upper), _ = blocks(3, "mortar", "small", 5)
+    pieces = assembly.assembled(alone, elastic, lower.basis)
+    given = assembly.collected(alone, partial(some_elements, 3, 5))
+    for K, A in ((pieces, lower.K), (given, upper.K)):
+        assert max(petsc_assembled.single(K, A).values()) < 1e-14
+        spring = csr_matrix((np.ones(1), ([0], [0])), shape=K.shape)
+        assert max(petsc_assembled.single(K + spring, csr_matrix(A + spring)).values()) < 1e-14
+
+
+def test_a_mesh_in_many_pieces_has_the_same_stiffness(
+    alone: Ranks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Quadratic tetrahedra, whose edges have DOFs: what the pieces number is found again."""
+    monkeypatch.setattr(assembly, "ELEMENTS_AT_ONCE", 20)
+    element = fem.ElementVector(fem.ElementTetP2())
+    mesh = fem.MeshTet().refined(2)
+    basis = fem.Basis(mesh, element, intorder=2)
+    K = assembly.assembled(alone, tetrahedra, assembly.numbering(mesh, element))
+    assert abs(K[np.arange(basis.N)] - linear_elasticity().assemble(basis)).max() < 1e-13
+
+
+def tetrahedra(mesh: fem.MeshTet) -> csr_matrix:
+    """Stiffness of a piece."""
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementTetP2()), intorder=2)
+    return linear_elasticity().assemble(basis)
+
+
+@pytest.mark.parametrize("unlike", [False, True])
+def test_the_reduced_matrix_is_that_of_the_whole_one(alone: Ranks, unlike: bool) -> None:
+    """Trial and test space alike or not, supports that are held, terms that were added."""
+    (lower, _), _ = blocks(2, "mortar", "small", 10)
+    K = assembly.assembled(alone, elastic, lower.basis)
+    A, rng, n = lower.K, np.random.default_rng(1), lower.n
+    B = csr_matrix(rng.standard_normal((3, n)) * (rng.random(n) < 0.1))
+    stack = StackedStiffness((lower,), [K], True) + csr_matrix(B.T @ B)
+    C, f = csr_matrix(rng.standard_normal((4, n)) * (rng.random(n) < 0.1)), rng.standard_normal(n)
+    trial = test = sc.eliminate(C, rng.standard_normal(4), lower.D, rng.standard_normal(n))
+    if unlike:
+        test = sc.eliminate(C[:, rng.permutation(n)], np.zeros(4), lower.D)
+    K_r, f_r = reduced(stack, trial, f, test)
+    expected, load = trial.reduce(A + B.T @ B, f, test=test)
+    held = alone.held[stack.key]
+    ((core, there, *change),) = K_r._pieces()
+    rows = held.reduced(core, there, 7.0, petsc_assembled.csr_of(change, (n, n)))
+    slot, place = K_r.layout.slot, _order(trial.independent, test.independent)
+    assert_allclose(rows[slot][:, slot].toarray()[place], expected.toarray(), atol=1e-13)
+    assert_allclose(f_r[place], load, atol=1e-12)
+    assert_allclose(K_r.diagonal(), rows[slot][:, slot].diagonal(), atol=1e-13)
+    gone = np.setdiff1d(np.arange(n), slot)
+    assert (rows[gone].indices == gone).all() and (rows[gone].data == 7.0).all()
+    motions = held.directions(alone.comm, there)[slot]
+    assert_allclose(motions @ motions.T, _projector(directions(lower.rigid_modes[slot])), atol=1e-12)
+
+
+def _projector(Q: np.ndarray) -> np.ndarray:
+    return Q @ Q.T
+
+
+def test_motions_that_follow_from_others_are_no_directions(alone: Ranks) -> None:
+    """A multiple of a column, a sum of two, and a column of zeros."""
+    rng = np.random.default_rng(0)
+    one, two = rng.standard_normal((2, 30))
+    Q = orthonormal(alone.comm, np.column_stack([one, 3 * one, 0 * one, two, one - two]))
+    assert Q.shape == (30, 2)
+    assert_allclose(Q.T @ Q, np.eye(2), atol=1e-15)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_strains_on_a_basis_without_points_of_integration(dim: int) -> None:
+    """They are those at the points of a rule of order 2, taken some elements at a time."""
+    mesh = mesh_of(dim, 6, False)
+    full = petsc_scenes.basis_of(mesh)
+    bare = assembly.numbering(mesh, full.elem)
+    K, u = elastic(mesh), np.random.default_rng(0).standard_normal(full.N)
+    found, expected = (strains(sc.Body(basis, K), u) for basis in (bare, full))
+    assert_allclose(found, expected, rtol=1e-12)
+
+
+# -- by mpirun --------------------------------------------------------------------------------
+
+
+@needs_petsc
+@pytest.mark.parametrize("count", [2, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 3))])
+def test_rows_on_all_ranks_are_those_of_the_matrix(tmp_path: Path, count: int) -> None:
+    """Products, rows, the reduced matrix as PETSc has it; bodies on all ranks, and on one."""
+    done = mpirun(count, "operators", tmp_path / "found.npz", script=SCRIPT)
+    assert not done.returncode, done.stderr
+    with np.load(tmp_path / "found.npz") as found:
+        assert len(found.files) == 63
+        # sums of some hundred terms, in another order
+        assert max(float(found[name]) for name in found.files) < 1e-13
+
+
+@needs_petsc
+@pytest.mark.parametrize(
+    "count, scenes", [(2, FEW), *(pytest.param(n, ALL, marks=pytest.mark.slow) for n in (1, 2, 4))]
+)
+def test_answers_of_bodies_assembled_on_ranks(
+    tmp_path: Path, count: int, scenes: tuple[str, ...]
+) -> None:
+    """Displacements, forces and reactions are the default's, and certified; matrices are given back."""
+    done = mpirun(count, "answers", tmp_path / "found.npz", "assembled", *scenes)
+    assert not done.returncode, done.stderr
+    with np.load(tmp_path / "found.npz") as found:
+        assert_serial(found, scenes)
+        assert found["most"] <= 40
+        assert found["held"] <= 8 and found["rows"] <= 8
+
+
+@needs_petsc
+@pytest.mark.slow
+def test_bodies_that_contact_holds_and_tools(tmp_path: Path) -> None:
+    """Free bodies, rigid ones beside those of ranks, springs in series: answers of the default."""
+    done = mpirun(2, "others", tmp_path / "found.npz", script=SCRIPT)
+    assert not done.returncode, done.stderr
+    with np.load(tmp_path / "found.npz") as found:
+        assert len(found.files) == 15
+        # residuals of 1e-12 times conditions of some hundreds; the tool hangs on its contact
+        assert max(float(found[name]) for name in found.files) < 1e-9
+
+
+@needs_petsc
+@pytest.mark.slow
+def test_factors_of_bodies_assembled_on_ranks(tmp_path: Path) -> None:
+    """MUMPS, where it is there, has the same answers."""
+    done = mpirun(2, "answers", tmp_path / "found.npz", "direct", "assembled")
+    assert not done.returncode, done.stderr
+    with np.load(tmp_path / "found.npz") as found:
+        assert_serial(found, ALL)
+
+
+@needs_petsc
+def test_what_can_not_be_done_is_refused_in_words(tmp_path: Path) -> None:
+    """Whatever needs all of K, functions without a name, matrices that do not fit; then it goes on."""
+    done = mpirun(2, "refused", tmp_path / "said.txt", script=SCRIPT)
+    assert not done.returncode, done.stderr
+    said = (tmp_path / "said.txt").read_text().split("\n")
+    words = [
+        "there is no 'toarray' of it",
+        "its columns were asked for",
+        "numbers do not multiply it",
+        r"it is multiplied with arrays (132,), this one is (3,)",
+        "it can not be pickled or copied",
+        "System.K needs all of it",
+        "a factorisation, and its size, needs all of it",
+        "linear = 'auto' needs it whole",
+        "linear = AMG needs it whole",
+        "linear = 'iterated' needs it whole",
+        "K of a body has shape (108, 108), its basis has 132 DOFs",
+        "K of a body is a form, and its basis has no points of integration",
+        "f of a body is a form, and its basis has no points of integration",
+        "can not find the function by its name",
+        "assemble(function, basis): give the basis of a body",
+        "rank 1 of 2: K of a piece of the mesh is a ndarray, not a sparse matrix",
+        "K of a piece of the mesh has shape (242, 242), its basis has 72 DOFs",
+        "1 of 3 DOFs are in no rank's matrix, the first is 1",
+        "rank 1 of 2: K of this rank is not symmetric",
+        "dofs that the function gave have numbers twice",
+        "the function gave a NoneType, not (dofs, matrix)",
+        "answers: True",
+    ]
+    assert len(said) == len(words)
+    for line, expected in zip(said, words, strict=True):
+        assert expected in line
+
+
+@needs_petsc
+def test_an_assembly_that_fails_on_a_rank_ends_all(tmp_path: Path) -> None:
+    """With the number of the rank, and what the function raised there."""
+    done = mpirun(2, "broken", tmp_path / "none", script=SCRIPT)
+    assert done.returncode
+    assert "rank 1 of 2 failed, and all end with it" in done.stderr
+    assert "FileNotFoundError: part_1.msh is not on this machine" in done.stderr
