@@ -215,6 +215,21 @@ def test_closed_parts_that_look_to_opposite_sides(hollow):
     assert_array_equal(np.sign(cavity.signed_distance([(0, 0, 0), (0.7, 0, 0)])), [inside, -inside])
 
 
+# both sides of a square, cut along either diagonal
+SHEET = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+FOLDED = [(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)]
+
+
+def test_a_foil_has_an_inside():
+    """Its sheets are told apart as long as their corners are."""
+    corners = [*SHEET, (0, 0, 1e-5), (1, 0, 1e-5), (1, 1, 1e-5), (0, 1, 1e-5)]
+    sides = [(a, b, b + 4) for a, b in ((0, 1), (1, 2), (2, 3), (3, 0))]
+    sides += [(a, b + 4, a + 4) for a, b in ((0, 1), (1, 2), (2, 3), (3, 0))]
+    foil = sc.RigidSurface(corners, [(0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), *sides])
+    assert_allclose(foil.reference, [0.5, 0.5, 0.5e-5], rtol=1e-9)
+    assert_allclose(foil.signed_distance([(0.5, 0.4, 0.5e-5), (0.5, 0.4, 1.0)]), [-0.5e-5, 1 - 1e-5])
+
+
 @pytest.mark.parametrize(
     ("points", "triangles", "given", "words"),
     [
@@ -229,6 +244,8 @@ def test_closed_parts_that_look_to_opposite_sides(hollow):
         (TIP, [*SIDES, (1, 0, 2)], {}, "1 triangles of 'rigid surface' are given twice"),
         (TIP, [*SIDES[:3], (0, 2, 3)], {}, "two triangles look to opposite sides"),
         ([*TIP, (1, 1, 1)], [*SIDES, (0, 1, 4)], {}, "edges of 'rigid surface' have more than two"),
+        (SHEET, FOLDED, {}, "at .* no volume"),
+        ([(x + 0.7, y, 0.3 * x + 0.1) for x, y, _ in SHEET], FOLDED, {}, "at .* no volume"),
         (TIP, SIDES[:3], {"hollow": True}, "it has a rim"),
         (TIP, SIDES, {"hollow": 1}, "it is a switch"),
         (TIP, SIDES, {"name": 1}, "name of a RigidSurface"),

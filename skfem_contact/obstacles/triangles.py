@@ -72,7 +72,8 @@ class RigidSurface(Outlined):
     Raises
     ------
     InputError
-        Triangles without area, given twice, of unlike orientation, more than two at an edge.
+        Triangles without area, given twice, of unlike orientation, more than two at an edge; no rim and
+        no volume.
 
     Notes
     -----
@@ -181,7 +182,7 @@ class RigidSurface(Outlined):
         if self.closed:
             volume = np.einsum("fd,fd->f", x[:, 0], np.cross(x[:, 1], x[:, 2]))
             return np.asarray(x.sum(axis=1).T @ volume / (4 * volume.sum()))
-        area = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
+        area = _areas(self.points, self.triangles)
         return np.asarray(x.mean(axis=1).T @ area / area.sum())
 
     def _partners(self, surface: ContactSurface) -> Pairing:
@@ -226,8 +227,7 @@ def _check_triangles(points: Array, triangles: Index, label: str) -> None:
     x = points[triangles]
     sides = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
     longest = sides.max(axis=1)
-    twice = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
-    flat = np.flatnonzero(twice <= NO_HEIGHT * longest**2)
+    flat = np.flatnonzero(2 * _areas(points, triangles) <= NO_HEIGHT * longest**2)
     if len(flat):
         raise InputError(
             f"{len(flat)} triangles of {label!r} have no area, the first is number {flat[0]} at "
@@ -268,19 +268,29 @@ def _check_edges(points: Array, triangles: Index, label: str) -> None:
 
 
 def _check_shells(points: Array, triangles: Index, hollow: bool, label: str) -> None:
-    """Of several closed parts those that look inwards are cavities, each inside a part that does not.
+    """Every closed part has a volume; of several those that look inwards are cavities, inside others.
 
-    With `hollow` the other way round.
+    With `hollow` those are the cavities that look outwards.
     """
     edges = _edges(triangles)
     graph = coo_matrix((np.ones(len(edges)), edges.T), shape=(len(points), len(points)))
     count, part = connected_components(graph, directed=False)
-    if count == 1:
-        return
     of = part[triangles[:, 0]]
-    solid = np.array([_volume(points, triangles[of == k]) > 0 for k in range(count)]) != hollow
+    volume = np.array([_volume(points, triangles[of == k]) for k in range(count)])
+    area = np.bincount(of, _areas(points, triangles), count)
     low = np.array([points[part == k].min(axis=0) for k in range(count)])
     high = np.array([points[part == k].max(axis=0) for k in range(count)])
+    # by the mean thickness: sheets that close together are one, as corners are
+    flat = 2 * np.abs(volume) <= SAME_CORNER * np.linalg.norm(high - low, axis=1) * area
+    if flat.any():
+        first = written(points[part == np.argmax(flat)][0])
+        raise InputError(
+            f"{label!r} has no rim, and at {first} no volume either: there two sheets lie one upon the "
+            "other, and nothing tells inside from outside. Leave out the triangles of one of them"
+        )
+    if count == 1:
+        return
+    solid = (volume > 0) != hollow
     for k in np.flatnonzero(~solid):
         around = np.all((low[solid] <= low[k]) & (high[solid] >= high[k]), axis=1)
         if not around.any():
@@ -294,6 +304,11 @@ def _check_shells(points: Array, triangles: Index, hollow: bool, label: str) -> 
 def _edges(triangles: Index) -> Index:
     """Start and end of all edges, (3 nt, 2)."""
     return np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
+
+
+def _areas(points: Array, triangles: Index) -> Array:
+    x = points[triangles]
+    return np.asarray(np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 2)
 
 
 def _volume(points: Array, triangles: Index) -> float:
