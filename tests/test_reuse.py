@@ -108,6 +108,22 @@ def test_history_goes_on_with_another_law() -> None:
     assert_allclose(rougher.traction, last.traction, rtol=0, atol=1e-12)
 
 
+def test_contacts_are_found_by_those_that_were_given() -> None:
+    """Whatever friction a solver has taken since, a contact is known by the object of the user's."""
+    first = scene(sc.Coulomb(0.4))
+    (given,) = first.contacts
+    smooth = first.with_friction(sc.Coulomb(0.1), given)
+    smoother = smooth.with_friction(sc.Coulomb(0.05), given)
+    assert smoother.contacts[0].friction.mu == 0.05 and given.friction.mu == 0.4
+    result = smoother.solve()
+    assert given in result and result[given] is result["faces"] is result[np.int64(0)]
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    for other in (sc.Contact(given.secondary, floor), floor, None):
+        assert other not in result
+        with pytest.raises(sc.InputError, match="not one of"):
+            first.with_friction(sc.Coulomb(0.1), other if other else floor)
+
+
 def test_unknown_contact_is_named() -> None:
     """The message lists the contacts there are."""
     with pytest.raises(sc.InputError, match=r"'sides' is not one of this solver: it has 'faces'"):

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cached_property
 
+import numpy as np
+
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.single import OfTheContact
 from skfem_contact.answers.split import values_of
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import suggest
-from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.errors import InputError
 
 
@@ -47,21 +49,22 @@ class ByContact(OfTheContact):
         return True  # of a result with `if result:` nobody asks how many contacts it has
 
     def __contains__(self, key: object) -> bool:
-        return key in self.names or any(key is own for own in (*self.contacts, *self.values))
+        known = isinstance(key, str) and key in self.names
+        return known or number_of(key, self.contacts) is not None or any(key is own for own in self)
 
     def _position(self, key: Contact | str | int) -> int:
         if isinstance(key, str):
             if key in self.names:
                 return self.names.index(key)
             raise InputError(f"there is no contact {key!r}{suggest(key, self.names, 'contacts')}")
-        if isinstance(key, int):
+        if isinstance(key, int | np.integer):
             if not -len(self.names) <= key < len(self.names):
                 raise InputError(f"there is no contact number {key}, only {len(self.names)} from 0 on")
             return range(len(self.names))[key]
-        for i, contact in enumerate(self.contacts):
-            if contact is key:
-                return i
-        raise InputError("this contact is not one of those of the solver: pass the same object")
+        i = number_of(key, self.contacts)
+        if i is None:
+            raise InputError("this contact is not one of those of the solver: pass the same object")
+        return i
 
     def _only(self, name: str) -> ContactValues:
         if len(self.names) != 1:

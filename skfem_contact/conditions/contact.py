@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, Literal
 
@@ -254,6 +254,22 @@ class Contact(PrintedAsCall):
         """The two sides in words, for messages."""
         primary = self.primary.label
         return f"{self.secondary.label} on {primary}"
+
+
+def number_of(contact: object, contacts: Sequence[Contact]) -> int | None:
+    """Number of a contact among those of a solver; None if it is none of them.
+
+    Between the same two sides it is the same contact, whatever its friction: a solver from
+    `with_friction` has one of its own, which nobody else has.
+    """
+    for i, own in enumerate(contacts):
+        if own is contact:
+            return i
+    if isinstance(contact, Contact):
+        for i, own in enumerate(contacts):
+            if own.secondary is contact.secondary and own.primary is contact.primary:
+                return i
+    return None
 
 
 def field_values(field: Field, points: Array, what: str) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from skfem_contact.arguments import known_keywords
 from skfem_contact.bodies.member import Member
-from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.interface import interface
 from skfem_contact.errors import InputError
@@ -188,9 +188,9 @@ class Variants(ProblemSetup):
     def _position(self, contact: Contact | str) -> int:
         if isinstance(contact, str) and contact in self.names:
             return self.names.index(contact)
-        for i, own in enumerate(self.contacts):
-            if own is contact:
-                return i
+        i = number_of(contact, self.contacts)
+        if i is not None:
+            return i
         known = ", ".join(map(repr, self.names))
         raise InputError(
             f"contact = {contact!r} is not one of this solver: it has {known}. Pass the name, or "

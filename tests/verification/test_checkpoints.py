@@ -114,6 +114,24 @@ def test_load_factor_and_own_loads_persist(tmp_path):
         assert_allclose(np.mean(full.u[1::2]), 0.1, rtol=0, atol=1e-3)
 
 
+def test_loads_by_name_are_no_multiple_of_a_number_before():
+    """What an exception carries has the loads of its step, not those of the last number."""
+    basis = rectangle(np.linspace(0, 1, 5), np.linspace(0, 1, 5))
+    body = sc.Body(basis, elastic(1e3), f={"top": (0.0, -1.0)}, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    contact = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3))
+    steps = [0.5, {"f": {"block": 0.8}}, {"motion": {"floor": (0.0, 0.1)}}, "no step"]
+    with pytest.raises(sc.InputError) as failure:
+        for _ in sc.ContactSolver([body], [contact]).history(steps):
+            pass  # nobody keeps them
+    results = failure.value.results
+    assert [result.factor for result in results] == [0.5, None, None]
+    assert_allclose([result.force[1] for result in results], [0.5, 0.8, 0.8], rtol=1e-12)
+    assert (
+        max(result.certificate.worst for result in results) < 1e-12
+    )  # its loads are those of the step
+
+
 def test_nothing_is_lost_when_a_step_fails():
     """When a step has no equilibrium, the results before it are there and good to go on from."""
     solver = dragged_block(rigid=True)
