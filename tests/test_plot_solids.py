@@ -192,3 +192,21 @@ def test_files_of_solids(kind: str, tmp_path: Any) -> None:
         found = contacts.point_data[name]
         assert found.shape == (len(values.points), 3)
         assert_allclose(found, getattr(values, f"{name}_vector"), rtol=0, atol=1e-14)
+
+
+def test_obstacles_end_at_the_sides_of_the_picture() -> None:
+    """Their triangles are cut there: what is left of a plane is all of it in the box, and no more."""
+    from skfem_contact.output.draw_tools import _inside
+
+    low, high = np.array([0.0, 0.0, -1.0]), np.array([2.0, 1.0, 1.0])
+    corners = np.array([[-9, -9, 0.1], [9, -9, 0.1], [9, 9, 0.1], [-9, 9, 0.1]])
+    tiny = np.array([[0.1, 0.1, 0.9], [0.2, 0.1, 0.9], [0.1, 0.2, 0.9]])
+    shown = _inside(np.stack([corners[[0, 1, 2]], corners[[0, 2, 3]], tiny, tiny + 5]), low, high)
+    assert np.array_equal(shown[0], tiny) and len(shown) == 3
+    area = 0.0
+    for polygon in shown[1:]:
+        assert np.all((polygon >= low - 1e-12) & (polygon <= high + 1e-12))
+        fan = np.cross(polygon[1:-1] - polygon[0], polygon[2:] - polygon[0])
+        area += 0.5 * np.linalg.norm(fan.sum(axis=0))
+    assert area == pytest.approx(2.0, rel=1e-12)
+    assert not _inside(corners[None, :3] + [0, 0, 5], low, high)

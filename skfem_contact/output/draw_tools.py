@@ -88,13 +88,11 @@ def draw_faces(ax: Any, points: Array, triangles: Index, box: Box) -> None:
 
     low, high = box
     size = float(np.max(high - low))
-    x = _fine(points[triangles], size / 12)
-    middle, room = x.mean(axis=1), AROUND * size
-    x = x[np.all((middle >= low - room) & (middle <= high + room), axis=1)]
-    if len(x):
+    shown = _inside(points[triangles], low - AROUND * size, high + AROUND * size)
+    if shown:
         ax.add_collection3d(
             Poly3DCollection(
-                list(x),
+                shown,
                 facecolors=TOOL,
                 edgecolors=TOOL,
                 linewidths=0.15,
@@ -105,17 +103,28 @@ def draw_faces(ax: Any, points: Array, triangles: Index, box: Box) -> None:
         )
 
 
-def _fine(x: Array, longest: float) -> Array:
-    """Triangles (t, 3, 3) cut in halves until their sides are short enough."""
-    for _ in range(12):
-        sides = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2)
-        k = np.argmax(sides, axis=1)
-        long = sides.max(axis=1, initial=0.0) > longest
-        if not long.any() or len(x) > 20_000:
-            break
-        cut, k = x[long], k[long]
-        i = np.arange(len(cut))
-        a, b, c = cut[i, k], cut[i, (k + 1) % 3], cut[i, (k + 2) % 3]
-        m = 0.5 * (a + b)
-        x = np.concatenate([x[~long], np.stack([a, m, c], 1), np.stack([m, b, c], 1)])
-    return x
+def _inside(x: Array, low: Array, high: Array) -> list[Array]:
+    """What of triangles (t, 3, 3) is in a box: polygons (k, 3), cut off at its sides."""
+    apart = np.any((x.max(axis=1) < low) | (x.min(axis=1) > high), axis=1)
+    whole = np.all((x >= low) & (x <= high), axis=(1, 2))
+    shown = list(x[whole])
+    for polygon in x[~whole & ~apart]:
+        for k in range(3):
+            for sign, bound in ((1.0, low[k]), (-1.0, high[k])):
+                polygon = _beyond(polygon, sign * (polygon[:, k] - bound))
+        if len(polygon) > 2:
+            shown.append(polygon)
+    return shown
+
+
+def _beyond(polygon: Array, height: Array) -> Array:
+    """The part of a convex polygon (k, 3) where heights (k,) are not negative."""
+    after, there = np.roll(height, -1), np.roll(polygon, -1, axis=0)
+    points = []
+    for i in range(len(polygon)):
+        if height[i] >= 0:
+            points.append(polygon[i])
+        if height[i] * after[i] < 0:
+            part = height[i] / (height[i] - after[i])
+            points.append(polygon[i] + part * (there[i] - polygon[i]))
+    return np.array(points).reshape(-1, 3)
