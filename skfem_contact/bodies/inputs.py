@@ -115,10 +115,11 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
     matrix = csr32(matrix)
     if issparse(given) and given.format == "csr" and np.may_share_memory(given.data, matrix.data):
         matrix = matrix.copy()  # what the user does to the matrix later stays outside
-    rows = np.repeat(np.arange(basis.N), np.diff(matrix.indptr))
+    rows = np.repeat(np.arange(basis.N, dtype=np.int32), np.diff(matrix.indptr))
     check_finite(matrix.data, f"K of {whose}", "row", rows)
+    del rows  # of the size of K, as what follows
     scale = np.abs(matrix.data).max(initial=0.0)
-    difference = matrix - matrix.T
+    difference = _less_its_transpose(matrix)
     largest = np.abs(difference.data).max(initial=0.0)
     if largest > UNSYMMETRIC * scale:
         raise InputError(
@@ -129,6 +130,16 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
     if largest > SYMMETRIC * scale:
         matrix = csr32(matrix - 0.5 * difference)
     return sealed_matrix(matrix)
+
+
+def _less_its_transpose(matrix: csr_matrix) -> csr_matrix:
+    """``K - K'`` of a matrix in canonical format, made in ``K'`` where both have one pattern."""
+    transpose = csr_matrix(matrix.T)
+    patterns = ("indptr", "indices")
+    if all(np.array_equal(getattr(transpose, p), getattr(matrix, p)) for p in patterns):
+        np.subtract(matrix.data, transpose.data, out=transpose.data)
+        return transpose
+    return matrix - transpose
 
 
 def load_of(f: Any, basis: Any, what: str) -> np.ndarray:
