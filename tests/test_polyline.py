@@ -352,3 +352,16 @@ def test_points_the_wrong_way_round_are_named(n, error):
         with pytest.raises(error, match=r"it is solid on their left"):
             contact = sc.Contact(body.surface(lambda x: x[1] < 0.6), groove)
             sc.ContactSolver(body, contact).solve()
+
+
+@pytest.mark.parametrize("turn", np.linspace(0.0, 0.7, 8))
+def test_edges_at_exactly_45_degrees_are_corners(turn):
+    """However the octagon is turned: round-off of its normals has no say in it."""
+    angle = turn + 2 * np.pi * np.arange(8) / 8
+    outline = sc.RigidPolyline(np.column_stack([np.cos(angle), np.sin(angle)]), closed=True).outline
+    # every edge has its own normal at both ends
+    ends = outline.points[outline.facets[:, :2]]
+    along = np.diff(ends, axis=1)[:, 0]
+    for k in range(2):
+        across = np.einsum("fd,fd->f", along, outline.facet_node_normals[:, k])
+        assert_allclose(across, 0.0, atol=1e-12)

@@ -350,3 +350,19 @@ def test_flats_of_large_triangles_lean(angle):
     assert len(coarse) == 1 and "normals of 'table' lean by 0.1" in coarse[0]
     assert_allclose(ratio([-6, -3.2, -3, -2.8, 2.8, 3, 3.2, 6], fine), 0.2, rtol=1e-9)
     assert not fine
+
+
+@pytest.mark.parametrize("turn", np.linspace(0.0, 0.7, 8))
+@pytest.mark.parametrize("digits", [np.float64, np.float32])
+def test_edges_at_exactly_45_degrees_are_sharp(turn, digits):
+    """Eight sides of a prism however it is turned, also in the single precision of a file."""
+    angle = turn + 2 * np.pi * np.arange(8) / 8
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    points = np.vstack([np.column_stack([ring, np.full(8, z)]) for z in (0.0, 2.0)]).astype(digits)
+    i, j = np.arange(8), (np.arange(8) + 1) % 8
+    cells = np.vstack([np.column_stack([i, j, j + 8]), np.column_stack([i, j + 8, i + 8])])
+    outline = sc.RigidSurface(points, cells).outline
+    upright = np.abs(np.diff(outline.points[outline.facets][:, [0, 1, 2, 0], 2], axis=1)) > 1
+    # of each triangle one side is upright, one is the diagonal within a flat side, one at the rim
+    assert_array_equal(outline.sharp_edges.sum(axis=1), np.ones(16))
+    assert np.all(upright[outline.sharp_edges])

@@ -1,6 +1,6 @@
 """Where a surface turns at the edges of its faces: sharp edges, and kinks beside a flat.
 
-At a sharp edge faces meet at more than 45 degrees. At any other edge the surface has one normal,
+At a sharp edge faces meet at 45 degrees or more. At any other edge the surface has one normal,
 averaged, which is right for curved surfaces. A chamfer beside a flat is none: it is known by what the
 surface does next to the edge. On one side at least it goes straight on. (`normals.kink_angles` is the
 same of curves.)
@@ -22,7 +22,7 @@ Mask = NDArray[np.bool_]
 
 
 def sharp_edges(normals: Array, twins: Index) -> Mask:
-    """Edges (nf, c) where faces meet at more than 45 degrees, at one end at least.
+    """Edges (nf, c) where faces meet at 45 degrees or more, at one end at least.
 
     Parameters
     ----------

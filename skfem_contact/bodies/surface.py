@@ -63,7 +63,7 @@ class ContactSurface(ABC):
         the normals to constrain along are `facet_node_normals`.
     facet_node_normals : ndarray, shape (nf, 2, d), of faces (nf, k, d)
         Outward unit normals at start and end of each line, at all nodes of each face: averaged with
-        the neighbours, but the facet's own where the surface turns by more than 45 degrees, or ends.
+        the neighbours, but the facet's own where the surface turns by 45 degrees or more, or ends.
         A curved surface that ends on a line or plane of symmetry (one component of its last nodes is
         prescribed) is averaged with its mirror image.
     area : ndarray, shape (m,)
@@ -238,7 +238,7 @@ class FaceSurface(ContactSurface):
 
     @cached_property
     def sharp_edges(self) -> np.ndarray:
-        """Edges (nf, c) where faces meet at more than 45 degrees, at one end at least."""
+        """Edges (nf, c) where faces meet at 45 degrees or more, at one end at least."""
         return sharp_edges(self.own_normals[:, : self.kind.corners], self.twins)
 
     @cached_property

@@ -12,9 +12,9 @@ UNSYMMETRIC, SYMMETRIC = 1e-6, 1e-13
 
 # -- normals -----------------------------------------------------
 
-# Two facets that meet at a larger angle than 45 degrees form a corner: no normal is averaged over
-# it.
-CORNER = np.cos(np.pi / 4)
+# Two facets that meet at 45 degrees or more form a corner: no normal is averaged over it. Chamfers of
+# 45 degrees are common, and it is not left to round-off, of files in single precision neither.
+CORNER = np.cos(np.pi / 4) * (1 + 1e-6)
 
 # An edge lies in a plane if its ends differ by less than this part of its length across it.
 SAME_PLACE = 1e-6

@@ -2,7 +2,7 @@
 
 A pairing takes its frames from one side. Where the sides are curved their normals differ as long as
 a gap is open between them, and with small sliding the frame stays what it was then: `frames` makes of
-both the normal of the loaded interface. At a corner sharper than 45 degrees, and at a kink in a
+both the normal of the loaded interface. At a corner of 45 degrees or more, and at a kink in a
 straight side (`kinks`), a side has no normal: there that of the other side stands for both.
 """
 
@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 
 
 def sharp_nodes(surface: CurveSurface) -> Mask:
-    """Nodes where facets meet at more than 45 degrees, or straight parts at a kink, shape (m,)."""
+    """Nodes where facets meet at 45 degrees or more, or straight parts at a kink, shape (m,)."""
     sharp = np.zeros(len(surface.points), dtype=bool)
     ends, other = surface.end_normals, surface.neighbours
     corner = (other >= 0) & (dot(ends, ends[other, [1, 0]]) < CORNER)

@@ -1,6 +1,6 @@
 r"""Kinks: straight sides that turn, by less than a corner does, and means over them.
 
-At 45 degrees and less a surface has one normal at a node, averaged, and the multipliers of mortar
+At less than 45 degrees a surface has one normal at a node, averaged, and the multipliers of mortar
 contact reach over it: both right for curves, whose facets turn by like angles one after the other.
 A chamfer beside a flat is no curve. Its node is known by what the surface does next to it: on one
 side at least it goes straight on. There

@@ -102,7 +102,7 @@ def dual_mortar(
     Forces balance to round-off, as the weights of either side sum to 1; moments do but for
     ``normal_force x (tangential part of the weighted gap vector)``, zero on flat interfaces.
 
-    Where facets of a sharp corner (over 45 degrees) meet, the normal is the mean of those facets
+    Where facets of a sharp corner (45 degrees or more) meet, the normal is the mean of those facets
     that the primary covers, weighted with the areas: of one facet in general. For contact on both
     sides of a corner make two contacts, each with one side.
 

@@ -148,7 +148,7 @@ def node_to_segment(
     The closest point is taken among the facets that face the node (`closest.FACING`) and hold a
     stationary point of the distance to the *whole* primary surface. So a node beyond the end of an
     open surface has no partner (tolerance: `closest.END` facet lengths), and one outside a smooth
-    convex vertex is paired with that vertex. Around a corner sharper than 45 degrees it is paired
+    convex vertex is paired with that vertex. Around a corner of 45 degrees or more it is paired
     with the vertex, along the normal of the facet most opposite to the node, as long as it lies at
     most 45 degrees off that normal; farther out it overhangs. Of equally near facets (a concave
     corner) the most opposite one is taken, then the first.

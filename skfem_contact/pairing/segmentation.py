@@ -8,7 +8,7 @@ line along the secondary's normal,
 with the nodal normals ``n_k`` interpolated like the position. The field ``n`` is continuous, so
 the map is one to one: on curved or polygonal surfaces nothing of the primary is left out between
 two facets and nothing counted twice, which it would be along the facets' own normals. On flat
-surfaces the two are the same. At a corner sharper than 45 degrees each facet keeps its own normal.
+surfaces the two are the same. At a corner of 45 degrees or more each facet keeps its own normal.
 
 Between the projections of the ends of the primary facets all integrands are smooth (on straight
 facets of flat surfaces polynomials), and Gauss quadrature on each such segment is exact for them.

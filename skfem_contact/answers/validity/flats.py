@@ -1,7 +1,7 @@
 """Flats of obstacles made of large triangles: normals that lean towards the chamfers beside them.
 
 Normals are interpolated between the corners of a triangle, where they are averaged with its neighbours
-unless they meet at more than 45 degrees. On a curved surface of many triangles that is right. A flat of
+unless they meet at 45 degrees or more. On a curved surface of many triangles that is right. A flat of
 a few large triangles beside a chamfer is no piece of a curve: all over it normals, and so the forces,
 lean by up to half of the angle of the chamfer.
 """

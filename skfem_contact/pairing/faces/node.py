@@ -39,7 +39,7 @@ def node_to_face(
     the node (`closest.FACING`) and hold a stationary point of the distance to the *whole* primary
     surface. So a node beyond the rim of an open surface has no partner (tolerance:
     `closest.COINCIDENT` of the size of a face), and one outside a smooth convex edge or corner is
-    paired with that edge or corner. Round edges sharper than 45 degrees it is paired along the normal
+    paired with that edge or corner. Round edges of 45 degrees or more it is paired along the normal
     of the face most opposite to the node, as long as it lies at most 45 degrees off that normal;
     farther out it overhangs. Of equally near faces (a concave edge) the most opposite one is taken;
     ties do not depend on the numbering.

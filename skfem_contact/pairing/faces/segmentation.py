@@ -2,7 +2,7 @@ r"""Segmentation of an interface between faces: the pieces on which one face mee
 
 A point of the secondary surface meets the point of the primary that lies on the line along the
 secondary's normal field (`cells`), as in 2-D: the field is continuous, so nothing of the primary is
-left out between two faces and nothing counted twice. At an edge sharper than 45 degrees each face keeps
+left out between two faces and nothing counted twice. At an edge of 45 degrees or more each face keeps
 its own normal.
 
 1. The corners of the primary's cells are moved along such lines into the plane of a secondary cell.
