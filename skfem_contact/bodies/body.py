@@ -72,7 +72,9 @@ class Body(Member):
     Attributes
     ----------
     K : csr_matrix, shape (n, n)
+        The stiffness, assembled, symmetric [force/length].
     f : ndarray, shape (n,)
+        The load, assembled [force].
     D : ndarray of int
         Sorted, without repetitions.
     x : ndarray, shape (n,)

@@ -64,7 +64,7 @@ class RigidPlane(Obstacle):
 
     @property
     def bend(self) -> np.ndarray:
-        """None at all."""
+        """How it curves, see `Obstacle.bend`: not at all, (d, d) zeros."""
         return np.zeros((len(self.point), len(self.point)))
 
     def moved(self, motion: Any) -> RigidPlane:
@@ -125,7 +125,7 @@ class RigidCylinder(Obstacle):
 
     @property
     def bend(self) -> np.ndarray:
-        """One over its radius across the axis, negative in a hole."""
+        """How it curves, (d, d): one over its radius across the axis, negative in a hole [1/length]."""
         across = np.eye(len(self.centre))
         if self.axis is not None:
             across = across - np.outer(self.axis, self.axis)
@@ -193,7 +193,7 @@ class RigidSphere(Obstacle):
 
     @property
     def bend(self) -> np.ndarray:
-        """One over its radius, negative in a cavity."""
+        """How it curves, (d, d): one over its radius, negative in a cavity [1/length]."""
         return (-1.0 if self.hollow else 1.0) / self.radius * np.eye(len(self.centre))
 
     def turns_in_itself(self, about: np.ndarray) -> bool:

@@ -159,6 +159,7 @@ def disc_on_block(method, nx, *, rigid=False, smooth=True):
     return np.array([r.force for r in solver.history([*down, *along])])[8:]
 
 
+@pytest.mark.filterwarnings("ignore:.*over the length of one facet")  # the coarsest is too coarse
 @pytest.mark.slow
 def test_ironing_forces_converge():
     """Vertical and horizontal force of ironing converge under refinement of the block."""
