@@ -11,6 +11,7 @@ last rank is killed, or fails by itself, or the script has a mistake, or a linea
 
 from __future__ import annotations
 
+import gc
 import itertools
 import os
 import signal
@@ -197,7 +198,10 @@ def main() -> None:
         scenes = [word for word in words if word in SCENES] or list(SCENES)
         found = answers(linear, scenes, "assembled" in words)
         most = max(solve.iterations for solve in linear.solves)
-        np.savez(where, **found, most=most, held=len(ranks().shares), rows=len(ranks().held))
+        held = len(ranks().shares)
+        gc.collect()  # bodies and their surfaces know of each other
+        linear.memory()  # a command, by which ranks forget what is gone
+        np.savez(where, **found, most=most, held=held, rows=len(ranks().held))
         print(f"{len(linear.solves)} solves on {linear.ranks} ranks, at most {most} iterations")
     else:
         history(linear, Path(where), fault)
