@@ -185,6 +185,19 @@ UNLIKE = [("Q1", "Q1"), ("Q2", "Q2"), ("Q1", "Q2"), ("P2", "Q1")]
 FLAT = {"lines": overlapping(), "angle": st.floats(0, 6.3), "gap": st.floats(0, 0.3)}
 
 
+@pytest.mark.parametrize("kind", ["Q1", "Q2"])
+def test_half_covered_facets_are_the_same_however_they_are_turned(kind):
+    """A surface that ends in the middle of a facet: the far node has a quarter of its share to keep."""
+    areas = []
+    for angle in np.linspace(0.0, 6.0, 13):
+        sides = pair_of_blocks(kind, np.linspace(0.2, 1.8, 7), np.linspace(0, 2, 6), angle=angle)
+        areas.append(dual_mortar(*sides).area)
+    assert_allclose(areas, [areas[0]] * len(areas), rtol=0, atol=1e-12)
+    # both ends of the half that is covered, 3/8 and 1/8 of the facet
+    if kind == "Q1":
+        assert_allclose(np.sort(areas[0]), [0.05, 0.05, 0.35, 0.35, 0.4, 0.4], rtol=1e-12)
+
+
 @pytest.mark.parametrize("kinds", UNLIKE)
 @given(**FLAT)
 @settings(max_examples=8, deadline=None)

@@ -50,7 +50,7 @@ from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.segmentation import Quadrature, facet_areas, interface_quadrature
 from skfem_contact.pairing.smooth import bulge_matrix
 from skfem_contact.pairing.supports import FREE, MET, Supports, find_supports, without_multiplier
-from skfem_contact.pairing.thresholds import COVER_KEPT, NO_WEIGHT, SHARE_KEPT
+from skfem_contact.pairing.thresholds import COVER_KEPT, EQUAL_SHARE, NO_WEIGHT, SHARE_KEPT
 from skfem_contact.pairing.vectors import facet_normal_field
 
 Array = NDArray[np.float64]
@@ -218,7 +218,7 @@ def _own_rows(
     total, given = np.zeros(shape[0]), np.zeros(shape[0])
     np.add.at(total, np.take_along_axis(secondary.facets, heir, axis=1), share)
     np.add.at(given, to[back], part[back])
-    back &= (total - given >= SHARE_KEPT * given)[to]
+    back &= (total - given >= SHARE_KEPT * (1 - EQUAL_SHARE) * given)[to]
     owner[s.facet[back], s.local[back]] = s.local[back]
     data = part[back, None] * s.weight[back]
     row = np.repeat(np.concatenate([s.node[back], to[back]]), data.shape[1])

@@ -52,6 +52,10 @@ FINER, STIFFER = 0.75, 3.0
 # (quadratic) however the facet is cut; uncut it is 1.7 and 2.2.
 SHARE_KEPT, COVER_KEPT = 1 / 4, 1 / 3
 
+# Shares, and distances of nodes on a face, are equal if they differ by less than this part: the far
+# node of a line that is half covered has just a quarter.
+EQUAL_SHARE = 1e-6
+
 # -- facing ------------------------------------------------------
 
 # Vectors this short against the longest are differences of equal points: they have no direction.
@@ -163,9 +167,6 @@ SLIVER_AREA = 1e-12
 POINTS_AT_ONCE = 1 << 17
 
 # -- faces.dual --------------------------------------------------
-
-# Shares, and distances of nodes on a face, are equal if they differ by less than this part.
-EQUAL_SHARE = 1e-6
 
 # The weights of a row are bounded by this times those of whole faces: the number at which two
 # multipliers on the middle of a line become one, as there (`COVER_KEPT`).

@@ -33,6 +33,7 @@ from skfem_contact.pairing.mortar_rows import (
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.supports import FREE, MET, without_multiplier
 from skfem_contact.pairing.thresholds import (
+    EQUAL_SHARE,
     KINK,
     NO_DIRECTION,
     NO_WEIGHT,
@@ -237,7 +238,7 @@ def _own_rows(
     # what is left of the rows that lent it must be rows
     total = np.bincount(secondary.facets.ravel(), (basis.S @ basis.share[..., None]).ravel(), shape[0])
     given = np.bincount(faces.ravel(), lent.sum(axis=2).ravel(), shape[0])
-    poor = (total - given < SHARE_KEPT * given)[faces]
+    poor = (total - given < SHARE_KEPT * (1 - EQUAL_SHARE) * given)[faces]
     back &= ~np.any((lent > 0) & poor[:, :, None], axis=1)
     lent = np.where(back[:, None, :], lent, 0.0)
     h, i = np.nonzero(back)
