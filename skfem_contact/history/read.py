@@ -56,8 +56,8 @@ class StepReader:
     def resumed(self, start: LoadCase, found: Array) -> LoadCase:
         """The loads of a state to go on from: a multiple of own loads is one of those here.
 
-        Bodies may have other loads and supports of their own in the solver that goes on. Supports that
-        the state had not, and that have no value of their own, hold the body where they find it.
+        Bodies may have other loads and supports of their own in the solver that goes on. Where steps
+        have named displacements, supports that the state had not hold the body where they find it.
 
         Parameters
         ----------
@@ -71,19 +71,13 @@ class StepReader:
             was and np.array_equal(there, here)
             for was, there, here in zip(start.own, given, self._own, strict=True)
         ]
-        prescribed, factor, stays = start.x, start.factor, found != start.x
-        if x is not None:
-            prescribed = x * self.system.x
-            stays &= self.system.x == 0.0
-        if stays.any():  # which is no multiple of anything
-            prescribed, x, factor = np.where(stays, found, prescribed), None, None
         return copied(
             self._placed(start.interference, start.motion),
             f=start.f if f is None else f * self.own_f,
-            x=prescribed,
+            x=found if x is None else x * self.system.x,
             own=tuple(own),
-            scale=(f, x),
-            factor=factor,
+            scale=start.scale,
+            factor=start.factor,
         )
 
     def other_interference(self, start: LoadCase) -> str:

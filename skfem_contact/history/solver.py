@@ -133,7 +133,8 @@ class ContactSolver(Variants):
             The state to continue from, or one from `load_state`: friction remembers it, and what is
             not named stays as it is there; loads that are a multiple of the bodies' own, that multiple
             of what they are in this solver. It may come from another one over the same meshes and
-            contacts; supports that it had not hold the bodies where they find them.
+            contacts. Supports that it had not hold the bodies where they find them if steps have named
+            displacements; else they go to the bodies' own `x`, zero where there is none.
         guess : ContactResult, optional
             Starting values only.
         callback : callable, optional

@@ -322,41 +322,39 @@ def test_interference_of_another_solver_stays_and_is_told(tmp_path):
         solver.solve(start=stepped)
 
 
-@pytest.mark.parametrize("by", ["loads", "steps", "file"])
-def test_a_new_support_holds_the_body_where_it_finds_it(tmp_path, by):
-    """A tool is pressed and locked: what no step names stays, its place and its force too."""
+@pytest.mark.parametrize("by_file", [False, True])
+def test_a_new_support_holds_the_body_where_it_finds_it(tmp_path, by_file):
+    """A tool is pressed, moved and locked: what no step names stays, its place and its force too."""
     basis = rectangle(np.linspace(0, 1, 11), np.linspace(-0.5, 0, 6))
     block = sc.Body(basis, elastic(1.0), D="bottom", name="block")
 
-    def with_tool(*D, **own):
-        tool = sc.RigidBody(sc.RigidCylinder((0.5, 1.0), 1.0), D=("x", *D), name="tool", **own)
+    def with_tool(*D):
+        tool = sc.RigidBody(sc.RigidCylinder((0.5, 1.0), 1.0), D=("x", *D), name="tool")
         contact = sc.Contact(block.surface("top"), tool, friction=sc.Coulomb(0.3))
         return sc.ContactSolver([block, tool], contact)
 
-    free, locked = with_tool(force=(0, -0.01)), with_tool("y", "rotation", force=(0, -0.01))
-    steps = [{"f": {"tool": {"y": -0.01}}}, {"x": {"tool": {"x": 1e-4}}}]
-    start = free.solve() if by == "loads" else list(free.history(steps))[-1]
+    free, locked = with_tool(), with_tool("y", "rotation")
+    pressed, start = free.history([{"f": {"tool": {"y": -0.01}}}, {"x": {"tool": {"x": 1e-4}}}])
     force, place = start.force, start.displacement("tool")
     assert place[1] < -0.01
-    if by == "file":
+    if by_file:
         start = locked.load_state(free.save_state(tmp_path / "pressed", start))
     kept = locked.solve(start=start)
-    assert_allclose(kept.force, force, rtol=0, atol=1e-12 * abs(force[1]))
-    assert_allclose(kept.displacement("tool"), place, rtol=0, atol=1e-12 * abs(place[1]))
-    # nothing but the support holds it now, in later steps and from its own state as well
-    for result in (
-        *locked.history([{"f": {"tool": {"y": 0.0}}}, {}], start=kept),
-        locked.solve({"tool": 0.0}, start=locked.load_state(locked.save_state(tmp_path / "a", kept))),
-    ):
+    # nothing but the support holds it in later steps, and from its own state as well
+    rest = list(locked.history([{"f": {"tool": {"y": 0.0}}}, {}], start=kept))
+    again = locked.solve(start=locked.load_state(locked.save_state(tmp_path / "again", kept)))
+    for result in (kept, *rest, again):
         assert_allclose(result.force, force, rtol=0, atol=1e-12 * abs(force[1]))
-    # what is named goes there: by a step, by a number, or as the body's own
+        assert_allclose(result.displacement("tool"), place, rtol=0, atol=1e-12 * abs(place[1]))
+    # what is named goes there, and a number is a multiple of the bodies' own
     (lifted,) = locked.history([{"x": {"tool": {"y": 0.01}}}], start=kept)
     assert lifted.displacement("tool")[1] == 0.01 and not lifted.force.any()
     (back,) = locked.history([1.0], start=kept)
     assert not back.displacement("tool").any()
-    if by == "loads":
-        own = with_tool("y", x=(0.0, -0.02, 0.0)).solve(start=start)
-        assert own.displacement("tool")[1] == -0.02
+    # so are displacements that no step has named, unless one does
+    assert not locked.solve(start=pressed).displacement("tool").any()
+    held = locked.solve(x={"tool": pressed.displacement("tool")}, start=pressed)
+    assert_allclose(held.force, pressed.force, rtol=0, atol=1e-12 * abs(force[1]))
 
 
 def test_states_that_did_not_converge_are_no_history(tmp_path):
