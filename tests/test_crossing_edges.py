@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import skfem as fem
 from scipy.spatial.transform import Rotation
+from solids import body
 
-from skfem_contact.pairing.faces.edges import Edges, crossings
+from skfem_contact.pairing.faces.edges import Edges, crossings, sharp_edges_of
 
 
 def ridge(normals, ends, room=1.0):
@@ -56,3 +58,16 @@ def test_edges_that_do_not_face_each_other_do_not_cross():
     assert len(crossings(ridge(UP, LOW), ridge(DOWN, beside))[0]) == 0
     assert len(crossings(ridge(UP, LOW, room=0.05), ridge(DOWN, HIGH))[0]) == 0
     assert len(crossings(ridge(UP, LOW), ridge(UP, [(-1, 0, -0.1), (1, 0, -0.1)]))[0]) == 0
+
+
+@pytest.mark.parametrize("turn", np.linspace(0.0, 0.7, 8))
+def test_16_faces_to_the_circle_have_no_sharp_edges(turn):
+    """Only the edges at which a quarter of a wall ends are sharp, however it is turned."""
+    mesh = fem.MeshHex.init_tensor(np.linspace(0, 1, 5), np.linspace(0, 1, 2), np.linspace(0, 1, 3))
+    angle, radius = turn + 0.5 * np.pi * mesh.p[0], 1 + mesh.p[1]
+    place = np.array([-radius * np.cos(angle), radius * np.sin(angle), mesh.p[2]])
+    wall = body(fem.MeshHex(place, mesh.t), "quad4", name="wall")
+    outside = wall.surface(lambda x: np.hypot(x[0], x[1]) > 1.9, name="outside")
+    edges = sharp_edges_of(outside)
+    # four below, four above, two at either side
+    assert len(edges.face) == 12 and np.all((edges.face < 0).any(axis=1))

@@ -70,8 +70,8 @@ SPREAD = float(np.arccos(CORNER))
 # -- faces.edges -------------------------------------------------
 
 # Turn of a boundary from which on an edge is sharp [rad]: with less it may stand for a curve of 16
-# faces to the circle (`bodies.thresholds.STEEPEST`).
-SHARP = float(np.pi / 8)
+# faces to the circle (`bodies.thresholds.STEEPEST`), also just that and round-off.
+SHARP = float(np.pi / 8 * (1 + 1e-6))
 
 # By which part of its length two edges that touch may do so beyond the end of one.
 BEYOND = 0.25
