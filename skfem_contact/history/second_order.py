@@ -48,12 +48,13 @@ def second_order(attempt: Attempt) -> dict[str, float]:
             found[body] = arm, along
         if np.array_equal(f, seen.f):
             return {}
-        again = problem.load(replace(seen, f=f))
+        turned = replace(seen, f=f)
+        again = problem.load(turned)
         try:
             other = problem.solve(attempt.outcome.iterate.conditions, again)
         except (SingularMatrix, LinearSolveError):
             return {}
-        change = problem.surface(problem.source(again, other), seen) - u
+        change = problem.surface(problem.source(again, other), turned) - u
     shares = {}
     for body, (arm, along) in found.items():
         part = system.slice(body)

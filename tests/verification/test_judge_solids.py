@@ -297,6 +297,17 @@ def test_what_stands_in_faces_with_unknown_corners_is_seen():
     assert warned[0] == warned[1]
 
 
+@pytest.mark.filterwarnings("ignore::skfem_contact.ContactWarning")
+def test_moments_of_second_order_follow_no_route():
+    """The load that they make is part of what displacements are recovered from (272)."""
+    s, shares = scene(272), []
+    for linear in ("auto", "iterated"):
+        solver, steps = build(s, make(s), Way(linear=linear))
+        shares.append(next(iter(solver.history(steps))).validity.second_order["floor"])
+    assert shares[0] > 0.01
+    np.testing.assert_allclose(shares[1], shares[0], rtol=1e-6)
+
+
 @pytest.mark.filterwarnings("ignore::skfem_contact.ContactWarning")  # 7 slides far
 @pytest.mark.parametrize(
     "seed, way", [(7, Way(shuffle=1)), pytest.param(12, Way(turn=1), marks=pytest.mark.slow)]
