@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from skfem_contact.bodies.distributed import refused
+from skfem_contact.bodies.member import Member
 from skfem_contact.errors import ContactError, InputError
 from skfem_contact.linalg.singular import Solve
+from skfem_contact.linalg.stacked import Stacked
 from skfem_contact.linalg.threads import single_threaded
 
 
@@ -117,6 +121,10 @@ class Backend:
         self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
     ) -> Factorisation:
         raise NotImplementedError
+
+    def stacked(self, bodies: Sequence[Member], stiffness: Sequence[Any]) -> Stacked:
+        """The stiffness of all bodies, of which some were assembled rank by rank."""
+        raise refused(f"{type(self).__name__} needs all of it")
 
 
 def by_column(solve: Solve) -> Solve:

@@ -15,7 +15,6 @@ from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.direct import as_linear_solver
-from skfem_contact.linalg.distributed.stacked import StackedStiffness
 from skfem_contact.problem.displacements import OnDisplacements
 from skfem_contact.problem.resistance import point_resistance
 from skfem_contact.problem.response import Load, Resistance, Source
@@ -36,7 +35,7 @@ class FullSystem:
         self.points: Array | None = None
         self.modes: Array | None = None
         if any(isinstance(K, DistributedStiffness) for K in stiffness):
-            self.K = StackedStiffness.of(system.bodies, stiffness, self.backend.uses_modes)
+            self.K = self.backend.stacked(system.bodies, stiffness)
             return  # the ranks have places and motions of their rows
         self.K = csr_matrix(block_diag(stiffness))
         self.points = np.concatenate([body.dof_points for body in system.bodies])

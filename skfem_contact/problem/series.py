@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bmat, csr_matrix, diags, hstack, identity, vstack
 
 from skfem_contact.linalg.dense_factors import cholesky
-from skfem_contact.linalg.distributed.stacked import StackedStiffness
+from skfem_contact.linalg.stacked import Stacked
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.sparse import SparseSpace
@@ -84,7 +84,7 @@ class DisplacementsInSeries:
         self._B = B = csr_matrix(vstack([kin.B_n, kin.B_t]) if slips else kin.B_n)
         stiff = np.concatenate([C.normal, np.repeat(C.tangential, kin.tangents)])[: B.shape[0]]
         pull = diags(stiff) @ B
-        if isinstance(space.K, StackedStiffness):
+        if isinstance(space.K, Stacked):
             springs = bmat([[B.T @ pull, -pull.T], [-pull, diags(stiff)]], format="csr")
             K = space.K.bordered(B) + springs
         else:

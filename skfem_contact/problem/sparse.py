@@ -15,8 +15,7 @@ from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.eliminate import eliminate
-from skfem_contact.linalg.distributed.reduction import reduced
-from skfem_contact.linalg.distributed.stacked import StackedStiffness
+from skfem_contact.linalg.stacked import Stacked
 from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 
 Array = NDArray[np.float64]
@@ -89,8 +88,8 @@ class SparseSpace:
         offset = np.where(slides, conditions.offset, 0.0) + known
         f = load.force - kin.B_t.T @ offset.ravel() if offset.any() else load.force
         K = self.K + tangential_matrix(kin.B_t, spring) if spring.any() else self.K
-        if isinstance(K, StackedStiffness):
-            K_r, f_r = reduced(K, trial, f, test)
+        if isinstance(K, Stacked):
+            K_r, f_r = K.reduced(trial, f, test)
         else:
             K_r, f_r = trial.reduce(K, f, test=test)
         key = conditions.matrix_key()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import repeat
 from typing import Any
@@ -16,6 +16,7 @@ from skfem.assembly import CellBasis
 
 from skfem_contact.arguments import number, shown, with_known_keywords
 from skfem_contact.bodies.distributed import DistributedStiffness
+from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend, Factorisation, by_column
 from skfem_contact.linalg.distributed.assembly import assembled, collected, numbering
@@ -24,6 +25,7 @@ from skfem_contact.linalg.distributed.ranks import Ranks, ranks
 from skfem_contact.linalg.distributed.record import LinearSolve, not_solved
 from skfem_contact.linalg.distributed.reduction import ReducedStiffness
 from skfem_contact.linalg.distributed.share import PREFIX, Settings, Solved, direct_package
+from skfem_contact.linalg.distributed.stacked import StackedStiffness
 from skfem_contact.linalg.singular import check_eigenvalue, singular
 from skfem_contact.linalg.thresholds import ACCEPTED
 
@@ -180,6 +182,10 @@ class PETSc(Backend):
             A function without name, matrices that are not symmetric, DOFs that no rank has.
         """
         return collected(ranks(), function)
+
+    def stacked(self, bodies: Sequence[Member], stiffness: Sequence[Any]) -> StackedStiffness:
+        """The stiffness of all bodies, of which some were assembled rank by rank."""
+        return StackedStiffness.of(bodies, stiffness, self.uses_modes)
 
     def memory(self) -> list[int]:
         """Largest memory that each rank has had so far, all of the process [bytes]."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,9 @@ from skfem_contact.linalg.distributed.layout import Layout
 from skfem_contact.linalg.distributed.ranks import Ranks
 from skfem_contact.linalg.distributed.share import Settings
 from skfem_contact.linalg.distributed.stack import Stack, csr_of
-from skfem_contact.linalg.distributed.stacked import StackedStiffness
+
+if TYPE_CHECKING:
+    from skfem_contact.linalg.distributed.stacked import StackedStiffness
 
 Array = NDArray[np.float64]
 Index = NDArray[Any]

@@ -9,19 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_matrix, vstack
 
-from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.member import Member
+from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.linalg.distributed.assembly import adopted
 from skfem_contact.linalg.distributed.layout import Layout, together
 from skfem_contact.linalg.distributed.ranks import Ranks
+from skfem_contact.linalg.distributed.reduction import ReducedStiffness, reduced
 from skfem_contact.linalg.distributed.stack import Stack
 from skfem_contact.linalg.distributed.stiffness import Alive, RankedStiffness
+from skfem_contact.linalg.stacked import Stacked
 
 Array = NDArray[np.float64]
 Index = NDArray[Any]
 
 
-class StackedStiffness(DistributedStiffness):
+class StackedStiffness(Stacked):
     """Block diagonal stiffness of all bodies, and sparse terms on rank 0.
 
     Parameters
@@ -72,6 +74,12 @@ class StackedStiffness(DistributedStiffness):
     def bordered(self, B: csr_matrix) -> StackedStiffness:
         """With further unknowns ``w = B u``, without stiffness but for what is added to all."""
         return StackedStiffness(self.bodies, self._with_terms(), self.uses_modes, B)
+
+    def reduced(
+        self, trial: AffineConstraint, f: Array, test: AffineConstraint
+    ) -> tuple[ReducedStiffness, Array]:
+        """See `reduction`."""
+        return reduced(self, trial, f, test)
 
     def _with_terms(self) -> list[RankedStiffness]:
         if self.added is None:
