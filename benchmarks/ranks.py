@@ -177,8 +177,11 @@ def own(run: dict[str, Any], rank: int) -> float:
 
 
 def tables(runs: list[dict[str, Any]]) -> dict[str, str]:
-    """Measurements and plan, in Markdown."""
-    return {"measured": measured_table(runs), "plan": plan_table(inputs(runs))}
+    """Measurements and plan, in Markdown; the plan needs a run with all of K on rank 0 as well."""
+    found = {"measured": measured_table(runs)}
+    if any(run["exchanged"] for run in runs):
+        found["plan"] = plan_table(inputs(runs))
+    return found
 
 
 def measured_table(runs: list[dict[str, Any]]) -> str:
