@@ -156,29 +156,14 @@ def reduced_and_merged(n, kind):
     return K_r, whole.K[free][:, free]
 
 
-# SciPy starts from a node of least degree, not from one at the end of the body. On these triangles
-# that is a corner of the interface for K_r: the front then runs into both blocks at once, and the
-# band is twice as wide. From an end it is not (the test below).
-FROM_THE_MIDDLE = pytest.mark.xfail(strict=True, reason="SciPy starts in the middle of the body")
-
-
+# SciPy starts from a node of least degree, not from one at the end of the body. On triangles, where
+# entries of K_r are zero but for round-off, this may be a corner of the interface: the front then runs
+# into both blocks at once, and the band is twice as wide. From an end it is not (the test below).
 @pytest.mark.every_value
-@pytest.mark.parametrize(
-    ("kind", "n"),
-    [
-        ("Q1", (8, 8)),
-        ("Q1", (12, 12)),
-        ("Q1", (8, 12)),
-        ("Q1", (24, 24)),
-        ("P1", (12, 12)),
-        pytest.param("P1", (8, 8), marks=FROM_THE_MIDDLE),
-        pytest.param("P1", (8, 12), marks=FROM_THE_MIDDLE),
-        pytest.param("P1", (24, 24), marks=FROM_THE_MIDDLE),
-    ],
-)
-def test_bandwidth_in_the_ordering_of_scipy(kind, n):
+@pytest.mark.parametrize("n", [(8, 8), (12, 12), (8, 12), (24, 24)])
+def test_bandwidth_in_the_ordering_of_scipy(n):
     """Ordered by SciPy, K_r has a band at most half as wide again as one conforming mesh has."""
-    K_r, merged = reduced_and_merged(n, kind)
+    K_r, merged = reduced_and_merged(n, "Q1")
     assert bandwidth(K_r) <= 1.5 * bandwidth(merged)
 
 
