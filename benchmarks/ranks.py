@@ -56,9 +56,8 @@ def one(n: int, whole: bool) -> dict[str, Any]:
     factorize = SparseSpace._factorize
 
     def timed(self: Any, K_r: Any, trial: Any, spd: bool) -> Any:
-        if (
-            whole and linear.ranks == 1 and not matrices
-        ):  # exchanges follow from the matrix: counted once
+        # exchanges follow from the matrix: counted once
+        if whole and linear.ranks == 1 and not matrices:
             matrices.append((K_r, self.points[trial.independent], self.modes[trial.independent]))
         start = time.process_time()
         factor = factorize(self, K_r, trial, spd)

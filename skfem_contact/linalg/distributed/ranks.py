@@ -141,13 +141,14 @@ class Ranks:
         pieces : iterable of list of ndarray, optional
             For each rank; only one exists at a time.
         """
-        with _Together(self, "work", (work, given)):
+        with _Together(self, work, given):
             mine: list[Array] = []
             for rank, parts in enumerate(pieces or ([] for _ in range(self.size))):
                 if rank == 0:
                     mine = parts
                 else:
                     send(self.comm, parts, rank)
+                del parts  # before there is the next
             found = [work(self, given, mine)]
             found += [receive(self.comm, rank) for rank in range(1, self.size)]
         return found
@@ -157,26 +158,15 @@ class Ranks:
     ) -> int:
         """Give each rank its rows; returns the number of the matrix."""
         key = self.number()
-        with _Together(self, "factorize", (key, settings)):
-            mine: list[Array] = []
-            for rank, parts in enumerate(map(_parts, rows, directions)):
-                if rank == 0:
-                    mine = parts
-                else:
-                    send(self.comm, parts, rank)
-                    parts.clear()
-            self.make(key, settings, mine)
+        self.together(_made, (key, settings), map(_parts, rows, directions))
         return key
 
     def solve(self, key: int, pieces: Iterable[Array]) -> tuple[Array, Solved]:
         """All rows of the answer, those of rank 0 first, and how it went."""
-        with _Together(self, "solve", (key,)):
-            mine, *others = pieces
-            for rank, piece in enumerate(others, start=1):
-                send(self.comm, [piece], rank)
-            x, how = self.shares[key].solve(mine)
-            found = [x] + [receive(self.comm, rank)[0] for rank in range(1, self.size)]
-        return np.concatenate(found), how
+        found = self.together(_solved, (key,), ([piece] for piece in pieces))
+        iterations, residual, reason = found[0][1]
+        how = Solved(int(iterations), float(residual), int(reason))
+        return np.concatenate([x for x, _ in found]), how
 
     def drop(self, key: int) -> None:
         """Forget a matrix, at the next command: the garbage is collected at any time."""
@@ -184,16 +174,14 @@ class Ranks:
 
     def memory(self) -> list[int]:
         """Largest memory that each rank has had so far [bytes]."""
-        with _Together(self, "memory", ()):
-            found = [_peak()] + [int(receive(self.comm, rank)[0][0]) for rank in range(1, self.size)]
-        return found
+        return [int(peak[0]) for (peak,) in self.together(_measured)]
 
     def stop(self) -> None:
         """Let the other ranks end; all free their matrices together, as PETSc needs it."""
         if not self._stopped:
             self._stopped = True
             for rank in range(1, self.size):
-                self.comm.send(("stop", (), []), dest=rank)
+                self.comm.send((None, (), []), dest=rank)
             self._end()
 
     # -- what a serving rank does -------------------------------------------------------------
@@ -204,29 +192,17 @@ class Ranks:
         try:
             while True:
                 self._wait()
-                what, given, dropped = self.comm.recv(source=0)
-                if what == "stop":
+                work, given, dropped = self.comm.recv(source=0)
+                if work is None:
                     break
                 self.forget(dropped)
-                self._carry_out(what, given)
+                send(self.comm, work(self, given, receive(self.comm, 0)), 0)
         except BaseException:
             self.fail()
         sys.stdout.flush()
         sys.stderr.flush()
         self._end()
         os._exit(0)  # the rest of the script, and what it does at its end, is for rank 0
-
-    def _carry_out(self, what: str, given: tuple[Any, ...]) -> None:
-        if what == "factorize":
-            self.make(given[0], given[1], receive(self.comm, 0))
-        elif what == "work":
-            work, for_all = given
-            send(self.comm, work(self, for_all, receive(self.comm, 0)), 0)
-        elif what == "solve":
-            x, _ = self.shares[given[0]].solve(receive(self.comm, 0)[0])
-            send(self.comm, [x], 0)
-        else:
-            send(self.comm, [np.array([_peak()])], 0)
 
     def _wait(self) -> None:
         looks = 0
@@ -266,15 +242,15 @@ class Ranks:
 
 
 class _Together:
-    """A command to all ranks. What fails on rank 0 meanwhile would leave them waiting: it ends all."""
+    """Work for all ranks. What fails on rank 0 meanwhile would leave them waiting: it ends all."""
 
-    def __init__(self, own: Ranks, what: str, given: tuple[Any, ...]) -> None:
-        self.own, self.what, self.given = own, what, given
+    def __init__(self, own: Ranks, work: Callable[..., Any], given: tuple[Any, ...]) -> None:
+        self.own, self.work, self.given = own, work, given
 
     def __enter__(self) -> None:
         dropped, self.own._dropped = self.own._dropped, []
         for rank in range(1, self.own.size):
-            self.own.comm.send((self.what, self.given, dropped), dest=rank)
+            self.own.comm.send((self.work, self.given, dropped), dest=rank)
         self.own.forget(dropped)
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
@@ -285,6 +261,25 @@ class _Together:
                 f"PETSc says what it can not do, first where and then why: {error}. Look at the "
                 "options that you gave, by options= or -sc_... on the command line."
             ) from error
+
+
+# -- work of every rank -----------------------------------------------------------------------
+
+
+def _made(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:
+    key, settings = given
+    own.make(key, settings, parts)
+    return []
+
+
+def _solved(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:
+    """Rows of an answer, and how it went."""
+    x, how = own.shares[given[0]].solve(parts[0])
+    return [x, np.array([how.iterations, how.residual, how.reason])]
+
+
+def _measured(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:
+    return [np.array([_peak()])]
 
 
 def _parts(rows: csr_matrix, directions: Array | None) -> list[Array]:
