@@ -179,6 +179,11 @@ class RigidBody(Member, Obstacle):
         """The edges of its obstacle where it was made, see `Obstacle.outline`."""
         return self.obstacle.outline
 
+    @property
+    def bend(self) -> np.ndarray | None:
+        """How its obstacle curves, see `Obstacle.bend`."""
+        return self.obstacle.bend
+
     def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distances, normals and partners where it was made, see `Obstacle.distance`."""
         return self.obstacle.distance(surface)
@@ -275,3 +280,8 @@ class RigidBody(Member, Obstacle):
                 f"{what} prescribes values {listed}that D does not have: name these DOFs in "
                 "D=(...) of the RigidBody, or give it a force"
             )
+
+
+def shape_of(tool: Obstacle) -> Obstacle:
+    """The obstacle that a rigid body is made of; any other itself."""
+    return tool.obstacle if isinstance(tool, RigidBody) else tool

@@ -16,7 +16,7 @@ from skfem_contact.answers.thresholds import NO_OVERLAP
 from skfem_contact.answers.validity.meeting import signed_distance
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.node import Pairing
 
 Array = NDArray[np.float64]
@@ -60,4 +60,4 @@ def behind_words(contact: Contact, depth: float) -> str:
 def _shape(contact: Contact) -> Obstacle:
     primary = contact.primary
     assert isinstance(primary, Obstacle)
-    return primary.obstacle if isinstance(primary, RigidBody) else primary
+    return shape_of(primary)

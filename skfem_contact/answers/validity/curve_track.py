@@ -17,7 +17,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.obstacles.shapes import RigidPlane
 from skfem_contact.pairing.node import Pairing
 
@@ -113,7 +113,7 @@ class CurveTrack(Track):
     ) -> dict[str, Any]:
         assert isinstance(self.primary, Obstacle)
         motion, carried = tool or (case.motion[i], np.zeros((1, 1)))
-        obstacle = self.primary.obstacle if isinstance(self.primary, RigidBody) else self.primary
+        obstacle = shape_of(self.primary)
         found: dict[str, Any] = {}
         moved = np.linalg.norm(motion.shift(self.points), axis=1)
         found["motion"] = float(np.max(moved[closed], initial=0.0))

@@ -18,16 +18,9 @@ from skfem_contact.answers.validity.chords import bends
 from skfem_contact.answers.validity.face_chords import face_bends, heights_over
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
-from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.obstacles.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-
-def tool_bend(primary: Obstacle) -> Array | None:
-    """How an obstacle curves, (d, d), `Obstacle.bend`; also of a rigid body."""
-    return (primary.obstacle if isinstance(primary, RigidBody) else primary).bend
 
 
 def tool_sagittas(surface: ContactSurface, bend: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.validity.chords import sagittas
-from skfem_contact.answers.validity.tool_chords import tool_bend, tool_sagittas
+from skfem_contact.answers.validity.tool_chords import tool_sagittas
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
@@ -90,7 +90,7 @@ class Track(ABC):
         measured = contact.gap is None and not contact.adjust and not contact.bilateral
         self.bend = None
         if measured and isinstance(self.primary, Obstacle):
-            self.bend = tool_bend(self.primary)
+            self.bend = self.primary.bend
         if self.bend is not None:
             self.sagittas = tool_sagittas(self.secondary, self.bend)
             self.curved = bool(self.sagittas.any())
