@@ -53,6 +53,8 @@ class Attempt:
 
     `start` and `local` are the states before and after it, both along the tangents of its pairing;
     `own_action` is where the forces act on the pairing of its answer, if that is another, (m, d).
+    `stateless` are shares of the bounds of points that have no state, where there are any, (m,); see
+    `loops.steep.steeply`.
     """
 
     outcome: Outcome
@@ -68,9 +70,7 @@ class Attempt:
     travel: float = 0.0  # of the point that slid furthest, over what is allowed
     own_action: Array | None = None
     culprit: int = -1  # the point whose partner or way made the attempt fail
-    stateless: Array | None = (
-        None  # see `loops.steep.steeply`, (m,); None where there are no such points
-    )
+    stateless: Array | None = None
 
     @cached_property
     def state(self) -> State:

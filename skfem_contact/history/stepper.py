@@ -112,9 +112,10 @@ class Stepper(ByFields):
             if start in (*DENSE, STEEPLY) and (points := self.model.on_points(problem)) is not problem:
                 dense = replace(step, problem=points, load=points.load(seen))
             tolerance, spent = options.tolerance, None
-            stateless = np.zeros(kin.m)
+            stateless: NDArray[np.float64] | None = None
             if start == STEEPLY:
-                guess, stateless = steeply(dense, admissible(as_guess(begin), dense), tolerance)
+                guess, shares = steeply(dense, admissible(as_guess(begin), dense), tolerance)
+                stateless = shares if shares.any() else None
             else:
                 guess, spent = starting_values(start, begin, step, kin, tolerance, self.loop, dense)
             guess = admissible(guess, step)
@@ -133,10 +134,8 @@ class Stepper(ByFields):
             local = self._state(step, outcome, to.share, problem, load, target, seen)
         carried = NOISE * max(self.model.stiffest) * moved
         failure = "" if balanced(problem.motions, target.f, local, noise, carried) else RAN_AWAY
-        attempt = Attempt(
-            outcome, self.model, problem, load, target, seen, last, local, failure=failure
-        )
-        return replace(attempt, stateless=stateless) if stateless.any() else attempt
+        found = outcome, self.model, problem, load, target, seen, last, local
+        return Attempt(*found, failure=failure, stateless=stateless)
 
     def _step(
         self, problem: ContactProblem, load: Load, last: LocalState, noise: float, far: float

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
@@ -156,7 +155,7 @@ class LinearModel:
             substructures = self.substructures or [None] * len(self.stiffness)
             for body, K, part in zip(self.system.bodies, self.stiffness, substructures, strict=True):
                 own = springs[self.system.slice(body)]
-                stiffness.append(_with_springs(K, own) if own.any() else K)
+                stiffness.append(K + csr_matrix(diags(own)) if own.any() else K)
                 reuse.append(None if own.any() else part)
             motions = rigid_motions(self.system, self.kin, stiffness)
             if len(self._sprung) >= MOST_TWINS:
@@ -297,8 +296,3 @@ class LinearModel:
     def _check_support(self) -> None:
         if self.loose.shape[1]:
             raise no_equilibrium(self.motions, self.loose, EVEN_CLOSED)
-
-
-def _with_springs(K: Any, springs: Array) -> Any:
-    held = isinstance(K, DistributedStiffness)
-    return K + csr_matrix(diags(springs)) if held else csr_matrix(K + diags(springs))
