@@ -36,6 +36,7 @@ import test_obstacles  # noqa: E402
 import test_partial_slip  # noqa: E402
 import test_rings  # noqa: E402
 import test_structures  # noqa: E402
+from effectivity_table import HIGH, LOW, PLANE, inside, write  # noqa: E402
 from sheared import Sheared  # noqa: E402
 from smooth_contacts import Blocks  # noqa: E402
 
@@ -54,9 +55,6 @@ from skfem_contact.reference import (  # noqa: E402
 
 Array = np.ndarray
 STORED = HERE / "results" / "effectivity.json"
-PAGE = HERE.parent / "docs" / "effectivity.md"
-BEGIN, END = "<!-- effectivity table: begin -->", "<!-- effectivity table: end -->"
-LOW, HIGH = 0.3, 3.0
 
 
 @dataclass(frozen=True)
@@ -422,25 +420,6 @@ def problems() -> Iterator[Problem]:
 # -- the runner -------------------------------------------------------------------------------
 
 
-def inside(row: dict[str, Any]) -> bool:
-    return all(LOW <= e <= HIGH for e in row["effectivity"].values())
-
-
-def table(rows: list[dict[str, Any]]) -> str:
-    """The table in Markdown."""
-    lines = [
-        "| problem | true error: pressure | traction | estimated | | effectivity | |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
-    for row in rows:
-        cells = [f"{100 * row[k][w]:.2g} %" for k in ("true", "estimated") for w in row[k]]
-        cells += [f"{e:.2f}" for e in row["effectivity"].values()]
-        if not inside(row):
-            cells[-2:] = [f"**{cell}**" for cell in cells[-2:]]
-        lines.append(f"| {row['problem']} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="*", default=(), help="words in the names of problems")
@@ -466,10 +445,7 @@ def main() -> None:
         return
     STORED.write_text(json.dumps({"inside": good, "rows": rows}, indent=1) + "\n", encoding="utf-8")
     if args.write:
-        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        after = rest.partition(END)[2]
-        text = f"{before}{BEGIN}\n{table(rows)}\n{END}{after}"
-        PAGE.write_text(text, encoding="utf-8")
+        write(rows, PLANE)
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ HERE = Path(__file__).parent
 sys.path += [str(HERE.parent / "tests"), str(HERE.parent / "tests" / "verification")]
 
 import test_gates_solids as gates  # noqa: E402
+from effectivity_table import SOLIDS, write  # noqa: E402
 from sheared_solids import sheared_pair  # noqa: E402
 
 import skfem_contact as sc  # noqa: E402
@@ -34,8 +35,6 @@ from skfem_contact.reference import cattaneo_mindlin, hertz_point  # noqa: E402
 Array = np.ndarray
 Exact = Callable[[Array], Array]
 STORED = HERE / "results" / "effectivity_solids.json"
-PAGE = HERE.parent / "docs" / "effectivity.md"
-BEGIN, END = "<!-- effectivity of solids: begin -->", "<!-- effectivity of solids: end -->"
 
 
 def true_errors(result: Any, pressure: Exact, friction: Exact) -> tuple[float, float]:
@@ -162,7 +161,7 @@ def problems() -> Iterator[tuple[str, Callable[[], Case]]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="put the table into the documents")
-    write, rows = parser.parse_args().write, []
+    args, rows = parser.parse_args(), []
     for name, make in problems():
         result, pressure, friction = make()
         true = true_errors(result, pressure, friction)
@@ -172,19 +171,8 @@ def main() -> None:
         rows.append({"problem": name, "true": true, "estimated": found, "effectivity": ratio})
         print(f"{name:60s} {ratio[0]:5.2f} {ratio[1]:5.2f}  {estimate}", flush=True)
     STORED.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-    if write:
-        lines = [
-            "| problem | true error: pressure | traction | estimated | | effectivity | |",
-            "| --- | --- | --- | --- | --- | --- | --- |",
-        ]
-        for row in rows:
-            cells = [f"{100 * v:.2g} %" for key in ("true", "estimated") for v in row[key]]
-            cells += [f"{e:.2f}" for e in row["effectivity"]]
-            lines.append(f"| {row['problem']} | " + " | ".join(cells) + " |")
-        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        after = rest.partition(END)[2]
-        table = "\n".join(lines)
-        PAGE.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
+    if args.write:
+        write(rows, SOLIDS)
 
 
 if __name__ == "__main__":

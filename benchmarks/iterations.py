@@ -1,6 +1,6 @@
 """Newton iterations from a cold start, and per increment of a load history, over mesh and friction.
 
-    python benchmarks/iterations.py             stores results/iterations.json
+    python benchmarks/iterations.py             stores results/iterations.json, writes the table
     python benchmarks/iterations.py --quick     up to 60 points per half width; prints only
 
 Cold: the whole pressing in one step, nothing known before. With friction, pressing and pushing to
@@ -16,9 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from cases import Case, Scene
+from run import write_into
 
 import skfem_contact as sc
 
+MARKS = "<!-- iterations table: begin -->", "<!-- iterations table: end -->"
 STORED = Path(__file__).parent / "results" / "iterations.json"
 POINTS = (15, 30, 60, 120, 240)
 FRICTION = (0.0, 0.1, 0.5, 1.0)
@@ -39,6 +41,17 @@ def count(points: int, mu: float) -> dict[str, Any]:
     return row
 
 
+def table(rows: list[dict[str, Any]]) -> str:
+    """The table in Markdown."""
+    lines = ["| points per half width | mu | DOFs | cold | cold, pushed | average | most |"]
+    lines.append("|" + " --- |" * 7)
+    for row in rows:
+        cells = [row["points"], row["mu"], f"{row['dofs']:,}", row["cold"]]
+        cells += [row.get("cold, pushed", "-"), f"{row['average']:.1f}", row["most"]]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
@@ -46,15 +59,11 @@ def main() -> None:
     )
     quick = parser.parse_args().quick
     rows = [count(points, mu) for points in (POINTS[:3] if quick else POINTS) for mu in FRICTION]
+    print(table(rows))
     if not quick:
         STORED.parent.mkdir(exist_ok=True)
         STORED.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-    print("| points per half width | mu | DOFs | cold | cold, pushed | average | most |")
-    print("|" + " --- |" * 7)
-    for row in rows:
-        cells = [row["points"], row["mu"], f"{row['dofs']:,}", row["cold"]]
-        cells += [row.get("cold, pushed", "-"), f"{row['average']:.1f}", row["most"]]
-        print("| " + " | ".join(map(str, cells)) + " |")
+        write_into(Path(__file__).parents[1] / "docs" / "performance.md", table(rows), MARKS)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ meshes of Q1 elements with some 100 000 DOFs together. The yardstick is one line
 two meshes glued where they stand (``tied=True``), with the best of this library's own backends, and
 with ``skfem.solve`` (SuperLU) on the same matrix.
 
-Run ``OPENBLAS_NUM_THREADS=1 python benchmarks/sliding.py [increments] [dofs]``.
+Run ``OPENBLAS_NUM_THREADS=1 python benchmarks/sliding.py [increments] [dofs]``. With 200 increments it
+stores results/sliding.json and writes the table of docs/sliding.md.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ import platform
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import skfem as fem
+from run import write_into
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
@@ -26,6 +29,18 @@ from skfem_contact.answers.answer import answer_of
 
 ELEMENT = fem.ElementVector(fem.ElementQuad1())
 E, MU, PRESS = 1e3, 0.3, 1e-3
+STORED = Path(__file__).parent / "results" / "sliding.json"
+MARKS = "<!-- sliding table: begin -->", "<!-- sliding table: end -->"
+METHODS = {"node": "node by node", "mortar": "mortar"}
+PRESETS = {
+    "balanced": ("", sc.Options.balanced()),
+    "fast": (", `Options.fast()`", sc.Options.fast()),
+    "placement_tolerance 1e-6": (
+        ", `Options(placement_tolerance=1e-6)`",
+        sc.Options(placement_tolerance=1e-6),
+    ),
+    "accurate": (", `Options.accurate()`", sc.Options.accurate()),
+}
 
 
 def bodies(dofs: float) -> tuple[sc.Body, sc.Body, float]:
@@ -92,13 +107,31 @@ def drag(
     }
 
 
+def table(found: dict[str, Any]) -> str:
+    """The table in Markdown."""
+    linear = found["linear"]
+    lines = [
+        "| | seconds | over `skfem.solve` | over the own solver |",
+        "| --- | --- | --- | --- |",
+        f"| one linear solve of the glued meshes, `skfem.solve` | {linear['skfem.solve']:.1f} | 1 | |",
+        f"| the same with this library's condensation | {linear['own']:.1f} | | 1 |",
+    ]
+    for preset, (words, _) in PRESETS.items():
+        for method, name in METHODS.items():
+            run = found[f"{method}, {preset}"]
+            name = f"{found['increments']} increments, {name}" if not words else name + words
+            ratios = f"{run['over skfem.solve']:.1f} | {run['over own']:.1f}"
+            lines.append(f"| {name} | {run['seconds']:.1f} | {ratios} |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     increments = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     dofs = float(sys.argv[2]) if len(sys.argv) > 2 else 1e5
     block, track, h = bodies(dofs)
     print(f"{block.n + track.n} DOFs, {increments} increments")
     linear = linear_solve(block, track)
-    table: dict[str, object] = {
+    found: dict[str, Any] = {
         "dofs": block.n + track.n,
         "increments": increments,
         "linear": linear,
@@ -106,26 +139,20 @@ def main() -> None:
     }
     for name, seconds in linear.items():
         print(f"one linear solve, {name:12s} {seconds:8.2f} s")
-    presets = {
-        "fast": sc.Options.fast(),
-        "balanced": sc.Options.balanced(),
-        "placement_tolerance 1e-6": sc.Options(placement_tolerance=1e-6),
-        "accurate": sc.Options.accurate(),
-    }
-    for method, preset in itertools.product(("node", "mortar"), presets):
-        run = drag(block, track, h, increments, method, presets[preset])
+    for method, preset in itertools.product(METHODS, PRESETS):
+        run = drag(block, track, h, increments, method, PRESETS[preset][1])
         run |= {f"over {name}": run["seconds"] / seconds for name, seconds in linear.items()}
         name = f"{method}, {preset}"
-        table[name] = run
+        found[name] = run
         print(
             f"dragging, {name:32s} {run['seconds']:8.2f} s = "
             + ", ".join(f"{run['seconds'] / s:.1f} x {name}" for name, s in linear.items())
         )
         print("   ", {k: round(v, 6) for k, v in run.items()})
     if increments == 200:
-        out = Path(__file__).parent / "results" / "sliding.json"
-        out.parent.mkdir(exist_ok=True)
-        out.write_text(json.dumps(table, indent=1) + "\n")
+        STORED.parent.mkdir(exist_ok=True)
+        STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        write_into(Path(__file__).parents[1] / "docs" / "sliding.md", table(found), MARKS)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -53,6 +54,7 @@ def test_two_checkouts_are_compared_by_medians_and_smallest_times(run: Any) -> N
     assert run.compared({"case": "Q1", "history": here, "beside": {"failed": ""}}) == "Q1: not compared"
 
 
+ROOT = Path(__file__).parents[1]
 TRADE = ("trade", "trade_tables", "trade_plot", "problems")
 
 
@@ -166,6 +168,51 @@ def marked(page: str, name: str) -> str:
     return text.split(f"<!-- {name} table: begin -->\n")[1].split(f"\n<!-- {name} table: end -->")[0]
 
 
+Table = Callable[[Any, Any], str]
+STORED: list[tuple[str, str, str, Table]] = [  # page, module, stored run, the table of it
+    ("docs/performance.md", "run", "history", lambda run, found: run.table(found["rows"])),
+    ("README.md", "run", "history", lambda run, found: run.table(found["rows"], run.SHORT)),
+    ("paper.md", "run", "history", lambda run, found: run.table(found["rows"], run.SHORT)),
+    ("docs/performance.md", "solids", "solids", lambda run, found: run.table(found["rows"])),
+    ("README.md", "solids", "solids", lambda run, found: run.table(found["rows"], run.SHORT)),
+    ("docs/performance.md", "pairing", "pairing", lambda run, found: run.table(found["rows"])),
+    ("docs/performance.md", "iterations", "iterations", lambda run, found: run.table(found)),
+    ("docs/sliding.md", "sliding", "sliding", lambda run, found: run.table(found)),
+    ("docs/audit.md", "audit", "audit", lambda run, found: run.table(found["rows"])),
+    ("docs/audit.md", "audit", "audit", lambda run, found: run.imports_table(found["imports"])),
+    (
+        "docs/effectivity.md",
+        "effectivity_table",
+        "effectivity",
+        lambda run, found: run.table(found["rows"]),
+    ),
+    (
+        "docs/effectivity.md",
+        "effectivity_table",
+        "effectivity_solids",
+        lambda run, found: run.table(found),
+    ),
+]
+
+
+@pytest.mark.parametrize(("page", "module", "name", "table"), STORED)
+def test_tables_are_those_of_the_stored_runs(
+    page: str, module: str, name: str, table: Table, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a page shows of a benchmark is what this benchmark has stored."""
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    found = json.loads((ROOT / "benchmarks" / "results" / f"{name}.json").read_text(encoding="utf-8"))
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert f"\n{table(import_module(module), found)}\n" in text
+
+
+def test_modules_of_tests_and_benchmarks_have_names_of_their_own() -> None:
+    """They are no packages: of two modules with one name only the first could be imported."""
+    found = [*(ROOT / "tests").rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")]
+    names = [path.stem for path in found if path.stem != "conftest"]
+    assert sorted(names) == sorted(set(names))
+
+
 def test_tables_of_extremes_are_those_of_the_stored_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """The page shows what the runs stored, and these have no wrong answer."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
@@ -181,9 +228,8 @@ def test_tables_of_extremes_are_those_of_the_stored_runs(monkeypatch: pytest.Mon
 
 
 @pytest.fixture
-def solids(run: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The benchmark of solids; the tests have a module of this name, too."""
-    monkeypatch.delitem(sys.modules, "solids", raising=False)
+def solids(run: Any) -> Any:
+    """The benchmark of solids."""
     import solids
 
     yield solids

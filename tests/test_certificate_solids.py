@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import skfem as fem
 from scipy.spatial.transform import Rotation
-from solids import at, cube, elastic
+from solid_meshes import at, cube, elastic
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
-from solids import KINDS, at, body, cube, shuffled
+from solid_meshes import KINDS, at, body, cube, shuffled
 
 from skfem_contact.answers.contours import contour
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import skfem as fem
 from scipy.spatial.transform import Rotation
-from solids import body
+from solid_meshes import body
 
 from skfem_contact.pairing.faces.edges import Edges, crossings, sharp_edges_of
 

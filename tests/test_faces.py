@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 import skfem as fem
 from scipy.spatial.transform import Rotation
-from solids import KINDS, body, cube, onto_ball, onto_octant, shuffled
+from solid_meshes import KINDS, body, cube, onto_ball, onto_octant, shuffled
 
 import skfem_contact as sc
 from skfem_contact.bodies.body import Body

@@ -11,7 +11,7 @@ import skfem as fem
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 from scipy.spatial.transform import Rotation
-from solids import KINDS, at, body, cube, onto_octant, shuffled
+from solid_meshes import KINDS, at, body, cube, onto_octant, shuffled
 
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.face_kinks import kink_angles

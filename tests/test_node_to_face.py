@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import skfem as fem
 from scipy.spatial.transform import Rotation
-from solids import KINDS, at, body, cube, elastic, onto_ball, shuffled
+from solid_meshes import KINDS, at, body, cube, elastic, onto_ball, shuffled
 
 import skfem_contact as sc
 from skfem_contact.bodies.normals import tangents

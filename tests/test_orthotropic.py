@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from scipy.sparse import csr_matrix
 
 sys.path.insert(0, str(Path(__file__).parent))
-from solids import at, cube, elastic
+from solid_meshes import at, cube, elastic
 
 import skfem_contact as sc
 from skfem_contact.conditions.slip_axes import combinations, combined_rows, duals

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from solids import KINDS, at, cube, elastic
+from solid_meshes import KINDS, at, cube, elastic
 
 import skfem_contact as sc
 from skfem_contact.errors import InputError

@@ -7,7 +7,7 @@ import pytest
 import quick_elasticity
 import skfem as fem
 from skfem.models.elasticity import linear_elasticity
-from solids import KINDS, cube
+from solid_meshes import KINDS, cube
 
 PLANE = {
     "P1": (fem.MeshTri, fem.ElementTriP1),

@@ -12,7 +12,7 @@ import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
 from scipy.spatial import ConvexHull
-from solids import KINDS
+from solid_meshes import KINDS
 
 import skfem_contact as sc
 from skfem_contact.pairing.faces.node import node_to_face

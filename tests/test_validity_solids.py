@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from solids import KINDS, at, body, cube, elastic, onto_ball
+from solid_meshes import KINDS, at, body, cube, elastic, onto_ball
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of

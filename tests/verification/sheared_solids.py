@@ -10,7 +10,7 @@ import numpy as np
 import skfem as fem
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import KINDS, cube, elastic_form
+from solid_meshes import KINDS, cube, elastic_form
 
 import skfem_contact as sc
 

@@ -12,7 +12,7 @@ import skfem as fem
 from scipy.spatial import cKDTree
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import at, elastic, extruded, octant_shell
+from solid_meshes import at, elastic, extruded, octant_shell
 
 import skfem_contact as sc
 

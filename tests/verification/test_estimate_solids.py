@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 ROOT = Path(__file__).parent.parent.parent
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "benchmarks")]
 import effectivity_solids  # noqa: E402
-from solids import at, body, cube, elastic, shuffled  # noqa: E402
+from solid_meshes import at, body, cube, elastic, shuffled  # noqa: E402
 
 import skfem_contact as sc  # noqa: E402
 from skfem_contact.answers.error.faces import Net, _between, _near_ends, _scatter, _sharp  # noqa: E402

@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import at, cube, elastic
+from solid_meshes import at, cube, elastic
 from test_gates_solids import sheared_pair
 from test_standing import CORNER, reference, slab, tipped
 

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from smooth_contacts import Blocks
-from solids import elastic_form
+from solid_meshes import elastic_form
 from test_manufactured import UPPER, square
 from test_rings import axisymmetric
 from test_structures import RAOUS, raous

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 from sheared_solids import sheared_pair
-from solids import KINDS, at, cube, elastic, in_tetrahedra
+from solid_meshes import KINDS, at, cube, elastic, in_tetrahedra
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of

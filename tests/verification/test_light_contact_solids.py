@@ -18,7 +18,7 @@ import skfem as fem
 from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import KINDS, at, body, cube, elastic, octant_shell
+from solid_meshes import KINDS, at, body, cube, elastic, octant_shell
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of

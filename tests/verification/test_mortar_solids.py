@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from skfem.models.elasticity import lame_parameters
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import KINDS, at, elastic, shuffled
+from solid_meshes import KINDS, at, elastic, shuffled
 
 import skfem_contact as sc
 from skfem_contact.reference import hertz_point

@@ -17,8 +17,8 @@ from scipy.linalg import cholesky, null_space
 from scipy.optimize import lsq_linear
 from skfem.helpers import sym_grad
 from skfem.models.elasticity import lame_parameters
-from solids import at, cube
-from solids import elastic as solid
+from solid_meshes import at, cube
+from solid_meshes import elastic as solid
 
 import skfem_contact as sc
 from skfem_contact.conditions.statics import escape

@@ -21,7 +21,7 @@ from skfem.models.elasticity import lame_parameters
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 sys.path.insert(0, str(Path(__file__).parent))
-from solids import at, cube, elastic, onto_octant
+from solid_meshes import at, cube, elastic, onto_octant
 from test_solid_friction import FLOOR, Sheared, ring
 
 import skfem_contact as sc

@@ -10,7 +10,7 @@ import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
 from scenes import UPRIGHT, Pose, block_basis, elastic
-from solids import KINDS
+from solid_meshes import KINDS
 from test_obstacles import axisymmetric, per_turn
 from unlike_meshes import rectangle
 

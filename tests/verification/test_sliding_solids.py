@@ -12,7 +12,7 @@ import skfem as fem
 from numpy.testing import assert_allclose
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import KINDS, at, cube, elastic, extruded
+from solid_meshes import KINDS, at, cube, elastic, extruded
 
 import skfem_contact as sc
 

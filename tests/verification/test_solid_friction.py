@@ -12,7 +12,7 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import KINDS, at, cube, elastic
+from solid_meshes import KINDS, at, cube, elastic
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import KINDS, at, cube, elastic, in_tetrahedra, onto_ball, shuffled
+from solid_meshes import KINDS, at, cube, elastic, in_tetrahedra, onto_ball, shuffled
 
 import skfem_contact as sc
 from skfem_contact.errors import InputError

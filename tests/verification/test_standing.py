@@ -12,7 +12,7 @@ import skfem as fem
 from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import at, cube, elastic
+from solid_meshes import at, cube, elastic
 
 import skfem_contact as sc
 

@@ -19,7 +19,7 @@ from sheared_solids import sheared_pair
 from skfem.helpers import dot
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solids import at, cube, elastic, octant_shell
+from solid_meshes import at, cube, elastic, octant_shell
 
 import skfem_contact as sc
 

@@ -9,8 +9,8 @@ import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
 from scenes import block_basis, elastic, field
-from solids import at, cube
-from solids import elastic as solid
+from solid_meshes import at, cube
+from solid_meshes import elastic as solid
 from test_energy import energies, spring_sliders
 
 import skfem_contact as sc
