@@ -5,9 +5,11 @@ What needs PETSc runs by `mpirun`; what one rank does is tested without it.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import petsc_assembled
@@ -17,6 +19,7 @@ import skfem as fem
 from numpy.testing import assert_allclose
 from petsc_scenes import blocks, elastic, mesh_of, some_elements
 from scipy.sparse import csr_matrix
+from skfem.generic_utils import OrientedBoundary
 from skfem.models.elasticity import linear_elasticity
 from test_petsc import ALL, FEW, assert_serial, mpirun, needs_petsc
 
@@ -71,6 +74,100 @@ def tetrahedra(mesh: fem.MeshTet) -> csr_matrix:
     """Stiffness of a piece."""
     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementTetP2()), intorder=2)
     return linear_elasticity().assemble(basis)
+
+
+class Two(SimpleNamespace):
+    """Two ranks one after the other, each of which makes its contribution: their sum."""
+
+    size = 2
+
+    def sum_of(self, function: Any, basis: Any) -> csr_matrix:
+        """What the ranks have, in the numbering of the whole."""
+        whole = csr_matrix((basis.N, basis.N))
+        for part in assembly._pieces(basis, self.size):
+            dofs, K = assembly._on_piece(self, function, part)
+            E = csr_matrix((np.ones(len(dofs)), (dofs, np.arange(len(dofs)))), (basis.N, len(dofs)))
+            whole = whole + E @ K @ E.T
+        return whole
+
+
+@pytest.mark.parametrize(
+    "straight, curved, element",
+    [
+        (fem.MeshTri, fem.MeshTri2, fem.ElementTriP2()),
+        (fem.MeshHex, fem.MeshHex2, fem.ElementHex2()),
+    ],
+)
+def test_pieces_of_curved_meshes_keep_their_middle_nodes(
+    straight: Any, curved: Any, element: fem.Element
+) -> None:
+    """A ring of quadratic edges has the stiffness that it has in one piece."""
+    mesh = curved.from_mesh(straight().refined(3 if straight is fem.MeshTri else 1))
+    x, y, *z = mesh.doflocs
+    mesh = replace(mesh, doflocs=np.array([(1 + x) * np.cos(y), (1 + x) * np.sin(y), *z]))
+
+    def stiffness(piece: Any) -> csr_matrix:
+        return linear_elasticity().assemble(fem.Basis(piece, fem.ElementVector(element), intorder=4))
+
+    basis = assembly.numbering(mesh, fem.ElementVector(element))
+    expected = stiffness(mesh)
+    assert abs(Two().sum_of(stiffness, basis) - expected).max() < 1e-13 * abs(expected).max()
+
+
+def supported(mesh: Any, facets: Any) -> csr_matrix:
+    """Plane elasticity, on springs along some facets that resist the stretch across them as well."""
+    element = fem.ElementVector(fem.ElementQuad1())
+
+    @fem.BilinearForm
+    def springs(u: Any, v: Any, w: Any) -> Any:
+        def stretch(field: Any) -> Any:
+            return sum(field.grad[i, j] * w.n[i] * w.n[j] for i in (0, 1) for j in (0, 1))
+
+        return 3 * (u[0] * v[0] + u[1] * v[1]) + stretch(u) * stretch(v)
+
+    K = linear_elasticity().assemble(fem.Basis(mesh, element))
+    at = mesh.boundaries[facets] if facets else None
+    return K + springs.assemble(fem.FacetBasis(mesh, element, facets=at))
+
+
+@pytest.mark.parametrize("flip", [None, False, True])
+def test_named_facets_between_pieces_count_once(flip: bool | None) -> None:
+    """From the side that they are seen from in the whole mesh: ranks part it at x = 1 / 2."""
+    mesh = fem.MeshQuad().refined(3).with_subdomains({"left": lambda x: x[0] < 0.5})
+    joint = mesh.facets_around("left", flip=bool(flip))
+    inside = mesh.f2t[1, joint] >= 0
+    ends = OrientedBoundary(np.asarray(joint)[inside], joint.ori[inside])
+    mesh = replace(mesh, _boundaries={"joint": np.asarray(ends) if flip is None else ends})
+    basis = assembly.numbering(mesh, fem.ElementVector(fem.ElementQuad1()))
+    K, expected = Two().sum_of(partial(supported, facets="joint"), basis), supported(mesh, "joint")
+    assert abs(K - expected).max() < 1e-13 * abs(expected).max()
+
+
+@pytest.mark.parametrize("wrong", ["ends", "extent", "across"])
+def test_what_is_no_sum_over_elements_is_refused(alone: Ranks, wrong: str) -> None:
+    """Springs at all ends of what it is given, a modulus by its extent, gradients at inner facets."""
+    mesh = fem.MeshQuad().refined(3).translated((2, 0))
+    element = fem.ElementVector(fem.ElementQuad1())
+
+    @fem.BilinearForm
+    def jump(u: Any, v: Any, w: Any) -> Any:
+        return u.grad[0, 0] * v.grad[0, 0]
+
+    def stiffness(piece: Any) -> csr_matrix:
+        if wrong == "ends":
+            return supported(piece, None)
+        K = linear_elasticity().assemble(fem.Basis(piece, element))
+        if wrong == "extent":
+            return K * piece.p[0].max()
+        inside = np.flatnonzero(piece.f2t[1] >= 0)
+        return K + (
+            jump.assemble(fem.FacetBasis(piece, element, facets=inside)) if len(inside) else 0 * K
+        )
+
+    with pytest.raises(
+        sc.InputError, match=r"not the sum of those of each of them: off by .*boundaries"
+    ):
+        assembly._on_piece(alone, stiffness, next(assembly._pieces(fem.Basis(mesh, element), 1)))
 
 
 @pytest.mark.parametrize("unlike", [False, True])
@@ -201,7 +298,7 @@ def test_what_can_not_be_done_is_refused_in_words(tmp_path: Path) -> None:
         "can not find the function by its name",
         "assemble(function, basis): give the basis of a body",
         "rank 1 of 2: K of a piece of the mesh is a ndarray, not a sparse matrix",
-        "K of a piece of the mesh has shape (242, 242), its basis has 72 DOFs",
+        "K of a piece of the mesh has shape (90, 90), its basis has 36 DOFs",
         "1 of 3 DOFs are in no rank's matrix, the first is 1",
         "rank 1 of 2: K of this rank is not symmetric",
         "dofs that the function gave have numbers twice",

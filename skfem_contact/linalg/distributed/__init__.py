@@ -2,8 +2,8 @@
 
 * `petsc`: the backend;
 * `layout`: which rows each rank holds;
-* `assembly`: bodies assembled rank by rank; `rows`: what one rank holds of one; `stiffness`: what
-  rank 0 knows of it;
+* `assembly`: bodies assembled rank by rank; `pieces`: of their meshes; `rows`: what one rank holds of
+  one; `stiffness`: what rank 0 knows of it;
 * `stack`, `stacked`: the same of all bodies; `reduction`: their ``T'KT``;
 * `share`: what one rank holds of a matrix, and how all ranks together solve with it;
 * `ranks`: rank 0 runs the script, the others serve it; `messages`: arrays between them;

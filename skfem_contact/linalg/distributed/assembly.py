@@ -21,11 +21,12 @@ from skfem_contact.arrays import dof_numbers
 from skfem_contact.bodies.inputs import stiffness_of
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.distributed.layout import bisected
+from skfem_contact.linalg.distributed.pieces import no_facets, piece, sample
 from skfem_contact.linalg.distributed.ranks import Ranks
 from skfem_contact.linalg.distributed.rows import Rows
 from skfem_contact.linalg.distributed.stack import csr_of
 from skfem_contact.linalg.distributed.stiffness import RankedStiffness
-from skfem_contact.linalg.distributed.thresholds import ELEMENTS_AT_ONCE
+from skfem_contact.linalg.distributed.thresholds import ELEMENTS_AT_ONCE, SAME_SUM
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -85,8 +86,8 @@ def _pieces(basis: CellBasis, count: int) -> Iterator[list[Any]]:
         if not len(elements):  # fewer elements than ranks
             yield []
             continue
-        piece = pickle.dumps((mesh.restrict(elements), basis.elem))
-        yield [np.frombuffer(piece, dtype=np.uint8), basis.element_dofs[:, elements]]
+        sent = pickle.dumps((piece(mesh, elements), basis.elem))
+        yield [np.frombuffer(sent, dtype=np.uint8), basis.element_dofs[:, elements]]
 
 
 def parted(mesh: Any, count: int) -> Index:
@@ -172,19 +173,43 @@ def _on_piece(own: Ranks, function: Any, parts: list[Any]) -> Contribution:
         return np.zeros(0, dtype=np.intp), csr_matrix((0, 0))
     (mesh, element), element_dofs = pickle.loads(parts[0].tobytes()), parts[1]
     parts.clear()
-    dofs = np.unique(element_dofs)
+    dofs, numbers = np.unique(element_dofs, return_inverse=True)
+    numbers = numbers.reshape(element_dofs.shape).astype(np.int32)
+
+    def assemble(elements: Index) -> csr_matrix:
+        some = piece(mesh, elements)
+        basis = numbering(some, element)
+        place = np.empty(basis.N, dtype=np.int32)
+        place[basis.element_dofs] = numbers[:, elements]
+        with no_facets():
+            given = function(some)
+        K = _checked(given, basis.N, "a piece of the mesh").tocoo()
+        return csr_matrix((K.data, (place[K.row], place[K.col])), shape=(len(dofs), len(dofs)))
+
     whole = csr_matrix((len(dofs), len(dofs)))
     count = -(-mesh.nelements // ELEMENTS_AT_ONCE)
     part = parted(mesh, count)
     for number in range(count):
         elements = np.flatnonzero(part == number)
-        some = mesh.restrict(elements)
-        basis = numbering(some, element)
-        place = np.empty(basis.N, dtype=np.int32)
-        place[basis.element_dofs] = np.searchsorted(dofs, element_dofs[:, elements])
-        K = _checked(function(some), basis.N, "a piece of the mesh").tocoo()
-        whole = whole + csr_matrix((K.data, (place[K.row], place[K.col])), shape=whole.shape)
+        if number == 0:
+            some = elements[sample(piece(mesh, elements))]
+            _check_sum(assemble(some), [assemble(some[i : i + 1]) for i in range(len(some))])
+        whole = whole + assemble(elements)
     return dofs, csr_matrix(whole)
+
+
+def _check_sum(K: csr_matrix, parts: list[csr_matrix]) -> None:
+    """That the stiffness of some elements is the sum of those of each."""
+    off, largest = abs(K - sum(parts)).max(), abs(K).max()
+    if off > SAME_SUM * largest:
+        raise InputError(
+            "K of some elements is not the sum of those of each of them: off by "
+            f"{off / largest:.1e} of its largest entry. The function sees pieces of the mesh, which "
+            "end where the mesh goes on: it may integrate over elements, and over facets of named "
+            "boundaries, facets=mesh.boundaries[name], but not over all ends of what it is given nor "
+            "across facets between elements. What depends on the whole mesh, such as its extent, goes "
+            "in by functools.partial"
+        )
 
 
 def _local(own: Ranks, function: Any, parts: list[Any]) -> Contribution:

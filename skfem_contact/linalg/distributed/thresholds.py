@@ -29,6 +29,11 @@ AT_ONCE = 2**28
 # 40 kB for a hexahedron of 8 nodes, so this is 80 MB, and a call takes milliseconds.
 ELEMENTS_AT_ONCE = 2000
 
+# Difference between the stiffness of some elements and the sum of those of each, over its largest
+# entry, above which the user's function is no sum over elements: round-off of sums of some ten entries
+# is 1e-15, and springs that are softer than this change no answer.
+SAME_SUM = 1e-10
+
 # -- share -------------------------------------------------------
 
 # The residual that conjugate gradients carry along drifts from the true one; an iteration is begun
