@@ -38,9 +38,14 @@ def lines(ax: Any, rows: list[Row]) -> None:
                 ax.loglog(seconds, errors, style, color=colour, markersize=4, label=label)
     ax.grid(which="both", alpha=0.2)
     for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(NullFormatter())
+        plain_numbers(axis)
+
+
+def plain_numbers(axis: Any) -> None:
+    """1, 2, 5, 10 at a logarithmic axis, whatever part of a decade it shows."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def fronts(stored: Row, folder: Path) -> Path:
@@ -58,7 +63,8 @@ def fronts(stored: Row, folder: Path) -> Path:
         )
         lines(ax, problem["rows"])
         ax.set(title=problem["title"], xlabel="CPU seconds, assembly included", ylabel="error [%]")
-    axes[0, 0].legend(ncols=2, frameon=False, fontsize="small")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
     return saved(figure, folder / "trade_fronts.png")
 
 
@@ -83,7 +89,7 @@ def prices(stored: Row, folder: Path) -> Path:
             ax.plot(values, place, marker, color=colour, ms=9 if marker == "|" else 5, mew=2)
         ax.set_yticks(place, [f"{r['axis']} {r['label']}" for r in rows], fontsize=8)
         ax.set(xscale="log", title=problem["title"], xlabel="over the base")
-        ax.xaxis.set_major_formatter("{x:g}")
+        plain_numbers(ax.xaxis)
         ax.grid(axis="y", alpha=0.25)
         ax.invert_yaxis()
     handles = [plt.Line2D([], [], color="C0", marker="|", ls="", mew=2, ms=9, label="time")]
