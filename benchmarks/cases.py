@@ -192,9 +192,8 @@ class Scene:
             return
         Q = 0.95 * self.case.mu * float(result.normal_force.sum())
         way = np.concatenate([steps(0, Q, push), steps(Q, -Q, push)])
-        yield from solver.history(
-            ({"f": self.pushed(q), "x": self.lowered(1)} for q in way), start=result
-        )
+        down = self.lowered(1)
+        yield from solver.history(({"f": self.pushed(q), "x": down} for q in way), start=result)
 
     def errors(self, results: list[Any]) -> dict[str, float]:
         """Relative L2 errors of pressure and traction at the turning point, error of the last state."""
