@@ -1,12 +1,14 @@
 """Blocks pressed, slid and slid back, as a script, with `mpirun` or without.
 
     mpirun -n 2 python tests/petsc_scenes.py answers OUT.npz [direct] [assembled] [SCENE ...] [-sc_...]
-    mpirun -n 2 python tests/petsc_scenes.py history FOLDER [killed | broken | mistaken | unsolved]
+    mpirun -n 2 python tests/petsc_scenes.py history FOLDER [killed | broken | mistaken | unsolved ...]
 
 `answers` stores every step of the scenes, all of them if none is named; `assembled` has the stiffness
 assembled rank by rank. `history` goes on from
 FOLDER/last.npz, where there is one, and stores the last step. What may happen in its fourth step: the
 last rank is killed, or fails by itself, or the script has a mistake, or a linear problem is not solved.
+With `own` the script uses petsc4py before the library, with another default communicator; where it is
+`ended`, it ends MPI itself.
 """
 
 from __future__ import annotations
@@ -193,6 +195,10 @@ def main() -> None:
         Path(where, f"pid_{rank}").write_text(str(os.getpid()))
         if fault == "broken" and rank != "0":
             fails_by_itself(10)
+        if fault == "own":
+            from petsc4py import PETSc
+
+            PETSc.Sys.setDefaultComm(PETSc.COMM_SELF)
     linear = sc.PETSc("direct" if fault == "direct" else "iterative", tol=1e-12)
     if what == "answers":
         scenes = [word for word in words if word in SCENES] or list(SCENES)
@@ -205,6 +211,10 @@ def main() -> None:
         print(f"{len(linear.solves)} solves on {linear.ranks} ranks, at most {most} iterations")
     else:
         history(linear, Path(where), fault)
+        if fault == "ended":
+            from mpi4py import MPI
+
+            MPI.Finalize()
 
 
 if __name__ == "__main__":

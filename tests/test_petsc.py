@@ -22,7 +22,7 @@ from numpy.testing import assert_allclose
 from test_linear import body, modes_of
 
 import skfem_contact as sc
-from skfem_contact.linalg.distributed import ranks
+from skfem_contact.linalg.distributed import database, ranks
 from skfem_contact.linalg.distributed.layout import Layout, bisected, directions, together
 
 MISSING = [name for name in ("petsc4py", "mpi4py") if find_spec(name) is None]
@@ -121,7 +121,7 @@ def test_the_command_line_is_read_for_options_of_this_library_alone(
         "-1",
     ]
     monkeypatch.setattr(sys, "argv", words)
-    assert ranks._arguments() == ["script.py", *words[4:6], "-sc_ksp_monitor", *words[8:]]
+    assert database.command_line() == ["script.py", *words[4:6], "-sc_ksp_monitor", *words[8:]]
 
 
 # -- by mpirun --------------------------------------------------------------------------------
@@ -203,8 +203,8 @@ def test_a_killed_rank_ends_all_and_the_history_goes_on(tmp_path: Path) -> None:
     done = mpirun(2, "history", killed, "killed")
     assert done.returncode and not (killed / "answer.npz").exists()
     assert (killed / "done").read_text() == "3"
-    done = mpirun(2, "history", killed)
-    assert "begun at 3" in done.stdout, done.stderr
+    done = mpirun(2, "history", killed, "ended")  # the script ends MPI itself: nobody waits for ever
+    assert "begun at 3" in done.stdout and not done.returncode, done.stderr
     with np.load(alone / "answer.npz") as expected, np.load(killed / "answer.npz") as found:
         for name in ("u", "slip"):
             assert np.abs(found[name] - expected[name]).max() < 1e-10 * np.abs(expected[name]).max()
@@ -231,9 +231,19 @@ def test_what_fails_ends_all_with_its_message(tmp_path: Path, fault: str, words:
 def test_options_reach_petsc(tmp_path: Path) -> None:
     """The command line wins over what the library sets; what PETSc does not know ends all in words."""
     out = tmp_path / "found.npz"
-    done = mpirun(1, "history", tmp_path, "-sc_ksp_type", "bcgs", "-sc_ksp_converged_reason")
+    words = "-sc_ksp_type", "bcgs", "-sc_ksp_converged_reason", "-sc_pc_typ", "hypre"
+    done = mpirun(1, "history", tmp_path, *words)
     assert not done.returncode and "Linear sc_ solve converged" in done.stdout, done.stderr
-    for count, words in ((1, "LinearSolveError: PETSc says"), (2, "failed, and all end with it")):
+    assert "PETSc has not looked for -sc_pc_typ: a name is misspelt" in done.stderr
+    for count, said in ((1, "LinearSolveError: PETSc says"), (2, "failed, and all end with it")):
         done = mpirun(count, "answers", out, *FEW, "-sc_pc_type", "nonsense")
-        assert done.returncode and words in done.stderr
+        assert done.returncode and said in done.stderr
         assert "Unable to find requested PC type nonsense" in done.stderr
+
+
+@needs_petsc
+def test_a_script_may_use_petsc4py_itself(tmp_path: Path) -> None:
+    """It has initialised PETSc before, with another default communicator; options are heeded."""
+    done = mpirun(2, "history", tmp_path, "own", "-sc_ksp_converged_reason")
+    assert not done.returncode and "history of 12 steps" in done.stdout, done.stderr
+    assert "Linear sc_ solve converged" in done.stdout and "not looked for" not in done.stderr

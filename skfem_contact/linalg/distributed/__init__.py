@@ -6,6 +6,7 @@
   one; `stiffness`: what rank 0 knows of it;
 * `stack`, `stacked`: the same of all bodies; `reduction`: their ``T'KT``;
 * `share`: what one rank holds of a matrix, and how all ranks together solve with it;
+* `database`: PETSc's options;
 * `ranks`: rank 0 runs the script, the others serve it; `messages`: arrays between them;
 * `record`: how a linear problem was solved;
 * `thresholds`: numbers, and where they come from.

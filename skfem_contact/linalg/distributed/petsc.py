@@ -20,11 +20,12 @@ from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend, Factorisation, by_column
 from skfem_contact.linalg.distributed.assembly import assembled, collected, numbering
+from skfem_contact.linalg.distributed.database import PREFIX
 from skfem_contact.linalg.distributed.layout import Layout, directions
 from skfem_contact.linalg.distributed.ranks import Ranks, ranks
 from skfem_contact.linalg.distributed.record import LinearSolve, not_solved
 from skfem_contact.linalg.distributed.reduction import ReducedStiffness
-from skfem_contact.linalg.distributed.share import PREFIX, Settings, Solved, direct_package
+from skfem_contact.linalg.distributed.share import Settings, Solved, direct_package
 from skfem_contact.linalg.distributed.stacked import StackedStiffness
 from skfem_contact.linalg.singular import check_eigenvalue, singular
 from skfem_contact.linalg.thresholds import ACCEPTED

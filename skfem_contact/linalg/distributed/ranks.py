@@ -16,7 +16,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterable
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NoReturn
 
 import numpy as np
@@ -25,8 +25,9 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.errors import InputError, warn
 from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.linalg.distributed.database import Database, command_line
 from skfem_contact.linalg.distributed.messages import receive, send
-from skfem_contact.linalg.distributed.share import PREFIX, Settings, Share, Solved
+from skfem_contact.linalg.distributed.share import Settings, Share, Solved
 from skfem_contact.linalg.distributed.thresholds import (
     LATER,
     MISSED_AFTER,
@@ -58,7 +59,7 @@ def ranks() -> Ranks:
         import petsc4py
         from mpi4py import MPI
 
-        petsc4py.init(_arguments())
+        petsc4py.init(command_line())
         from petsc4py import PETSc
     except ImportError as error:
         raise InputError(INSTALL.format(error=error)) from None
@@ -72,19 +73,10 @@ def ranks() -> Ranks:
     if own.rank:
         own.serve()
     atexit.register(own.stop)
+    # where the script ends MPI by itself: MPI then first deletes the attributes of COMM_SELF
+    key = MPI.Comm.Create_keyval(delete_fn=lambda *_: own.stop(True))
+    MPI.COMM_SELF.Set_attr(key, own)
     return own
-
-
-def _arguments() -> list[str]:
-    """What the command line says to PETSc: ``-sc_...`` and its values."""
-    given, ours = [sys.argv[0] if sys.argv else ""], False
-    for word in sys.argv[1:]:
-        if word.startswith("-") and not word[1:2].isdigit():
-            ours = word.lstrip("-").startswith(PREFIX)
-            word = "-" + word.lstrip("-") if ours else word
-        if ours:
-            given.append(word)
-    return given
 
 
 def _wait_for_all(world: Any) -> None:
@@ -116,6 +108,11 @@ class Ranks:
         self.shares: dict[int, Share] = {}
         self.held: dict[int, Any] = {}  # rows of stiffness, see `rows` and `stack`
         self._count, self._dropped, self._stopped = 0, [], False  # type: int, list[int], bool
+
+    @cached_property
+    def database(self) -> Database:
+        """PETSc's options on this rank."""
+        return Database(self.PETSc)
 
     # -- commands of rank 0 -------------------------------------------------------------------
 
@@ -176,13 +173,23 @@ class Ranks:
         """Largest memory that each rank has had so far [bytes]."""
         return [int(peak[0]) for (peak,) in self.together(_measured)]
 
-    def stop(self) -> None:
-        """Let the other ranks end; all free their matrices together, as PETSc needs it."""
-        if not self._stopped:
-            self._stopped = True
-            for rank in range(1, self.size):
-                self.comm.send((None, (), []), dest=rank)
-            self._end()
+    def stop(self, ending: bool = False) -> None:
+        """Let the other ranks end; all free their matrices together, as PETSc needs it.
+
+        Where MPI is `ending`, the script has ended it, and nothing else is to do so.
+        """
+        if self._stopped:
+            return
+        self._stopped = True
+        unread = self.database.unread() if self._count else []
+        for rank in range(1, self.size):
+            self.comm.send((None, (), []), dest=rank)
+        self._end(ending)
+        if unread:
+            warn(
+                f"PETSc has not looked for {', '.join('-' + name for name in unread)}: a name is "
+                "misspelt, or nothing was solved that the option belongs to"
+            )
 
     # -- what a serving rank does -------------------------------------------------------------
 
@@ -214,7 +221,7 @@ class Ranks:
 
     def make(self, key: int, settings: Settings, parts: list[Array]) -> None:
         """This rank's share of a matrix, ready to solve with."""
-        share = Share(self.PETSc, parts, settings)
+        share = Share(self.database, self.comm, parts, settings)
         parts.clear()  # PETSc has its own copies: the set-up of multigrid is where memory is short
         share.set_up()
         self.shares[key] = share
@@ -224,12 +231,13 @@ class Ranks:
         for key in keys:
             (self.shares if key in self.shares else self.held).pop(key).destroy()
 
-    def _end(self) -> None:
+    def _end(self, ending: bool = False) -> None:
         """Give everything back while all are there to do so together."""
         self.forget([*sorted(self.shares), *self.held])
         self.comm.Free()
         self.PETSc._finalize()
-        self.MPI.Finalize()
+        if not ending and not self.MPI.Is_finalized():  # PETSc does it where it came before mpi4py
+            self.MPI.Finalize()
 
     def fail(self) -> NoReturn:
         """Say what went wrong here, and end all ranks."""

@@ -6,17 +6,17 @@ Every function here is called by all ranks at once.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.linalg.distributed.database import PREFIX, Database
 from skfem_contact.linalg.distributed.thresholds import AGAIN, SURPLUS
 
 Array = NDArray[np.float64]
-
-PREFIX = "sc_"
 
 # Defaults of the options database, by method and symmetry; users' own come after.
 MULTIGRID = {"pc_type": "gamg", "ksp_norm_type": "unpreconditioned"}
@@ -82,8 +82,8 @@ class Share:
 
     Parameters
     ----------
-    PETSc : module
-        ``petsc4py.PETSc``.
+    database : Database
+    comm : communicator of mpi4py
     parts : list of ndarray
         Numbers of rows of this rank and of all ranks; ``indptr``, ``indices`` and ``data`` of the rows
         as of a csr_matrix; and, where there are any, rigid motions (rows of this rank, k).
@@ -95,13 +95,14 @@ class Share:
         Matrices of all ranks together, the coarse ones or the factors included [bytes].
     """
 
-    def __init__(self, PETSc: Any, parts: list[Array], settings: Settings) -> None:
+    def __init__(self, database: Database, comm: Any, parts: list[Array], settings: Settings) -> None:
         (here, size), indptr, indices, data, *motions = parts
-        self.PETSc = PETSc
+        self.database, self.PETSc = database, database.PETSc
+        PETSc = self.PETSc
         self.settings, self.index_bytes = settings, np.dtype(PETSc.IntType).itemsize
         csr = tuple(a.astype(PETSc.IntType, copy=False) for a in (indptr, indices))
         self.A = PETSc.Mat().createAIJ(
-            ((here, size), (here, size)), bsize=settings.block, csr=(*csr, data)
+            ((here, size), (here, size)), bsize=settings.block, csr=(*csr, data), comm=comm
         )
         if settings.spd:
             self.A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
@@ -112,30 +113,25 @@ class Share:
                 vector = self.A.createVecLeft()
                 vector.array[:] = column
                 columns.append(vector)
-            self.A.setNearNullSpace(PETSc.NullSpace().create(vectors=columns))
+            self.A.setNearNullSpace(PETSc.NullSpace().create(vectors=columns, comm=comm))
         self.x, self.b = self.A.createVecs()
         self.r, self.dx = self.b.duplicate(), self.x.duplicate()
-        self.ksp = PETSc.KSP().create()
+        self.ksp = PETSc.KSP().create(comm)
         self.ksp.setOperators(self.A)
         self.ksp.setOptionsPrefix(PREFIX)
         self.ksp.setTolerances(rtol=settings.tol, atol=0.0, max_it=settings.max_iterations)
         self.memory = 0
 
     def set_up(self) -> None:
-        """Make the preconditioner; its options are in the database for as long as PETSc reads them."""
-        database = self.PETSc.Options()
-        given = database.getAll()  # the command line, and the variable PETSC_OPTIONS
-        own = {**self._defaults(), **self.settings.options}
-        own = {PREFIX + name: value for name, value in own.items() if PREFIX + name not in given}
-        for name, value in own.items():
-            database[name] = value
-        try:
+        """Make the preconditioner."""
+        with self._options():
             self.ksp.setFromOptions()
             self.ksp.setUp()
-        finally:
-            for name in own:
-                database.delValue(name)
         self.memory = self._memory()
+
+    def _options(self) -> AbstractContextManager[None]:
+        """In the database for as long as PETSc reads them: the last ones when it solves."""
+        return self.database.added(self._defaults(), self.settings.options)
 
     def _defaults(self) -> dict[str, str]:
         defaults = dict(DEFAULTS[self.settings.method, self.settings.spd])
@@ -180,7 +176,8 @@ class Share:
         self.b.copy(self.r)
         best, iterations, begin = 1.0, 0, self.ksp.rtol
         for _ in range(1 + AGAIN):
-            self.ksp.solve(self.r, self.dx)
+            with self._options():
+                self.ksp.solve(self.r, self.dx)
             iterations += self.ksp.getIterationNumber()
             reason = self.ksp.getConvergedReason()
             self.dx.axpy(1.0, self.x)  # what would be the answer now
