@@ -157,6 +157,41 @@ def others(linear: Any) -> dict[str, float]:
     return out
 
 
+def soft(linear: Any) -> float:
+    """A lower block a million times as soft as the upper one, pressed and slid: what is off.
+
+    Beside the loads of the upper one the forces of the lower one are in the last digits.
+    """
+    (lower, upper), _ = blocks(2, "mortar", "small", 10)
+    lower = sc.Body(lower.basis, 1e-6 * lower.K, D=lower.D, name="lower")
+    sides = upper.surface(lambda x: x[-1] < 1e-9), lower.surface(lambda x: x[-1] > -1e-9)
+    rough = sc.Contact(*sides, friction=sc.Coulomb(0.3))
+    found, expected = (
+        sc.ContactSolver([lower, upper], rough, linear=backend).solve(x=moves(upper)[1]["x"])
+        for backend in (linear, "auto")
+    )
+    return max(away(found.u, expected.u), away(found.traction, expected.traction))
+
+
+def without_stiffness(linear: Any) -> sc.ContactResult:
+    """A DOF that has none."""
+    (lower, upper), _ = blocks(2, "mortar", "small", 10)
+    K = lower.K.tolil()
+    free = np.setdiff1d(np.arange(lower.n), lower.D)[0]
+    K[free] = K[:, free] = 0.0
+    lower = sc.Body(lower.basis, K.tocsr(), D=lower.D, name="lower")
+    sides = upper.surface(lambda x: x[-1] < 1e-9), lower.surface(lambda x: x[-1] > -1e-9)
+    return sc.ContactSolver([lower, upper], sc.Contact(*sides), linear=linear).solve()
+
+
+def all_held(linear: Any) -> float:
+    """Nothing is left to solve for; the largest displacement."""
+    (lower, upper), _ = blocks(2, "mortar", "small", 10)
+    first, second = (sc.Body(b.basis, b.K, D=np.arange(b.n)) for b in (lower, upper))
+    rough = sc.Contact(second.surface(lambda x: x[-1] < 1e-9), first.surface(lambda x: x[-1] > -1e-9))
+    return float(abs(sc.ContactSolver([first, second], rough, linear=linear).solve().u).max())
+
+
 def holes(rank: int, count: int) -> tuple[np.ndarray, Any]:
     """DOFs 0 and 2, of which 1 is in nobody's matrix."""
     return np.array([0, 2]), identity(2)
@@ -221,16 +256,19 @@ def refused(linear: Any) -> list[str]:
         lambda: linear.collect(slanted),
         lambda: linear.collect(twice),
         lambda: linear.collect(nothing),
+        lambda: without_stiffness(linear),
     ]
     said = []
     for attempt in tries:
         try:
             said.append(f"not refused: {attempt()!r}")
-        except (sc.InputError, AttributeError) as error:
+        except (sc.InputError, AttributeError, sc.SingularMatrix) as error:
             said.append(f"{type(error).__name__}: {error}")
     # all of that has left the ranks as they were
     result = solver.solve(x=moves(bodies[1])[0]["x"])
     said.append(f"answers: {result.converged}")
+    # residuals of 1e-12 of all loads are none of those on the soft body
+    said += [f"soft: {soft(linear) < 1e-8}", f"all held: {all_held(linear)}"]
     return said
 
 

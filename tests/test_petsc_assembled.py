@@ -5,9 +5,11 @@ What needs PETSc runs by `mpirun`; what one rank does is tested without it.
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from threading import Thread
 from types import SimpleNamespace
 from typing import Any
 
@@ -221,6 +223,25 @@ def test_strains_on_a_basis_without_points_of_integration(dim: int) -> None:
     assert_allclose(found, expected, rtol=1e-12)
 
 
+def test_threads_have_the_ranks_one_at_a_time(alone: Ranks) -> None:
+    """Two commands at once would mix up their messages."""
+    inside, most = [], []
+
+    def work(own: Any, given: Any, parts: Any) -> list[Any]:
+        inside.append(0)
+        time.sleep(0.005)
+        most.append(len(inside))
+        inside.pop()
+        return []
+
+    threads = [Thread(target=alone.together, args=(work,)) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert most == [1, 1, 1, 1]
+
+
 # -- by mpirun --------------------------------------------------------------------------------
 
 
@@ -303,7 +324,10 @@ def test_what_can_not_be_done_is_refused_in_words(tmp_path: Path) -> None:
         "rank 1 of 2: K of this rank is not symmetric",
         "dofs that the function gave have numbers twice",
         "the function gave a NoneType, not (dofs, matrix)",
+        "SingularMatrix: The matrix is singular to working precision: at DOF",
         "answers: True",
+        "soft: True",
+        "all held: 0.0",
     ]
     assert len(said) == len(words)
     for line, expected in zip(said, words, strict=True):

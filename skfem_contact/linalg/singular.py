@@ -104,6 +104,20 @@ def check_pivots(pivots: np.ndarray, scale: np.ndarray, solve: Solve) -> None:
         check_eigenvalue(scale, solve)
 
 
+def check_diagonal(diagonal: np.ndarray) -> None:
+    """Raise `SingularMatrix` where a matrix that is to be positive definite can not be.
+
+    >>> try:
+    ...     check_diagonal(np.array([2.0, 0.0]))
+    ... except SingularMatrix as error:
+    ...     print(error.dof)
+    1
+    """
+    wrong = np.flatnonzero(~(diagonal > 0.0))  # finds a NaN as well
+    if len(wrong):
+        raise singular(int(wrong[0]), 0.0)
+
+
 def check_eigenvalue(scale: np.ndarray, solve: Solve) -> None:
     """Raise `SingularMatrix` where the scaled matrix has an eigenvalue of zero."""
     smallest, dof = smallest_eigenvalue(scale, solve)

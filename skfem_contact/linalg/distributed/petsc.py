@@ -27,7 +27,8 @@ from skfem_contact.linalg.distributed.record import LinearSolve, not_solved
 from skfem_contact.linalg.distributed.reduction import ReducedStiffness
 from skfem_contact.linalg.distributed.share import Settings, Solved, direct_package
 from skfem_contact.linalg.distributed.stacked import StackedStiffness
-from skfem_contact.linalg.singular import check_eigenvalue, singular
+from skfem_contact.linalg.distributed.thresholds import MOST_MOVED
+from skfem_contact.linalg.singular import check_diagonal, check_eigenvalue, singular
 from skfem_contact.linalg.thresholds import ACCEPTED
 
 logger = logging.getLogger("skfem_contact")
@@ -196,6 +197,10 @@ class PETSc(Backend):
         self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
     ) -> Factorisation:
         begin, own = time.perf_counter(), ranks()
+        if not A.shape[0]:  # all DOFs are prescribed or eliminated
+            return Factorisation("PETSc, nothing to solve", 0, np.zeros_like)
+        if spd:  # what PETSc makes of such a row says nothing of it, or ends all ranks
+            check_diagonal(A.diagonal())
         if isinstance(A, ReducedStiffness):
             layout, scale = A.layout, A.diagonal()
             _check_size(layout, A.nnz, own)
@@ -237,7 +242,7 @@ class PETSc(Backend):
         direct = self.method == "direct"
         if direct and (how.reason < 0 or not how.residual <= ACCEPTED):
             raise singular(-1, 0.0)
-        if direct or how.residual <= self.tol:
+        if direct or (how.residual <= self.tol and how.local <= MOST_MOVED):
             return
         raise not_solved(name, how, self.tol)
 

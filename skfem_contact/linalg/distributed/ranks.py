@@ -13,6 +13,7 @@ from __future__ import annotations
 import atexit
 import os
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterable
@@ -105,6 +106,7 @@ class Ranks:
     def __init__(self, PETSc: Any, MPI: Any, comm: Any) -> None:
         self.PETSc, self.MPI, self.comm = PETSc, MPI, comm
         self.rank, self.size = int(comm.rank), int(comm.size)
+        self.one = threading.RLock()  # of several threads of the script one at a time has all ranks
         self.shares: dict[int, Share] = {}
         self.held: dict[int, Any] = {}  # rows of stiffness, see `rows` and `stack`
         self._count, self._dropped, self._stopped = 0, [], False  # type: int, list[int], bool
@@ -161,8 +163,8 @@ class Ranks:
     def solve(self, key: int, pieces: Iterable[Array]) -> tuple[Array, Solved]:
         """All rows of the answer, those of rank 0 first, and how it went."""
         found = self.together(_solved, (key,), ([piece] for piece in pieces))
-        iterations, residual, reason = found[0][1]
-        how = Solved(int(iterations), float(residual), int(reason))
+        iterations, residual, reason, local = found[0][1]
+        how = Solved(int(iterations), float(residual), int(reason), float(local))
         return np.concatenate([x for x, _ in found]), how
 
     def drop(self, key: int) -> None:
@@ -182,9 +184,10 @@ class Ranks:
             return
         self._stopped = True
         unread = self.database.unread() if self._count else []
-        for rank in range(1, self.size):
-            self.comm.send((None, (), []), dest=rank)
-        self._end(ending)
+        with self.one:
+            for rank in range(1, self.size):
+                self.comm.send((None, (), []), dest=rank)
+            self._end(ending)
         if unread:
             warn(
                 f"PETSc has not looked for {', '.join('-' + name for name in unread)}: a name is "
@@ -256,6 +259,7 @@ class _Together:
         self.own, self.work, self.given = own, work, given
 
     def __enter__(self) -> None:
+        self.own.one.acquire()
         dropped, self.own._dropped = self.own._dropped, []
         for rank in range(1, self.own.size):
             self.own.comm.send((self.work, self.given, dropped), dest=rank)
@@ -264,6 +268,7 @@ class _Together:
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         if error is not None and self.own.size > 1:
             self.own.fail()
+        self.own.one.release()
         if isinstance(error, self.own.PETSc.Error):
             raise LinearSolveError(
                 f"PETSc says what it can not do, first where and then why: {error}. Look at the "
@@ -283,7 +288,7 @@ def _made(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:
 def _solved(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:
     """Rows of an answer, and how it went."""
     x, how = own.shares[given[0]].solve(parts[0])
-    return [x, np.array([how.iterations, how.residual, how.reason])]
+    return [x, np.array([how.iterations, how.residual, how.reason, how.local])]
 
 
 def _measured(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:

@@ -53,6 +53,14 @@ def not_solved(name: str, how: Solved, tol: float) -> LinearSolveError:
     """The error of an iteration that ended above its tolerance."""
     known = REASONS.get(how.reason, f"PETSc's reason is {how.reason}")
     why = f"{known[0].upper()}{known[1:]}. " if how.reason < 0 else ""
+    if how.residual <= tol:
+        return LinearSolveError(
+            f"PETSc, {name}: the residual is {how.residual:.1e} of the load after {how.iterations} "
+            f"iterations, but moves single points by {how.local:.1e} of the largest displacement: "
+            "some bodies or springs are much softer than others. Try PETSc(method='direct').",
+            how.residual,
+            how.iterations,
+        )
     return LinearSolveError(
         f"PETSc, {name}: the residual is {how.residual:.1e} of the load after {how.iterations} "
         f"iterations, above tol={tol:.1e}. {why}Usually a rigid motion is "

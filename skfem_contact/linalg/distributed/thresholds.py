@@ -39,3 +39,8 @@ SAME_SUM = 1e-10
 # The residual that conjugate gradients carry along drifts from the true one; an iteration is begun
 # again from where it ended so many times, asked for this part of what it has to gain.
 AGAIN, SURPLUS = 3, 0.5
+
+# What the residual may move a point by that alone gives way, over the largest displacement. It is asked
+# for the tolerance; where it ends in the round-off of a stiff body, more may be left on a soft one, and
+# above this the answer is refused.
+MOST_MOVED = 1e-6
