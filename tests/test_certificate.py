@@ -328,3 +328,24 @@ def test_springs_inside_K_bear_their_part() -> None:
     assert abs(pull.sum()) > SEEN * 0.01
     assert result.certificate.force_balance < 1e-12
     assert result.certificate.moment_balance < 1e-12
+
+
+@pytest.mark.parametrize("loop", ["fictitious", "direct"])
+def test_springs_do_not_count_an_error_twice(loop: str) -> None:
+    """Forces known to 1e-6 make slips of springs wrong by 1e-6 over G: that is no second violation.
+
+    Turned back a little from full slip all points stick, and what their soft springs give back is
+    all there is of plastic slip; the certificate said 4e-3 of it.
+    """
+    body = block("body", (0, 1), (0, 1), D="top")
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    contact = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.2, stiffness=0.01))
+    solver = sc.ContactSolver(body, contact, loop=loop, options=sc.Options(tolerance=1e-6))
+    path = [(0.0, 0.01), (0.3, 0.02), (2.0, 0.02), (1.97, 0.02)]
+    results = list(solver.history({"x": {"body": {"top": (a, -b)}}} for a, b in path))
+    slips, back = results[2], results[3]
+    assert (slips.status == 2).all() and (back.status == 1).all()
+    assert back.certificate.friction <= 1e-6
+    # and what slips is held to its bound, and against the slip, as without springs
+    assert friction_by_half(slips).friction > SEEN
+    assert friction_along_the_slip(slips).friction > SEEN

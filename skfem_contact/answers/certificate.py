@@ -167,7 +167,8 @@ def _friction_violation(result: Answer, floor: float) -> float:
 
     The law holds exactly if the force is the projection of ``force + r plastic_slip`` onto the bound,
     for any r > 0: within the bound, at the bound where it slips, and along the slip. The r that makes
-    the largest slip the largest force gives both the same say.
+    the largest slip the largest force gives both the same say. It is at most the stiffness of sticking:
+    a spring turns what is wrong with a force into so much slip, which is not wrong once more.
     """
     state, worst = result.local, 0.0
     # slips below this part of the displacements they are differences of have no digits
@@ -185,7 +186,8 @@ def _friction_violation(result: Answer, floor: float) -> float:
         furthest = max(_largest(plastic), still)
         # a slip so small that no number stretches it to a force is none
         r = scale / furthest if furthest > scale * float(np.finfo(float).tiny) else 0.0
-        lawful, _ = law.force(force + r * plastic, compressive, area, counted)
+        springs = np.minimum(result.tangential_stiffness[part], r)[:, None]
+        lawful, _ = law.force(force + springs * plastic, compressive, area, counted)
         away = np.linalg.norm(force - np.where(closed[:, None], lawful, 0.0), axis=1)
         # np.maximum keeps NaN, which Python's max drops
         worst = np.maximum(worst, _ratio(np.max(away, initial=0.0), scale))
