@@ -79,6 +79,8 @@ def return_map(trial: Array, limit: Array) -> tuple[Array, Mask]:
     """
     size = lengths(trial)
     slips = size > limit
+    if trial.shape[1] == 1:
+        return np.where(slips[:, None], np.copysign(limit[:, None], trial), trial), slips
     kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)
     return trial * kept[:, None], slips
 
@@ -106,19 +108,21 @@ def map_by_bound(
     limit = np.asarray(law.limit(normal_force, area, slip))
     size = lengths(trial)
     slips = size > limit
-    kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)[:, None]
     if trial.shape[1] == 1:  # nothing turns: along the only tangent what slips has its bound
         direction, by_trial = np.sign(trial) * slips[:, None], (~slips)[:, None, None].astype(float)
+        force = np.where(slips[:, None], limit[:, None] * direction, trial)
     else:
+        kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)[:, None]
         direction = np.divide(trial, size[:, None], out=np.zeros(trial.shape), where=slips[:, None])
         by_trial = np.eye(trial.shape[1]) - direction[:, :, None] * direction[:, None, :]
         by_trial *= kept[:, :, None]
+        force = trial * kept
     by_normal = law.slope(normal_force, area, slip)[:, None] * direction
     by_slip = np.zeros(by_trial.shape)
     if hardens:
         ask = partial(law.limit, normal_force, area)
         by_slip = direction[:, :, None] * slip_gradient(ask, limit, slip, direction)[:, None, :]
-    return trial * kept, slips, Derivatives(by_trial, by_normal, by_slip)
+    return force, slips, Derivatives(by_trial, by_normal, by_slip)
 
 
 def slip_gradient(limit: Callable[[Array], Array], here: Array, slip: Array, direction: Array) -> Array:
