@@ -63,7 +63,7 @@ def eliminated(linear: Any, K: StackedStiffness, A: csr_matrix, unlike: bool) ->
         test = sc.eliminate(C[:, rng.permutation(n)], np.zeros(5), D)
     K_r, f_r = reduced(K, trial, f, test)
     expected, load = trial.reduce(A, f, test=test)
-    key = K_r.factorize(linear._settings(not unlike, K_r.layout))
+    key = K_r.factorize(linear._settings(not unlike, K_r.layout.block))
     parts, layout = ranks().together(own_rows, (key,)), K_r.layout
     rows = [csr_of(part[:3], (len(part[0]) - 1, layout.size)) for part in parts]
     whole, motions = vstack(rows, format="csr"), np.concatenate([part[3] for part in parts])

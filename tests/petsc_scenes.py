@@ -1,12 +1,13 @@
 """Blocks pressed, slid and slid back, as a script, with `mpirun` or without.
 
-    mpirun -n 2 python tests/petsc_scenes.py answers OUT.npz [direct] [assembled] [SCENE ...] [-sc_...]
+    mpirun -n 2 python tests/petsc_scenes.py answers OUT.npz [direct] [assembled] [iterated] [SCENE ...]
     mpirun -n 2 python tests/petsc_scenes.py history FOLDER [killed | broken | mistaken | unsolved ...]
 
-`answers` stores every step of the scenes, all of them if none is named; `assembled` has the stiffness
-assembled rank by rank. `history` goes on from
-FOLDER/last.npz, where there is one, and stores the last step. What may happen in its fourth step: the
-last rank is killed, or fails by itself, or the script has a mistake, or a linear problem is not solved.
+`answers` stores every step of the scenes, all of them if none is named; `direct` condenses the bodies,
+`assembled` has the stiffness assembled rank by rank, `iterated` allows no dense matrices. `history`
+goes on from FOLDER/last.npz, where there is one, and stores the last step. What may happen in its
+fourth step: the last rank is killed, or fails by itself, or the script has a mistake, or a linear
+problem is not solved.
 With `own` the script uses petsc4py before the library, with another default communicator; where it is
 `ended`, it ends MPI itself.
 """
@@ -19,6 +20,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -126,7 +128,9 @@ def moves(upper: sc.Body, steps: int = 1) -> list[dict[str, Any]]:
     return out
 
 
-def answers(linear: Any, scenes: Sequence[str], assembled: bool = False) -> dict[str, np.ndarray]:
+def answers(
+    linear: Any, scenes: Sequence[str], assembled: bool = False, options: sc.Options = PLACED
+) -> dict[str, np.ndarray]:
     """Displacements and forces of every step of some scenes, reactions and the certificate.
 
     With `assembled` the stiffness is assembled rank by rank.
@@ -136,7 +140,7 @@ def answers(linear: Any, scenes: Sequence[str], assembled: bool = False) -> dict
         dim, method, sliding = SCENES[name]
         given = linear if assembled else None
         bodies, contact = blocks(dim, method, sliding, SIZES[dim], given)
-        solver = sc.ContactSolver(bodies, contact, linear=linear, options=PLACED)
+        solver = sc.ContactSolver(bodies, contact, linear=linear, options=options)
         history = solver.history(moves(bodies[1]))
         for step, result in zip(STEPS, history, strict=True):
             for what in ("u", "normal_force", "traction"):  # the last in axes of space
@@ -199,15 +203,17 @@ def main() -> None:
             from petsc4py import PETSc
 
             PETSc.Sys.setDefaultComm(PETSc.COMM_SELF)
-    linear = sc.PETSc("direct" if fault == "direct" else "iterative", tol=1e-12)
+    linear = sc.PETSc("direct" if "direct" in words else "iterative", tol=1e-12)
     if what == "answers":
         scenes = [word for word in words if word in SCENES] or list(SCENES)
-        found = answers(linear, scenes, "assembled" in words)
+        options = replace(PLACED, max_dense_bytes=0) if "iterated" in words else PLACED
+        found = answers(linear, scenes, "assembled" in words, options)
         most = max(solve.iterations for solve in linear.solves)
         held = len(ranks().shares)
         gc.collect()  # bodies and their surfaces know of each other
         linear.memory()  # a command, by which ranks forget what is gone
-        np.savez(where, **found, most=most, held=held, rows=len(ranks().held))
+        left = len(ranks().shares)
+        np.savez(where, **found, most=most, held=held, left=left, rows=len(ranks().held))
         print(f"{len(linear.solves)} solves on {linear.ranks} ranks, at most {most} iterations")
     else:
         history(linear, Path(where), fault)

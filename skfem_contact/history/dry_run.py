@@ -46,11 +46,15 @@ def _linear_words(solver: ProblemSetup) -> str:
         return f"linear solver {choice.backend!r} on all {n} DOFs in every iteration, {choice.reason}"
     if choice.route == "multigrid":
         return f"multigrid: {sizes}; {choice.backend!r}, {choice.reason}"
-    factors = written_bytes(sum(size.memory for size in solver.sizes().values()))
+    factors = f"factors by {choice.backend!r}"
+    if isinstance(choice.linear, str):
+        factors = (
+            f"{written_bytes(sum(size.memory for size in solver.sizes().values()))} for the factors"
+        )
     if choice.route == "iterated":
-        return f"iterated: {sizes}; {factors} for the factors; forces by GMRES, {choice.reason}"
+        return f"iterated: {sizes}; {factors}; forces by GMRES, {choice.reason}"
     dense = f"at most {written_bytes(choice.dense_bytes)} of dense matrices"
-    return f"condensed: {sizes}; {factors} for the factors, {dense}, {choice.reason}"
+    return f"condensed: {sizes}; {factors}, {dense}, {choice.reason}"
 
 
 def _free_words(solver: ProblemSetup) -> str:

@@ -1,6 +1,7 @@
 """Linear solvers, which know nothing of contact.
 
 * `backend`: the interface of a solver; `direct`, `amg`: the ones that come with the library;
+* `body_factor`: what contact needs of a factorised body;
 * `distributed`: linear problems over MPI ranks, by PETSc; `stacked`: what others see of it;
 * `multifrontal`: Cholesky factorisation that leaves a Schur complement;
 * `dense_factors`: factors of dense matrices, the one place that calls LAPACK for them;

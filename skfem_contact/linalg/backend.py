@@ -11,6 +11,7 @@ import numpy as np
 from skfem_contact.bodies.distributed import refused
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import ContactError, InputError
+from skfem_contact.linalg.body_factor import BodyFactor
 from skfem_contact.linalg.singular import Solve
 from skfem_contact.linalg.stacked import Stacked
 from skfem_contact.linalg.threads import single_threaded
@@ -79,9 +80,13 @@ class Backend:
     ----------
     uses_modes : bool
         Whether `factorize` looks at the rigid motions; else none are made.
+    condenses : bool
+        Whether bodies are reduced to their contact DOFs once (`condensed`) where this solver is chosen,
+        and not contact eliminated from all DOFs in every iteration.
     """
 
     uses_modes = True
+    condenses = False
 
     def factorize(
         self,
@@ -125,6 +130,28 @@ class Backend:
     def stacked(self, bodies: Sequence[Member], stiffness: Sequence[Any]) -> Stacked:
         """The stiffness of all bodies, of which some were assembled rank by rank."""
         raise refused(f"{type(self).__name__} needs all of it")
+
+    def condensed(self, body: Member, K: Any, free: np.ndarray, keep: np.ndarray) -> BodyFactor:
+        """Factors of one body, of which some DOFs are kept.
+
+        Parameters
+        ----------
+        body : Member
+        K : csr_matrix or DistributedStiffness, shape (n, n)
+            Its stiffness.
+        free : ndarray of int, shape (n_f,)
+            DOFs that are not prescribed, ascending: those that the factors are about.
+        keep : ndarray of int, shape (n_c,)
+            Which of these are kept, as positions in `free`.
+
+        Raises
+        ------
+        NotPositiveDefinite
+            A ``numpy.linalg.LinAlgError``.
+        """
+        raise InputError(
+            f"{type(self).__name__} factorises no bodies: contact is on all of their DOFs."
+        )
 
 
 def by_column(solve: Solve) -> Solve:

@@ -24,8 +24,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend, Factorisation, LinearSolveError, by_column
+from skfem_contact.linalg.body_factor import BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 from skfem_contact.linalg.multifrontal.ordering import dissection_order
@@ -67,6 +69,11 @@ class Direct(Backend):
             raise InputError(
                 f"Direct(method={self.method!r}): known are 'auto', 'multifrontal' and 'superlu'."
             )
+
+    def condensed(self, body: Member, K: Any, free: np.ndarray, keep: np.ndarray) -> BodyFactor:
+        """By the multifrontal method, whatever `method` is."""
+        K_ff = sp.csr_matrix(K[free][:, free])
+        return MultifrontalCholesky(K_ff, body.dof_points[free], keep)
 
     def _factorize(
         self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool

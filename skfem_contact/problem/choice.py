@@ -83,18 +83,25 @@ class Choice:
         "condensed" to their contact DOFs, "iterated" by products with their factors, by "multigrid"
         without factors, or "full", with contact eliminated from all of their DOFs.
         """
-        if not isinstance(self.linear, str):
+        if not self.by_memory:
+            if isinstance(self.linear, str):
+                return self.linear
             return "multigrid" if isinstance(self.linear, AMG) else "full"
-        if self.linear != "auto":
-            return self.linear
-        if self.factor_bytes > self.limits.factors:
+        if isinstance(self.linear, str) and self.factor_bytes > self.limits.factors:
             return "multigrid"
         return "condensed" if self.dense_bytes <= self.limits.dense else "iterated"
 
     @property
+    def by_memory(self) -> bool:
+        """Whether the route follows from memory: by default, and where a backend condenses bodies."""
+        if isinstance(self.linear, str):
+            return self.linear == "auto"
+        return bool(getattr(self.linear, "condenses", False))
+
+    @property
     def reason(self) -> str:
         """Why this route, in words."""
-        if self.linear != "auto":
+        if not self.by_memory:
             return "as chosen"
         if self.route == "multigrid":
             most = f"max_factor_bytes allows {written_bytes(self.limits.factors)}"
@@ -138,13 +145,18 @@ class Choice:
 
     @property
     def backend(self) -> Any:
-        """The solver of the routes that factorise nothing beforehand."""
+        """What factorises the bodies, or solves where nothing is factorised beforehand."""
         if isinstance(self.linear, str):
             return AMG() if self.route == "multigrid" else Direct()
         return self.linear
 
     def sizes(self) -> dict[str, FactorSize]:
         """What the factorisation of each body in contact will take, before anything is computed."""
+        if self.by_memory and not isinstance(self.linear, str):
+            raise InputError(
+                f"{self.linear!r} factorises the bodies, and how large that will be it does not say in "
+                "advance; linear='auto' does."
+            )
         return self._sizes(WholeBody if self.route == "iterated" else Substructure)
 
     def _sizes(self, kind: type[Substructure]) -> dict[str, FactorSize]:

@@ -27,6 +27,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.direct import Dense
 from skfem_contact.problem import delassus
@@ -59,6 +60,8 @@ class Condensed:
         DOFs (stacked) that contact rows may touch.
     reuse : sequence of Substructure or None
         Parts that are still good.
+    backend : Backend, optional
+        What factorises the bodies, see `Substructure`.
     """
 
     def __init__(
@@ -67,10 +70,11 @@ class Condensed:
         stiffness: Sequence[csr_matrix],
         wanted: Index,
         reuse: Sequence[Substructure | None] = (),
+        backend: Backend | None = None,
     ) -> None:
         self.system = system
         self.spans = slices(system.offsets)  # DOFs of each body
-        self.substructures = reduced(Substructure, system, stiffness, wanted, reuse)
+        self.substructures = reduced(Substructure, system, stiffness, wanted, reuse, backend)
         kept = [
             part.kept + span.start for part, span in zip(self.substructures, self.spans, strict=True)
         ]

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.linalg.direct import Direct
 from skfem_contact.problem.forces import DependentRows, HeldForces, OnForces, could_not
 from skfem_contact.problem.full import FullProblem, FullSystem
 from skfem_contact.problem.response import Conditions, Load, Response, Source
@@ -35,7 +34,7 @@ class IteratedBodies(Whole):
             return IteratedProblem(self, on)
         except DependentRows:  # a corner, a chain
             logger.info("contact rows depend on each other: solved with all DOFs")
-            full = FullSystem(self.system, self.stiffness, Direct())
+            full = FullSystem(self.system, self.stiffness, self.backend)
             return FullProblem(full, on, prefer, labels)
 
 

@@ -56,7 +56,7 @@ class Layer:
         inside = np.zeros(K.shape[0])
         inside[columns] = 1.0
         for _ in range(LAYERS):
-            inside = (np.abs(K) @ inside > 0).astype(float)
+            inside = (abs(K) @ inside > 0).astype(float)
         inside[part.body.D] = inside[columns] = 0.0
         layer = np.flatnonzero(inside)
         self._K_cc = csr_matrix(K[columns][:, columns])

@@ -193,9 +193,9 @@ class LinearModel:
     def _made(self, route: str) -> AnyBodies:
         parts = self.system, self.stiffness, self._wanted, self._reuse
         if route == "condensed":
-            return Condensed(*parts)
+            return Condensed(*parts, self.choice.backend)
         if route == "iterated":
-            return IteratedBodies(*parts)
+            return IteratedBodies(*parts, self.choice.backend)
         if route == "multigrid":
             return MultigridBodies(*parts, self.choice.backend)
         return FullSystem(self.system, self.stiffness, self.choice.backend)

@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System
+from skfem_contact.linalg.backend import Backend
 from skfem_contact.problem.substructure import Substructure
 
 Index = NDArray[np.intp]
@@ -24,6 +25,7 @@ def reduced(
     stiffness: Sequence[csr_matrix],
     wanted: Index,
     reuse: Sequence[Substructure | None],
+    backend: Backend | None,
 ) -> list[S]:
     """The parts of all bodies.
 
@@ -37,13 +39,15 @@ def reduced(
         DOFs (stacked) that contact rows may touch.
     reuse : sequence of Substructure or None
         Parts that are still good, if they are of this kind.
+    backend : Backend, optional
+        What factorises the bodies, see `Substructure`.
     """
     found = []
     for i, body in enumerate(system.bodies):
         old = reuse[i] if len(reuse) else None
         if not isinstance(old, kind):
             firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
-            old = kind(body, stiffness[i], wanted_of(body, system, wanted), firm)
+            old = kind(body, stiffness[i], wanted_of(body, system, wanted), firm, backend)
         found.append(old)
     return found
 

@@ -19,8 +19,10 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
+from skfem_contact.linalg.backend import Backend
+from skfem_contact.linalg.body_factor import BodyFactor
 from skfem_contact.linalg.dense_factors import cholesky
-from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
+from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.multifrontal.size import FactorSize, factor_size
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, SAME_LOAD
@@ -41,19 +43,17 @@ class LoadSpan:
 
     Parameters
     ----------
-    factor : MultifrontalCholesky
+    factor : BodyFactor
     dofs : ndarray of int
         Of the body, that these loads are on.
     as_force : callable
         Turns their values into a load on the DOFs of the factor.
     """
 
-    def __init__(
-        self, factor: MultifrontalCholesky, dofs: Index, as_force: Callable[[Array], Array]
-    ) -> None:
+    def __init__(self, factor: BodyFactor, dofs: Index, as_force: Callable[[Array], Array]) -> None:
         self._factor, self._dofs, self._as_force = factor, dofs, as_force
         self._directions = np.zeros((len(dofs), 0))
-        self._eliminated = np.zeros((factor.fronts.order.size, 0))
+        self._eliminated = np.zeros((factor.order.size, 0))
         # a load within the span, its values on the DOFs, and its components
         self._load: Array | None = None
         self._last = self._known = np.zeros(0)
@@ -117,6 +117,8 @@ class Substructure:
     firm : float
         Stiffness of the springs on the anchors of a rigid body, which has none of its own; that of the
         bodies it touches, or their digits are lost [force/length].
+    backend : Backend, optional
+        What factorises it; the multifrontal method of this process if there is none.
 
     Attributes
     ----------
@@ -127,8 +129,16 @@ class Substructure:
     S : ndarray, shape (n_c, n_c)
     """
 
-    def __init__(self, body: Member, K: csr_matrix, wanted: Index, firm: float = 0.0) -> None:
+    def __init__(
+        self,
+        body: Member,
+        K: csr_matrix,
+        wanted: Index,
+        firm: float = 0.0,
+        backend: Backend | None = None,
+    ) -> None:
         self.body, self.K, self._firm = body, K, firm
+        self._backend = backend or Direct()
         self.free = np.delete(np.arange(body.n), body.D)
         self.anchors = wanted
         if len(wanted):
@@ -141,14 +151,13 @@ class Substructure:
         return csr_matrix(self.K[self.body.D][:, self.free].T)
 
     @cached_property
-    def _factor(self) -> MultifrontalCholesky:
+    def _factor(self) -> BodyFactor:
         return self._factorised()
 
-    def _factorised(self) -> MultifrontalCholesky:
-        K_ff = csr_matrix(self.K[self.free][:, self.free])
+    def _factorised(self) -> BodyFactor:
         place = np.searchsorted(self.free, self.kept)
         try:
-            return MultifrontalCholesky(K_ff, self.body.dof_points[self.free], place)
+            return self._backend.condensed(self.body, self.K, self.free, place)
         except LinAlgError as error:
             raise InputError(
                 f"The stiffness of body '{self.body.name or 'unnamed'}' is not positive definite "
@@ -208,7 +217,7 @@ class Substructure:
     @property
     def order(self) -> Index:
         """The DOFs in the order in which `recover` returns them: all but the prescribed ones."""
-        return np.asarray(self.free[self._factor.fronts.order])
+        return np.asarray(self.free[self._factor.order])
 
     def components(self, f: Array, x: Array) -> Components | None:
         """Components of forces and of prescribed displacements along the directions known so far.

@@ -21,7 +21,9 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.linalg.multifrontal.response import Response
+from skfem_contact.linalg.backend import Backend
+from skfem_contact.linalg.body_factor import Surface
+from skfem_contact.linalg.direct import Direct
 from skfem_contact.problem.parts import reduced
 from skfem_contact.problem.response import Source
 from skfem_contact.problem.substructure import Components, Substructure
@@ -42,8 +44,15 @@ class WholeBody(Substructure):
         The anchors.
     """
 
-    def __init__(self, body: Member, K: csr_matrix, wanted: Index, firm: float = 0.0) -> None:
-        super().__init__(body, K, wanted, firm)
+    def __init__(
+        self,
+        body: Member,
+        K: csr_matrix,
+        wanted: Index,
+        firm: float = 0.0,
+        backend: Backend | None = None,
+    ) -> None:
+        super().__init__(body, K, wanted, firm, backend)
         self.columns, self.kept = self.kept, self.anchors
 
     @cached_property
@@ -51,8 +60,8 @@ class WholeBody(Substructure):
         return np.searchsorted(self.free, self.columns)
 
     @cached_property
-    def _response(self) -> Response:
-        return Response(self._factor, self._place)
+    def _response(self) -> Surface:
+        return self._factor.response(self._place)
 
     @cached_property
     def springs(self) -> Array:
@@ -80,7 +89,7 @@ class WholeBody(Substructure):
         x = self._factor.eliminate(force)
         kept = self.flexibility @ x[len(x) - len(self.kept) :]
         u = np.empty_like(x)
-        u[self._factor.fronts.order] = self._factor.substitute(kept, x)
+        u[self._factor.order] = self._factor.substitute(kept, x)
         return u
 
     def free_load(self, f: Array, x: Array) -> Array:
@@ -100,6 +109,8 @@ class Whole:
         DOFs (stacked) that contact rows may touch.
     reuse : sequence of Substructure or None
         Parts that are still good.
+    backend : Backend, optional
+        What factorises the bodies, see `Substructure`.
 
     Attributes
     ----------
@@ -118,10 +129,12 @@ class Whole:
         stiffness: Sequence[csr_matrix],
         wanted: Index,
         reuse: Sequence[Substructure | None] = (),
+        backend: Backend | None = None,
     ) -> None:
         self.system, self.stiffness = system, stiffness
+        self.backend = backend or Direct()
         self.spans = slices(system.offsets)
-        self.substructures = parts = reduced(self.kind, system, stiffness, wanted, reuse)
+        self.substructures = parts = reduced(self.kind, system, stiffness, wanted, reuse, self.backend)
         columns = [part.columns + span.start for part, span in zip(parts, self.spans, strict=True)]
         self.columns = np.concatenate(columns)
         self.column_spans = slices(np.cumsum([0, *map(len, columns)]))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from skfem_contact.errors import InputError
 from skfem_contact.linalg.distributed.thresholds import SAME_MOTION
 
 Array = NDArray[np.float64]
@@ -77,6 +78,15 @@ class Layout:
     def size(self) -> int:
         """Number of rows of all ranks together."""
         return int(self.starts[-1])
+
+    def check_size(self, nnz: int, most: int) -> None:
+        """Refuse so many entries where PETSc's integers count to `most`."""
+        ranks = len(self.starts) - 1
+        if max(self.size, nnz // ranks) > most:
+            raise InputError(
+                f"{nnz} entries in {self.size} rows on {ranks} ranks are more than the integers of "
+                f"this PETSc can count, {most} on each: use more ranks, or a PETSc with 64-bit indices."
+            )
 
     def vectors(self, x: Array) -> Iterator[Array]:
         """The rows (rows of the rank, ...) of one rank after the other of a vector, or of columns."""

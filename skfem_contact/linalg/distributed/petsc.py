@@ -19,13 +19,22 @@ from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend, Factorisation, by_column
+from skfem_contact.linalg.body_factor import BodyFactor
+from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.distributed.assembly import assembled, collected, numbering
+from skfem_contact.linalg.distributed.condensation import DistributedFactor
 from skfem_contact.linalg.distributed.database import PREFIX
 from skfem_contact.linalg.distributed.layout import Layout, directions
-from skfem_contact.linalg.distributed.ranks import Ranks, ranks
+from skfem_contact.linalg.distributed.ranks import ranks
 from skfem_contact.linalg.distributed.record import LinearSolve, not_solved
 from skfem_contact.linalg.distributed.reduction import ReducedStiffness
-from skfem_contact.linalg.distributed.share import Settings, Solved, direct_package
+from skfem_contact.linalg.distributed.share import (
+    NOT_CONDENSING,
+    Settings,
+    Solved,
+    chosen_package,
+    direct_package,
+)
 from skfem_contact.linalg.distributed.stacked import StackedStiffness
 from skfem_contact.linalg.distributed.thresholds import MOST_MOVED
 from skfem_contact.linalg.singular import check_diagonal, check_eigenvalue, singular
@@ -51,6 +60,8 @@ class PETSc(Backend):
         ``"iterative"``: conjugate gradients, or GMRES where slipping points of the loop newton make
         the matrix unsymmetric, preconditioned by smoothed aggregation (GAMG) with rigid motions;
         ``"direct"``: MUMPS, where PETSc has it, else SuperLU_DIST, else on one rank PETSc's own LU.
+        With these each body is condensed to its contact DOFs once, as by default without PETSc
+        (SuperLU_DIST does not); iteratively, contact is eliminated from all DOFs in every iteration.
     tol : float
         Largest ``|b - A x| / |b|`` accepted of an iteration.
     max_iterations : int
@@ -108,6 +119,8 @@ class PETSc(Backend):
         object.__setattr__(self, "options", _checked(self.options))
         object.__setattr__(self, "uses_modes", self.method == "iterative")
         own = ranks()
+        able = chosen_package(own.database, self.options) not in NOT_CONDENSING
+        object.__setattr__(self, "condenses", self.method == "direct" and able)
         if self.method == "direct" and own.size > 1 and not direct_package(own.PETSc):
             raise InputError(
                 f"PETSc(method='direct') on {own.size} ranks needs MUMPS or SuperLU_DIST, and this "
@@ -189,6 +202,13 @@ class PETSc(Backend):
         """The stiffness of all bodies, of which some were assembled rank by rank."""
         return StackedStiffness.of(bodies, stiffness, self.uses_modes)
 
+    def condensed(self, body: Member, K: Any, free: np.ndarray, keep: np.ndarray) -> BodyFactor:
+        """Factors of one body over all ranks; of a rigid one, all of which is kept, on rank 0."""
+        if len(keep) == len(free):
+            return Direct().condensed(body, K, free, keep)
+        settings = self._settings(spd=True, block=1)
+        return DistributedFactor(ranks(), body, K, free, keep, settings, self.solves.append)
+
     def memory(self) -> list[int]:
         """Largest memory that each rank has had so far, all of the process [bytes]."""
         return ranks().memory()
@@ -203,14 +223,14 @@ class PETSc(Backend):
             check_diagonal(A.diagonal())
         if isinstance(A, ReducedStiffness):
             layout, scale = A.layout, A.diagonal()
-            _check_size(layout, A.nnz, own)
-            key = A.factorize(self._settings(spd, layout))
+            layout.check_size(A.nnz, own.largest_integer)
+            key = A.factorize(self._settings(spd, layout.block))
         else:
             A = csr_matrix(A)
             layout, scale = Layout.of(A.shape[0], points, modes, own.size), largest_entries(A)
-            _check_size(layout, A.nnz, own)
+            layout.check_size(A.nnz, own.largest_integer)
             near = repeat(None, own.size) if modes is None else layout.vectors(directions(modes))
-            key = own.factorize(layout.matrices(A), near, self._settings(spd, layout))
+            key = own.factorize(layout.matrices(A), near, self._settings(spd, layout.block))
         share = own.shares[key]
         spent, memory = time.perf_counter() - begin, share.memory
 
@@ -233,9 +253,9 @@ class PETSc(Backend):
         weakref.finalize(solve, own.drop, key)
         return Factorisation(f"PETSc, {share.name} on {own.size} ranks", memory, by_column(solve))
 
-    def _settings(self, spd: bool, layout: Layout) -> Settings:
+    def _settings(self, spd: bool, block: int) -> Settings:
         tol, most = float(self.tol), int(self.max_iterations)
-        return Settings(spd, self.method, tol, most, layout.block, self.options)
+        return Settings(spd, self.method, tol, most, block, self.options)
 
     def _check(self, how: Solved, name: str) -> None:
         """Raise what a solve that failed has to say."""
@@ -267,12 +287,3 @@ def _checked(options: Any) -> dict[str, str]:
         text = "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
         checked[name.lstrip("-").removeprefix(PREFIX)] = text
     return checked
-
-
-def _check_size(layout: Layout, nnz: int, own: Ranks) -> None:
-    most = np.iinfo(own.PETSc.IntType).max
-    if max(layout.size, nnz // own.size) > most:
-        raise InputError(
-            f"{nnz} entries in {layout.size} rows on {own.size} ranks are more than the integers of "
-            f"this PETSc can count, {most} on each: use more ranks, or a PETSc with 64-bit indices."
-        )

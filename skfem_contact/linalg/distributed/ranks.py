@@ -26,6 +26,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.errors import InputError, warn
 from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.linalg.distributed.body_share import BodyShare
 from skfem_contact.linalg.distributed.database import Database, command_line
 from skfem_contact.linalg.distributed.messages import receive, send
 from skfem_contact.linalg.distributed.share import Settings, Share, Solved
@@ -115,6 +116,11 @@ class Ranks:
     def database(self) -> Database:
         """PETSc's options on this rank."""
         return Database(self.PETSc)
+
+    @property
+    def largest_integer(self) -> int:
+        """What PETSc's indices count to."""
+        return int(np.iinfo(self.PETSc.IntType).max)
 
     # -- commands of rank 0 -------------------------------------------------------------------
 
@@ -224,7 +230,8 @@ class Ranks:
 
     def make(self, key: int, settings: Settings, parts: list[Array]) -> None:
         """This rank's share of a matrix, ready to solve with."""
-        share = Share(self.database, self.comm, parts, settings)
+        kind = Share if settings.keep is None else BodyShare
+        share = kind(self.database, self.comm, parts, settings)
         parts.clear()  # PETSc has its own copies: the set-up of multigrid is where memory is short
         share.set_up()
         self.shares[key] = share

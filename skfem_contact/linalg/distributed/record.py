@@ -37,6 +37,8 @@ class LinearSolve:
         Time of the preconditioner, of which the first of several solves has all, and of the solve [s].
     memory : int
         Matrices of all ranks together, those of multigrid or the factors included [bytes].
+    columns : int
+        Right-hand sides that were solved for together; residual and iterations are the largest.
     """
 
     unknowns: int
@@ -47,6 +49,7 @@ class LinearSolve:
     setup: float
     seconds: float
     memory: int
+    columns: int = 1
 
 
 def not_solved(name: str, how: Solved, tol: float) -> LinearSolveError:

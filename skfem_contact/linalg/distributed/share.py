@@ -18,6 +18,10 @@ from skfem_contact.linalg.distributed.thresholds import AGAIN, SURPLUS
 
 Array = NDArray[np.float64]
 
+# Packages that do not condense bodies: SuperLU_DIST ended in a segmentation fault where such factors
+# were given back, on one rank and on two (PETSc 3.18).
+NOT_CONDENSING = ("superlu_dist",)
+
 # Defaults of the options database, by method and symmetry; users' own come after.
 MULTIGRID = {"pc_type": "gamg", "ksp_norm_type": "unpreconditioned"}
 DEFAULTS: dict[tuple[str, bool], dict[str, str]] = {
@@ -49,6 +53,8 @@ class Settings:
         Rows of a node.
     options : mapping
         Of PETSc, without prefix.
+    keep : ndarray of int, optional
+        Rows that are not eliminated, in the numbering of all ranks: what a body is condensed to.
     """
 
     spd: bool
@@ -57,6 +63,7 @@ class Settings:
     max_iterations: int
     block: int
     options: Mapping[str, str]
+    keep: NDArray[np.intp] | None = None
 
 
 @dataclass(frozen=True)
@@ -104,12 +111,7 @@ class Share:
         PETSc = self.PETSc
         self.settings, self.index_bytes = settings, np.dtype(PETSc.IntType).itemsize
         csr = tuple(a.astype(PETSc.IntType, copy=False) for a in (indptr, indices))
-        self.A = PETSc.Mat().createAIJ(
-            ((here, size), (here, size)), bsize=settings.block, csr=(*csr, data), comm=comm
-        )
-        if settings.spd:
-            self.A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-            self.A.setOption(PETSc.Mat.Option.SPD, True)
+        self.A = self.assembled(comm, ((here, size), (here, size)), (*csr, data))
         if motions and motions[0].shape[1]:
             columns = []
             for column in motions[0].T:
@@ -128,16 +130,28 @@ class Share:
         self.ksp.setTolerances(rtol=settings.tol, atol=0.0, max_it=settings.max_iterations)
         self.memory = 0
 
+    def assembled(self, comm: Any, sizes: Any, csr: tuple[Array, ...]) -> Any:
+        """A matrix by its rows on this rank."""
+        matrix = self.PETSc.Mat().createAIJ(sizes, bsize=self.settings.block, csr=csr, comm=comm)
+        if self.settings.spd:
+            matrix.setOption(self.PETSc.Mat.Option.SYMMETRIC, True)
+            matrix.setOption(self.PETSc.Mat.Option.SPD, True)
+        return matrix
+
     def set_up(self) -> None:
         """Make the preconditioner."""
         with self._options():
             self.ksp.setFromOptions()
+            self._before_set_up()
             self.ksp.setUp()
         self.memory = self._memory()
 
     def _options(self) -> AbstractContextManager[None]:
         """In the database for as long as PETSc reads them: the last ones when it solves."""
         return self.database.added(self._defaults(), self.settings.options)
+
+    def _before_set_up(self) -> None:
+        """What has to be said once the options are known."""
 
     def _defaults(self) -> dict[str, str]:
         defaults = dict(DEFAULTS[self.settings.method, self.settings.spd])
@@ -190,6 +204,7 @@ class Share:
             self.dx.axpy(1.0, self.x)  # what would be the answer now
             self.A.mult(self.dx, self.r)
             self.r.aypx(-1.0, self.b)
+            self._only_eliminated(self.r)
             now = self.r.norm() / size, self._moved()
             # the first answer may be far off where bodies are soft: it is what the next ones begin with
             if not now[0] < 1.0 or (again and not max(now) < best):  # or NaN
@@ -203,6 +218,9 @@ class Share:
             self.ksp.setTolerances(rtol=SURPLUS * tol / best, max_it=max(left, 1))
         self.ksp.setTolerances(rtol=begin, max_it=most)
         return self.x.array.copy(), Solved(iterations, float(residual), int(reason), float(local))
+
+    def _only_eliminated(self, r: Any) -> None:
+        """Without rows that are not eliminated, of which there are none here."""
 
     def _moved(self) -> float:
         """How far the residual moves a point that alone gives way, over the largest displacement.
@@ -246,3 +264,10 @@ def direct_package(PETSc: Any) -> str:
         if PETSc.Sys.hasExternalPackage(package):
             return package
     return ""
+
+
+def chosen_package(database: Database, options: Mapping[str, str]) -> str:
+    """The same, or what options ask for, of which those of the command line come first."""
+    name = "pc_factor_mat_solver_type"
+    given = database.PETSc.Options().getAll().get(PREFIX + name, options.get(name))
+    return given or direct_package(database.PETSc)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csr_matrix, vstack
+from scipy.sparse import block_diag, csr_matrix, diags, vstack
 
 from skfem_contact.bodies.member import Member
 from skfem_contact.elimination.constraint import AffineConstraint
@@ -80,6 +80,16 @@ class StackedStiffness(Stacked):
     ) -> tuple[ReducedStiffness, Array]:
         """See `reduction`."""
         return reduced(self, trial, f, test)
+
+    def among(self, dofs: Index) -> ReducedStiffness:
+        """Rows and columns of some DOFs, ascending, of each body by itself."""
+        core = np.zeros(self.shape[0], dtype=bool)
+        core[dofs] = True
+        change = csr_matrix(self.shape)
+        if self.added is not None:
+            chosen = diags(core.astype(float))
+            change = csr_matrix(chosen @ self.added @ chosen)
+        return ReducedStiffness(self, dofs, core, change)
 
     def _with_terms(self) -> list[RankedStiffness]:
         if self.added is None:

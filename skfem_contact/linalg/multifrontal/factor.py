@@ -41,6 +41,7 @@ from skfem_contact.linalg.multifrontal.assembly import (
     panels,
 )
 from skfem_contact.linalg.multifrontal.fronts import analyse_entries, find_runs
+from skfem_contact.linalg.multifrontal.response import Response
 from skfem_contact.linalg.singular import NotPositiveDefinite, smallest_eigenvalue
 from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, SUSPICIOUS
@@ -123,6 +124,15 @@ class MultifrontalCholesky:
     def memory(self) -> int:
         return self._data.nbytes + self.S.nbytes + self.fronts.nbytes
 
+    @property
+    def order(self) -> np.ndarray:
+        """The DOFs in the order of elimination, the kept ones last, (n,)."""
+        return self.fronts.order
+
+    def response(self, dofs: np.ndarray) -> Response:
+        """What forces on some DOFs (m,) move there."""
+        return Response(self, dofs)
+
     def take_S(self) -> np.ndarray:
         """`S` for the caller alone, who may change it; from now on `S` is empty here.
 
@@ -193,7 +203,7 @@ class MultifrontalCholesky:
         Returns
         -------
         ndarray, shape (n, r)
-            Displacements of the DOFs ``fronts.order``.
+            Displacements of the DOFs `order`.
         """
         eliminated[self.fronts.start[-2] :] = u_keep
         with single_threaded():

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dtrsv
 
-from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 from skfem_contact.linalg.threads import single_threaded
+
+if TYPE_CHECKING:
+    from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -30,6 +34,7 @@ class Response:
     Three unit springs in a row, one end held; a unit force at the other:
 
     >>> import scipy.sparse as sp
+    >>> from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
     >>> K = sp.csr_array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 1]])
     >>> factor = MultifrontalCholesky(K, np.arange(3.0)[:, None])
     >>> Response(factor, np.array([2]))(np.array([1.0])).round(12)
