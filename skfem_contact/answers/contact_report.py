@@ -11,6 +11,7 @@ from skfem_contact.answers.thresholds import COARSE
 from skfem_contact.answers.values import ContactValues, status_words
 from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.state import OPEN
+from skfem_contact.conditions.steepness import steep_words
 
 
 def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
@@ -57,6 +58,8 @@ def _friction_lines(values: ContactValues) -> list[str]:
     ]
     if values.contact.separation:  # else the normal forces may cancel
         lines.append(f"  friction force / normal  {_share(size.sum(), values.normal_force.sum())}")
+    if steep := steep_words(values.contact.friction):
+        lines.append(f"  friction holds           {steep}")
     lines += [
         f"  energy lost by friction  {values.dissipation:.6g} in this step, "
         f"{values.dissipation_total:.6g} in all",

@@ -57,9 +57,20 @@ def tractions(
     load = np.zeros(basis.N)
     for name, value in given.items():
         boundary_dofs(basis, name, what)
-        stress = _components(value, basis, f"{what} on boundary {name!r}", "a traction [stress]", False)
+        place = f"{what} on boundary {name!r}"
+        stress = _components(value, basis, place, "a traction [stress]", False)
+        _check_not_lost(stress, basis, name, place)
         load += _form(stress, measure).assemble(basis.boundary(name))
     return load
+
+
+def _check_not_lost(values: list[Any], basis: Any, name: str, place: str) -> None:
+    """Refuse values on a boundary without facets, unless they are none: scripts may name it for all."""
+    if any(values) and not len(basis.mesh.boundaries[name]):
+        raise InputError(
+            f"{place}: this boundary has no facets in the mesh, so that the values would be lost. Look "
+            "at how it was selected: a function of position has to hold at the midpoints of facets"
+        )
 
 
 def _form(stress: list[Any], measure: Callable[[Array], Array] | None) -> skfem.LinearForm:
@@ -103,7 +114,9 @@ def displacements(
     for i, name in enumerate(names):
         dofs = boundary_dofs(basis, name, what)
         place = f"{what} on boundary {name!r}"
-        for k, value in enumerate(_components(given[name], basis, place, "a displacement", True)):
+        values = _components(given[name], basis, place, "a displacement", True)
+        _check_not_lost(values, basis, name, place)
+        for k, value in enumerate(values):
             mine = dofs[component[dofs] == k]
             held = np.isin(mine, D)
             if value is None and held.all():

@@ -67,6 +67,15 @@ def check_basis(basis: Any, whose: str) -> None:
             "mesh, which leaves DOFs without stiffness; restrict the mesh instead: "
             "mesh.restrict(elements)"
         )
+    used = np.zeros(basis.N, dtype=bool)
+    used[basis.dofs.element_dofs] = True
+    if not used.all():
+        first = int(np.flatnonzero(~used)[0])
+        raise InputError(
+            f"{np.count_nonzero(~used)} of {basis.N} DOFs of {whose} belong to no element, the first "
+            f"is DOF {first}, and have no stiffness. Nodes without elements come with meshes from "
+            "files: make the basis on mesh.remove_unused_nodes()"
+        )
     bad = np.flatnonzero(~np.isfinite(mesh.doflocs).all(axis=0))
     if bad.size:
         raise InputError(

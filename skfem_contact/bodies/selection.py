@@ -33,6 +33,11 @@ def select_facets(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
             f"surface {label!r}: all of the {chosen.size} facets selected are inside the mesh; "
             "contact needs two lips with nodes of their own (split the mesh along the interface)"
         )
+    if isinstance(where, str):
+        raise InputError(
+            f"surface {label!r} has no facets: boundary {where!r} of the mesh is empty. Look at how it "
+            "was selected: a function of position has to hold at the midpoints of facets"
+        )
     lower, upper = mesh.doflocs.min(axis=1), mesh.doflocs.max(axis=1)
     raise InputError(
         f"surface {label!r} has no facets: no facet {'with all nodes' if nodes else 'midpoint'} "

@@ -29,6 +29,11 @@ HUGE = 0.1
 # matching or symmetric meshes, differ in their last digits, and no choice may hang on those.
 DIGITS_OF_WEIGHTS = 9
 
+# -- friction ----------------------------------------------------
+
+# Coefficients from here on are larger than those of any pair of materials, sticky rubber (3) included.
+STEEP = 5.0
+
 # -- return_map --------------------------------------------------
 
 # Step of difference quotients, as a share of the largest argument: the root of round-off and a digit

@@ -8,6 +8,8 @@ import numpy as np
 
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.steepness import steep_words
+from skfem_contact.history.thresholds import UNLIKE
 from skfem_contact.linalg.memory import written_bytes
 from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 from skfem_contact.pairing.node import Pairing
@@ -25,6 +27,7 @@ def dry_run(solver: ProblemSetup) -> str:
         if isinstance(body, Body):
             what = f"{type(body.basis.mesh).__name__}, {body.basis.mesh.nelements} elements"
         lines.append(f"body {name}: {body.n} DOFs, {len(body.D)} prescribed, {what}")
+    lines += _size_words(solver)
     lines.append(_free_words(solver))
     for contact, name, pairing in zip(
         solver.contacts, solver.names, solver.geometry.pairings, strict=True
@@ -57,6 +60,19 @@ def _linear_words(solver: ProblemSetup) -> str:
     return f"condensed: {sizes}; {factors}, {dense}, {choice.reason}"
 
 
+def _size_words(solver: ProblemSetup) -> list[str]:
+    """Sizes that are a thousand times apart or so: as meant, or lengths in two units."""
+    solids = solver.system.solids
+    sizes = {name: float(np.ptp(body.basis.mesh.p, axis=1).max()) for name, body in solids.items()}
+    large, small = max(sizes, key=sizes.__getitem__), min(sizes, key=sizes.__getitem__)
+    if sizes[large] < UNLIKE * sizes[small]:
+        return []
+    return [
+        f"body {large} is {sizes[large] / sizes[small]:.0f} times as large as {small} "
+        f"({sizes[large]:.3g} and {sizes[small]:.3g}): as meant, if all lengths are in one unit"
+    ]
+
+
 def _free_words(solver: ProblemSetup) -> str:
     motions = solver.linear_model.motions
     if motions.k == 0:
@@ -74,7 +90,8 @@ def _model_words(contact: Contact) -> str:
         method += "; no separation: gaps are zero, also in tension"
     law = "frictionless: nothing tangential is modelled"
     if contact.friction is not None:
-        law = f"friction {contact.friction!r}"
+        steep = steep_words(contact.friction)
+        law = f"friction {contact.friction!r}" + (f", which holds {steep}" if steep else "")
     if contact.wear is not None:
         law += f"; wear {contact.wear!r} of {contact.secondary.label}"
     return f"method {method}; {law}"

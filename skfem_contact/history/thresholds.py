@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+# -- dry_run -----------------------------------------------------
+
+# Bodies that are so many times as large as others may be meant, or metres beside millimetres (1000
+# times, where the bodies themselves are alike within a factor of three).
+UNLIKE = 300.0
+
 # -- cutting, placing --------------------------------------------
 
 # A step that fails is halved, and after a success the next part is twice as large: what one cut too

@@ -1,0 +1,84 @@
+"""Input that is of the right kind and yet not what is meant: units, degrees, what a mesh lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import skfem as fem
+from quick_elasticity import linear_elasticity
+
+import skfem_contact as sc
+
+
+def basis_of(mesh: fem.Mesh) -> fem.Basis:
+    return fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+
+
+def square(size: float, x: float = 0.0, y: float = 0.0) -> fem.Basis:
+    mesh = fem.MeshQuad().refined(2).scaled(size).translated((x, y))
+    return basis_of(mesh.with_defaults())
+
+
+def pressed(friction: sc.FrictionLaw) -> sc.ContactSolver:
+    """A block pressed on a floor."""
+    down = {"top": (0.0, -0.01)}
+    block = sc.Body(square(1.0), linear_elasticity(), D="top", x=down, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    return sc.ContactSolver(block, sc.Contact(block.surface("bottom"), floor, friction=friction))
+
+
+@pytest.mark.parametrize(
+    ("mu", "words"),
+    [
+        (30, "up to 88.1 degrees off the normal (mu = 30)"),  # degrees, per cent, or sticking
+        (np.array([0.3, 0.3, 1e3, 0.3, 0.3]), "up to 89.9 degrees off the normal (mu = 1000)"),
+        (3.0, ""),  # rubber has it
+    ],
+)
+def test_steep_friction_is_said_as_an_angle(mu: float | np.ndarray, words: str) -> None:
+    """Coefficients that no materials have are no mistake for certain: told, and not warned of."""
+    solver = pressed(sc.Coulomb(mu))
+    for text in (str(solver), solver.solve().report()):
+        assert words in text
+        assert ("degrees" in text) == bool(words)
+
+
+def test_steep_friction_with_a_direction_is_said_as_an_angle() -> None:
+    """The larger coefficient counts."""
+    from skfem_contact.conditions.steepness import steep_words
+
+    law = sc.OrthotropicCoulomb((20, 45), (1, 0, 0))
+    assert steep_words(law) == "up to 88.7 degrees off the normal (mu = 45)"
+
+
+@pytest.mark.parametrize(("size", "said"), [(0.01, True), (1.0, False)])
+def test_bodies_of_unlike_size_are_told(size: float, said: bool) -> None:
+    """A tool in metres on a block in millimetres: 4000 times as small, said before solving."""
+    block = sc.Body(square(40.0), linear_elasticity(), D="bottom", name="block")
+    tool = sc.Body(square(size, 20.0, 40.0), linear_elasticity(), D="top", name="tool")
+    solver = sc.ContactSolver([block, tool], sc.Contact(tool.surface("bottom"), block.surface("top")))
+    words = "body block is 4000 times as large as tool (40 and 0.01): as meant, if all lengths"
+    assert (words in str(solver)) == said
+
+
+def test_nodes_without_elements_are_refused() -> None:
+    """As centres of arcs in mesh files: their DOFs have no stiffness, and numpy said so in its way."""
+    mesh = fem.MeshQuad().refined(2)
+    stray = fem.MeshQuad(np.hstack([[[0.3], [0.3]], mesh.p]), mesh.t + 1)
+    with pytest.raises(sc.InputError, match="2 of 52 DOFs of body 'block' belong to no element"):
+        sc.Body(basis_of(stray), linear_elasticity(), name="block")
+    sc.Body(basis_of(stray.remove_unused_nodes()), linear_elasticity(), name="block")
+
+
+def test_what_stands_on_an_empty_boundary_is_not_lost() -> None:
+    """Loads and displacements on a boundary without facets are refused; nothing there is nothing."""
+    mesh = fem.MeshQuad().refined(2).with_defaults()
+    basis = basis_of(mesh.with_boundaries({**mesh.boundaries, "none": np.zeros(0, dtype=int)}))
+    held = {"basis": basis, "K": linear_elasticity(), "D": ["top", "none"], "name": "block"}
+    for key in ("f", "x"):
+        with pytest.raises(sc.InputError, match="'none': this boundary has no facets"):
+            sc.Body(**held, **{key: {"none": (0.0, 1.0)}})
+        sc.Body(**held, **{key: {"none": (0.0, 0.0)}})
+    block = sc.Body(**held, x={"none": (None, 0.0)})
+    with pytest.raises(sc.InputError, match="has no facets: boundary 'none' of the mesh is empty"):
+        block.surface("none")
