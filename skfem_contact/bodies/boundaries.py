@@ -119,7 +119,7 @@ def displacements(
         for k, value in enumerate(values):
             mine = dofs[component[dofs] == k]
             held = np.isin(mine, D)
-            if value is None and held.all():
+            if value is None and held.size and held.all():
                 raise InputError(
                     f"{place}: component {'xyz'[k]} is None, which means free, but D prescribes it "
                     "there: give its value (0.0 holds it), or take it out of D."
