@@ -51,7 +51,7 @@ def kink_angles(points: Array, facets: Index, kind: FacetKind, twins: Index) -> 
     twins : ndarray of int, shape (nf, c)
         From `faces.twin_edges`.
     """
-    bend = _bends(unit(area_elements(points, facets, kind, kind.locations[: kind.corners])), twins)
+    bend = bends(unit(area_elements(points, facets, kind, kind.locations[: kind.corners])), twins)
     known = twins >= 0
     if kind.corners == 4:
         far, there = np.roll(bend, 2, axis=1), np.roll(known, 2, axis=1)
@@ -64,7 +64,7 @@ def kink_angles(points: Array, facets: Index, kind: FacetKind, twins: Index) -> 
     return kinks
 
 
-def _bends(normals: Array, twins: Index) -> Array:
+def bends(normals: Array, twins: Index) -> Array:
     """Mean angle between the normals (nf, c, 3) of two faces along each edge; 0 at rims and corners."""
     pairs = _both_ends(normals, twins)
     bend = 0.5 * (angle_between(*pairs[0]) + angle_between(*pairs[1]))

@@ -4,6 +4,7 @@
   space;
 * `shapes`, `level_set`: planes, cylinders, spheres; a function of position;
 * `outlined`, `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file;
+* `bends`: flats of triangles, along the bends beside them;
 * `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies; `rigid_inputs`: what users
   give it.
 """

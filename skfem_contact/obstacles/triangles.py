@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.arguments import (
@@ -25,6 +25,7 @@ from skfem_contact.bodies.bare import bare_faces
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.errors import InputError
+from skfem_contact.obstacles.bends import cut_at_bends
 from skfem_contact.obstacles.outlined import Outlined
 from skfem_contact.pairing.faces.distance import signed_distances
 from skfem_contact.pairing.faces.node import node_to_face
@@ -51,7 +52,9 @@ class RigidSurface(Outlined):
     """A rigid obstacle in space whose surface is made of triangles.
 
     Faces find their partners on it node by node, as on faces of solids: normals are continuous where
-    triangles meet at less than 45 degrees, which stands for a curved surface.
+    triangles meet at less than 45 degrees. Triangles that turn alike to all sides, by 22.5 degrees at
+    most, stand for a curved surface; others are flat, such as those of a die between its fillets:
+    normals turn within an eighth of them along their bends.
 
     Parameters
     ----------
@@ -172,8 +175,28 @@ class RigidSurface(Outlined):
 
     @cached_property
     def outline(self) -> FaceSurface:
-        """Its triangles with their normals, as surfaces of solids have them."""
+        """Its triangles with their normals, as surfaces of solids have them.
+
+        Flats are cut along the bends beside them, see `bends`.
+        """
+        if self._cut is None:
+            return self._plain
+        weights, triangles = self._cut
+        return bare_faces(weights @ self.points, triangles, self.label)
+
+    @cached_property
+    def _plain(self) -> FaceSurface:
         return bare_faces(self.points, self.triangles, self.label)
+
+    @cached_property
+    def _cut(self) -> tuple[csr_matrix, Index] | None:
+        return cut_at_bends(self._plain)
+
+    def moved(self, motion: Any) -> RigidSurface:
+        """Return the obstacle after a rigid motion, see `Obstacle.moved`."""
+        twin = super().moved(motion)
+        vars(twin)["_cut"] = self._cut  # the same however it is turned
+        return twin
 
     @property
     def reference(self) -> np.ndarray:

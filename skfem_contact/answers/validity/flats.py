@@ -1,9 +1,7 @@
-"""Flats of obstacles made of large triangles: normals that lean towards the chamfers beside them.
+"""Flats of obstacles made of large triangles: normals that lean towards the bends beside them.
 
-Normals are interpolated between the corners of a triangle, where they are averaged with its neighbours
-unless they meet at 45 degrees or more. On a curved surface of many triangles that is right. A flat of
-a few large triangles beside a chamfer is no piece of a curve: all over it normals, and so the forces,
-lean by up to half of the angle of the chamfer.
+Normals turn from a flat into a chamfer over a strip along the bend (`obstacles.bends`). Forces on what
+stands there, and not on the flat, lean by up to half of the angle of the bend.
 """
 
 from __future__ import annotations
@@ -71,6 +69,6 @@ def leaning_words(
     return (
         f"normals of {contact.primary.label!r} lean by {lean:.2g} rad in the mean from those of its "
         "triangles, which are large and flat beside bends of less than 45 degrees, and so do the "
-        "forces. Normals are interpolated over a whole triangle, as on a curved surface: give the flat "
-        "narrow triangles along the bend."
+        "forces. Along a bend normals turn over an eighth of a triangle; where that is too wide, give "
+        "the flat narrow triangles along it."
     )

@@ -1,0 +1,225 @@
+"""Flats of surfaces made of triangles: cut along the bends beside them, where normals turn.
+
+Normals are interpolated between the corners of a triangle, where they are averaged with its neighbours
+unless they meet at 45 degrees or more. On a piece of a curved surface that is right. The flat of a tool
+with chamfers or fillets is none: over all of its few large triangles forces would lean by up to the
+angle of the bend. There normals turn over a narrow strip along the bend. (`polyline` has the same of
+outlines in the plane.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix, vstack
+from scipy.sparse.csgraph import connected_components
+
+from skfem_contact.bodies.face_kinks import bends
+from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.thresholds import BENT, STEEPEST
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+#: Part of the height of a triangle over which its normals turn towards a bend at its edge.
+ROUNDED = 1 / 8
+#: ... at least: slivers are no chamfers, and narrower triangles would have no height in their digits.
+NARROW = 1e-3
+#: A piece of a curved surface bends to all sides: what is left of the sum of its bends, each along the
+#: way across its edge, is less than this part of them. Beside one chamfer it is all of them.
+ONE_SIDED = 0.8
+#: A flat is wider than what it bends into, by more than neighbours differ on a curved surface.
+WIDER = 4.0
+
+
+@dataclass(eq=False)
+class Patches:
+    """Triangles in one plane that join, and how a surface bends at their edges.
+
+    Attributes
+    ----------
+    of : ndarray of int, shape (nf,)
+        The patch of each triangle.
+    bend : ndarray, shape (nf, 3)
+        Angle across each edge; 0 within a patch, at rims, and at 45 degrees or more [rad].
+    inside : ndarray of bool, shape (nf, 3)
+        Edges within a patch.
+    heights : ndarray, shape (nf, 3)
+        Of the triangles over each of their edges [length].
+    """
+
+    surface: FaceSurface
+    of: Index = field(init=False)
+    bend: Array = field(init=False)
+    inside: Mask = field(init=False)
+    heights: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        surface = self.surface
+        angle = bends(np.repeat(surface.facet_normals[:, None], 3, axis=1), surface.twins)
+        self.bend = np.where(angle > BENT, angle, 0.0)
+        self.inside = (surface.twins >= 0) & (self.bend == 0) & ~surface.sharp_edges
+        one, edge = np.nonzero(self.inside)
+        other = surface.twins[one, edge] // 3
+        graph = coo_matrix((np.ones(len(one)), (one, other)), shape=(len(self.bend),) * 2)
+        self.of = connected_components(graph, directed=False)[1].astype(np.intp)
+        self.length = np.linalg.norm(self._along, axis=2)
+        self.heights = 2 * surface.facet_areas[:, None] / self.length
+
+    @property
+    def _along(self) -> Array:
+        x = self.surface.points[self.surface.facets]
+        return np.roll(x, -1, axis=1) - x
+
+    def curved(self) -> Mask:
+        """Triangles that stand for a piece of a curved surface, (nf,)."""
+        count, f, e = int(self.of.max()) + 1, *np.nonzero(self.bend)
+        patch, there = self.of[f], self.surface.twins[f, e] // 3
+        turned = self.length[f, e] * self.bend[f, e]
+        normal = self.surface.facet_normals
+        out = np.cross(self._along[f, e], normal[f]) / self.length[f, e, None]
+        outward = np.sign(np.einsum("ed,ed->e", out, normal[there]))
+        sums = [np.bincount(patch, turned * outward * part, count) for part in out.T]
+        turning = np.bincount(patch, turned, count)
+        steepest = np.zeros(count)
+        np.maximum.at(steepest, patch, self.bend[f, e])
+        # with fewer than 16 sides to the circle edges are meant
+        gentle = (steepest > 0) & (steepest <= 2 * np.arctan(STEEPEST))
+        alike = gentle & (np.linalg.norm(sums, axis=0) <= ONE_SIDED * turning)
+        border = np.bincount(patch, self.length[f, e], count)
+        area = np.bincount(self.of, self.surface.facet_areas, count)
+        width = np.divide(2 * area, border, out=np.full(count, np.inf), where=border > 0)
+
+        other = self.of[there]
+        like = width[patch] <= WIDER * width[other]
+        inner = alike & (np.bincount(patch, like & alike[other], count) > 0)
+        # where a curved surface ends, and among slivers, it bends to one side
+        beside = np.bincount(patch, like & inner[other], count)
+        last = gentle & (2 * beside > np.bincount(patch, minlength=count))
+        return np.asarray((inner | last)[self.of])
+
+
+def cut_at_bends(surface: FaceSurface) -> tuple[csr_matrix, Index] | None:
+    """Narrow triangles along the bends beside flats.
+
+    Returns
+    -------
+    weights : csr_matrix, shape (n, m)
+        Of the points (m,), for the points of the triangles; the first m are the points themselves.
+    triangles : ndarray of int, shape (nt, 3)
+        None where there is no flat beside a bend.
+    """
+    patches = Patches(surface)
+    if not patches.bend.any():
+        return None
+    straight = ~patches.curved()
+    leans = _leaning(patches) & straight[:, None]
+    if not leans.any():
+        return None
+    return _Cut(patches, leans).cut()
+
+
+def _leaning(patches: Patches) -> Mask:
+    """Corners of triangles where the normal is not that of their patch, (nf, 3)."""
+    surface = patches.surface
+    off = surface.facet_node_normals[:, :3] - surface.facet_normals[:, None]
+    leans = np.linalg.norm(off, axis=2) > 0.5 * BENT
+    _, corner = _by_patch(patches)
+    return np.asarray(np.bincount(corner.ravel(), leans.ravel())[corner] > 0)
+
+
+def _by_patch(patches: Patches) -> tuple[int, Index]:
+    """Numbers of the corners of triangles, one for all corners of a patch at one point, (nf, 3)."""
+    key = patches.of[:, None] * len(patches.surface.points) + patches.surface.facets
+    unique, number = np.unique(key, return_inverse=True)
+    return len(unique), number.reshape(key.shape).astype(np.intp)
+
+
+class _Cut:
+    """The cutting of all triangles with a corner that leans.
+
+    What is left of a triangle in the middle has the normal of the flat. Along each edge where the patch
+    ends there is a strip; within the patch, edges are divided near the corners that lean, alike from
+    both sides.
+    """
+
+    def __init__(self, patches: Patches, leans: Mask) -> None:
+        self.patches, self.leans = patches, leans
+        self.facets, self.m = patches.surface.facets, len(patches.surface.points)
+        self.share = self._shares()
+        self.rows: list[tuple[list[int], list[float]]] = []
+        self.known: dict[tuple[int, int, int], int] = {}
+        self.made: list[list[int]] = []
+
+    def _shares(self) -> Array:
+        """Part of the way from each corner of a triangle that strips end at, (nf, 3)."""
+        patches = self.patches
+        count, corner = _by_patch(patches)
+        f, e = np.nonzero(patches.bend)
+        beyond = patches.heights.ravel()[patches.surface.twins[f, e]]
+        most = np.full(count, ROUNDED)
+        for end in (e, (e + 1) % 3):  # no wider than half of the chamfer
+            np.minimum.at(most, corner[f, end], 0.5 * beyond / patches.heights[f, e])
+        return np.asarray(np.maximum(most, NARROW)[corner])
+
+    def cut(self) -> tuple[csr_matrix, Index]:
+        """See `cut_at_bends`."""
+        some = self.leans.any(axis=1)
+        for f in np.flatnonzero(some).tolist():
+            self._triangle(f)
+        row = np.repeat(np.arange(len(self.rows)), [len(at) for at, _ in self.rows])
+        column = np.concatenate([at for at, _ in self.rows])
+        value = np.concatenate([parts for _, parts in self.rows])
+        new = csr_matrix((value, (row, column)), shape=(len(self.rows), self.m))
+        whole = csr_matrix((np.ones(self.m), (np.arange(self.m), np.arange(self.m))))
+        triangles = np.vstack([self.facets[~some], np.array(self.made, dtype=self.facets.dtype)])
+        return csr_matrix(vstack([whole, new])), triangles
+
+    def _point(self, at: list[int], parts: list[float]) -> int:
+        self.rows.append((at, parts))
+        return self.m + len(self.rows) - 1
+
+    def _on_edge(self, f: int, i: int, j: int) -> int:
+        """The point of an edge within a patch near corner i of a triangle, on the way to corner j."""
+        a, b = int(self.facets[f, i]), int(self.facets[f, j])
+        key = int(self.patches.of[f]), a, b
+        if key not in self.known:
+            share = float(self.share[f, i])
+            self.known[key] = self._point([a, b], [1 - share, share])
+        return self.known[key]
+
+    def _triangle(self, f: int) -> None:
+        corners, inside = self.facets[f].tolist(), self.patches.inside[f].tolist()
+        leans = self.leans[f].tolist()
+        # edges with a strip: those where the patch ends, if a normal leans at one of their ends
+        strip = [not inside[e] and (leans[e] or leans[(e + 1) % 3]) for e in range(3)]
+        middle: list[int] = []  # what is left
+        first, last = [0, 0, 0], [0, 0, 0]  # its corners on the ways there and on
+        for i in range(3):
+            before, after = (i + 2) % 3, (i + 1) % 3
+            if not leans[i]:
+                mine = [corners[i]]
+            elif strip[before] and strip[i]:
+                s = float(self.share[f, i])
+                mine = [self._point([corners[i], corners[before], corners[after]], [1 - 2 * s, s, s])]
+            elif strip[before] or strip[i]:
+                mine = [self._on_edge(f, i, after if strip[before] else before)]
+            else:
+                mine = [self._on_edge(f, i, before), self._on_edge(f, i, after)]
+                self.made.append([corners[i], mine[1], mine[0]])
+            first[i], last[i] = mine[0], mine[-1]
+            middle += mine
+        self._fan(middle)
+        for e in range(3):
+            if strip[e]:
+                j = (e + 1) % 3
+                around = [corners[e], corners[j], first[j], last[e]]
+                self._fan(list(dict.fromkeys(around)))
+
+    def _fan(self, around: list[int]) -> None:
+        """Triangles of a convex polygon."""
+        for k in range(1, len(around) - 1):
+            self.made.append([around[0], around[k], around[k + 1]])
