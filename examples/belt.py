@@ -97,10 +97,15 @@ figure, (scene, places, history) = plt.subplots(1, 3, figsize=(13.5, 4.6), layou
 figure.get_layout_engine().set(wspace=0.07)
 half = 5
 sc.plot_deformed(
-    results[half], scale=20, stress=hoop, ax=scene, label="tension / that of the slack end"
+    results[half],
+    scale=20,
+    stress=hoop,
+    ax=scene,
+    label="tension / that of the slack end",
+    units={"stress": "T₀/R"},
 )
 scene.set(title="the belt on the drum, deformation magnified 20 times", xlabel="x / R", ylabel="y / R")
-scene.annotate("slack end: 1", (1.01, 0), (0.1, -0.3), arrowprops={"arrowstyle": "-", "lw": 0.6})
+scene.annotate("slack end: T₀ = 1", (1.01, 0), (0.1, -0.3), arrowprops={"arrowstyle": "-", "lw": 0.6})
 scene.annotate(
     f"pulled with {pull[half]:.2f}",
     (-1.01, 0),

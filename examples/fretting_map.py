@@ -110,15 +110,14 @@ assert error <= tolerance
 figure, axes = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
 Q_over_P = coefficients[:, None] * shares
 mu_grid = np.broadcast_to(coefficients[:, None], lost.shape)
-filled = axes[0].pcolormesh(mu_grid, Q_over_P, np.log10(lost / P**2), shading="gouraud")
-axes[0].contour(
-    mu_grid, Q_over_P, np.log10(lost / P**2), 8, colors="white", linewidths=0.6, linestyles="solid"
-)
+size = np.log10(lost * E_star / P**2)
+filled = axes[0].pcolormesh(mu_grid, Q_over_P, size, shading="gouraud")
+axes[0].contour(mu_grid, Q_over_P, size, 8, colors="white", linewidths=0.6, linestyles="solid")
 axes[0].plot([0, 1], [0, 1], color="black", lw=1)
 axes[0].text(0.28, 0.6, "gross sliding, Q > μP", rotation=0, ha="center")
 axes[0].text(0.75, 0.08, "nearly all sticks", ha="center")
 axes[0].set(xlim=(0, 1), ylim=(0, 1), xlabel="coefficient of friction μ", ylabel="amplitude Q / P")
-figure.colorbar(filled, ax=axes[0], label="log₁₀ of energy lost per cycle, W E / P²")
+figure.colorbar(filled, ax=axes[0], label="log₁₀ of energy lost per cycle, W E* / P²")
 fine = np.linspace(0.02, 0.999, 200)
 curve = [fretting_dissipation_line(hertz, 1.0, s * P) * E_star / P**2 for s in fine]
 axes[1].semilogy(fine, curve, color="#20618d", label="closed form")

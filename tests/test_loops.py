@@ -408,3 +408,24 @@ def test_friction_where_supports_prescribe_the_slip_resists_it(before):
     status, force = guided_friction(replace(one, last=last), np.array([True]), closed, back)
     assert_array_equal(status, [SLIP])
     assert_allclose(force, [[-2.0 * MU]], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("loop", "stiffness", "words"),
+    [
+        ("newton", None, ""),
+        ("fictitious", None, "a stiffness, that of the loop 'fictitious': "),
+        ("direct", None, "a stiffness, that of the loop 'direct': "),
+        ("newton", 7.0, "a stiffness, its own: 7\n"),
+    ],
+)
+def test_the_solver_says_what_sticking_gives_way_by(loop, stiffness, words):
+    """Soft sticking moves bodies that friction holds, by a tenth more with fictitious forces."""
+    mesh = fem.MeshQuad().refined(2).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    block = sc.Body(basis, linear_elasticity(), D="top", name="block")
+    law = sc.Coulomb(0.3, stiffness=stiffness)
+    floor = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=law)
+    said = str(sc.ContactSolver(block, floor, loop=loop))
+    assert words in said
+    assert ("give way" in said) == bool(words)

@@ -35,6 +35,7 @@ def dry_run(solver: ProblemSetup) -> str:
         part = solver.interface.point_slices[solver.names.index(name)]
         lines += ["", f"{name}: {contact.label}"]
         lines.append(f"  {_model_words(contact)}")
+        lines += [f"  {line}" for line in _spring_words(solver, contact, part)]
         lines += [f"  {line}" for line in _gap_words(solver, contact, pairing, part)]
         sides = pairing, contact.secondary, contact.primary, contact.method
         lines += [f"  {line}" for line in (*diagnose(*sides), *say_stiffer(*sides))]
@@ -95,6 +96,20 @@ def _model_words(contact: Contact) -> str:
     if contact.wear is not None:
         law += f"; wear {contact.wear!r} of {contact.secondary.label}"
     return f"method {method}; {law}"
+
+
+def _spring_words(solver: ProblemSetup, contact: Contact, part: slice) -> list[str]:
+    """What holds sticking points, where it gives way: two of the loops take springs by themselves."""
+    found = solver.interface.stiffness[part][solver.interface.frictional[part]]
+    springs = found[np.isfinite(found)]
+    if contact.friction is None or not len(springs):
+        return []
+    few, most = f"{springs.min():.3g}", f"{springs.max():.3g}"
+    whose = "its own" if contact.friction.stiffness is not None else f"that of the loop '{solver.loop}'"
+    return [
+        f"sticking points give way by their friction over a stiffness, {whose}: "
+        + (few if few == most else f"{few} to {most}")
+    ]
 
 
 def _gap_words(solver: ProblemSetup, contact: Contact, pairing: Pairing, part: slice) -> list[str]:

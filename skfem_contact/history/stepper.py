@@ -131,7 +131,7 @@ class Stepper(ByFields):
             note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
             if trace is not outcome.trace or note:
                 outcome = replace(outcome, trace=trace, note=note)
-            local = self._state(step, outcome, to.share, problem, load, target, seen)
+            local = self._state(step, outcome, to, problem, seen)
         carried = NOISE * max(self.model.stiffest) * moved
         failure = "" if balanced(problem.motions, target.f, local, noise, carried) else RAN_AWAY
         found = outcome, self.model, problem, load, target, seen, last, local
@@ -182,12 +182,11 @@ class Stepper(ByFields):
         self,
         step: Step,
         outcome: Outcome,
-        share: float,
+        to: LoadStep,
         problem: ContactProblem,
-        load: Load,
-        case: LoadCase,
         seen: LoadCase,
     ) -> LocalState:
+        """Where an attempt has ended, along the tangents of its pairing."""
         it, last = outcome.iterate, step.last
         interface, geometry = self.model.interface, self.model.geometry
         response = it.response
@@ -198,9 +197,9 @@ class Stepper(ByFields):
         surface, trend, slip = last.surface, last.trend, response.slip
         if geometry.follows:
             dofs = geometry.surface_dofs
-            source = problem.source(load, response)
-            surface = problem.surface(source, case)[dofs]
-            trend = (surface - last.surface) / share
+            source = problem.source(step.load, response)
+            surface = problem.surface(source, to.target)[dofs]
+            trend = (surface - last.surface) / to.share
             slip = geometry.slip(problem.kin, seen, surface, slip, interface.slipping)
         friction, normal_force = friction.copy(), response.normal_force.copy()
         friction[opened] = normal_force[opened] = 0.0
