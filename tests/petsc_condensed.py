@@ -4,14 +4,16 @@
     mpirun -n 2 python tests/petsc_condensed.py others OUT.npz [all]
     mpirun -n 2 python tests/petsc_condensed.py history OUT.npz
     mpirun -n 2 python tests/petsc_condensed.py said OUT.txt
+    mpirun -n 2 python tests/petsc_condensed.py broken OUT.npz
 
 `factors` compares factors over the ranks with those of this process, and `others` answers with those of
 the default: relative differences, which are stored. `history` counts solves of an increment, and
-`said` writes reports and what is refused.
+`said` writes reports and what is refused; in `broken` the last rank has no memory for a solve.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -219,15 +221,22 @@ def said(linear: Any) -> list[str]:
     return lines
 
 
+def no_room(self: Any, U: np.ndarray) -> Any:
+    """On the ranks that serve."""
+    raise MemoryError("no room for what follows contact")
+
+
 def main() -> None:
     """Only rank 0 comes past `PETSc()`."""
     what, where, *words = (word for word in sys.argv[1:] if not word.startswith("-"))
+    if what == "broken" and os.environ.get("OMPI_COMM_WORLD_RANK", "0") != "0":
+        body_share.BodyShare.coupled = no_room  # type: ignore[method-assign]
     linear = sc.PETSc("direct", tol=1e-12)
     if what == "factors":
         np.savez(where, **factors(linear))
     elif what == "others":
         np.savez(where, **others(linear, "all" in words))
-    elif what == "history":
+    elif what in ("history", "broken"):
         np.savez(where, **history(linear))
     else:
         Path(where).write_text("\n".join(said(linear)))

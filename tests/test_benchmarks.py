@@ -281,6 +281,19 @@ def test_newton_does_not_wait_for_multigrid(solids: Any) -> None:
     assert max(result.iterations for result in results) <= 6
 
 
+def test_tables_of_condensed_ranks_are_those_of_the_stored_runs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The page on PETSc shows what the runs stored; answers are those of one process."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
+    import ranks_condensed
+
+    runs = json.loads(ranks_condensed.STORED.read_text(encoding="utf-8"))
+    found = ranks_condensed.tables(runs)
+    assert {name: marked("petsc.md", name) for name in found} == found
+    assert max(run["ways"]["condensed"]["away"] for run in runs) < 1e-9
+
+
 def test_tables_of_ranks_are_those_of_the_stored_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """The page on PETSc shows what the runs stored; iterations hardly depend on the number of ranks."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))

@@ -161,7 +161,7 @@ def test_what_is_said_and_refused(tmp_path: Path) -> None:
     said = (tmp_path / "said.txt").read_text().split("\n")
     words = [
         "condensed: 240 DOFs -> 34 contact DOFs -> 18 gaps and slips of 9 points; factors by PETSc(",
-        "forces by GMRES, because dense matrices would take 15.8 kB",
+        "forces by GMRES, because dense matrices would take 20.4 kB",
         "forces by GMRES through the factors of the bodies, because dense matrices would take",
         "InputError: PETSc(method='direct'",
         "NotPositiveDefinite: The stiffness left at DOF",
@@ -201,3 +201,31 @@ def test_all_dofs_by_factors_is_an_option(tmp_path: Path) -> None:
     with np.load(tmp_path / "found.npz") as found:
         assert_serial(found, FEW)
         assert found["most"] <= 2
+
+
+@needs_petsc
+def test_a_rank_that_fails_ends_all_with_its_message(tmp_path: Path) -> None:
+    """In the middle of a condensation, in which all take part."""
+    done = mpirun(2, "broken", tmp_path / "none", script=SCRIPT)
+    assert done.returncode
+    assert "rank 1 of 2 failed, and all end with it" in done.stderr
+    assert "MemoryError: no room for what follows contact" in done.stderr
+
+
+@needs_petsc
+@pytest.mark.slow
+def test_a_history_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
+    """A rank is killed; on other ranks, condensed anew, it ends as the one that was left alone."""
+    alone, killed = tmp_path / "alone", tmp_path / "killed"
+    for folder in (alone, killed):
+        folder.mkdir()
+    assert mpirun(1, "history", alone, "alone").returncode == 0
+    assert mpirun(2, "history", killed, "killed", "direct").returncode
+    # steps need no solve: some more may be done until the others end
+    done = int((killed / "done").read_text())
+    assert 3 <= done < 12
+    resumed = mpirun(3, "history", killed, "resumed", "direct")
+    assert f"begun at {done}" in resumed.stdout, resumed.stderr
+    with np.load(alone / "answer.npz") as expected, np.load(killed / "answer.npz") as found:
+        for name in ("u", "slip"):
+            assert np.abs(found[name] - expected[name]).max() < 1e-10 * np.abs(expected[name]).max()

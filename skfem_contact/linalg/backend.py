@@ -83,10 +83,13 @@ class Backend:
     condenses : bool
         Whether bodies are reduced to their contact DOFs once (`condensed`) where this solver is chosen,
         and not contact eliminated from all DOFs in every iteration.
+    complements : int
+        How many more matrices of the size of S the factors of `condensed` keep in this process.
     """
 
     uses_modes = True
     condenses = False
+    complements = 0
 
     def factorize(
         self,

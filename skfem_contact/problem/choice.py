@@ -141,7 +141,8 @@ class Choice:
         enters[self._wanted()] = True
         enters[self.system.D] = False
         kept = np.diff(np.searchsorted(np.flatnonzero(enters), self.system.offsets))
-        return dense_bytes(kept.tolist(), self.rows)
+        copies = getattr(self.linear, "complements", 0)
+        return dense_bytes(kept.tolist(), self.rows) + copies * int(8 * np.sum(kept**2))
 
     @property
     def backend(self) -> Any:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.linalg.distributed import schur
 from skfem_contact.linalg.distributed.database import Database
-from skfem_contact.linalg.distributed.share import Settings, Share, Solved
+from skfem_contact.linalg.distributed.share import Settings, Share, Solved, entries
 from skfem_contact.linalg.distributed.thresholds import AGAIN, COLUMNS_AT_ONCE
 
 Array = NDArray[np.float64]
@@ -101,6 +101,11 @@ class BodyShare(Share):
         """Of the factors; nothing where there are none, which users' options may bring about."""
         pc = self.ksp.getPC()
         return str(pc.getFactorSolverType()) if pc.getType() in ("lu", "cholesky") else ""
+
+    def _memory(self) -> int:
+        if self._interior is None:
+            return super()._memory()
+        return super()._memory() + (8 + self.index_bytes) * entries(self._interior)
 
     @property
     def factorises(self) -> bool:

@@ -101,6 +101,7 @@ class PETSc(Backend):
     """
 
     distributed = True  # takes stiffness that is held rank by rank
+    complements = 1  # MUMPS keeps what it leaves on rank 0
 
     method: str = "iterative"
     tol: float = 1e-10

@@ -169,16 +169,16 @@ class Share:
 
     def _memory(self) -> int:
         pc, per_entry = self.ksp.getPC(), 8 + self.index_bytes
-        entries = _entries(self.A)
+        count = entries(self.A)
         if pc.getType() in ("gamg", "mg"):
             for level in range(1, pc.getMGLevels()):
-                entries += _entries(pc.getMGInterpolation(level))
-                entries += _entries(pc.getMGSmoother(level - 1).getOperators()[0])
+                count += entries(pc.getMGInterpolation(level))
+                count += entries(pc.getMGSmoother(level - 1).getOperators()[0])
         elif pc.getType() in ("lu", "cholesky"):
             factors = pc.getFactorMatrix()
             mumps = factors.getType() == "mumps" or pc.getFactorSolverType() == "mumps"
-            entries += _mumps_entries(factors) if mumps else _entries(factors)
-        return per_entry * entries
+            count += _mumps_entries(factors) if mumps else entries(factors)
+        return per_entry * count
 
     def destroy(self) -> None:
         """Give the memory back."""
@@ -248,7 +248,7 @@ def _largest(indptr: Any, data: Array) -> Array:
     return out
 
 
-def _entries(matrix: Any) -> int:
+def entries(matrix: Any) -> int:
     return int(matrix.getInfo(matrix.InfoType.GLOBAL_SUM)["nz_used"])
 
 
