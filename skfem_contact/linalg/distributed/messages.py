@@ -12,9 +12,10 @@ from skfem_contact.linalg.distributed.thresholds import AT_ONCE
 
 def send(comm: Any, arrays: list[Any], rank: int) -> None:
     """Send arrays of any size."""
+    arrays = [_plain(array) for array in arrays]
     comm.send([(array.shape, array.dtype.str) for array in arrays], dest=rank)
     for array in arrays:
-        for piece in _pieces(np.ascontiguousarray(array)):
+        for piece in _pieces(array):
             comm.Send(piece, dest=rank)
 
 
@@ -25,6 +26,17 @@ def receive(comm: Any, rank: int) -> list[Any]:
         for piece in _pieces(array):
             comm.Recv(piece, source=rank)
     return arrays
+
+
+def _plain(array: Any) -> Any:
+    """In the order of memory and of bytes that MPI sends, and of a type that does not name the latter.
+
+    >>> named = np.zeros((2, 1), dtype=np.dtype(float).newbyteorder("<"))
+    >>> memoryview(named).format, memoryview(_plain(named)).format
+    ('<d', 'd')
+    """
+    plain = np.dtype(array.dtype.type)
+    return np.ascontiguousarray(array.astype(plain, copy=False)).view(plain)
 
 
 def _pieces(array: Any) -> Iterator[Any]:
