@@ -6,11 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import skfem as fem
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from quick_elasticity import linear_elasticity
 from scipy.sparse import csr_matrix
 
+import skfem_contact as sc
 from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
 from skfem_contact.conditions.return_map import Derivatives, return_map, unlawful
 from skfem_contact.conditions.rows import tangential_matrix
@@ -159,3 +162,36 @@ def test_return_maps_that_are_none():
     trial, limit = np.array([[0.5], [2.0], [2.0], [0.5], [2.0]]), np.ones(5)
     force, slips = np.array([[0.5], [1.0], [2.0], [1.0], [0.9]]), np.array([0, 1, 0, 1, 1]) > 0
     assert_array_equal(unlawful(trial, limit, force, slips, by), [False, False, True, True, True])
+
+
+@dataclass(frozen=True, eq=False)
+class Along(sc.FrictionLaw):
+    """A coefficient that goes from `mu` to `end` over a slip of `length`."""
+
+    mu: float
+    end: float
+    length: float = 0.05
+
+    def limit(self, normal_force, area, slip):
+        share = np.exp(-np.linalg.norm(slip, axis=1) / self.length)
+        return (self.end + (self.mu - self.end) * share) * normal_force
+
+
+@pytest.mark.parametrize(
+    ("law", "push", "said"),
+    [
+        (Along(0.4, 0.2), 0.1, True),
+        (Along(0.4, 0.2), 0.0, False),  # nothing slips
+        (Along(0.2, 0.4), 0.1, False),
+        (sc.Coulomb(0.3), 0.1, False),
+    ],
+)
+def test_a_report_says_of_friction_that_falls(law, push, said):
+    """Two loops held a block between two jaws in two places, both in equilibrium, without a word."""
+    mesh = fem.MeshQuad().refined(2).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    down = {"top": (push, -0.02)}
+    block = sc.Body(basis, linear_elasticity(), D="top", x=down, name="block")
+    contact = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=law)
+    report = sc.ContactSolver(block, contact).solve().report()
+    assert ("falls with the slip" in report) == said

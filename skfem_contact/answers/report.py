@@ -9,11 +9,11 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.contact_report import contact_lines
-from skfem_contact.answers.thresholds import MOST_ROWS
+from skfem_contact.answers.thresholds import FALLING, FURTHER, MOST_ROWS
 from skfem_contact.answers.values import status_words
 from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.checked_law import CheckedLaw
-from skfem_contact.conditions.state import OPEN
+from skfem_contact.conditions.state import OPEN, SLIP
 
 if TYPE_CHECKING:
     from skfem_contact.answers.result import ContactResult
@@ -44,7 +44,8 @@ def summary(result: ContactResult) -> str:
 def report(result: ContactResult) -> str:
     """The report of a result: what touches, what slips, what force flows, and how well it is known."""
     lines = [*_first_lines(result, estimate=True), "", *validity_lines(result)]
-    other_answers = [*_jump_lines(result._answer), *_uniqueness_lines(result)]
+    answer = result._answer
+    other_answers = [*_jump_lines(answer), *_fall_lines(answer), *_uniqueness_lines(result)]
     lines += ["", *other_answers] if other_answers else []
     return "\n".join([*lines, *_last_lines(result)])
 
@@ -143,6 +144,25 @@ def _jump_lines(answer: Answer) -> list[str]:
             lines += [
                 f"the friction of contact {name!r} does not begin at zero: a point may be closed by",
                 "it, or open, and this load may have other answers; this is the one found from before",
+            ]
+    return lines
+
+
+def _fall_lines(answer: Answer) -> list[str]:
+    """What a report says of friction that falls with the slip of points that slip."""
+    lines, state = [], answer.local
+    slip = state.slip - state.reference
+    for contact, part, name in zip(answer.contacts, answer.slices(), answer.names, strict=True):
+        if contact.friction is None:
+            continue
+        law = CheckedLaw(contact.friction, name, contact.secondary.points)
+        here = np.maximum(state.normal_force[part], 0.0), answer.kin.area[part]
+        now = law.limit(*here, slip[part])
+        ahead = law.limit(*here, (1 + FURTHER) * slip[part])
+        if (ahead < (1 - FURTHER * FALLING) * now)[state.status[part] == SLIP].any():
+            lines += [
+                f"the friction of contact {name!r} falls with the slip: where it does so faster than",
+                "the bodies give way a load has several answers; other steps or loops may find others",
             ]
     return lines
 
