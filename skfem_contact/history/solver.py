@@ -69,8 +69,9 @@ class ContactSolver(Variants):
         Where the linear problems are solved. "condensed" eliminates everything but the contact
         points once; "iterated", for more points than dense matrices have room for, finds their forces
         by GMRES, with products through the factors of the bodies; `AMG()`, for bodies too large to be
-        factorised, finds displacements and forces together. Another backend solves ``T'KT`` with all
-        DOFs in every iteration. A callable is anything that scikit-fem takes as ``solver(A, b)``.
+        factorised, finds displacements and forces together; `PETSc("direct")` condenses, or iterates,
+        over MPI ranks. Another backend solves ``T'KT`` with all DOFs in every iteration. A callable is
+        anything that scikit-fem takes as ``solver(A, b)``.
     options : Options
 
     Raises

@@ -39,8 +39,8 @@ class Options:
         How often in a row a load step that fails may be cut: halved, or to the share that
         `max_travel` tells, which does not count towards the smallest share ``0.5**max_cuts``.
     max_dense_bytes : int
-        Memory up to which ``linear="auto"`` forms the dense contact problem [bytes];
-        ``print(solver)`` says how much it will take.
+        Memory up to which ``linear="auto"``, or ``PETSc("direct")``, forms the dense contact problem
+        [bytes]; ``print(solver)`` says how much it will take.
     max_factor_bytes : int
         Memory up to which ``linear="auto"`` factorises the bodies [bytes]; beyond it takes multigrid,
         as ``linear=AMG()`` does.
