@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import skfem as fem
 from quick_elasticity import linear_elasticity
+from skfem.models.elasticity import linear_elasticity as elastic_form
 
 import skfem_contact as sc
 
@@ -82,3 +83,14 @@ def test_what_stands_on_an_empty_boundary_is_not_lost() -> None:
     block = sc.Body(**held, x={"none": (None, 0.0)})
     with pytest.raises(sc.InputError, match="has no facets: boundary 'none' of the mesh is empty"):
         block.surface("none")
+
+
+def test_a_form_for_another_number_of_components_is_refused_in_words() -> None:
+    """Elasticity on a scalar basis ended in numpy's words about shapes."""
+    mesh = fem.MeshQuad().refined(1).with_defaults()
+    scalar = fem.Basis(mesh, fem.ElementQuad1())
+    with pytest.raises(sc.InputError, match=r"K of body 's' is a form .* needs skfem.ElementVector"):
+        sc.Body(scalar, elastic_form(), name="s")
+    flux = fem.LinearForm(lambda v, w: np.array([1.0, 0.0]) @ v)
+    with pytest.raises(sc.InputError, match=r"f of body 's' is a form .* one of a scalar field"):
+        sc.Body(scalar, fem.models.poisson.laplace, flux, name="s")

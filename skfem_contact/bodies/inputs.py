@@ -104,7 +104,7 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
         return K
     if isinstance(K, BilinearForm):
         check_points(basis, f"K of {whose}")
-        K = K.assemble(basis)
+        K = _assembled(K, basis, f"K of {whose}")
     is_matrix = issparse(K) or (isinstance(K, np.ndarray) and K.ndim == 2)
     if not is_matrix:
         raise InputError(
@@ -141,6 +141,19 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
     return sealed_matrix(matrix)
 
 
+def _assembled(form: Any, basis: Any, what: str) -> Any:
+    """A form on the basis of its body, whose number of components it has to be made for."""
+    try:
+        return form.assemble(basis)
+    except ValueError as error:
+        vector = isinstance(basis.elem, skfem.ElementVector)
+        made = "displacements, skfem.ElementVector(...)" if vector else "a scalar field"
+        raise InputError(
+            f"{what} is a form that can not be assembled on its basis ({error}). The basis is one of "
+            f"{made}: elasticity needs skfem.ElementVector(element), heat the element alone"
+        ) from error
+
+
 def _less_its_transpose(matrix: csr_matrix) -> csr_matrix:
     """``K - K'`` of a matrix in canonical format, made in ``K'`` where both have one pattern."""
     transpose = csr_matrix(matrix.T)
@@ -156,7 +169,7 @@ def load_of(f: Any, basis: Any, what: str) -> np.ndarray:
         return np.zeros(basis.N)
     if isinstance(f, LinearForm):
         check_points(basis, what)
-        f = f.assemble(basis)
+        f = _assembled(f, basis, what)
     return _vector(f, basis, what)
 
 
