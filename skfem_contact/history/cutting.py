@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.energy import nothing
@@ -21,6 +21,50 @@ from skfem_contact.history.wearing import attempted
 from skfem_contact.linalg.singular import SingularMatrix
 
 logger = logging.getLogger("skfem_contact")
+
+
+@dataclass
+class Parts:
+    """How much of a load step is done, and how large a part of it is attempted next.
+
+    Attributes
+    ----------
+    most : int
+        How often in a row a part may be cut.
+    smallest : float
+        Share that is not cut any more; distances that were measured do not count towards it.
+    """
+
+    most: int
+    smallest: float
+    done: float = 0.0
+    share: float = 1.0
+    fails: int = 0
+
+    @property
+    def aim(self) -> float:
+        """Share of the step at the end of the part."""
+        return min(1.0, self.done + self.share)
+
+    @property
+    def spent(self) -> bool:
+        """Whether a part that fails is not cut any more."""
+        return self.share <= max(self.smallest, SNAPS) or self.fails >= self.most
+
+    def go_on(self, travel: float) -> None:
+        """Begin the next part where this one has ended, by the distance that points slid in it."""
+        share = grown(self.share, travel)
+        self.done, self.fails = self.aim, 0
+        self.share = min(share, 1.0 - self.done)
+
+    def cut(self, travel: float) -> None:
+        """Take a smaller part: half of it, or as much as lets no point slide too far."""
+        shorter = SHORTER
+        if travel > 1.0:  # no fault of the step's but its size: measured, not tried
+            shorter = AIM / travel
+            self.smallest *= shorter
+        self.share *= shorter
+        self.fails += 1
 
 
 def advance(
@@ -35,15 +79,16 @@ def advance(
     `doubt(True)` where smaller steps have failed as well. `begin` are the starts of the first
     attempt, by default all that there are.
     """
-    interface, most = by.model.interface, by.options.max_cuts
+    interface = by.model.interface
     so_far = Advance(nothing(interface))
+    parts = Parts(by.options.max_cuts, SHORTER**by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
     starts = begin or [s for s in by.starts if step.known is not None or s != "warm"]
-    done, share, fails, smallest = 0.0, 1.0, 0, SHORTER**most
     while True:
-        aim = min(1.0, done + share)
-        if share < 1.0:
-            part = replace(part, target=step.before.towards(step.target, aim), share=aim - done)
+        aim = parts.aim
+        if parts.share < 1.0:
+            target = step.before.towards(step.target, aim)
+            part = replace(part, target=target, share=aim - parts.done)
         try:
             attempt = attempted(by, part, starts[0])
         except ConstraintError:
@@ -64,7 +109,7 @@ def advance(
         so_far.trace.extend(attempt.outcome.trace)
         last = len(starts) == 1 or attempt.failure == RAN_AWAY  # wherever it begins
         lost = not attempt.good and not attempt.stopped and last
-        if lost and doubt is not None and share == 1.0 and doubt(False):
+        if lost and doubt is not None and parts.share == 1.0 and doubt(False):
             return so_far
         if attempt.good:
             if interface.laws:
@@ -73,9 +118,9 @@ def advance(
                 return so_far
             state = attempt.state
             part = replace(part, state=state, before=part.target, known=state)
-            done, starts, fails = aim, list(by.starts), 0
+            starts = list(by.starts)
             so_far.substeps += 1
-            share = min(grown(share, attempt.travel), 1.0 - done)
+            parts.go_on(attempt.travel)
         elif attempt.outcome.free is not None and "pivoting" in starts and by.complete:
             # smaller steps would end there too
             if starts == ["pivoting"]:
@@ -83,7 +128,7 @@ def advance(
             starts = ["pivoting"]
         elif len(starts) > 1 and not attempt.failure and not attempt.stopped:
             starts.pop(0)  # before cutting: begin elsewhere
-        elif share <= max(smallest, SNAPS) or fails >= most or attempt.stopped:
+        elif parts.spent or attempt.stopped:
             if by.jumps and not (attempt.stopped or attempt.failure or starts == [STEEPLY]):
                 starts = [STEEPLY]  # before giving up
                 continue
@@ -91,15 +136,10 @@ def advance(
                 doubt(True)
             return so_far
         else:
-            shorter = SHORTER
-            if attempt.travel > 1.0:  # no fault of the step's but its size: measured, not tried
-                shorter = AIM / attempt.travel
-                smallest *= shorter
-            share *= shorter
+            parts.cut(attempt.travel)
             so_far.cuts += 1
-            fails += 1
             reason = attempt.failure or attempt.outcome.message
-            logger.info("step cut to %.4g of its size: %s", share, reason)
+            logger.info("step cut to %.4g of its size: %s", parts.share, reason)
             part, starts = replace(part, known=part.state), list(by.starts)
 
 
