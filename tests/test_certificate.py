@@ -65,13 +65,15 @@ def result():
     return solved()
 
 
-def spoiled(result, u=None, seen=None, mismatch=None, plastic=None, **state):
+def spoiled(result, u=None, seen=None, slip0=None, mismatch=None, plastic=None, **state):
     """The result with parts of its state, its gaps or its displacements replaced."""
     parts = {"state": replace(answer_of(result).state, **state)}
     if plastic is not None:
         parts["plastic_slip"] = plastic
     if seen is not None:
         parts["seen"] = replace(answer_of(result).seen, gap0=seen)
+    if slip0 is not None:
+        parts["seen"] = replace(answer_of(result).seen, slip0=slip0)
     if mismatch is not None:
         parts["mismatch"] = mismatch
     wrong = replace(answer_of(result), **parts)
@@ -164,6 +166,20 @@ def glue_apart(result):
     return spoiled(result, seen=gap0)
 
 
+def glue_that_slid(result):
+    slip0 = answer_of(result).seen.slip0.copy()
+    slip0[part(result, "glue")] += 0.01
+    return spoiled(result, slip0=slip0)
+
+
+def slip_of_no_displacements(result):
+    """Friction that has followed another slip than that of the bodies."""
+    slip, kin = answer_of(result).state.slip.copy(), answer_of(result).kin
+    slip[part(result, "base")] *= 1.5
+    slip += 1e-3 * kin.axes[:, 0]
+    return spoiled(result, slip=slip)
+
+
 def forces_moved_along(result):
     """Normal forces of the floor each at its neighbour: the resultant stays, its moment does not."""
     wrong, where = answer_of(result).state.normal_force.copy(), part(result, "base")
@@ -187,6 +203,8 @@ CASES = [
     (an_open_point_with_force, {"complementarity"}),
     (a_gap_closed_too_far, {"penetration"}),
     (glue_apart, {"penetration"}),
+    (glue_that_slid, {"slip"}),
+    (slip_of_no_displacements, {"slip"}),
     (forces_moved_along, {"equilibrium", "moment_balance"}),
     (an_old_placement, {"placement"}),
 ]

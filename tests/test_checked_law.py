@@ -170,10 +170,10 @@ def test_laws_that_grip_wherever_something_presses(law: sc.FrictionLaw, grips: b
 
 def test_the_certificate_shows_nan():
     """NaN in any number of a certificate is the worst of them; only moments may be missing."""
-    good = sc.Certificate(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan, np.nan, np.nan)
+    good = sc.Certificate(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan, np.nan, np.nan)
     assert good.worst == 0.0
     assert "moment" not in str(good)
-    spoiled = sc.Certificate(0.0, 0.0, 0.0, 0.0, np.nan, 0.0, np.nan, np.nan, np.nan)
+    spoiled = sc.Certificate(0.0, 0.0, 0.0, 0.0, np.nan, 0.0, 0.0, np.nan, np.nan, np.nan)
     assert np.isnan(spoiled.worst)
     assert re.search(r"friction +nan", str(spoiled))
 

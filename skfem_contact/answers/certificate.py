@@ -41,6 +41,9 @@ class Certificate:
     friction : float
         Largest violation of the friction law, over the largest contact force: a force beyond its
         bound, one below it at a point that slips, or one that is not along its slip.
+    slip : float
+        Largest difference of the slip that friction and glue have followed from that of the
+        displacements, over the extent of the bodies.
     force_balance : float
         Resultant of all loads, reactions and obstacle forces, over the sum of their sizes.
     moment_balance : float
@@ -76,6 +79,7 @@ class Certificate:
     complementarity: float
     tension: float
     friction: float
+    slip: float
     force_balance: float
     moment_balance: float
     moment_gap: float
@@ -85,7 +89,7 @@ class Certificate:
     @property
     def worst(self) -> float:
         """The largest of the numbers that have to be round-off."""
-        names = "equilibrium penetration complementarity tension friction force_balance"
+        names = "equilibrium penetration complementarity tension friction slip force_balance"
         # NaN anywhere is the worst; only moments may be missing
         moment = 0.0 if np.isnan(self.moment_balance) else self.moment_balance
         return float(np.max([moment, *(getattr(self, name) for name in names.split())]))
@@ -133,6 +137,7 @@ def certify(result: Answer) -> Certificate:
         complementarity=_ratio(np.max(np.abs(state.normal_force * gap), initial=0.0), force * length),
         tension=_ratio(np.max(-state.normal_force[~bilateral], initial=0.0), force),
         friction=violation,
+        slip=_ratio(_slip_error(result), length),
         force_balance=_ratio(balance, total),
         moment_balance=moment,
         moment_gap=across,
@@ -192,6 +197,19 @@ def _friction_violation(result: Answer, floor: float) -> float:
         # np.maximum keeps NaN, which Python's max drops
         worst = np.maximum(worst, _ratio(np.max(away, initial=0.0), scale))
     return float(worst)
+
+
+def _slip_error(result: Answer) -> float:
+    """Largest distance of slips from those of the displacements, where friction or glue holds [length].
+
+    Slips that nothing resists are in no equation.
+    """
+    kin, state = result.kin, result.local
+    moved = (kin.B_t @ result.u).reshape(kin.m, kin.tangents) + result.seen.slip0
+    held = np.any(state.tangential_force != 0, axis=1)
+    for contact, part in zip(result.contacts, result.slices(), strict=True):
+        held[part] |= contact.tied & kin.paired[part]
+    return _largest(np.linalg.norm(moved - state.slip, axis=1)[held])
 
 
 def _balance(result: Answer, external: Array, scale: float) -> tuple[float, float, float, float]:
