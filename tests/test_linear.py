@@ -167,6 +167,18 @@ def test_one_of_two_bodies_floats():
         assert info.value.dof >= len(points)
 
 
+@pytest.mark.parametrize("entry", [0.0, -1.0])
+def test_multigrid_refuses_a_dof_without_stiffness(entry):
+    """It ended in a residual that is not a number, with divisions by zero on the way."""
+    K, points = body()
+    K = K.tolil()
+    K[7], K[:, 7] = 0.0, 0.0
+    K[7, 7] = entry
+    with pytest.raises(SingularMatrix) as info:
+        AMG().factorize(K.tocsr(), points=points)
+    assert info.value.dof == 7
+
+
 def test_singular_without_symmetry():
     """Equal rows and zero rows are singular for LU as well."""
     A = np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 0.0], [0.0, 1.0, 1.0]])

@@ -12,6 +12,7 @@ from scipy.sparse.linalg import LinearOperator, cg, gmres
 
 from skfem_contact.arguments import with_known_keywords
 from skfem_contact.linalg.backend import Backend, Factorisation, LinearSolveError, by_column
+from skfem_contact.linalg.singular import check_diagonal
 
 
 @with_known_keywords(tolerance="write tol")
@@ -57,6 +58,8 @@ class AMG(Backend):
         self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
     ) -> Factorisation:
         A = sp.csr_matrix(A)
+        if spd:
+            check_diagonal(A.diagonal())
         # slipping rows of the loop newton make A unsymmetric; its symmetric part preconditions it
         grids = hierarchy(A if spd else sp.csr_matrix(0.5 * (A + A.T)), modes)
         method = conjugate_gradients if spd else _gmres
