@@ -195,6 +195,14 @@ def assert_serial(found: Mapping[str, np.ndarray], scenes: Sequence[str]) -> Non
         assert np.abs(found[name] - expected).max() < 1e-9 * np.abs(expected).max(), name
 
 
+def assert_said(path: Path, words: Sequence[str]) -> None:
+    """Each line of a file has the words expected of it."""
+    said = path.read_text().split("\n")
+    assert len(said) == len(words)
+    for line, expected in zip(said, words, strict=True):
+        assert expected in line
+
+
 FEW, ALL = ("2-D_mortar_small", "3-D_node_small"), tuple(petsc_scenes.SCENES)
 
 

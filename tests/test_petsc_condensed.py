@@ -12,7 +12,7 @@ import numpy as np
 import petsc_condensed
 import pytest
 from petsc_scenes import blocks, moves
-from test_petsc import ALL, FEW, assert_serial, mpirun, needs_petsc
+from test_petsc import ALL, FEW, assert_said, assert_serial, mpirun, needs_petsc
 
 import skfem_contact as sc
 
@@ -158,7 +158,6 @@ def test_what_is_said_and_refused(tmp_path: Path) -> None:
     """Routes by name and reason; what is not positive definite; memory that MUMPS did not get."""
     done = mpirun(2, "said", tmp_path / "said.txt", script=SCRIPT)
     assert not done.returncode, done.stderr
-    said = (tmp_path / "said.txt").read_text().split("\n")
     words = [
         "condensed: 240 DOFs -> 34 contact DOFs -> 18 gaps and slips of 9 points; factors by PETSc(",
         "forces by GMRES, because dense matrices would take 20.4 kB",
@@ -169,9 +168,7 @@ def test_what_is_said_and_refused(tmp_path: Path) -> None:
         "InputError: AMG factorises no bodies",
         "LinearSolveError: PETSc, preonly + cholesky: ",
     ]
-    assert len(said) == len(words)
-    for line, expected in zip(said, words, strict=True):
-        assert expected in line
+    assert_said(tmp_path / "said.txt", words)
 
 
 @needs_petsc
