@@ -10,10 +10,11 @@ outlines in the plane.)
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix, vstack
+from scipy.sparse import coo_matrix, csr_matrix, identity, vstack
 from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.bodies.face_kinks import bends
@@ -74,6 +75,13 @@ class Patches:
         x = self.surface.points[self.surface.facets]
         return np.roll(x, -1, axis=1) - x
 
+    @cached_property
+    def corners(self) -> Index:
+        """Numbers of the corners of triangles, one for all corners of a patch at one point, (nf, 3)."""
+        key = self.of[:, None] * len(self.surface.points) + self.surface.facets
+        number = np.unique(key, return_inverse=True)[1]
+        return np.asarray(number.reshape(key.shape), dtype=np.intp)
+
     def curved(self) -> Mask:
         """Triangles that stand for a piece of a curved surface, (nf,)."""
         count, f, e = int(self.of.max()) + 1, *np.nonzero(self.bend)
@@ -127,15 +135,8 @@ def _leaning(patches: Patches) -> Mask:
     surface = patches.surface
     off = surface.facet_node_normals[:, :3] - surface.facet_normals[:, None]
     leans = np.linalg.norm(off, axis=2) > 0.5 * BENT
-    _, corner = _by_patch(patches)
+    corner = patches.corners
     return np.asarray(np.bincount(corner.ravel(), leans.ravel())[corner] > 0)
-
-
-def _by_patch(patches: Patches) -> tuple[int, Index]:
-    """Numbers of the corners of triangles, one for all corners of a patch at one point, (nf, 3)."""
-    key = patches.of[:, None] * len(patches.surface.points) + patches.surface.facets
-    unique, number = np.unique(key, return_inverse=True)
-    return len(unique), number.reshape(key.shape).astype(np.intp)
 
 
 class _Cut:
@@ -156,11 +157,10 @@ class _Cut:
 
     def _shares(self) -> Array:
         """Part of the way from each corner of a triangle that strips end at, (nf, 3)."""
-        patches = self.patches
-        count, corner = _by_patch(patches)
+        patches, corner = self.patches, self.patches.corners
         f, e = np.nonzero(patches.bend)
         beyond = patches.heights.ravel()[patches.surface.twins[f, e]]
-        most = np.full(count, ROUNDED)
+        most = np.full(corner.max() + 1, ROUNDED)
         for end in (e, (e + 1) % 3):  # no wider than half of the chamfer
             np.minimum.at(most, corner[f, end], 0.5 * beyond / patches.heights[f, e])
         return np.asarray(np.maximum(most, NARROW)[corner])
@@ -174,9 +174,8 @@ class _Cut:
         column = np.concatenate([at for at, _ in self.rows])
         value = np.concatenate([parts for _, parts in self.rows])
         new = csr_matrix((value, (row, column)), shape=(len(self.rows), self.m))
-        whole = csr_matrix((np.ones(self.m), (np.arange(self.m), np.arange(self.m))))
         triangles = np.vstack([self.facets[~some], np.array(self.made, dtype=self.facets.dtype)])
-        return csr_matrix(vstack([whole, new])), triangles
+        return csr_matrix(vstack([identity(self.m), new])), triangles
 
     def _point(self, at: list[int], parts: list[float]) -> int:
         self.rows.append((at, parts))

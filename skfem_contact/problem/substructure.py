@@ -122,12 +122,14 @@ class Substructure:
 
     Attributes
     ----------
-    kept : ndarray of int
+    columns, kept : ndarray of int
         Contact DOFs and anchors, sorted.
     anchors : ndarray of int
         DOFs that stop the rigid motions of a body which its supports do not hold.
     S : ndarray, shape (n_c, n_c)
     """
+
+    keeps_contact = True  # or contact DOFs are eliminated like all others
 
     def __init__(
         self,
@@ -143,7 +145,8 @@ class Substructure:
         self.anchors = wanted
         if len(wanted):
             self.anchors = anchors(body, wanted) if isinstance(body, Body) else self.free
-        self.kept = np.union1d(wanted, self.anchors)
+        self.columns = np.union1d(wanted, self.anchors)
+        self.kept = self.columns if self.keeps_contact else self.anchors
 
     @cached_property
     def _K_fD(self) -> csr_matrix:

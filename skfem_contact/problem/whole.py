@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.backend import Backend
@@ -44,16 +43,7 @@ class WholeBody(Substructure):
         The anchors.
     """
 
-    def __init__(
-        self,
-        body: Member,
-        K: csr_matrix,
-        wanted: Index,
-        firm: float = 0.0,
-        backend: Backend | None = None,
-    ) -> None:
-        super().__init__(body, K, wanted, firm, backend)
-        self.columns, self.kept = self.kept, self.anchors
+    keeps_contact = False
 
     @cached_property
     def _place(self) -> Index:
