@@ -20,7 +20,12 @@ def end_turns(
     if not len(ends):
         return turns
     mesh = basis.mesh
-    numbers, all_ends = oriented(mesh, mesh.boundary_facets())
+    # of the whole boundary only what is next to the ends
+    at_end = np.zeros(mesh.nvertices, dtype=bool)
+    at_end[vertices[ends[:, 0], ends[:, 1]]] = True
+    boundary = mesh.boundary_facets()
+    boundary = boundary[at_end[mesh.facets[:, boundary]].any(axis=0)]
+    numbers, all_ends = oriented(mesh, boundary)
     nodes = np.transpose(mesh.p[:, all_ends], (1, 2, 0))
     if basis.facet_dofs.size > 0:
         middle = basis.doflocs[:, basis.facet_dofs[0, numbers]].T

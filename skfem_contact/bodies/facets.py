@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.thresholds import NO_EXTENT, SAME_FACET
@@ -52,7 +50,10 @@ def facet_neighbours(facets: np.ndarray) -> np.ndarray:
     start, end = facets[:, 0], facets[:, 1]
     count = len(facets) + 1
     _, ends, starts = np.intersect1d(
-        end * count + _occurrence(end), start * count + _occurrence(start), return_indices=True
+        end * count + _occurrence(end),
+        start * count + _occurrence(start),
+        assume_unique=True,
+        return_indices=True,
     )
     neighbours = np.full((len(facets), 2), -1)
     neighbours[starts, 0] = ends
@@ -62,32 +63,36 @@ def facet_neighbours(facets: np.ndarray) -> np.ndarray:
 
 def _occurrence(values: np.ndarray) -> np.ndarray:
     """How often each value has appeared before: [7, 3, 7] gives [0, 0, 1]."""
+    occurrence = np.zeros(len(values), dtype=np.int64)
     order = np.argsort(values, kind="stable")
     ordered = values[order]
-    position = np.arange(len(values))
-    is_first = np.r_[True, ordered[1:] != ordered[:-1]]
-    occurrence = np.empty(len(values), dtype=np.int64)
-    occurrence[order] = position - np.maximum.accumulate(np.where(is_first, position, 0))
+    again = ordered[1:] == ordered[:-1]
+    if again.any():
+        position = np.arange(len(values))
+        first = np.where(np.concatenate([[True], ~again]), position, 0)
+        occurrence[order] = position - np.maximum.accumulate(first)
     return occurrence
 
 
 def order_along(facets: np.ndarray) -> np.ndarray:
-    """Order of facets along the surface, piece by piece (list ranking by pointer doubling)."""
-    count = len(facets)
-    before = facet_neighbours(facets)[:, 0].copy()
-    linked = np.flatnonzero(before >= 0)
-    graph = coo_matrix((np.ones(len(linked)), (linked, before[linked])), shape=(count, count))
-    _, piece = connected_components(graph, directed=False)
-    # a closed curve has no first facet: cut it before the one that the mesh numbers first
-    open_pieces = np.unique(piece[before < 0])
-    _, first = np.unique(piece, return_index=True)
-    before[np.setdiff1d(first, first[open_pieces])] = -1
-    distance = (before >= 0).astype(np.int64)
-    while np.any(before >= 0):
-        on = before >= 0
-        distance[on] += distance[before[on]]
-        before[on] = before[before[on]]
-    return np.lexsort((distance, piece))
+    """Order of facets along the surface, piece by piece: that with the first of all facets first."""
+    before, after = facet_neighbours(facets).T.tolist()
+    order: list[int] = []
+    placed = [False] * len(facets)
+    for facet in range(len(facets)):
+        if placed[facet]:
+            continue
+        begin = facet
+        while before[begin] >= 0:
+            begin = before[begin]
+            if begin == facet:  # a closed curve begins at the facet that the mesh numbers first
+                break
+        along = begin
+        while along >= 0 and not placed[along]:
+            placed[along] = True
+            order.append(along)
+            along = after[along]
+    return np.array(order, dtype=np.intp)
 
 
 def oriented(mesh: Any, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,12 +18,18 @@ GAUSS = np.polynomial.legendre.leggauss(5)
 
 def normals_at(points: np.ndarray, facets: np.ndarray, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Outward unit normals (nf, q, d) and length elements dx/dxi (nf, q) at coordinates (q,)."""
-    _, dN = facet_shapes(xi, facets.shape[1])
-    tangent = np.einsum("qk,fkd->fqd", dN, points[facets])
-    speed = np.linalg.norm(tangent, axis=2)
+    if facets.shape[1] == 2:  # the same all along, so it is computed once
+        tangent = (points[facets[:, 1]] - points[facets[:, 0]])[:, None]
+    else:
+        tangent = np.einsum("qk,fkd->fqd", facet_shapes(xi, facets.shape[1])[1], points[facets])
+    x, y = tangent[..., 0], tangent[..., 1]
+    speed = np.sqrt(x * x + y * y)
     # the body is on the left, so outward is to the right of the direction of travel
-    normal = np.stack([tangent[..., 1], -tangent[..., 0]], axis=2) / speed[..., None]
-    return normal + 0.0, speed  # + 0.0 turns -0.0 into 0.0
+    normal = np.empty((len(facets), len(xi), 2))
+    np.divide(y, speed, out=normal[..., 0])
+    np.divide(-x, speed, out=normal[..., 1])
+    normal += 0.0  # turns -0.0 into 0.0
+    return normal, np.repeat(speed, len(xi), axis=1) if facets.shape[1] == 2 else speed
 
 
 def tangents(normal: np.ndarray) -> np.ndarray:
@@ -65,6 +71,8 @@ def lengths_and_normals(
 
     for side in (0, 1):
         mirrored = _on_symmetry(own[:, 1], lengths, facets, held, neighbours, side)
+        if not mirrored.any():
+            continue
         # the average with the mirror image, without which the end node would be constrained along
         # the normal of a chord
         image = np.where(held[facets[mirrored, side]], 0.0, ends[mirrored, side])
@@ -103,7 +111,9 @@ def _on_symmetry(
     """
     inner = before[:, 1 - side]
     here = held[facets[:, side]]
-    last = (before[:, side] < 0) & (inner >= 0) & (here.sum(axis=1) == 1)
+    last = (before[:, side] < 0) & (inner >= 0) & (np.count_nonzero(here, axis=1) == 1)
+    if not last.any():
+        return last
     last &= np.einsum("fd,fd->f", middle, middle[inner]) >= CORNER
     share = (lengths / (lengths + lengths[inner]))[:, None]
     ahead = middle + share * (middle - middle[inner])
