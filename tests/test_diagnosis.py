@@ -142,6 +142,83 @@ def test_surfaces_that_do_not_meet():
         sc.ContactSolver([table, far], away)
 
 
+LOOKS = {
+    ("top", "bottom"): r"look away from each other.* 2 away at least; overlaps .* `reach`",
+    ("left", "right"): r"look away from each other.* 1 away at least",
+    ("top", "top"): r"the two face the same way \(normals",
+    ("left", "top"): r"the two do not face each other \(normals",
+}
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"method": "node"}, {"tied": True}, {"outside": "error"}], ids=str
+)
+@pytest.mark.parametrize("n", [4, 3], ids=["nodes-opposite", "nodes-between"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_sides_that_can_not_meet_are_refused(dim, n, settings):
+    """Sides picked wrongly carry nothing for ever: refused whatever the method, with what is wrong."""
+    table, punch = cube("table", dim, -1.0, 4), cube("punch", dim, 0.0, n)
+    for (up, low), words in LOOKS.items():
+        contact = sc.Contact(punch.surface(up), table.surface(low), **settings)
+        with pytest.raises(sc.InputError, match=rf"None of the \d+ points .*{words}"):
+            sc.ContactSolver([table, punch], contact)
+    sc.ContactSolver(
+        [table, punch], sc.Contact(punch.surface("bottom"), table.surface("top"), **settings)
+    )
+
+
+def cube(name, dim, y, n):
+    """A block of size 1 that supports hold below; the second axis points up."""
+    grid = [np.linspace(0.0, 1.0, n + 1)] * dim
+    grid[1] = grid[1] + y
+    kind, element = {
+        2: (fem.MeshQuad, fem.ElementQuad1()),
+        3: (fem.MeshHex, fem.ElementHex1()),
+    }[dim]
+    sides = {"left": (0, 0.0), "right": (0, 1.0), "bottom": (1, y), "top": (1, y + 1.0)}
+    mesh = kind.init_tensor(*grid).with_boundaries(
+        {side: lambda x, i=i, at=at: np.isclose(x[i], at) for side, (i, at) in sides.items()}
+    )
+    basis = fem.Basis(mesh, fem.ElementVector(element), intorder=2)
+    return sc.Body(basis, linear_elasticity(), D="bottom", name=name)
+
+
+def test_what_slides_far_may_come_to_its_partner():
+    """The barb of a snap fit begins behind the edge that it will catch: no error, and told as open.
+
+    Two sides that look the same way never meet, however far they slide.
+    """
+    latch, hook = block("latch", y=(-1.0, 0.0), D="top"), block("hook", y=(1.0, 2.0), D="top")
+    barb = sc.Contact(hook.surface("top"), latch.surface("bottom"), sliding="finite")
+    solver = sc.ContactSolver([latch, hook], barb)
+    assert "0 of 5 points have a partner" in str(solver)
+    assert "0 points closed, 5 open, none with a partner;" in repr(solver.solve())
+    assert "none with" not in repr(pair().solve())
+    same = sc.Contact(hook.surface("top"), latch.surface("top"), sliding="finite")
+    with pytest.raises(sc.InputError, match="face the same way"):
+        sc.ContactSolver([latch, hook], same)
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+def test_an_obstacle_out_of_reach(sliding):
+    """What is farther off than `reach` has no partner: refused as between bodies."""
+    low = sc.RigidPlane((0, -1), (0.2, 1))  # gaps from 0.98 to 1.18
+    body = block("punch", D="top")
+
+    def solver(**settings):
+        return sc.ContactSolver(
+            body, sc.Contact(body.surface("bottom"), low, sliding=sliding, **settings)
+        )
+
+    if sliding == "small":
+        with pytest.raises(sc.InputError, match=r"None of the 5 points .* and `reach`\."):
+            solver(reach=0.5)
+    with pytest.raises(sc.InputError, match=r"2 of 5 points .*within reach.*because of outside="):
+        solver(reach=1.1, outside="error")
+    assert "2 of 5 points of surface 'punch/bottom' find nothing" in str(solver(reach=1.1))
+    assert solver(reach=1.2, outside="error").kin.paired.all()
+
+
 def test_an_obstacle_is_never_secondary():
     """Secondary and primary swapped for an obstacle: said so."""
     punch = block("punch", D="top")

@@ -309,7 +309,8 @@ def status_words(values: ContactValues) -> str:
     law = "frictionless" if contact.friction is None else type(contact.friction).__name__
     if not contact.separation:
         law = f"no separation, {law}"
+    lonely = "" if np.isfinite(values.gap).any() else ", none with a partner"
     if contact.friction is None:
-        return f"{law}: {count[STICK] + count[SLIP]} points closed, {count[OPEN]} open"
+        return f"{law}: {count[STICK] + count[SLIP]} points closed, {count[OPEN]} open{lonely}"
     counts = ", ".join(f"{n} {name}" for n, name in zip(count, STATUS, strict=True))
-    return f"{law}: {counts}"
+    return f"{law}: {counts}{lonely}"

@@ -22,7 +22,7 @@ from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.conditions.thresholds import HUGE, NO_OVERLAP
 from skfem_contact.errors import ConstraintError, InputError, warn
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.diagnosis import diagnose, say_wrong_side
+from skfem_contact.pairing.diagnosis import diagnose, look_alike, say_wrong_side
 from skfem_contact.pairing.node import Pairing
 
 Array = NDArray[np.float64]
@@ -82,7 +82,8 @@ def _shared(one: Any, other: Any) -> bool:
 def check_pairing(contact: Contact, pairing: Pairing, undeformed: bool = False) -> None:
     """Refuse a contact none of whose points has a partner, or one too few for ``outside="error"``.
 
-    What slides far may come to its partner; glue holds what is together in the undeformed meshes.
+    What slides far may come to its partner, but not where both sides look the same way; glue holds what
+    is together in the undeformed meshes.
 
     Raises
     ------
@@ -90,7 +91,9 @@ def check_pairing(contact: Contact, pairing: Pairing, undeformed: bool = False) 
     """
     lonely = pairing.miss > 0  # a node that handed its multiplier on has a partner
     stays = contact.sliding == "small" or (undeformed and contact.bilateral)
-    nobody = bool(lonely.all()) and stays
+    nobody = not pairing.paired.any()
+    if nobody and not stays:
+        nobody = undeformed and look_alike(contact.secondary, contact.primary)
     if not nobody and not (lonely.any() and contact.outside == "error"):
         return
     found = diagnose(pairing, contact.secondary, contact.primary)

@@ -95,7 +95,8 @@ def _near(contact: Contact, pairing: Pairing) -> Pairing:
     """The pairing less points whose partner is out of reach."""
     if contact.reach is None:
         return pairing
-    return _without(pairing, ~(np.abs(pairing.gap) <= contact.reach))
+    far = ~(np.abs(pairing.gap) <= contact.reach)
+    return replace(_without(pairing, far), miss=np.where(far, np.inf, pairing.miss))
 
 
 def _pair_faces(

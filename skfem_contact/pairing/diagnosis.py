@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from skfem_contact.bodies.normals import angle_between
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.thresholds import FACING, FINER, STIFFER
+from skfem_contact.pairing.thresholds import ALIKE, FACING, FINER, STIFFER
 from skfem_contact.trees import kd_tree
 
 
@@ -115,6 +116,22 @@ def say_wrong_side(pairing: Pairing, secondary: ContactSurface, primary: Any) ->
     )
 
 
+def look_alike(secondary: ContactSurface, primary: Any) -> bool:
+    """Whether all of one side looks where all of the other does, so that no slide makes them meet."""
+    if not isinstance(primary, ContactSurface):
+        return False  # obstacles may turn
+    means = [side.facet_normals.mean(axis=0) for side in (secondary, primary)]
+    lengths = [float(np.linalg.norm(mean)) for mean in means]
+    if min(lengths) < np.cos(ALIKE):
+        return False  # they look everywhere: the normals of a whole outline cancel
+    axes = [mean / length for mean, length in zip(means, lengths, strict=True)]
+    spread = [
+        float(angle_between(side.facet_normals, axis).max())
+        for side, axis in zip((secondary, primary), axes, strict=True)
+    ]
+    return float(angle_between(*axes)) + sum(spread) < ALIKE
+
+
 def _say_beyond(
     pairing: Pairing, secondary: ContactSurface, primary: Any, beyond: np.ndarray, method: str
 ) -> str:
@@ -140,18 +157,28 @@ def _say_why(secondary: ContactSurface, primary: Any) -> str:
     if not isinstance(primary, ContactSurface):
         if getattr(primary, "outline", None) is not None and secondary.dim == 2:
             return "; see its position, and which way round its points run: it is solid on their left."
-        return "; see its position, the side it is on, and `hollow`."
+        return "; see its position, the side it is on, `hollow`, and `reach`."
     middle = primary.points[primary.facets].mean(axis=1)
-    nearest, facet = map(np.asarray, kd_tree(middle).query(secondary.points))
+    facet = np.asarray(kd_tree(middle).query(secondary.points)[1])
+    nearest = float(np.min(kd_tree(np.vstack([middle, primary.points])).query(secondary.points)[0]))
     facing = np.einsum("md,md->m", secondary.normals, primary.facet_normals[facet])
-    if np.median(facing) > FACING:
+    height = np.einsum("md,md->m", secondary.points - middle[facet], primary.facet_normals[facet])
+    usually = "Usually one or both are on the wrong side of their body: check the two `where`."
+    if np.median(facing) >= -FACING:
+        how = "face the same way" if np.median(facing) > FACING else "do not face each other"
         return (
-            f": the two face the same way (normals {written(secondary.normals[0])} and "
-            f"{written(primary.facet_normals[facet[0]])} where they are close). Usually one of them "
-            "is on the wrong side of its body: check the two `where`."
+            f": the two {how} (normals {written(secondary.normals[0])} and "
+            f"{written(primary.facet_normals[facet[0]])} where they are close). {usually}"
+        )
+    if np.median(height) < 0:
+        return (
+            ": the two look away from each other. The points lie behind the primary surface, on the "
+            f"side of its body, {nearest:.3g} away at least; overlaps are looked for up to `reach`, by "
+            f"default half the diagonal of the smaller surface. {usually} Or the two meshes overlap: "
+            "check their positions."
         )
     return (
-        f": the closest point is {nearest.min():.3g} away. Check the units and positions of the "
+        f": the closest point is {nearest:.3g} away. Check the units and positions of the "
         "two meshes, and `reach`."
     )
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.node import gap_vectors
 from skfem_contact.pairing.thresholds import NO_DIRECTION, NO_WEIGHT
 from skfem_contact.trees import kd_tree
@@ -87,14 +88,14 @@ def overhang(
     reach: float | None,
 ) -> tuple[Array, Index]:
     """How far points are beside the primary, across their normal [length], and of which facet."""
-    limit = np.inf if reach is None else float(reach)
+    outside, inside = search_range(secondary, primary, reach)
     _, nearest = kd_tree(primary.points).query(secondary.points)
     away = primary.points[nearest] - secondary.points
     normal = secondary.normals
     along = np.sum(away * normal, axis=1)
     across = np.linalg.norm(away - along[:, None] * normal, axis=1)
     facing = np.sum(normal * primary.normals[nearest], axis=1) < 0
-    beside = facing & (np.abs(along) <= limit)
+    beside = facing & (along <= outside) & (along >= -inside)
     facet_of = np.empty(len(primary.points), dtype=np.intp)
     facet_of[primary.facets] = np.arange(len(primary.facets))[:, None]
     miss = np.select([paired, beside], [0.0, across], np.inf)

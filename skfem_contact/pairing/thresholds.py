@@ -45,6 +45,10 @@ CROSS = 0.5 * np.pi
 # of the secondary worth a line.
 FINER, STIFFER = 0.75, 3.0
 
+# Normals of two surfaces that are all closer together than this [rad] would have to turn towards each
+# other by half a radian before any of them faced another; bodies are linear, and turn by 0.1 at most.
+ALIKE = float(np.pi / 3)
+
 # -- dual --------------------------------------------------------
 
 # A multiplier of its own needs this share of the node's integral over the whole facet, and a facet
