@@ -117,6 +117,11 @@ def test_one_large_triangle_is_a_plane():
     motion = ((0.01, 0, -0.03), (0.001, 0.002, 0.0), (0, 0, 0))
     one, other = (pressed(shape, motion) for shape in (flat, plane))
     assert_allclose(one.forces, other.forces, rtol=0, atol=1e-12 * np.abs(other.forces).max())
+    # what is measured afterwards, between the nodes and at the turned die, too
+    seen, known = (result.validity.contacts["contact 1"] for result in (one, other))
+    for number in ("overlap", "opening"):
+        assert_allclose(getattr(seen, number), getattr(known, number), rtol=1e-9, atol=1e-12)
+    assert seen.opening > 0 and "Validity" in one.report()
 
 
 @pytest.mark.parametrize("kind", ["quad4", "tri6"])

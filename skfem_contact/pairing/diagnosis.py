@@ -171,12 +171,13 @@ def _say_why(secondary: ContactSurface, primary: Any) -> str:
             f"{written(primary.facet_normals[facet[0]])} where they are close). {usually}"
         )
     if np.median(height) < 0:
+        two = secondary.body is not primary.body
+        overlap = " Or the two meshes overlap: check their positions." if two else ""
         return (
             ": the two look away from each other. The points lie behind the primary surface, on the "
             f"side of its body, {nearest:.3g} away at least; overlaps are looked for up to `reach`, by "
-            f"default half the diagonal of the smaller surface. {usually} Or the two meshes overlap: "
-            "check their positions."
-        )
+            f"default half the diagonal of the smaller surface. {usually}"
+        ) + overlap
     return (
         f": the closest point is {nearest:.3g} away. Check the units and positions of the "
         "two meshes, and `reach`."

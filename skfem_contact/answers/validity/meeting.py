@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from skfem_contact.answers.thresholds import NO_OVERLAP
 from skfem_contact.answers.validity.hull import Hull
 from skfem_contact.answers.validity.overlap import Outline
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import signed_distances
+from skfem_contact.pairing.faces.distance import signed_distances as distances_from_faces
 from skfem_contact.trees import kd_tree
 
 Array = NDArray[np.float64]
@@ -116,8 +117,11 @@ def _weights_between(surface: ContactSurface) -> list[Array]:
 
 def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
     """Signed distances of any points, whether they face the obstacle or not."""
+    # these points are none of the nodes that the facets of the surface are made of
     if isinstance(obstacle.outline, CurveSurface):
         return signed_distances(obstacle.outline, points)
+    if isinstance(obstacle.outline, FaceSurface):
+        return distances_from_faces(obstacle.outline, points)
     at = replace(surface, points=points, normals=np.zeros_like(points))
     return distances(obstacle, at)[0]
 
