@@ -325,7 +325,18 @@ def test_a_load_that_comes_again_is_reduced_as_if_it_were_new():
     a, b, none = *rng.standard_normal((2, body.n)), np.zeros(body.n)
     moved = np.zeros(body.n)
     moved[body.D] = rng.standard_normal(len(body.D))
+    # on few DOFs, on others, on one more than before; a prescribed one, which no force is felt at
+    few, other, more = np.zeros((3, body.n))
+    few[part.free[3:6]], other[part.free[10:12]] = (1.0, -2.0, 3.0), 0.5
+    more[[*part.free[4:6], body.D[0]]] = 2.0
+    tip = np.where(np.arange(body.n) == body.D[-1], 0.7, 0.0)
+    elsewhere = np.where(few + other == 0, b, 0.0)
     loads = [
+        (few, none),
+        (few + other, none),
+        (other, tip),
+        (more, none),
+        (elsewhere, none),
         (a, none),
         (a, moved),
         (2 * a, moved),
@@ -346,6 +357,8 @@ def test_a_load_that_comes_again_is_reduced_as_if_it_were_new():
         # a handful of products of numbers of order one, and a condition number of 1e3
         assert_allclose(reduced, expected, rtol=0, atol=1e-12 * np.abs(expected).max() + 1e-14)
         assert components is not None
+    # few, other, more, elsewhere, a, b; tip, moved
+    assert part.directions.shape[1] == 6 + 2
 
 
 def test_anchors_hold_a_body_in_all_directions():

@@ -64,7 +64,7 @@ class CheckedLaw(ByFields):
         return self.law.is_linear
 
     @cached_property
-    def _plain(self) -> bool:
+    def steady(self) -> bool:
         """Whether the law is one of ours, whose parameters were checked when it was made.
 
         Its bounds need no check, and are piecewise linear in the normal force, without the slip.
@@ -90,7 +90,7 @@ class CheckedLaw(ByFields):
         InputError
             The law returned something else than one finite bound >= 0 for each point.
         """
-        if self._plain:
+        if self.steady:
             # areas of points that carry nothing, vertices of quadratic faces by mortar, may be negative
             return np.maximum(self.law.limit(normal_force, area, slip), 0.0)
         bounds, known = self._ask(self.law.limit, "limit", normal_force, area, slip)
@@ -107,7 +107,7 @@ class CheckedLaw(ByFields):
         A point without force is about to get one like the others: if the chord to it is flatter than
         the tangent, the chord is taken. The tangent of a power of the pressure is infinite there.
         """
-        if self._plain:
+        if self.steady:
             return self.law.slope(normal_force, area, slip)
         slopes, known = self._ask(self.law.slope, "slope", normal_force, area, slip)
         largest = float(np.max(normal_force[known], initial=0.0))
@@ -137,7 +137,7 @@ class CheckedLaw(ByFields):
             or forces of another size than its own bound.
         """
         if self.by_bound:
-            return map_by_bound(self, trial, normal_force, area, slip, hardens=not self._plain)
+            return map_by_bound(self, trial, normal_force, area, slip, hardens=not self.steady)
         return self._own_map(trial, normal_force, area, slip)
 
     @cached_property

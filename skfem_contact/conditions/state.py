@@ -105,10 +105,13 @@ class LocalState(_History):
     def in_space(self, kin: Kinematics) -> State:
         """What is remembered of it; `kin` is the pairing that it belongs to."""
         components = self._friction
-        vectors = np.zeros((*components.shape[:2], kin.normal.shape[1]))
         basis = _each(kin, kin.duals, kin.axes)
-        for k in range(kin.tangents):  # in every step: sums over so few are dear to einsum
-            vectors += components[:, :, k, None] * basis[..., k, :]
+        if kin.tangents == 1:  # in every step: sums over so few are dear to einsum
+            vectors = components * basis[..., 0, :]
+        else:
+            vectors = np.zeros((*components.shape[:2], kin.normal.shape[1]))
+            for k in range(kin.tangents):
+                vectors += components[:, :, k, None] * basis[..., k, :]
         return State(**self._with(vectors), normal=kin.normal)
 
 
@@ -146,11 +149,15 @@ class State(_History):
         vectors = self._friction
         if self.normal is not kin.normal and not np.array_equal(self.normal, kin.normal):
             vectors = transport(vectors, self.normal, kin.normal)
-        components = np.zeros((*vectors.shape[:2], kin.tangents))
         basis = _each(kin, kin.axes, kin.duals)
-        for k in range(kin.tangents):
-            for j in range(vectors.shape[2]):
-                components[:, :, k] += vectors[:, :, j] * basis[..., k, j]
+        if kin.tangents == 1:
+            x, y = vectors[..., 0], vectors[..., 1]
+            components = (x * basis[..., 0, 0] + y * basis[..., 0, 1])[..., None]
+        else:
+            components = np.zeros((*vectors.shape[:2], kin.tangents))
+            for k in range(kin.tangents):
+                for j in range(vectors.shape[2]):
+                    components[:, :, k] += vectors[:, :, j] * basis[..., k, j]
         known = self._with(components)
         del known["normal"]
         return LocalState(**known)

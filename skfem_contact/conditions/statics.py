@@ -148,7 +148,7 @@ def balanced(
     left = np.abs(left)
     # along a motion that nothing pushes there is only the round-off of what acts across it; the largest
     # displacement of each motion is one. Nearly always the rest need not be looked at
-    if (left <= LEFT_ACROSS * np.abs(force).sum()).all():
+    if left.max() <= LEFT_ACROSS * float(np.abs(force).sum()):
         return True
     parts = [(motions.normal, force), (motions.modes, f)]
     if rubs:

@@ -91,7 +91,7 @@ class Answering(ByFields):
         They hold from there on, also in parts of a step: not from zero.
         """
         model, case = self.stepper.model, start.case
-        if start.identity is model.geometry.identity:
+        if self._own(start):
             return case
         D = model.system.D
         found, x = start.u[D], np.array(case.x)
@@ -114,9 +114,8 @@ class Answering(ByFields):
         usage = "give what solve(...) returned, or load_state(...)"
         check_kind(given, (ContactResult, SavedState), what, usage)
         start = given if isinstance(given, SavedState) else answer_of(given)
-        identity = self.stepper.model.geometry.identity
-        if start.identity is not identity:
-            identity.refuse(start.identity, what)
+        if not self._own(start):
+            self.stepper.model.geometry.identity.refuse(start.identity, what)
         if what == "start" and not start.converged:
             raise InputError(
                 f"start did not converge ({start.message}): forces and slips of a state that is no "
@@ -129,6 +128,13 @@ class Answering(ByFields):
             if words:
                 warn(words)
         return start
+
+    def _own(self, start: Answer | SavedState) -> bool:
+        """Whether a state is of the very bodies and contacts that are solved for here."""
+        geometry = self.stepper.model.geometry
+        if isinstance(start, Answer) and start.recover.model.geometry is geometry:
+            return True  # before finding out what tells them from others
+        return start.identity is geometry.identity
 
     def _answer(self, found: Finding, seconds: float) -> Answer:
         model, rest, way = self.stepper.model, found.settled, found.advance

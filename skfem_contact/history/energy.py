@@ -53,20 +53,22 @@ def friction_energy(
     Overlaps of the meshes count as misfit that the loads' work has in it. `plastic` and `bound` are the
     `plastic_slip` between the two and the `friction_bound` of the new one.
     """
-    lost = 0.5 * (friction_bound(interface, last) + bound) * lengths(plastic)
-    work = (0.5 * (last.tangential_force + new.tangential_force) * plastic).sum(axis=1)
-    force = 0.5 * (last.normal_force + new.normal_force)
-    # points without partner have no gap, also one that finds or loses it between the two states
-    acts = (force != 0) & np.isfinite(new.gap) & np.isfinite(last.gap)
-    moved = np.maximum(new.gap[acts], 0.0) - np.maximum(last.gap[acts], 0.0)
-    residual = work - lost
-    residual[acts] -= force[acts] * moved
-    if len(interface.point_slices) == 1:
-        return Energy(lost.sum(keepdims=True), residual.sum(keepdims=True))
-    return Energy(
-        np.array([lost[part].sum() for part in interface.point_slices]),
-        np.array([residual[part].sum() for part in interface.point_slices]),
-    )
+    bounds, way = friction_bound(interface, last) + bound, lengths(plastic)
+    friction = last.tangential_force + new.tangential_force
+    pressing = last.normal_force + new.normal_force
+    found = nothing(interface)
+    for k, part in enumerate(interface.point_slices):  # the means are halves of sums
+        found.lost[k] = 0.5 * (bounds[part] @ way[part])
+        found.residual[k] = 0.5 * np.vdot(friction[part], plastic[part]) - found.lost[k]
+    opens = (pressing != 0) & ((new.gap > 0) | (last.gap > 0))
+    if np.count_nonzero(opens):
+        # points without partner have no gap, also one that finds or loses it between the two states
+        opens &= np.isfinite(new.gap) & np.isfinite(last.gap)
+        moved = np.zeros(len(opens))
+        moved[opens] = np.maximum(new.gap[opens], 0.0) - np.maximum(last.gap[opens], 0.0)
+        for k, part in enumerate(interface.point_slices):
+            found.residual[k] -= 0.5 * (pressing[part] @ moved[part])
+    return found
 
 
 def plastic_slip(interface: Interface, last: LocalState, new: LocalState) -> Array:
@@ -100,5 +102,5 @@ def rough_at_rest(interface: Interface, area: Array, tangents: int) -> bool:
 
 def nothing(interface: Interface) -> Energy:
     """No energy lost."""
-    zero = np.zeros(len(interface.point_slices))
-    return Energy(zero, zero)
+    contacts = len(interface.point_slices)
+    return Energy(np.zeros(contacts), np.zeros(contacts))

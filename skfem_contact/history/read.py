@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import number, numbers, shown, suggest
-from skfem_contact.arrays import check_finite, check_size
+from skfem_contact.arrays import check_finite, check_size, same
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.carried import copied
@@ -170,7 +170,7 @@ class StepReader:
                     _needs_places(body, name)
             parts = [(slice(None), whole * units)]
         # what is named and stays as it was is the same vector: what follows from it is known
-        changed = [(span, values) for span, values in parts if not np.array_equal(values, before[span])]
+        changed = [(span, values) for span, values in parts if not same(values, before[span])]
         if not changed:
             return before
         out = np.array(before)

@@ -21,10 +21,12 @@ def propose_in_plane(step: Step, current: Guess, response: Response) -> Guess:
     """The set that the answer asks for: Signorini's conditions and the friction law, point by point."""
     force_scale = response.largest_force
     was_open = current.status == OPEN
-    finite = np.isfinite(response.gap)
-    gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
     nothing = max(ROUND_OFF * force_scale, step.noise)
-    penetrates = was_open & (response.gap < -ROUND_OFF * gap_scale) & step.paired
+    penetrates = was_open & (response.gap < 0.0) & step.paired
+    if np.count_nonzero(penetrates):
+        finite = np.isfinite(response.gap)
+        gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
+        penetrates &= response.gap < -ROUND_OFF * gap_scale
     pulls = ~was_open & (response.normal_force < -nothing)
     if step.closed_for_good is not None:
         pulls &= ~step.bilateral
@@ -51,8 +53,8 @@ def _slip_rule(
     exact, trial = step.exact, response.tangential_force
     if not step.all_exact:
         trial = np.where(exact[:, None], trial, step.trial(response.slip))
-    lawful, _ = step.force(trial, response.normal_force, response.slip)
-    beyond = np.abs(trial - lawful)[:, 0] > max(ROUND_OFF * force_scale, step.noise)
+    excess = step.excess(trial, response.normal_force, response.slip)
+    beyond = excess > max(ROUND_OFF * force_scale, step.noise)
     was_slip, was_along = current.status == SLIP, current.direction[:, 0]
     # an exactly sticking point has no trial force while it slips: it goes on slipping as long as
     # the slip of this step follows the friction
@@ -70,7 +72,8 @@ def _slip_rule(
     if force_scale <= step.noise:
         slips &= was_slip
     smooth = smooth_points(step, force_scale, response.slip)
-    slips |= smooth
+    if smooth is not False:
+        slips |= smooth
     side = np.where(keep, was_along, side)
     # where nothing resisted yet a point began to slip without a direction: now its slip tells
     blank = keep & (was_along == 0)

@@ -100,9 +100,12 @@ def disagreement(current: Guess, proposal: Guess) -> Mask:
     """Points whose status or slip direction changes."""
     changes, slips = current.status != proposal.status, proposal.status == SLIP
     if np.count_nonzero(slips):
-        turned = lengths(current.direction - proposal.direction) > 1.0
-        # which way was not known
-        turned |= (lengths(current.direction) == 0) & (lengths(proposal.direction) > 0)
+        old, new = current.direction, proposal.direction
+        if old.shape[1] == 1:  # forward, backward, or not known
+            turned = ((old != new) & (new != 0))[:, 0]
+        else:
+            turned = lengths(old - new) > 1.0
+            turned |= (lengths(old) == 0) & (lengths(new) > 0)
         changes |= turned & slips
     return changes
 

@@ -116,7 +116,7 @@ def as_guess(state: LocalState) -> Guess:
         # slip may go on in any direction: until that is known, nothing slips
         if state.slip.shape[1] == 1:
             direction = np.where(slipped[:, None], np.sign(state.tangential_force), 0.0)
-            slipped &= ~(np.abs(direction[:, 0]) > 0)  # without friction there is none
+            slipped &= direction[:, 0] == 0  # without friction there is none
         status[slipped] = STICK
     return Guess(status, direction, state.normal_force, state.tangential_force, state.slip)
 
@@ -126,9 +126,10 @@ def admissible(guess: Guess, step: Step) -> Guess:
     status = np.where(step.paired, guess.status, OPEN)
     closed = step.closed_for_good
     if closed is not None:
-        status[closed & (status == OPEN)] = STICK
+        status[closed & (status == OPEN) | step.tied] = STICK
     slips = status == SLIP
-    status[step.tied | (slips & ~step.frictional)] = STICK
-    direction = np.where((slips & (status == SLIP))[:, None], guess.direction, 0.0)
+    rubs = slips & step.frictional
+    status[slips ^ rubs] = STICK
+    direction = np.where(rubs[:, None], guess.direction, 0.0)
     forces = guess.normal_force, guess.tangential_force
     return Guess(status, direction, *forces, guess.slip, guess.pivoted, guess.reach)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.return_map import Derivatives, Mapped, return_map
+from skfem_contact.conditions.return_map import Derivatives, Mapped, lengths, return_map
 from skfem_contact.conditions.state import LocalState
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
@@ -104,6 +104,11 @@ class Step:
         return not all(law.grips for _, law in self.laws)
 
     @cached_property
+    def steady(self) -> bool:
+        """Whether all friction is a bound that does not change with the slip, by one law."""
+        return self._only is not None and self._only.steady
+
+    @cached_property
     def _only(self) -> CheckedLaw | None:
         """The law of all points, where there is but one."""
         if len(self.laws) != 1 or self.laws[0][0] != slice(0, len(self.paired)):
@@ -130,8 +135,16 @@ class Step:
             force[part], slips[part] = law.force(trial[part], *asked)
         return force, slips
 
+    def excess(self, trial: Array, normal_force: Array, slip: Array) -> Array:
+        """How far trial forces (m, d-1) are from where they come back to, (m,)."""
+        if self._only is not None and self._only.by_bound:
+            return np.maximum(lengths(trial) - self._bound(normal_force, slip), 0.0)
+        return lengths(trial - self.force(trial, normal_force, slip)[0])
+
     def sliding(self, direction: Array, normal_force: Array, slip: Array) -> Array:
         """Friction forces (m, d-1) of points that slip along `direction`."""
+        if direction.shape[1] == 1 and self._only is not None and self._only.by_bound:
+            return direction * self._bound(normal_force, slip)[:, None]
         return self.force(BEYOND * direction, normal_force, slip)[0]
 
     def return_map(self, trial: Array, normal_force: Array, slip: Array) -> Mapped:

@@ -42,17 +42,38 @@ def linear_conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
     sticks = current.status == STICK
     stick = sticks & step.gripped
     m, t = current.direction.shape
-    offset = np.zeros((m, t))
-    if np.count_nonzero(slips):
+    offset, coupling = np.zeros((m, t)), np.zeros((m, t))
+    spring = np.zeros((m, t, t))
+    if step.steady and t == 1:
+        if np.count_nonzero(slips):
+            offset, coupling = _steady(step, current, slips, coupled)
+    elif np.count_nonzero(slips):
         force, spring, coupling = _slipping(step, current, slips, coupled)
         offset[slips] = force[slips]
-    else:
-        spring, coupling = np.zeros((m, t, t)), np.zeros((m, t))
     elastic = None if step.all_exact else sticks & step.frictional & ~step.exact
     if elastic is not None and np.count_nonzero(elastic):
         offset[elastic] = step.trial(np.zeros((m, t)))[elastic]
         spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
     return Conditions(closed, stick, step.last.slip, spring, offset, coupling)
+
+
+def _steady(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[Array, Array]:
+    """Friction of points that slip as ``offset + coupling lambda``: bounds along the only tangent."""
+    direction, force = current.direction, current.normal_force
+    bound = step.limit(force, current.slip)
+    slope = np.zeros(len(bound))
+    if coupled:
+        slope = np.where(_follows(step, current, slips), step.slope(force, current.slip), 0.0)
+    offset = np.where(slips, bound - slope * np.maximum(force, 0.0), 0.0)
+    return offset[:, None] * direction, slope[:, None] * direction
+
+
+def _follows(step: Step, current: Guess, slips: Mask) -> Mask:
+    """Points that slip and whose bound follows the normal force, (m,)."""
+    if step.closed_for_good is None:
+        return slips
+    # under tension, which only a bond can have, the bound does not
+    return slips & ~(step.bilateral & (current.normal_force < 0))
 
 
 def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[Array, Array, Array]:
@@ -62,10 +83,7 @@ def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[A
     force, beyond, by = step.return_map(trial, current.normal_force, current.slip)
     coupling, spring = np.zeros(force.shape), np.zeros(by.slip.shape)
     if coupled:
-        pressed = slips
-        if step.closed_for_good is not None:
-            # under tension, which only a bond can have, the bound does not follow the force
-            pressed = slips & ~(step.bilateral & (current.normal_force < 0))
+        pressed = _follows(step, current, slips)
         coupling[pressed] = by.normal_force[pressed]
         force -= coupling * np.maximum(current.normal_force, 0.0)[:, None]
         if np.count_nonzero(by.slip):

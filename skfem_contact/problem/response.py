@@ -90,8 +90,10 @@ class Response:
     @cached_property
     def largest_force(self) -> float:
         """The largest normal or tangential force at a point [force]."""
-        normal, tangential = np.abs(self.normal_force), lengths(self.tangential_force)
-        return float(max(normal.max(initial=0.0), tangential.max(initial=0.0)))
+        forces = np.abs(self.normal_force)
+        if self.tangential_force.shape[1]:
+            forces = np.maximum(forces, lengths(self.tangential_force))
+        return float(forces.max(initial=0.0))
 
 
 class Resistance(NamedTuple):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import same
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
@@ -52,9 +53,11 @@ class LoadSpan:
 
     def __init__(self, factor: BodyFactor, dofs: Index, as_force: Callable[[Array], Array]) -> None:
         self._factor, self._dofs, self._as_force = factor, dofs, as_force
-        self._directions = np.zeros((len(dofs), 0))
+        # loads act on few DOFs as a rule: which these are, where in `dofs`, and the directions there
+        self._places = self._acting = np.zeros(0, dtype=np.intp)
+        self._directions = np.zeros((0, 0))
         self._eliminated = np.zeros((factor.order.size, 0))
-        # a load within the span, its values on the DOFs, and its components
+        # a load within the span, its values where loads act, and its components
         self._load: Array | None = None
         self._last = self._known = np.zeros(0)
 
@@ -65,8 +68,10 @@ class LoadSpan:
         """
         if load is self._load:  # most steps change one of many loads
             return self._known
-        b = load[self._dofs]
-        if len(b) == len(self._last) and np.count_nonzero(b == self._last) == len(b):
+        b = load[self._places]
+        if np.count_nonzero(b) != np.count_nonzero(load):
+            b = self._widened(load[self._dofs])
+        if len(b) == len(self._last) and same(b, self._last):
             self._load = load
             return self._known
         Q = self._directions
@@ -82,9 +87,23 @@ class LoadSpan:
             return None
         self._load, self._last = None, np.zeros(0)
         self._directions = np.column_stack([Q, rest / size])
-        new = self._factor.eliminate(self._as_force(self._directions[:, -1]))
-        self._eliminated = np.column_stack([self._eliminated, new])
+        values = np.zeros(len(self._dofs))
+        values[self._acting] = self._directions[:, -1]
+        self._eliminated = np.column_stack(
+            [self._eliminated, self._factor.eliminate(self._as_force(values))]
+        )
         return np.append(c, size)
+
+    def _widened(self, b: Array) -> Array:
+        """What of a load on `dofs` (n,) is where loads act, which may now be at more of them."""
+        acting = b != 0
+        acting[self._acting] = True
+        if np.count_nonzero(acting) > len(self._acting):
+            Q = np.zeros((len(b), self._directions.shape[1]))
+            Q[self._acting] = self._directions
+            self._acting, self._directions = np.flatnonzero(acting), Q[acting]
+            self._places = self._dofs[self._acting]
+        return b[self._acting]
 
     @property
     def directions(self) -> Array:
@@ -149,9 +168,13 @@ class Substructure:
         self.kept = self.columns if self.keeps_contact else self.anchors
 
     @cached_property
-    def _K_fD(self) -> csr_matrix:
+    def _K_D(self) -> csr_matrix:
         # K is symmetric: a few rows are found at once, a few columns only by going over all of K
-        return csr_matrix(self.K[self.body.D][:, self.free].T)
+        return csr_matrix(self.K[self.body.D])
+
+    def _by_supports(self, x: Array) -> Array:
+        """The load (n_f,) that prescribed displacements of the supports are."""
+        return -(self._K_D.T @ x)[self.free]
 
     @cached_property
     def _factor(self) -> BodyFactor:
@@ -215,7 +238,7 @@ class Substructure:
 
     @cached_property
     def _moves(self) -> LoadSpan:
-        return LoadSpan(self._factor, self.body.D, lambda x: -(self._K_fD @ x))
+        return LoadSpan(self._factor, self.body.D, self._by_supports)
 
     @property
     def order(self) -> Index:
@@ -271,7 +294,7 @@ class Substructure:
         return self._factor.substitute(kept, x)
 
     def _free_load(self, f: Array, x: Array) -> Array:
-        return f[self.free] - self._K_fD @ x[self.body.D]
+        return f[self.free] + self._by_supports(x[self.body.D])
 
 
 def anchors(body: Body, wanted: Index) -> Index:

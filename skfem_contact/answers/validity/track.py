@@ -168,7 +168,7 @@ class Track(ABC):
             found = self._at_obstacle(closed, slip, gap, approach, case, i, part, tool)
         if on_obstacle and tool is None:  # else it is part of the slip
             slip = slip - self._along_tangents(slid(case.motion[i], self.points))
-        if not closed.any():
+        if not np.count_nonzero(closed):
             return found
         way = self._size(slip)
         breadth = self.breadth(closed)
@@ -182,7 +182,9 @@ class Track(ABC):
             found["gap_error"] = error
             found["gap_share"] = error / approach if approach > 0 else 0.0
         far = closed & (way >= self.room)
-        return found | (self._past_end(closed, far, slip, np.abs(force)) if far.any() else NONE_PAST)
+        if not np.count_nonzero(far):
+            return found | NONE_PAST
+        return found | self._past_end(closed, far, slip, np.abs(force))
 
     @abstractmethod
     def breadth(self, closed: Mask) -> float:
