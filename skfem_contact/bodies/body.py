@@ -237,12 +237,12 @@ class Body(Member):
     def parts(self) -> np.ndarray:
         """Number of the connected part of the mesh that every DOF belongs to, shape (n,)."""
         elements = self.basis.dofs.element_dofs
-        first = np.broadcast_to(elements[0], elements.shape)
-        graph = csr_matrix(
-            (np.ones(elements.size, dtype=np.int8), (elements.ravel(), first.ravel())),
-            shape=(self.n, self.n),
-        )
-        return np.asarray(connected_components(graph, directed=False)[1])
+        # DOFs are the first nodes of the graph, and elements the last: their rows are what is known
+        size = self.n + elements.shape[1]
+        start = np.zeros(size + 1, dtype=elements.dtype)
+        start[self.n :] = np.arange(0, elements.size + 1, len(elements))
+        graph = csr_matrix((np.ones(elements.size), elements.T.ravel(), start), shape=(size, size))
+        return np.asarray(connected_components(graph, directed=False)[1][: self.n])
 
     @cached_property
     def rigid_modes(self) -> np.ndarray:

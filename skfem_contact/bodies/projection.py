@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skfem_contact.bodies.facets import facet_shapes
+from skfem_contact.bodies.normals import unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import LEAST_SLOPE, NEAREST
 
@@ -36,10 +37,13 @@ def project(
     xi = np.clip(xi, 0.0, 1.0)
     if k == 3:
         xi = _newton(corners, points, xi)
-    N, dN = facet_shapes(xi, k)
-    foot = np.einsum("pk,pkd->pd", N, corners)
-    along = np.einsum("pk,pkd->pd", dN, corners)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
+        N, dN = facet_shapes(xi, k)
+        foot = np.einsum("pk,pkd->pd", N, corners)
+        along = np.einsum("pk,pkd->pd", dN, corners)
+    else:
+        foot = (1 - xi)[:, None] * corners[:, 0] + xi[:, None] * corners[:, 1]
+        along = chord
+    along = unit(along)
     beyond = np.einsum("pd,pd->p", points - foot, along)
     over = np.where(xi >= 1, beyond, np.where(xi <= 0, -beyond, 0.0))
     return xi, foot, np.maximum(over, 0.0)
@@ -70,5 +74,4 @@ def _newton(corners: np.ndarray, points: np.ndarray, xi: np.ndarray) -> np.ndarr
 def interpolated_normals(surface: ContactSurface, facet: np.ndarray, xi: np.ndarray) -> np.ndarray:
     """Continuous unit normal field at local coordinates `xi` of facets, shape (len(facet), d)."""
     ends = surface.facet_node_normals[facet]
-    normal = (1 - xi)[:, None] * ends[:, 0] + xi[:, None] * ends[:, 1]
-    return normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    return unit((1 - xi)[:, None] * ends[:, 0] + xi[:, None] * ends[:, 1])

@@ -51,6 +51,8 @@ def rigid_modes(
     parts : ndarray of int, shape (n,)
         The piece that each DOF belongs to.
     """
+    if not parts.any():
+        return _of_piece(points, component, components, axisymmetric)
     blocks = []
     for part in range(parts.max() + 1):
         mine = parts == part

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.system import System
@@ -205,16 +204,25 @@ def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matri
     """Find the rigid motions that neither prescribed DOFs nor the stiffness resist."""
     blocks = []
     for body, K in zip(system.bodies, stiffness, strict=True):
-        R = body.rigid_modes / np.max(np.abs(body.rigid_modes), axis=0)
+        R = body.rigid_modes / _largest(body.rigid_modes)
         # prescribed DOFs and springs to the ground: rows that a free motion leaves at zero
         left = null_space(R[body.D])
         if left.shape[1]:  # where supports hold all motions, springs have none to hold
-            left = null_space(np.concatenate([R[body.D], _resistance(K, R)]))
+            springs = _resistance(K, R)
+            left = null_space(np.concatenate([R[body.D], springs])) if len(springs) else left
         free = R @ left
-        peak = np.max(np.abs(free), axis=0, initial=0.0)
+        peak = _largest(free)
         blocks.append(free / np.where(peak > 0, peak, 1.0))
-    modes = block_diag(*blocks) if sum(b.shape[1] for b in blocks) else np.zeros((system.n, 0))
+    modes, first = np.zeros((system.n, sum(block.shape[1] for block in blocks))), 0
+    for offset, block in zip(system.offsets, blocks, strict=False):
+        modes[offset : offset + len(block), first : first + block.shape[1]] = block
+        first += block.shape[1]
     return RigidMotions(modes, kin, system)
+
+
+def _largest(modes: Array) -> Array:
+    """Largest entry of each of k modes (n, k); for all of them at once NumPy takes ten times that."""
+    return np.array([np.max(np.abs(mode), initial=0.0) for mode in modes.T])
 
 
 def _resistance(K: csr_matrix, R: Array) -> Array:
@@ -223,11 +231,13 @@ def _resistance(K: csr_matrix, R: Array) -> Array:
     The resistance of a rigid mode of a free body is round-off, some 1e-16 per row; how strong a
     genuine spring is does not matter here, only that there is one.
     """
-    scale = np.max(abs(K) @ np.abs(R), initial=0.0)
-    if scale == 0.0:
+    forces, least = K @ R, NO_WORK * np.sqrt(K.shape[0])
+    # no singular value is above the norm, and the scale is not below what the diagonal alone gives
+    if np.linalg.norm(forces) <= least * np.max(np.abs(K.diagonal()[:, None] * R), initial=0.0):
         return np.zeros((0, R.shape[1]))
-    _, values, rows = np.linalg.svd(K @ R / scale, full_matrices=False)
-    return rows[values > NO_WORK * np.sqrt(K.shape[0])]
+    scale = np.max(abs(K) @ np.abs(R))
+    _, values, rows = np.linalg.svd(forces / scale, full_matrices=False)
+    return rows[values > least]
 
 
 def no_equilibrium(

@@ -40,12 +40,14 @@ def closest_facets(
     bound = np.full(m, np.inf)
     few = min(4, len(primary.facets))
     _, guess = kd_tree(primary.points[primary.facets].mean(axis=1)).query(secondary.points, k=few)
-    guessed = valid_pairs(np.repeat(np.arange(m), few), guess.reshape(-1))
-    point, facet, _, distance = guessed
+    point, facet = np.repeat(np.arange(m), few), guess.reshape(-1)
+    judged = point * len(primary.facets) + facet
+    found = [valid_pairs(point, facet)]
+    point, facet, _, distance = found[0]
     np.minimum.at(bound, point, distance + 2 * TIE * primary.lengths[facet])
 
     blocks = closest_candidates(
-        FacetTree.build(primary),
+        FacetTree.build(primary, m),
         secondary.points,
         secondary.normals,
         facing=float(np.arccos(FACING)),
@@ -53,8 +55,11 @@ def closest_facets(
         outside=outside,
         inside=inside,
     )
-    # what is beside an end is no stationary point, but its facet is the nearest
-    found = [guessed, *(valid_pairs(point, facet) for point, facet in blocks)]
+    # what is beside an end is no stationary point, but its facet is the nearest: hence the guess, too
+    for point, facet in blocks:
+        new = ~np.isin(point * len(primary.facets) + facet, judged)
+        if new.any():
+            found.append(valid_pairs(point[new], facet[new]))
     point, facet, xi, distance = (np.concatenate(column) for column in zip(*found, strict=True))
     nearest = np.full(m, np.inf)
     np.minimum.at(nearest, point, distance)
@@ -131,7 +136,7 @@ def signed_distances(surface: CurveSurface, points: np.ndarray) -> np.ndarray:
         away = np.linalg.norm(points[point] - nodes.centre, axis=1)
         return np.asarray(away - nodes.radius <= bound[point])
 
-    found = FacetTree.build(surface).descend(len(points), in_reach)
+    found = FacetTree.build(surface, len(points)).descend(len(points), in_reach)
     point, facet = (np.concatenate(column) for column in zip(*found, strict=True))
     xi, foot, _ = project(surface, facet, points[point])
     distance = np.linalg.norm(points[point] - foot, axis=1)

@@ -112,6 +112,9 @@ NO_WEIGHT = 1e-14
 # Pairs (item, node of the tree) worked on at once; bounds the memory at some 100 bytes for each.
 PAIRS_AT_ONCE = 1 << 18
 
+# To ask about so many pairs takes no longer than to go through the upper levels of a tree.
+FEW_PAIRS = 1 << 12
+
 # Balls are larger by this fraction of their radius, for round-off and for tolerances at the ends.
 MARGIN = 1e-5
 
