@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tracemalloc
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -271,7 +270,7 @@ def test_halves_are_never_empty():
     """However many nodes are level with the middle, or all but one: both halves have some."""
     for x in ([0, 1, 1, 1, 1], [0, 0, 0, 0, 1], [0, 1], [0, 0, 1, 1, 1], [0, 1, 1, 1, 2]):
         for side in (1.0, -1.0, 1e-300):
-            centres = np.column_stack([side * np.array(x, dtype=float), np.zeros(len(x))])
+            centres = np.stack([side * np.array(x, dtype=float), np.zeros(len(x))])
             _, half = _halves(np.arange(len(x)), np.zeros(len(x), dtype=int), centres)
             assert sorted(set(half)) == [0, 1]
 
@@ -292,14 +291,15 @@ def test_runs_are_the_borders(name):
     K, points, keep = assemble(name)
     fronts = analyse(K, points, keep, leaf=8)
     pivots = np.append(np.diff(fronts.start), 0)
-    for front, cuts in enumerate(find_runs(fronts)):
+    for front, runs in enumerate(find_runs(fronts)):
         target = fronts.target[fronts.first[front] : fronts.first[front + 1]]
-        assert cuts[-1] == target.size
-        assert cuts[0] == 0
-        for begin, end in pairwise(cuts):
-            run = target[begin:end]
-            assert_array_equal(run, np.arange(run[0], run[0] + run.size))
+        reached = 0
+        for begin, end, row in runs:
+            assert begin == reached
+            reached, run = end, target[begin:end]
+            assert_array_equal(run, np.arange(row, row + run.size))
             assert (run[0] < pivots[fronts.parent[front]]) == (run[-1] < pivots[fronts.parent[front]])
+        assert reached == target.size
 
 
 def test_fill_in_grows_as_nested_dissection_has_it():

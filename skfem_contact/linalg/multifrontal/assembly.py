@@ -38,19 +38,30 @@ def checked_matrix(K: Any, points: np.ndarray, keep: Any) -> tuple[Any, np.ndarr
 
 def gather(K: Any, fronts: Fronts, entries: Entries) -> np.ndarray:
     """Storage for all factors, with the entries of `K` in their places."""
-    lower, i, j = entries
-    front = np.repeat(np.arange(fronts.parent.size), np.diff(fronts.start))[j]
-    pivots = np.diff(fronts.start)[front]
-    row, column = i - fronts.start[front], j - fronts.start[front]
-    place = fronts.panel[front] + column * pivots + row
-    far = row >= pivots
-    f = front[far]
-    at = np.searchsorted(fronts.keys, f * fronts.order.size + i[far]) - fronts.first[f]
-    columns = pivots[far] ** 2 + column[far] * np.diff(fronts.first)[f]
-    place[far] = fronts.panel[f] + columns + at
+    which, i, j, far = entries
+    front, pivots, size = fronts.owner, np.diff(fronts.start), np.diff(fronts.first)
+    start, panel, p = fronts.start[front], fronts.panel[front], pivots[front]
+    column = np.arange(front.size) - start  # in its front
+    # of each column: where row 0 would be if all rows were pivots, and if all were of the border
+    near = panel + column * p - start
+    beyond = panel + p * p + column * size[front] - fronts.first[front]
+    place = near.take(j) + i
+    i, j = i[far], j[far]
+    place[far] = beyond.take(j) + np.searchsorted(fronts.keys, front.take(j) * front.size + i)
     data = np.zeros(fronts.panel[-2])
-    data[place] = K.data[lower]
+    data[place] = K.data[which]
     return data
+
+
+def kept_block(K: Any, keep: np.ndarray, fronts: Fronts) -> np.ndarray:
+    """Rows and columns of `K` that are kept, (nk, nk); far quicker than ``K[keep][:, keep]``."""
+    rows = K[keep]
+    row = np.repeat(np.arange(keep.size), np.diff(rows.indptr))
+    column = fronts.position.take(rows.indices) - fronts.start[-2]
+    inside = np.flatnonzero(column >= 0)
+    block = np.zeros((keep.size, keep.size))
+    block[row[inside], column[inside]] = rows.data[inside]
+    return block
 
 
 def panels(data: np.ndarray, fronts: Fronts) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -90,62 +101,46 @@ class Leftovers:
             self._used[self._odd[child]] -= self._sizes[child] ** 2
 
 
-@np.errstate(all="ignore")  # the triangles that do not count hold whatever was in memory
 def extend_add(
     F11: np.ndarray,
     F21: np.ndarray,
     F22: np.ndarray,
     C: np.ndarray,
     rows: np.ndarray,
-    cuts: Any,
+    runs: list[tuple[int, int, int]],
     first: bool,
 ) -> None:
     """Add what a child left over; only the lower triangles count (here: upper, transposed).
 
-    With the `first` child of a front `F22` holds nothing yet: it is written, and zeros beside it.
+    With the `first` child of a front `F22` holds zeros as yet: it is written, which is quicker.
     """
     p = len(F11)
-    if 12 * len(cuts) > len(rows):  # scattered: one by one
-        if first:
-            F22.fill(0.0)
+    if 12 * (len(runs) + 1) > len(rows):  # scattered: one by one
         k = int(rows.searchsorted(p))
         near, far = rows[:k], rows[k:] - p
         F11[near[:, None], near] += C[:k, :k]
         F21[near[:, None], far] += C[:k, k:]
         F22[far[:, None], far] += C[k:, k:]
         return
-    begin = rows[cuts[:-1]].tolist()
-    cuts = cuts.tolist()
-    pieces = list(zip(cuts[:-1], cuts[1:], begin, strict=True))
-    if first:
-        _zero_beside(F22, [(i - p, i - p + b - a) for a, b, i in pieces if i >= p])
-    for number, (a, b, i) in enumerate(pieces):
-        for c, d, j in pieces[number:]:
-            if j < p:
-                F11[i : i + b - a, j : j + d - c] += C[a:b, c:d]
-            elif i < p:
-                F21[i : i + b - a, j - p : j - p + d - c] += C[a:b, c:d]
-            elif first:
-                F22[i - p : i - p + b - a, j - p : j - p + d - c] = C[a:b, c:d]
+    pivots = [run for run in runs if run[2] < p]
+    border = [(a, b, i - p) for a, b, i in runs[len(pivots) :]]
+    for number, (a, b, i) in enumerate(pivots):
+        for c, d, j in pivots[number:]:
+            F11[i : i + b - a, j : j + d - c] += C[a:b, c:d]
+        for c, d, j in border:
+            F21[i : i + b - a, j : j + d - c] += C[a:b, c:d]
+    for number, (a, b, i) in enumerate(border):
+        for c, d, j in border[number:]:
+            if first:
+                F22[i : i + b - a, j : j + d - c] = C[a:b, c:d]
             else:
-                F22[i - p : i - p + b - a, j - p : j - p + d - c] += C[a:b, c:d]
-
-
-def _zero_beside(F22: np.ndarray, covered: list[tuple[int, int]]) -> None:
-    """Zeros in the upper triangle of a front's border, but for what the first child will write."""
-    end = len(F22)
-    stops = [begin for begin, _ in covered[1:]] + [end]
-    F22[: covered[0][0] if covered else end] = 0.0
-    for number, (begin, stop) in enumerate(covered):
-        for (_, here), there in zip(covered[number:], stops[number:], strict=True):
-            F22[begin:stop, here:there] = 0.0
-        F22[stop : stops[number], stop:] = 0.0
+                F22[i : i + b - a, j : j + d - c] += C[a:b, c:d]
 
 
 def mirror(S: np.ndarray, block: int = 256) -> None:
     """Copy the upper triangle of a square array onto the lower one, in place."""
     for begin in range(0, len(S), block):
         end = begin + block
-        square = np.triu(S[begin:end, begin:end])
-        S[begin:end, begin:end] = square + np.triu(square, 1).T
+        square = S[begin:end, begin:end]
+        np.copyto(square, square.T, where=np.tri(len(square), k=-1, dtype=bool))
         S[end:, begin:end] = S[begin:end, end:].T

@@ -25,6 +25,7 @@ References
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ from skfem_contact.linalg.multifrontal.assembly import (
     checked_matrix,
     extend_add,
     gather,
+    kept_block,
     mirror,
     panels,
 )
@@ -108,11 +110,11 @@ class MultifrontalCholesky:
         fronts, entries = analyse_entries(K, points, self.keep, leaf)
         self.fronts = fronts
         self.interior = np.sort(fronts.order[: fronts.start[-2]])
-        self.S = K[self.keep][:, self.keep].toarray()
+        self.S = kept_block(K, self.keep, fronts)
         self._data = gather(K, fronts, entries)
         del entries  # as large as K
         self.panels = panels(self._data, fronts)
-        self.borders = np.split(fronts.border, fronts.first[1:-1])
+        self.borders = [fronts.border[a:b] for a, b in pairwise(fronts.first.tolist())]
         diagonal = K.diagonal()
         with single_threaded():
             self._factorise(diagonal[fronts.order], points)
@@ -236,18 +238,17 @@ class MultifrontalCholesky:
         """Copy of the columns of `f` in the order of elimination."""
         return f.reshape(len(f), math.prod(f.shape[1:]))[self.fronts.order]
 
+    @np.errstate(all="ignore")  # the triangles that do not count hold whatever was in memory
     def _factorise(self, diagonal: np.ndarray, points: np.ndarray) -> None:
         fronts, panels = self.fronts, [*self.panels, (self.S, self.S[:, :0])]
         order, start, first = fronts.order, fronts.start.tolist(), fronts.first.tolist()
         children, runs = fronts.children, find_runs(fronts)
         left, leftovers = dict[int, np.ndarray](), Leftovers(fronts)
-        ratios = np.ones(order.size)
         for f in fronts.schedule:
             F11, F21 = panels[f]
             p, b = F21.shape
             F22 = leftovers.take(f)
-            if not children[f]:
-                F22.fill(0.0)
+            F22.fill(0.0)
             for child in children[f]:
                 rows, alone = fronts.target[first[child] : first[child + 1]], child == children[f][0]
                 extend_add(F11, F21, F22, left.pop(child), rows, runs[child], alone)
@@ -259,12 +260,12 @@ class MultifrontalCholesky:
                 if failed:
                     dof = order[start[f] + failed - 1]
                     raise NotPositiveDefinite(dof, points[dof], 0.0)
-                here = slice(start[f], start[f + 1])
-                ratios[here] = F11.diagonal() ** 2 / diagonal[here]
             if p and b:
                 dtrsm(1.0, F11.T, F21.T, side=1, lower=1, trans_a=1, overwrite_b=1)
                 dsyrk(-1.0, F21.T, beta=1.0, c=F22.T, lower=1, overwrite_c=1)
             left[f] = F22
+        pivots = np.concatenate([L11.diagonal() for L11, _ in self.panels])
+        ratios = pivots**2 / diagonal[: pivots.size]
         worst = int(np.argmin(ratios)) if ratios.size else 0  # a NaN is found as well
         self.pivot_ratio = float(ratios[worst]) if ratios.size else 1.0
         if not self.pivot_ratio >= LOST:

@@ -12,14 +12,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from skfem_contact.linalg.multifrontal.ordering import dissect, distinct
 
-#: From `lower_entries`: the mask that selects entries of a matrix, their rows and their columns.
-Entries = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+class Entries(NamedTuple):
+    """Stored entries of a matrix on or below the diagonal in its columns that are eliminated.
+
+    Attributes
+    ----------
+    which : ndarray of int
+        Where they are stored.
+    row, column : ndarray of int
+        Positions in the order of elimination.
+    far : ndarray of int
+        Those of them whose row is no pivot of the front that eliminates their column.
+    """
+
+    which: np.ndarray
+    row: np.ndarray
+    column: np.ndarray
+    far: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +76,11 @@ class Fronts:
     target: np.ndarray
     panel: np.ndarray
     schedule: list[int]
+
+    @property
+    def owner(self) -> np.ndarray:
+        """The front that each position is a pivot of, (n,)."""
+        return np.repeat(np.arange(self.parent.size), np.diff(self.start))
 
     @property
     def children(self) -> list[list[int]]:
@@ -143,10 +164,11 @@ def analyse_entries(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> 
     start = np.concatenate(([0], np.cumsum(pivots)))
     parent = np.append(tree.parent, last + 1)
 
-    entries = lower_entries(K, position, start[-2])
+    entries = lower_entries(K, position, start)
     keys = _borders(n, entries, start, parent, tree.levels)
     first = np.searchsorted(keys, np.arange(last + 2) * n)
-    border, up = keys % n, parent[keys // n]
+    front, border = np.divmod(keys, n)
+    up = parent[front]
     target = border - start[up]
     far = border >= start[up + 1]
     at = np.searchsorted(keys, up[far] * n + border[far])
@@ -157,47 +179,49 @@ def analyse_entries(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> 
     return fronts, entries
 
 
-def lower_entries(K: Any, position: np.ndarray, end: int) -> Entries:
-    """Stored entries on or below the diagonal in the columns of the reordered matrix before `end`.
+def lower_entries(K: Any, position: np.ndarray, start: np.ndarray) -> Entries:
+    """What is stored on or below the diagonal in the columns of the fronts that are eliminated."""
+    position = position.astype(K.indices.dtype)  # half as wide as other integers, and there are many
+    i, j = np.repeat(position, np.diff(K.indptr)), position.take(K.indices)
+    which = np.flatnonzero((i >= j) & (j < start[-2]))
+    i, j = i[which], j[which]
+    end = np.repeat(start[1:], np.diff(start))  # of the pivots, for each column
+    return Entries(which, i, j, np.flatnonzero(i >= end.take(j)))
 
-    Returns the mask that selects them, their rows and their columns.
-    """
-    i, j = position[np.repeat(np.arange(K.shape[0]), np.diff(K.indptr))], position[K.indices]
-    lower = (i >= j) & (j < end)
-    return lower, i[lower], j[lower]
 
+def find_runs(fronts: Fronts) -> list[list[tuple[int, int, int]]]:
+    """For each front, where its border is consecutive in the parent: runs of the border and their rows.
 
-def find_runs(fronts: Fronts) -> list[np.ndarray]:
-    """For each front, where its border stops being consecutive in the parent; begin and end too.
-
-    Also where it passes from the pivots of the parent to its border.
+    A run ``(a, b, i)`` is the border from a to b, which are the rows from i on in the parent: all of
+    them pivots there, or none.
     """
     size, pivots = np.diff(fronts.first), np.diff(fronts.start)
     begins = np.ones(fronts.target.size, dtype=bool)
     begins[1:] = np.diff(fronts.target) != 1
     begins[fronts.first[:-1][size > 0]] = True
     begins |= fronts.target == np.repeat(np.append(pivots, 0)[fronts.parent], size)
-    cuts = np.flatnonzero(begins)
-    owner = np.repeat(np.arange(size.size), size)[cuts]
-    local = cuts - fronts.first[owner]
-    runs = np.split(local, np.searchsorted(owner, np.arange(1, size.size)))
-    return [np.append(run, end) for run, end in zip(runs, size, strict=True)]
+    cuts = np.append(np.flatnonzero(begins), fronts.target.size)
+    bounds = np.searchsorted(cuts, fronts.first)
+    begin, end, row = cuts[:-1], cuts[1:], fronts.target[cuts[:-1]]
+    offset = np.repeat(fronts.first[:-1], np.diff(bounds))
+    local = (begin - offset).tolist(), (end - offset).tolist(), row.tolist()
+    runs = list(zip(*local, strict=True))
+    return [runs[a:b] for a, b in pairwise(bounds.tolist())]
 
 
 def _borders(
     n: int, entries: Entries, start: np.ndarray, parent: np.ndarray, levels: np.ndarray
 ) -> np.ndarray:
     """All borders as keys ``front * n + position``, the fronts of one level at a time."""
-    _, i, j = entries
-    front = np.repeat(np.arange(parent.size), np.diff(start))[j]
-    out = i >= start[front + 1]
-    own = distinct(front[out] * n + i[out])
+    key = np.repeat(np.arange(parent.size) * n, np.diff(start))  # of the front of each column
+    own = distinct(key.take(entries.column[entries.far]) + entries.row[entries.far])
     bounds = np.searchsorted(own, levels * n)
     keys, inherited = [], np.empty(0, dtype=np.int64)
     for begin, end in pairwise(bounds.tolist()):
         here = distinct(np.concatenate((own[begin:end], inherited)))
         keys.append(here)
-        up, i = parent[here // n], here % n
+        front, i = np.divmod(here, n)
+        up = parent[front]
         further = i >= start[up + 1]
         inherited = up[further] * n + i[further]
     return np.concatenate(keys)

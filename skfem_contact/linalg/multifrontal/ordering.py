@@ -67,7 +67,7 @@ def dissect(A: Any, points: np.ndarray, leaf: int, inside: np.ndarray | None = N
     ([3, 5, 2, 6, 1, 4, 0], [4, 4, 5, 5, 6, 6, 7])
     """
     node, centres = _nodes(points if inside is None else points[inside])
-    count, of_all = len(centres), node
+    count, of_all = centres.shape[1], node
     if inside is not None:
         of_all = np.full(len(points), -1)
         of_all[inside] = node
@@ -86,7 +86,6 @@ def dissect(A: Any, points: np.ndarray, leaf: int, inside: np.ndarray | None = N
             break
         nodes, half = _halves(nodes, box, centres)
         label[nodes] = half
-        a, b = _both(a, b, (label[a] >= 0) & (label[b] >= 0))
         label[_separators(a, b, label, 2 * len(parents[-1]))] = -1
         a, b = _both(a, b, (label[a] == label[b]) & (label[a] >= 0))
         nodes = nodes[label[nodes] >= 0]
@@ -114,7 +113,9 @@ def distinct(x: np.ndarray) -> np.ndarray:
 
 def _changes(x: np.ndarray) -> np.ndarray:
     """Mark what differs from the entry before it."""
-    return np.append(np.ones(min(1, x.size), dtype=bool), x[1:] != x[:-1])
+    change = np.ones(x.size, dtype=bool)
+    np.not_equal(x[1:], x[:-1], out=change[1:])
+    return change
 
 
 def _groups(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -128,24 +129,26 @@ def _both(a: np.ndarray, b: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _nodes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Node of each DOF and position of each node; a node is the DOFs at one point."""
+    """Node of each DOF and positions of the nodes, (d, nodes); a node is the DOFs at one point."""
     # One number per point sorts faster than its coordinates. Should two points share a number,
     # they are treated as one node: a slightly worse cut, never a wrong one.
     number = np.zeros(len(points))
     for axis, x in enumerate(points.T):
         number += np.sqrt(axis + 2.0) * x
     _, first, node = np.unique(number, return_index=True, return_inverse=True)
-    return node, points[first]
+    return node, np.ascontiguousarray(points[first].T)
 
 
 def _edges(A: Any, node: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of nodes that the matrix couples, each once; DOFs without node, -1, are left out."""
     A = A.tocsr()
-    i, j = node[np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))], node[A.indices]
-    lower = np.minimum(i, j)
-    key = (lower * count + np.maximum(i, j))[(i != j) & (lower >= 0)]
-    key = distinct(key[_changes(key)])  # the DOFs of a node are mostly neighbours: less to sort
-    return key // max(1, count), key % max(1, count)
+    node = node.astype(A.indices.dtype)  # half as wide as keys, and there are many entries
+    i, j = np.repeat(node, np.diff(A.indptr)), node.take(A.indices)
+    # the DOFs of a node are mostly neighbours: less to sort
+    once = np.flatnonzero((_changes(j) | _changes(i)) & (i != j) & (np.minimum(i, j) >= 0))
+    i, j = i[once], j[once]
+    key = distinct(np.minimum(i, j) * np.int64(count) + np.maximum(i, j))
+    return np.divmod(key, max(1, count))
 
 
 def _halves(nodes: np.ndarray, box: np.ndarray, centres: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -156,25 +159,24 @@ def _halves(nodes: np.ndarray, box: np.ndarray, centres: np.ndarray) -> tuple[np
     empty: a box that is cut has two nodes at least, at two places.
     """
     start, local = _groups(box)
-    size = np.diff(np.append(start, nodes.size))
-    t = _along(centres[nodes], start, local)
-    order = np.argsort(2 * local + t)
-    t = t[order]
-    middle = t[start + size // 2][local]
-    below = np.add.reduceat((t < middle).astype(np.int64), start)
-    upto = np.add.reduceat((t <= middle).astype(np.int64), start)
-    cut = np.where(2 * upto - size <= size - 2 * below, upto, below)
-    upper = np.arange(nodes.size) - start[local] >= cut[local]
-    return nodes[order], 2 * box + upper
+    size = np.bincount(local)
+    place = 2 * local + _along(centres.take(nodes, axis=1), start, local)
+    order = np.argsort(place)
+    place = place[order]
+    middle = place[start + size // 2]
+    below, upto = np.searchsorted(place, middle), np.searchsorted(place, middle, side="right")
+    cut = np.where(below + upto <= 2 * start + size, upto, below)  # whichever halves are more alike
+    return nodes[order], 2 * box + (np.arange(nodes.size) >= cut[local])
 
 
 def _along(x: np.ndarray, start: np.ndarray, local: np.ndarray) -> np.ndarray:
-    """Position from 0 to 1 along the longest side of each group of consecutive points."""
-    low, high = np.minimum.reduceat(x, start), np.maximum.reduceat(x, start)
-    axis, row = np.argmax(high - low, axis=1), np.arange(start.size)
-    low, side = low[row, axis], (high - low)[row, axis]
+    """Position from 0 to 1 along the longest side of each group of consecutive points x, (d, n)."""
+    low = np.minimum.reduceat(x, start, axis=1)
+    side = np.maximum.reduceat(x, start, axis=1) - low
+    axis, group = np.argmax(side, axis=0), np.arange(start.size)
+    low, side = low[axis, group], side[axis, group]
     side[side == 0.0] = 1.0
-    return (x[np.arange(len(x)), axis[local]] - low[local]) / side[local]
+    return (x[axis[local], np.arange(local.size)] - low[local]) / side[local]
 
 
 def _separators(a: np.ndarray, b: np.ndarray, label: np.ndarray, halves: int) -> np.ndarray:
@@ -197,7 +199,7 @@ def _from_below(
     along = np.zeros(owner.size)
     if owner.size:
         order = np.argsort(owner)
-        along[order] = _along(centres[order], *_groups(owner[order]))
+        along[order] = _along(centres.take(order, axis=1), *_groups(owner[order]))
     return Dissection(
         owner=owner[node],
         parent=(parent.size - 1 - parent)[::-1],
