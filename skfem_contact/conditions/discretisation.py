@@ -24,6 +24,7 @@ from skfem_contact.pairing.faces.supports import held_tangents
 from skfem_contact.pairing.frames import loaded_frames
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
+from skfem_contact.pairing.vectors import entries
 
 Array = NDArray[np.float64]
 
@@ -230,9 +231,9 @@ def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
         middle[at[:, :2]] = at[:, 2:]
         lonely = _idle_points(surface, surface.area) & ~pairing.paired
         heir = np.where(lonely, middle, heir)
-    weights = csr_matrix(pairing.secondary_weights).tocoo()
-    lent = ~pairing.paired[weights.col] & (weights.row != weights.col)
-    row, col, weight = weights.row[lent], weights.col[lent], weights.data[lent]
+    row, col, weight = entries(pairing.secondary_weights)
+    lent = ~pairing.paired[col] & (row != col)
+    row, col, weight = row[lent], col[lent], weight[lent]
     order = np.lexsort((-pairing.gap[row], np.round(weight, DIGITS_OF_WEIGHTS)))
     # of those written to one place the last stays, with the largest weight
     heir[col[order]] = row[order]

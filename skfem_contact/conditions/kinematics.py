@@ -17,7 +17,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csr_matrix, diags, identity, vstack
+from scipy.sparse import block_diag, csr_matrix, diags, identity
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
@@ -30,6 +30,7 @@ from skfem_contact.conditions.rows import (
     sides_of,
     slip_sides,
     spread_rows,
+    stacked,
     tangential_rows,
     with_columns,
 )
@@ -290,18 +291,18 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
     if not parts:
         raise InputError("There is no contact: give at least one Contact.")
     names = "gap0 area points normal tangent paired tied bilateral action offset tilt vertex"
-    stacked = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names.split()}
+    values = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names.split()}
     first = np.cumsum([0, *(part.m for part in parts)])
     heir = np.concatenate([k + part.heir for k, part in zip(first[:-1], parts, strict=True)])
     return Kinematics(
-        B_n=csr_matrix(vstack([part.B_n for part in parts])),
+        B_n=stacked([part.B_n for part in parts]),
         tangential=partial(_joined_tangential, tuple(parts)),
         tangents=parts[0].tangents,
         heir=heir,
         corners=tuple(found for part in parts for found in part.corners),
         gap_weights=_joined_weights(parts),
         scaled=_joined_axes(parts),
-        **stacked,
+        **values,
     )
 
 
@@ -320,7 +321,7 @@ def _joined_axes(parts: Sequence[Kinematics]) -> Array | None:
 
 def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
     """The same rows restricted to some DOFs."""
-    place = np.full(kin.B_n.shape[1], -1)
+    place = np.full(kin.B_n.shape[1], -1, dtype=kin.B_n.indices.dtype)
     place[columns] = np.arange(len(columns))
     return replace(
         kin,
@@ -330,7 +331,7 @@ def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
 
 
 def _joined_tangential(parts: Sequence[Kinematics]) -> csr_matrix:
-    return csr_matrix(vstack([part.B_t for part in parts]))
+    return stacked([part.B_t for part in parts])
 
 
 def _tangential_columns(kin: Kinematics, place: NDArray[np.intp], count: int) -> csr_matrix:

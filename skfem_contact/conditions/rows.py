@@ -19,7 +19,7 @@ from skfem_contact.conditions.lever import Lever
 from skfem_contact.conditions.slip_axes import combined_rows
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.supports import held_rows
-from skfem_contact.pairing.vectors import turned
+from skfem_contact.pairing.vectors import entries, turned
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -70,23 +70,23 @@ def spread_rows(
     Of rows that are `held` only what is prescribed is left: so no route closes them, and checks of
     prescribed values see them. The weights `bulge` act on displacements turned by -90 degrees.
     """
-    entries = []
+    found = []
     along, given = direction, [(*side, direction) for side in sides]
     if bulge is not None:
         given.append((*bulge, turned(direction)))
     for weights, surface, sign, direction in given:
-        W = csr_matrix(weights).tocoo()
-        keep = paired[W.row]
-        row, node, value = W.row[keep], W.col[keep], sign * W.data[keep]
+        row, node, value = entries(weights)
+        keep = paired[row]
+        row, node, value = row[keep], node[keep], sign * value[keep]
         columns = system.offsets[system.index(surface.body)] + surface.dofs[node]
         rows = np.repeat(row, surface.dofs.shape[1])
         coefficients = value[:, None] * direction[row]
         if held.any():
             coefficients[held[row][:, None] & ~surface.held[node]] = 0.0
-        entries.append((coefficients.ravel(), rows, columns.ravel()))
+        found.append((coefficients.ravel(), rows, columns.ravel()))
     if lever is not None:
-        entries.append(lever.entries(along, paired, held))
-    data, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
+        found.append(lever.entries(along, paired, held))
+    data, rows, columns = (np.concatenate(part) for part in zip(*found, strict=True))
     spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
     spread.sum_duplicates()
     spread.eliminate_zeros()
@@ -118,13 +118,18 @@ def tangential_rows(
     return rows if A is None else combined_rows(A, rows)
 
 
+def stacked(blocks: Sequence[csr_matrix]) -> csr_matrix:
+    """Rows of several matrices one after the other; of a single one itself."""
+    return blocks[0] if len(blocks) == 1 else csr_matrix(vstack(blocks))
+
+
 def _interleave(blocks: Sequence[csr_matrix]) -> csr_matrix:
     """Rows of several tangents in the order point by point."""
     if len(blocks) == 1:
-        return csr_matrix(blocks[0])
+        return blocks[0]
     m, k = blocks[0].shape[0], len(blocks)
     order = np.arange(m * k).reshape(k, m).T.ravel()
-    return csr_matrix(vstack(blocks).tocsr()[order])
+    return csr_matrix(stacked(blocks)[order])
 
 
 def compliance_scale(B: csr_matrix, diagonal: Array) -> Array:
@@ -144,8 +149,22 @@ def with_columns(B: csr_matrix, place: NDArray[np.intp], count: int) -> csr_matr
     """
     column = place[B.indices]
     keep = column >= 0
-    start = np.concatenate([[0], np.cumsum(keep)])[B.indptr]
-    return csr_matrix((B.data[keep], column[keep], start), shape=(B.shape[0], count))
+    start = np.zeros(len(keep) + 1, dtype=B.indptr.dtype)
+    np.cumsum(keep, out=start[1:])
+    return csr_matrix((B.data[keep], column[keep], start[B.indptr]), shape=(B.shape[0], count))
+
+
+def columns_of(B: csr_matrix, span: slice) -> csr_matrix:
+    """Columns that follow each other, those of one body."""
+    place = np.full(B.shape[1], -1, dtype=B.indices.dtype)
+    place[span] = np.arange(span.stop - span.start)
+    return with_columns(B, place, span.stop - span.start)
+
+
+def row_sizes(B: csr_matrix) -> Array:
+    """Euclidean norm of each row."""
+    row, _, value = entries(B)
+    return np.sqrt(np.bincount(row, value**2, B.shape[0]))
 
 
 def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:

@@ -127,7 +127,8 @@ def contact_rows(
 
 def point_labels(contact: Contact, m: int) -> NDArray[np.object_]:
     """The points of a contact in words."""
-    return np.array([f"point {i} of {contact.label}" for i in range(m)], dtype=object)
+    label = contact.label
+    return np.array([f"point {i} of {label}" for i in range(m)], dtype=object)
 
 
 def secondary_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.bool_]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, lapack
 
+from skfem_contact.linalg.in_place import mirror
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.linalg.thresholds import NO_PIVOT
 
@@ -95,8 +96,7 @@ class DenseFactors:
         if not self.factors.size:
             return np.zeros((0, 0))
         inverse: Array = lapack.dpotri(self.factors, lower=1, overwrite_c=1)[0]
-        for j in range(len(inverse)):  # above the diagonal LAPACK leaves what was there
-            inverse[j, j + 1 :] = inverse[j + 1 :, j]
+        mirror(inverse)  # above the diagonal LAPACK leaves what was there
         return inverse.T  # in the order of rows, as NumPy's own
 
 

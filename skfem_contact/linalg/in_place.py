@@ -32,6 +32,21 @@ def symmetrise(A: Array) -> None:
         A[rows.start :, rows] = mean.T
 
 
+def mirror(A: Array) -> None:
+    """What is below the diagonal written above it, too.
+
+    >>> A = np.array([[1.0, 0.0], [4.0, 3.0]])
+    >>> mirror(A)
+    >>> A.tolist()
+    [[1.0, 4.0], [4.0, 3.0]]
+    """
+    for begin in range(0, len(A), thresholds.MIRRORED_AT_ONCE):
+        end = min(begin + thresholds.MIRRORED_AT_ONCE, len(A))
+        block = A[begin:end, begin:end]
+        np.copyto(block, block.T, where=~np.tri(len(block), dtype=bool))
+        A[begin:end, end:] = A[end:, begin:end].T
+
+
 def divide(A: Array, scale: Array) -> None:
     """``A_ij / (scale_i scale_j)``."""
     for rows in blocks(len(A)):

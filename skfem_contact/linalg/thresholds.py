@@ -13,6 +13,9 @@ ACCEPTED = 1e-4
 # Rows of a dense matrix that are worked on at once: enough for matrix products, few beside the matrix.
 ROWS_AT_ONCE = 1024
 
+# Rows of a triangle that are copied at once: few operations, and a block that caches hold.
+MIRRORED_AT_ONCE = 128
+
 # -- memory ------------------------------------------------------
 
 # Twice the bytes of the factors of squares over n log2 n, and of cubes over n^1.37: 3.2 GB are taken by

@@ -38,7 +38,7 @@ from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.pairing.segmentation import Quadrature
 from skfem_contact.pairing.thresholds import MOVING_SHARE, OVERHANG, SHARE_FREE
-from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
+from skfem_contact.pairing.vectors import dot, entries, facet_normal_field, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -128,11 +128,11 @@ def held_rows(sides: Sequence[tuple[csr_matrix, ContactSurface, float]], directi
     for (weights, surface, _), least in zip(sides, (SHARE_FREE, MOVING_SHARE), strict=False):
         if not surface.held.any():
             return np.zeros(len(direction), dtype=bool)
-        W = csr_matrix(weights).tocoo()
-        moving = can_move(surface.held[W.col], direction[W.row])
-        size, m = np.abs(W.data), len(direction)
-        free = np.bincount(W.row, size * moving, m)
-        held &= free < least * np.bincount(W.row, size, m)
+        row, node, weight = entries(weights)
+        moving = can_move(surface.held[node], direction[row])
+        size, m = np.abs(weight), len(direction)
+        free = np.bincount(row, size * moving, m)
+        held &= free < least * np.bincount(row, size, m)
     return held
 
 

@@ -1,9 +1,10 @@
-"""Vectors in the plane, normal fields and ragged ranges, as all pairings use them."""
+"""Vectors in the plane, normal fields, ragged ranges, entries of weights: as all pairings use them."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.surface import ContactSurface
 
@@ -37,6 +38,16 @@ def ragged(start: Index, count: Index) -> Index:
     """
     before = np.cumsum(count) - count
     return np.arange(count.sum()) + np.repeat(start - before, count)
+
+
+def entries(weights: csr_matrix) -> tuple[Index, Index, Array]:
+    """Rows, columns and values of the entries of a matrix, row by row; much faster than SciPy's own.
+
+    >>> [part.tolist() for part in entries(csr_matrix([[0.0, 2.0], [3.0, 4.0]]))]
+    [[0, 1, 1], [1, 0, 1], [2.0, 3.0, 4.0]]
+    """
+    W = csr_matrix(weights)
+    return np.repeat(np.arange(W.shape[0]), np.diff(W.indptr)), W.indices, W.data
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -23,10 +23,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, block_diag
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.rows import columns_of, stacked
 from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.direct import Dense
@@ -86,6 +87,13 @@ class Condensed:
         self.P = block_diag(*springs) if springs else np.zeros((0, 0))
         self._split: dict[str, tuple[Array, list[Array]]] = {}
 
+    @cached_property
+    def anchor_rows(self) -> csr_matrix:
+        """The extensions of the springs as rows over the contact DOFs: P', one entry in each."""
+        count = self.P.shape[1]
+        entries = self.P.max(axis=0), self.P.argmax(axis=0), np.arange(count + 1)
+        return csr_matrix(entries, shape=(count, len(self.P)))
+
     def flexibility(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c, r) -> (n_c, r)."""
         pieces = [
@@ -96,9 +104,8 @@ class Condensed:
 
     def row_flexibility(self, rows: csr_matrix) -> Array:
         """Sparse rows over the contact DOFs times ``F``, (r, n_c) -> (r, n_c)."""
-        rows = rows.tocsc()
         pieces = [
-            csr_matrix(rows[:, span]) @ part.flexibility
+            columns_of(rows, span) @ part.flexibility
             for part, span in zip(self.substructures, self.kept_spans, strict=True)
         ]
         return np.concatenate(pieces, axis=1)
@@ -173,7 +180,7 @@ class PointProblem(OnContactDofs[Condensed]):
         super().__init__(bodies, on)
         B, normal_rows, tangential_rows = self.changing_rows(on)
         # of the dense matrices S alone is kept, in the place of A; G F follows from G
-        self.G = G = csr_matrix(vstack([B, csr_matrix(bodies.P.T)]))
+        self.G = G = stacked([B, bodies.anchor_rows] if bodies.P.size else [B])
         self.q = q = B.shape[0]
         A = delassus.inverse(delassus.row_flexibility(G, bodies.row_flexibility))
         self.A_zq, self.A_qq = A[:q, q:].copy(), A[q:, q:].copy()

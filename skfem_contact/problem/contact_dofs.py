@@ -7,11 +7,12 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix, csr_matrix, vstack
+from scipy.sparse import csc_matrix, csr_matrix
 
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.rows import row_sizes, stacked
 from skfem_contact.conditions.thresholds import FIXED
 from skfem_contact.problem.response import Source
 from skfem_contact.problem.seam import Posed, PosedOn
@@ -56,16 +57,16 @@ class OnContactDofs(Posed, Generic[B]):
         Those of gaps first; -1 where a point has none, (m,) and (m, d-1).
         """
         kin, t = self.rows, on.kin.tangents
-        normal = np.flatnonzero(kin.paired & (_row_size(kin.B_n) > FIXED))
-        tangential, rows = np.zeros(0, dtype=np.intp), [kin.B_n[normal]]
+        normal = np.flatnonzero(kin.paired & (row_sizes(kin.B_n) > FIXED))
+        tangential, rows = np.zeros(0, dtype=np.intp), [_chosen(kin.B_n, normal)]
         if self.slips:
             may_slip = np.repeat(kin.paired & on.slipping, t)
-            tangential = np.flatnonzero(may_slip & (_row_size(kin.B_t) > FIXED))
-            rows.append(kin.B_t[tangential])
+            tangential = np.flatnonzero(may_slip & (row_sizes(kin.B_t) > FIXED))
+            rows.append(_chosen(kin.B_t, tangential))
         normal_rows, tangential_rows = np.full(kin.m, -1), np.full(kin.m * t, -1)
         normal_rows[normal] = np.arange(len(normal))
         tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
-        return csr_matrix(vstack(rows)), normal_rows, tangential_rows.reshape(kin.m, t)
+        return stacked(rows), normal_rows, tangential_rows.reshape(kin.m, t)
 
     def constant(self, case: LoadCase) -> tuple[Array, Array]:
         """Initial gaps and slips with what prescribed displacements add."""
@@ -82,5 +83,6 @@ class OnContactDofs(Posed, Generic[B]):
         return self.bodies.surface(source, case)
 
 
-def _row_size(B: csr_matrix) -> Array:
-    return np.sqrt(np.asarray(B.multiply(B).sum(axis=1)).ravel())
+def _chosen(B: csr_matrix, rows: Index) -> csr_matrix:
+    """Some rows, in their order; usually all."""
+    return B if len(rows) == B.shape[0] else csr_matrix(B[rows])

@@ -56,7 +56,8 @@ def row_flexibility(G: csr_matrix, times_flexibility: Callable[[csr_matrix], Arr
     """
     W = np.empty((G.shape[0], G.shape[0]))
     for rows in blocks(len(W)):
-        W[:, rows] = G @ times_flexibility(G[rows]).T
+        some = G[rows] if rows.stop - rows.start < len(W) else G
+        W[:, rows] = G @ times_flexibility(some).T
     return W
 
 
