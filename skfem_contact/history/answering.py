@@ -76,8 +76,9 @@ class Answering(ByFields):
                 lambda: result.u,
                 result.mismatch,
             )
-            if found.settled is None:
-                watched = replace(watched, leaning=second_order(found.advance.attempt))
+            leaning = second_order(found.advance.attempt) if found.settled is None else {}
+            if leaning:
+                watched = replace(watched, leaning=leaning)
             result.watch(watched)
             result.watch(self.watch.warn(result))
             _warn(result)

@@ -27,7 +27,7 @@ def propose_in_plane(step: Step, current: Guess, response: Response) -> Guess:
         finite = np.isfinite(response.gap)
         gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
         penetrates &= response.gap < -ROUND_OFF * gap_scale
-    pulls = ~was_open & (response.normal_force < -nothing)
+    pulls = response.normal_force < -nothing  # at open points it is zero
     if step.closed_for_good is not None:
         pulls &= ~step.bilateral
 
@@ -36,7 +36,7 @@ def propose_in_plane(step: Step, current: Guess, response: Response) -> Guess:
         status, direction = np.where(slips, SLIP, STICK), along[:, None]
     else:
         status, direction = np.full(len(was_open), STICK), np.zeros(response.slip.shape)
-    status[was_open & ~penetrates | pulls] = OPEN
+    status[was_open ^ penetrates | pulls] = OPEN
     if step.closed_for_good is not None:
         status[step.tied & step.paired] = STICK
     return Guess(status, direction, response.normal_force, response.tangential_force, response.slip)
