@@ -32,7 +32,7 @@ def same(one: NDArray[Any], other: NDArray[Any]) -> bool:
     >>> same(np.zeros(2), np.zeros(2)), same(np.zeros(2), np.ones(2))
     (True, False)
     """
-    return np.count_nonzero(one == other) == one.size
+    return bool(np.count_nonzero(one == other) == one.size)
 
 
 def check_size(array: NDArray[Any], n: int, what: str, why: str) -> None:
