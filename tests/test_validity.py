@@ -267,6 +267,13 @@ def test_spinning_disc_loses_its_force(angle, mu):
     assert_allclose(answer_of(after).watched.drifts[0].gap_error, error, rtol=1e-3)
 
 
+def test_a_whole_turn_is_no_rest():
+    """With small sliding a whole turn ends where it began, and drags nothing along."""
+    with pytest.warns(sc.ContactWarning, match="slip, .* along the chord .* is 100 % off the arc"):
+        before, after = under_disc(moved(0.0, 2 * np.pi), mu=0.3)
+    assert_allclose(after.force, before.force, rtol=0, atol=1e-9 * abs(before.force[1]))
+
+
 def test_spinning_disc_keeps_its_force():
     """Turned a little, or with finite sliding."""
     turned = under_disc(moved(0.0, 0.01))[-1]

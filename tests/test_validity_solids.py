@@ -88,6 +88,45 @@ def test_a_block_that_hardly_moves(by):
     assert "Validity of the model: holds" in result.report()
 
 
+def drilled(turn, sliding):
+    """A block pressed on a plane that turns under its middle: its torque over the force, and words."""
+    top = at(2, 1.0)
+    block = brick(
+        "block", 3, (-1, -1, 0), (1, 1, 1), held=((top, (0, 1, 2)),), push=(top, (0, 0, -0.01))
+    )
+    floor = sc.RigidPlane((0, 0, 0), (0, 0, 1), name="floor")
+    foot = sc.Contact(
+        block.surface(at(2, 0.0)), floor, friction=sc.Coulomb(0.1), sliding=sliding, name="foot"
+    )
+    motions = [((0, 0, 0), (0, 0, angle), (0, 0, 0)) for angle in (0.0, turn)]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = list(
+            sc.ContactSolver(block, foot).history([{"motion": {"floor": motion}} for motion in motions])
+        )[-1]
+    words = " ".join(str(w.message) for w in caught if w.category is sc.ContactWarning)
+    return result, result.moment((0, 0, 0))[2] / result.force[2], words
+
+
+def test_a_floor_that_turns_under_a_block():
+    """Small sliding drags along the chord: half a turn has no torque, where all points slip round."""
+    known = drilled(np.pi, "finite")[1]
+    assert known > 0.05
+    for turn in (0.1, 0.3, np.pi, 2 * np.pi):
+        result, torque, words = drilled(turn, "small")
+        # arc and chord of a circle of radius one, an angle of half the turn between them
+        chord = 2 * abs(np.sin(turn / 2))
+        off = np.sqrt(turn**2 + chord**2 - 2 * turn * 2 * np.sin(turn / 2) * np.cos(turn / 2)) / turn
+        drift = result.validity.contacts["foot"].drift
+        assert drift.off_arc == pytest.approx(off, rel=1e-6)
+        told = off > 0.1
+        assert ("friction points the wrong way" in words) == told == (not result.validity.holds)
+        assert told or torque == pytest.approx(known, rel=0.02)
+        if turn > 3:
+            assert abs(torque) < 0.01 * known
+    assert not drilled(np.pi, "finite")[2]
+
+
 def test_rolling_of_a_ball_on_a_block():
     """A sphere moved aside by its radius of contact: gaps and normals are not what they were."""
     block = brick("block", 8, (-1, -1, -1), (1, 1, 0), held=((at(2, -1.0), (0, 1, 2)),))

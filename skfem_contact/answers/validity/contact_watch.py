@@ -17,7 +17,7 @@ from skfem_contact.answers.validity.give import beyond_round_off, elastic_approa
 from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
 from skfem_contact.answers.validity.support import Support, unit_motions
 from skfem_contact.answers.validity.tool_chords import pierced, pierced_words
-from skfem_contact.answers.validity.track import Track, tool_motion
+from skfem_contact.answers.validity.track import Track, off_arc, tool_motion
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
@@ -170,6 +170,8 @@ class ContactWatch:
         force = state.normal_force[part]
         tool = tool_motion(self.system, contact, track, u)
         found = track.drift(closed, slip, gap[part], force, approach, case, self.i, part, tool)
+        if contact.rigid and tool is None and contact.friction is not None:
+            found["off_arc"] = off_arc(case.motion[self.i], track, np.where(closed, force, 0.0))
         if self.on_obstacle:
             found |= obstacle_drift(self.geometry, self.i, state, gap, case, u, approach)
         return Drift(count, approach=approach, strain=strain, sagitta=sagitta, **found)

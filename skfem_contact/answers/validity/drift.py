@@ -8,7 +8,9 @@ a point, the curvature ``k`` of the other side and the width ``w`` of the contac
 * normals off by ``k s``, and so the directions of forces;
 * gaps off by ``k s^2 / 2``, or what the true distance to a rigid obstacle at its place says, against
   the approach that the bodies take up elastically;
-* points that press where the other surface has ended.
+* points that press where the other surface has ended;
+* friction along the chord to where a rigid obstacle has turned a point of it, where what passes under a
+  point of contact goes along the arc.
 
 Linear bodies let through errors of the order of their strains and rotations. All of this is told from
 what a load step knows: gaps, slips, forces and prescribed displacements; vectors of the size of the
@@ -54,6 +56,9 @@ class Drift:
         their share of the surface that has slid past it.
     motion : float
         By how much a rigid obstacle has moved where points are closed [length].
+    off_arc : float
+        How far the chords along which a rigid obstacle turns under points are off their arcs, over the
+        arcs, the mean over the normal forces; with friction.
     approach : float
         What the bodies take up elastically between their supports and the contact; zero where that is
         round-off of their places [length].
@@ -92,6 +97,7 @@ class Drift:
     overhang: float = 0.0
     beyond_share: float = 0.0
     motion: float = 0.0
+    off_arc: float = 0.0
     approach: float = 0.0
     strain: float = 0.0
     sagitta: float = 0.0
@@ -117,7 +123,7 @@ class Drift:
     @property
     def small_sliding_holds(self) -> bool:
         """Whether small sliding is a good model at this answer."""
-        off = self.tilt > TILT or self.gap_share > GAP
+        off = self.tilt > TILT or self.off_arc > TILT or self.gap_share > GAP
         return not (self.slides_far or self.passes_end or off)
 
     @property

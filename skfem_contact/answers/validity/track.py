@@ -283,6 +283,20 @@ def gaps_at_obstacle(
     return {"gap_error": worst, "gap_share": worst / max(approach, worst) if worst else 0.0}
 
 
+def off_arc(motion: Motion, track: Track, force: Array) -> float:
+    """`Drift.off_arc`, under normal forces (m,).
+
+    Where it is carried along as well, the centre has been half way in the mean.
+    """
+    if not motion.turns:
+        return 0.0
+    arc = slid(motion, track.points + 0.5 * motion.translation)
+    off = arc - motion.shift(track.points)
+    arc, off = (v - np.sum(v * track.normal, axis=1)[:, None] * track.normal for v in (arc, off))
+    whole = float(force @ np.linalg.norm(arc, axis=1))
+    return float(force @ np.linalg.norm(off, axis=1)) / whole if whole > 0 else 0.0
+
+
 def slid(motion: Motion, points: Array) -> Array:
     """How far an obstacle's surface has come along under points, the whole turn counted, (m, d)."""
     return motion.slid(Motion.none(len(motion.centre)), points)

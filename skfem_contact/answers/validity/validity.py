@@ -166,7 +166,7 @@ class Validity:
         for part in self.contacts.values():
             drift = part.drift
             found += [min(drift.facets / FACETS, drift.widths / WIDTH), drift.tilt / TILT]
-            found += [drift.gap_share / GAP, drift.strain / LARGE, part.excess]
+            found += [drift.off_arc / TILT, drift.gap_share / GAP, drift.strain / LARGE, part.excess]
             found += [part.chord_share / GAP, drift.sagitta_share / SAGITTA]
         found += [strain / LARGE for strain in self.strain.values()]
         found += [rotation / LARGE for rotation in self.rotation.values()]
@@ -200,6 +200,11 @@ def _contact_lines(part: ContactValidity) -> list[str]:
         words.append(
             f"normals off by {drift.tilt:.2g} (up to {TILT:g}), gaps by {100 * drift.gap_share:.2g} % "
             f"of the elastic approach (up to {100 * GAP:g} %)"
+        )
+    if drift.off_arc:
+        words.append(
+            f"chords of the obstacle's turn {100 * drift.off_arc:.2g} % off their arcs (up to "
+            f"{100 * TILT:g} %)"
         )
     if not np.isnan(part.overlap):
         unseen = f", {part.unseen} points without partner" if part.unseen else ""

@@ -29,6 +29,12 @@ def sliding_words(drift: Drift) -> str:
         )
     if drift.tilt > TILT:
         found.append(f"normals are off by up to {drift.tilt:.3g} rad, and so are the forces")
+    if drift.off_arc > TILT:
+        found.append(
+            "the obstacle has turned, and slip, which is taken along the chord to where it has come, "
+            f"is {100 * drift.off_arc:.3g} % off the arc that has passed under the points: friction "
+            "points the wrong way"
+        )
     if drift.gap_share > GAP:
         found.append(
             f"gaps are wrong by up to {drift.gap_error:.3g}, {100 * drift.gap_share:.3g} % of the "
