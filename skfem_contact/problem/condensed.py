@@ -161,8 +161,11 @@ class Condensed:
                     [known[k] if known else None for known in components[some]],
                     [(case.f[span], case.x[span]) for case in cases[some]],
                 )
-                for column, out in zip(np.ascontiguousarray(x.T), u[some], strict=True):
-                    out[place] = column
+                for few in range(0, x.shape[1], 8):  # a copy of all would take as much memory again
+                    columns = np.ascontiguousarray(x[:, few : few + 8].T)
+                    for column, out in zip(columns, u[first + few :], strict=False):
+                        out[place] = column
+                del x  # or it waits while the next one is computed
         return u
 
     def attach(self, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> ContactProblem:

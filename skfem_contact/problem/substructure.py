@@ -110,12 +110,10 @@ class LoadSpan:
         """Loads on the kept DOFs that have one component, which is one, (n_c, k)."""
         return self._eliminated[len(self._eliminated) - len(self._factor.keep) :]
 
-    def eliminated(self, components: Sequence[Array]) -> Array:
-        """Loads with these components, the interior eliminated, (n, r)."""
-        C = np.zeros((self._eliminated.shape[1], len(components)))
-        for column, c in zip(C.T, components, strict=True):
-            column[: len(c)] = c
-        return self._eliminated @ C
+    @property
+    def eliminated(self) -> Array:
+        """Loads that have one component, which is one, the interior eliminated, (n, k)."""
+        return self._eliminated
 
 
 def _combined(Q: Array, c: Array) -> Array:
@@ -285,12 +283,18 @@ class Substructure:
             From `components`.
         loads : sequence of (f, x)
         """
-        known = [(np.zeros(0), np.zeros(0)) if c is None else c for c in components]
-        x = self._forces.eliminated([c[0] for c in known])
-        x += self._moves.eliminated([c[1] for c in known])
-        for column, c, load in zip(x.T, components, loads, strict=True):
+        # forces and moves at once: BLAS is slow with a single direction, as most histories have of each
+        along = np.concatenate([self._forces.eliminated, self._moves.eliminated], axis=1)
+        moves = self._forces.eliminated.shape[1]
+        C = np.zeros((along.shape[1], len(components)))
+        for column, c in zip(C.T, components, strict=True):
+            if c is not None:  # steps may know fewer directions than later ones
+                column[: len(c[0])] = c[0]
+                column[moves : moves + len(c[1])] = c[1]
+        x = along @ C
+        for k, (c, load) in enumerate(zip(components, loads, strict=True)):
             if c is None:
-                column[:] = self._factor.eliminate(self._free_load(*load))[:, 0]
+                x[:, k] = self._factor.eliminate(self._free_load(*load))[:, 0]
         return self._factor.substitute(kept, x)
 
     def _free_load(self, f: Array, x: Array) -> Array:

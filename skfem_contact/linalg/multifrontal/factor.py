@@ -29,7 +29,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.blas import dgemm, dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.errors import InputError
@@ -293,5 +293,6 @@ class MultifrontalCholesky:
             L11, L21 = self.panels[f]
             y = x[start[f] : start[f + 1]]
             if y.size:
-                y -= L21 @ x[self.borders[f]]
-                y[:] = dtrsm(1.0, L11.T, y.T, side=1, lower=1, overwrite_b=1).T
+                border = x.take(self.borders[f], axis=0)
+                less = dgemm(-1.0, border.T, L21.T, beta=1.0, c=y.T, overwrite_c=1)
+                y[:] = dtrsm(1.0, L11.T, less, side=1, lower=1, overwrite_b=1).T
