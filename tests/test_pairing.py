@@ -142,6 +142,21 @@ def test_gaps_to_a_circle_converge(quadratic, order):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.4)
 
 
+@pytest.mark.parametrize("few", [0, 200, 10**6])
+def test_search_may_begin_at_any_level_of_the_tree(few, monkeypatch):
+    """From the root, from nodes of some facets each, and from the facets themselves: one answer."""
+    disc = body(fem.MeshTri.init_circle(4).translated((0.5, 2.03))).surface(None)
+    floor = block(60, -2.0, 3.0, 0.0, 1.0).surface("top")
+    expected = node_to_segment(disc, floor), dual_mortar(disc, floor)
+    assert expected[0].paired.sum() > 20
+    monkeypatch.setattr("skfem_contact.pairing.search.FEW_PAIRS", few)
+    found = node_to_segment(disc, floor), dual_mortar(disc, floor)
+    for pairing, usual in zip(found, expected, strict=True):
+        assert np.array_equal(pairing.facet, usual.facet)
+        assert np.array_equal(pairing.gap, usual.gap)
+        assert (pairing.primary_weights != usual.primary_weights).nnz == 0
+
+
 def test_normals_are_continuous_along_a_smooth_surface():
     """Sliding along a disc the normal turns steadily, at most 1.5 times as fast as the point."""
     disc = body(fem.MeshTri.init_circle(3)).surface(None)

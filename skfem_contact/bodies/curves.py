@@ -16,13 +16,13 @@ def end_turns(
 ) -> np.ndarray:
     """By how much the boundary of the mesh turns at the ends of a surface, (nf, 2) [rad]."""
     turns = np.zeros(vertices.shape)
-    ends = np.argwhere(neighbours < 0)
-    if not len(ends):
+    ends = np.nonzero(neighbours < 0)
+    if not len(ends[0]):
         return turns
     mesh = basis.mesh
     # of the whole boundary only what is next to the ends
-    at_end = np.zeros(mesh.nvertices, dtype=bool)
-    at_end[vertices[ends[:, 0], ends[:, 1]]] = True
+    at_end = np.zeros(mesh.p.shape[1], dtype=bool)
+    at_end[vertices[ends]] = True
     boundary = mesh.boundary_facets()
     boundary = boundary[at_end[mesh.facets[:, boundary]].any(axis=0)]
     numbers, all_ends = oriented(mesh, boundary)
@@ -36,7 +36,7 @@ def end_turns(
         np.array([0.0, 1.0]),
     )[0]
     own = normals_at(points, facets, np.array([0.0, 1.0]))[0]
-    for facet, side in ends:
+    for facet, side in zip(*ends, strict=True):
         # the facet that begins where this one ends, or ends where it begins; corners that touch
         # have several
         onward = np.flatnonzero(all_ends[:, 1 - side] == vertices[facet, side])

@@ -99,19 +99,18 @@ def oriented(mesh: Any, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (start, end) of facets, turned so that their element is on the left."""
     ends = mesh.facets[:, numbers].T.astype(np.int64)
     element = mesh.f2t[0, numbers]
-    centre = mesh.p[:, mesh.t[:, element]].mean(axis=1).T
-    along, inward = (
-        (mesh.p[:, ends[:, 1]] - mesh.p[:, ends[:, 0]]).T,
-        centre - mesh.p[:, ends[:, 0]].T,
-    )
-    left = along[:, 0] * inward[:, 1] - along[:, 1] * inward[:, 0] > 0
+    centre = mesh.p.take(mesh.t.take(element, axis=1), axis=1).mean(axis=1)
+    start = mesh.p.take(ends[:, 0], axis=1)
+    along, inward = mesh.p.take(ends[:, 1], axis=1) - start, centre - start
+    left = along[0] * inward[1] - along[1] * inward[0] > 0
     return numbers, np.where(left[:, None], ends, ends[:, ::-1])
 
 
 def check_facets(
     points: np.ndarray, facets: np.ndarray, numbers: np.ndarray, mesh: Any, label: str
 ) -> None:
-    chord = np.linalg.norm(points[facets[:, 1]] - points[facets[:, 0]], axis=1)
+    ends = points.take(facets, axis=0)
+    chord = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     # coordinates carry 16 digits of the mesh's extent; anything near that has no direction
     small = NO_EXTENT * np.abs(mesh.doflocs - mesh.doflocs.mean(axis=1, keepdims=True)).max()
     bad = np.flatnonzero(chord <= small)
@@ -121,7 +120,7 @@ def check_facets(
             f"{numbers[bad[0]]} at {written(points[facets[bad[0], 0]])}; remove the degenerate "
             "elements from the mesh"
         )
-    middle = points[facets].mean(axis=1)
+    middle = ends.mean(axis=1)
     pairs = pairs_within(middle, max(small, SAME_FACET * chord.min()))
     if len(pairs):
         i, j = pairs[0]

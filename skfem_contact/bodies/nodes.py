@@ -44,7 +44,8 @@ def node_dofs(basis: Any, nodes: Index, components: int) -> NDArray[np.int32]:
     """The DOFs of nodes by their numbers of `curve_nodes` or `face_nodes`, (len(nodes), components)."""
     mesh = basis.mesh
     edges = mesh.edges.shape[1] if basis.edge_dofs.size else 0
-    starts = 0, mesh.nvertices, mesh.nvertices + edges
+    vertices = mesh.nvertices  # counted whenever one asks
+    starts = 0, vertices, vertices + edges
     dofs = np.empty((len(nodes), components), dtype=np.int32)
     for start, table in zip(starts, (basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs), strict=True):
         mine = (nodes >= start) & (nodes < start + table.shape[1])

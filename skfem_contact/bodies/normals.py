@@ -19,11 +19,11 @@ GAUSS = np.polynomial.legendre.leggauss(5)
 def normals_at(points: np.ndarray, facets: np.ndarray, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Outward unit normals (nf, q, d) and length elements dx/dxi (nf, q) at coordinates (q,)."""
     if facets.shape[1] == 2:  # the same all along, so it is computed once
-        tangent = (points[facets[:, 1]] - points[facets[:, 0]])[:, None]
+        tangent = (points.take(facets[:, 1], axis=0) - points.take(facets[:, 0], axis=0))[:, None]
     else:
         tangent = np.einsum("qk,fkd->fqd", facet_shapes(xi, facets.shape[1])[1], points[facets])
     x, y = tangent[..., 0], tangent[..., 1]
-    speed = np.sqrt(x * x + y * y)
+    speed = sizes(tangent)
     # the body is on the left, so outward is to the right of the direction of travel
     normal = np.empty((len(facets), len(xi), 2))
     np.divide(y, speed, out=normal[..., 0])
@@ -60,19 +60,17 @@ def lengths_and_normals(
     ends = own[:, [0, 2]]
 
     averaged = ends.copy()
-    for side in (0, 1):
-        other = neighbours[:, side]
-        there = ends[other, 1 - side]
-        smooth = (other >= 0) & (np.einsum("fd,fd->f", ends[:, side], there) >= CORNER)
-        # a facet's normal is exact at its middle, so the nearer, shorter facet counts more: this is
-        # exact on a circle, and of second order on any smooth curve
-        mean = lengths[other, None] * ends[:, side] + lengths[:, None] * there
-        averaged[smooth, side] = unit(mean[smooth])
+    there = ends[neighbours, [1, 0]]
+    smooth = (neighbours >= 0) & (np.einsum("fsd,fsd->fs", ends, there) >= CORNER)
+    # a facet's normal is exact at its middle, so the nearer, shorter facet counts more: this is
+    # exact on a circle, and of second order on any smooth curve
+    mean = lengths.take(neighbours)[..., None] * ends + lengths[:, None, None] * there
+    averaged[smooth] = unit(mean[smooth])
 
-    for side in (0, 1):
-        mirrored = _on_symmetry(own[:, 1], lengths, facets, held, neighbours, side)
-        if not mirrored.any():
-            continue
+    last = (neighbours < 0) & (neighbours[:, ::-1] >= 0)
+    last &= np.count_nonzero(held.take(facets[:, :2], axis=0), axis=2) == 1
+    for side in np.flatnonzero(last.any(axis=0)).tolist():
+        mirrored = last[:, side] & _on_symmetry(own[:, 1], lengths, facets, held, neighbours, side)
         # the average with the mirror image, without which the end node would be constrained along
         # the normal of a chord
         image = np.where(held[facets[mirrored, side]], 0.0, ends[mirrored, side])
@@ -83,7 +81,7 @@ def lengths_and_normals(
     if facets.shape[1] == 3:
         total[facets[:, 2]] = own[:, 1]
     # two sides back to back (a crack tip) cancel: then the side met last decides
-    lost = np.linalg.norm(total, axis=1) <= CANCELLED * lengths.min() / lengths.max()
+    lost = sizes(total) <= CANCELLED * lengths.min() / lengths.max()
     fallback = np.zeros_like(points)
     fallback[facets[:, :2]] = ends
     total[lost] = fallback[lost]
@@ -103,7 +101,7 @@ def _on_symmetry(
     before: np.ndarray,
     side: int,
 ) -> np.ndarray:
-    """Facets (nf,) of a curved surface that ends here on a line of symmetry.
+    """Facets (nf,) of a curved surface that, if it ends here, does so on a line of symmetry.
 
     There one component of the last node is prescribed, and the normal, continued from the middles
     of the last two facets to the end, has none of it left. A straight inclined surface that ends
@@ -111,14 +109,11 @@ def _on_symmetry(
     """
     inner = before[:, 1 - side]
     here = held[facets[:, side]]
-    last = (before[:, side] < 0) & (inner >= 0) & (np.count_nonzero(here, axis=1) == 1)
-    if not last.any():
-        return last
-    last &= np.einsum("fd,fd->f", middle, middle[inner]) >= CORNER
+    smooth = np.einsum("fd,fd->f", middle, middle[inner]) >= CORNER
     share = (lengths / (lengths + lengths[inner]))[:, None]
     ahead = middle + share * (middle - middle[inner])
     left = np.abs(np.sum(ahead * here, axis=1)), np.abs(np.sum(middle * here, axis=1))
-    return np.asarray(last & (left[0] <= 0.5 * left[1]))
+    return np.asarray(smooth & (left[0] <= 0.5 * left[1]))
 
 
 def end_slopes(points: np.ndarray, facets: np.ndarray, averaged: np.ndarray) -> np.ndarray:
@@ -228,5 +223,20 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return out
 
 
+def sizes(vectors: np.ndarray) -> np.ndarray:
+    """Lengths of vectors (..., d), shape (...).
+
+    Those of NumPy to the last digit; in the plane, where nearly all the time would go into passes over
+    two components, in a quarter of its time.
+
+    >>> sizes(np.array([[3.0, 4.0]])).tolist()
+    [5.0]
+    """
+    if vectors.shape[-1] != 2:
+        return np.asarray(np.linalg.norm(vectors, axis=-1))
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.asarray(np.sqrt(x * x + y * y))
+
+
 def unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / sizes(vectors)[..., None]

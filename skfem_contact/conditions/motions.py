@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.kinematics import Kinematics
@@ -204,25 +205,20 @@ def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matri
     """Find the rigid motions that neither prescribed DOFs nor the stiffness resist."""
     blocks = []
     for body, K in zip(system.bodies, stiffness, strict=True):
-        R = body.rigid_modes / _largest(body.rigid_modes)
+        R = body.rigid_modes / largest(body.rigid_modes)
         # prescribed DOFs and springs to the ground: rows that a free motion leaves at zero
         left = null_space(R[body.D])
         if left.shape[1]:  # where supports hold all motions, springs have none to hold
             springs = _resistance(K, R)
             left = null_space(np.concatenate([R[body.D], springs])) if len(springs) else left
         free = R @ left
-        peak = _largest(free)
+        peak = largest(free)
         blocks.append(free / np.where(peak > 0, peak, 1.0))
     modes, first = np.zeros((system.n, sum(block.shape[1] for block in blocks))), 0
     for offset, block in zip(system.offsets, blocks, strict=False):
         modes[offset : offset + len(block), first : first + block.shape[1]] = block
         first += block.shape[1]
     return RigidMotions(modes, kin, system)
-
-
-def _largest(modes: Array) -> Array:
-    """Largest entry of each of k modes (n, k); for all of them at once NumPy takes ten times that."""
-    return np.array([np.max(np.abs(mode), initial=0.0) for mode in modes.T])
 
 
 def _resistance(K: csr_matrix, R: Array) -> Array:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from skfem_contact.bodies.normals import tangents
+from skfem_contact.bodies.normals import sizes, tangents
 from skfem_contact.bodies.projection import interpolated_normals, project
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
 from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, FACING, TIE
+from skfem_contact.pairing.vectors import ahead
 from skfem_contact.trees import kd_tree
 
 
@@ -39,7 +40,9 @@ def closest_facets(
     m = len(secondary.points)
     bound = np.full(m, np.inf)
     few = min(4, len(primary.facets))
-    _, guess = kd_tree(primary.points[primary.facets].mean(axis=1)).query(secondary.points, k=few)
+    _, guess = kd_tree(primary.points.take(primary.facets, axis=0).mean(axis=1)).query(
+        secondary.points, k=few
+    )
     point, facet = np.repeat(np.arange(m), few), guess.reshape(-1)
     judged = point * len(primary.facets) + facet
     found = [valid_pairs(point, facet)]
@@ -82,12 +85,13 @@ def _judge(
     inside: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Local coordinate and distance of each pair, and whether the facet may be the partner."""
-    x = secondary.points[point]
+    x = secondary.points.take(point, axis=0)
     xi, foot, over = project(primary, facet, x)
     apart = x - foot
-    distance = np.linalg.norm(apart, axis=1)
+    distance = sizes(apart)
     height = np.einsum("pd,pd->p", apart, interpolated_normals(primary, facet, xi))
-    facing = np.einsum("pd,pd->p", secondary.normals[point], primary.facet_normals[facet]) < -FACING
+    looks, faces = secondary.normals.take(point, axis=0), primary.facet_normals.take(facet, axis=0)
+    facing = np.einsum("pd,pd->p", looks, faces) < -FACING
     side = (xi >= 0.5).astype(int)
     other = primary.neighbours[facet, side]
     slope = np.where(other < 0, _slopes(primary.end_turns[facet, side]), 0.0)
@@ -97,8 +101,8 @@ def _judge(
     # beyond an end: the vertex is the closest point only if it is that of the next facet, too
     own_normal = primary.end_normals[facet, side]
     next_normal = primary.end_normals[other, 1 - side]
-    into_next = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(next_normal)[:, 0]
-    beyond_next = np.einsum("pd,pd->p", apart, into_next) > COINCIDENT * primary.lengths[other]
+    into_next = np.where(side == 1, 1.0, -1.0) * ahead(apart, next_normal)
+    beyond_next = into_next > COINCIDENT * primary.lengths[other]
     smooth = np.einsum("pd,pd->p", own_normal, next_normal) >= CORNER
     in_cone = over <= np.abs(np.einsum("pd,pd->p", apart, own_normal)) * (1 + COINCIDENT)
     at_vertex = (other >= 0) & ~beyond_next & (smooth | in_cone)

@@ -22,6 +22,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.pairing.thresholds import FEW_PAIRS, MARGIN, PAIRS_AT_ONCE
@@ -47,7 +48,7 @@ class Nodes:
 
     def at(self, node: Index) -> Nodes:
         """These nodes, in this order."""
-        # a fifth of the time of `self.centre[node]`
+        # `take` gathers rows in a tenth of the time of an index
         parts = (self.centre, self.radius, self.angle, self.spread)
         return Nodes(*(part.take(node, axis=0) for part in parts))
 
@@ -230,7 +231,7 @@ def children(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _boxes(surface: CurveSurface) -> tuple[np.ndarray, np.ndarray]:
-    corners = surface.points[surface.facets]
+    corners = surface.points.take(surface.facets, axis=0)
     if surface.quadratic:
         # a quadratic curve lies in the hull of its ends and its Bezier control point
         corners = corners.copy()
@@ -239,7 +240,7 @@ def _boxes(surface: CurveSurface) -> tuple[np.ndarray, np.ndarray]:
 
 
 def ball_of(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    radius = 0.5 * np.linalg.norm(upper - lower, axis=1)
+    radius = 0.5 * sizes(upper - lower)
     return 0.5 * (lower + upper), radius * (1 + MARGIN)
 
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.normals import tangents
+from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.projection import interpolated_normals, project
 from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.pairing.thresholds import COINCIDENT, PAIRS_AT_ONCE, SLACK, TIE
+from skfem_contact.pairing.vectors import ahead
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -110,7 +111,7 @@ def closest(
     xi, foot, over = project(other, facet, x)
     normal = interpolated_normals(other, facet, xi)
     gap = np.einsum("qd,qd->q", x - foot, normal)
-    distance = np.linalg.norm(x - foot, axis=1)
+    distance = sizes(x - foot)
     nearest = np.full(len(corners.node), np.inf)
     np.minimum.at(nearest, corner, distance)
     good = distance <= nearest[corner] + TIE * other.lengths[facet]
@@ -118,8 +119,8 @@ def closest(
     side = (xi >= 0.5).astype(int)
     onward = other.neighbours[facet, side]
     there = other.end_normals[onward, 1 - side]
-    into = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(there)[:, 0]
-    at_node = np.einsum("qd,qd->q", x - foot, into) <= COINCIDENT * other.lengths[onward]
+    into = np.where(side == 1, 1.0, -1.0) * ahead(x - foot, there)
+    at_node = into <= COINCIDENT * other.lengths[onward]
     at_node &= (onward >= 0) & (np.einsum("qd,qd->q", other.end_normals[facet, side], there) >= CORNER)
     good &= (over <= COINCIDENT * other.lengths[facet]) | at_node
     good &= np.where(gap >= 0, distance <= limits[0], distance <= limits[1])
@@ -128,13 +129,13 @@ def closest(
 
 def _candidates(points: Array, surface: CurveSurface) -> tuple[Index, Index]:
     """Pairs of points and facets among which the closest facets to the points are."""
-    middle = surface.points[surface.facets].mean(axis=1)
+    middle = surface.points.take(surface.facets, axis=0).mean(axis=1)
     # no point of a facet, curved or not, is farther from its middle
     reach = surface.lengths
     found: list[tuple[Index, Index]] = [(np.zeros(0, dtype=np.intp),) * 2]
     block = max(1, PAIRS_AT_ONCE // len(middle))
     for start in range(0, len(points), block):
-        away = np.linalg.norm(points[start : start + block, None] - middle, axis=2)
+        away = sizes(points[start : start + block, None] - middle)
         point, facet = np.nonzero(away - reach <= (away + reach).min(axis=1, keepdims=True))
         found.append((start + point, facet))
     corner, facet = (np.concatenate(column) for column in zip(*found, strict=True))

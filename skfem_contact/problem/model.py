@@ -22,6 +22,7 @@ from skfem_contact.elimination.rows import point_labels, secondary_dofs
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.memory import Limits
 from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.pairing.vectors import entries
 from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
@@ -270,10 +271,12 @@ class LinearModel:
     def touched(self) -> NDArray[np.intp]:
         """DOFs that occur in the rows of points with a partner."""
         kin, slips = self.kin, self.kin.paired & self.interface.slipping
-        normal = kin.B_n[kin.paired].indices
-        if not slips.any():
-            return np.unique(normal)
-        return np.union1d(normal, kin.B_t[np.repeat(slips, kin.tangents)].indices)
+        found = np.zeros(self.system.n, dtype=bool)
+        found[kin.B_n.indices] = True  # points without partner have none
+        if slips.any():
+            row, column, _ = entries(kin.B_t)
+            found[column[np.repeat(slips, kin.tangents)[row]]] = True
+        return np.flatnonzero(found)
 
     @cached_property
     def _prefer(self) -> NDArray[np.bool_]:

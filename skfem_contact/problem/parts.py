@@ -55,8 +55,10 @@ def reduced(
 def wanted_of(body: Member, system: System, wanted: Index) -> Index:
     """Of stacked DOFs those of one body that are not prescribed, in its own numbering."""
     span = system.slice(body)
-    mine = wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start
-    return np.setdiff1d(mine, body.D)
+    chosen = np.zeros(body.n, dtype=bool)
+    chosen[wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start] = True
+    chosen[body.D] = False
+    return np.flatnonzero(chosen)
 
 
 def firmness(system: System, stiffness: Sequence[csr_matrix], wanted: Index) -> float:

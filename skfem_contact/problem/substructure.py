@@ -19,6 +19,8 @@ from scipy.sparse import csr_matrix
 from skfem_contact.arrays import same
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.normals import sizes
+from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.body_factor import BodyFactor
@@ -307,13 +309,13 @@ def anchors(body: Body, wanted: Index) -> Index:
     A few nodes for each part of the mesh that prescribed DOFs do not hold: springs on them make
     the condensed stiffness definite, and as further kept DOFs they do the same for the interior.
     """
-    R = body.rigid_modes / np.max(np.abs(body.rigid_modes), axis=0)
+    R = body.rigid_modes / largest(body.rigid_modes)
     points, chosen = body.dof_points, np.zeros(0, dtype=int)
     touched = np.zeros(body.n, dtype=bool)
     touched[body.D], touched[wanted] = True, True
     for part in np.unique(body.parts[wanted]):
         mine = body.parts == part
-        modes = R[:, np.any(R[mine] != 0, axis=0)]
+        modes = R[:, largest(R[mine]) > 0]
         seeds = points[wanted[body.parts[wanted] == part]][:1]
         for count in range(2 * body.dim):
             held = np.union1d(body.D[mine[body.D]], chosen[mine[chosen]])
@@ -321,7 +323,7 @@ def anchors(body: Body, wanted: Index) -> Index:
             if len(values) == modes.shape[1] and values[-1] > HELD_FIRMLY * values[0]:
                 break
             if count < body.dim:
-                distance = np.min(np.linalg.norm(points[:, None] - seeds, axis=2), axis=1)
+                distance = np.min([sizes(points - seed) for seed in seeds], axis=0)
                 distance = distance / distance.max() + (mine & ~touched)
             else:  # those lie nearly on a line: what moves most in the motion that is held least
                 _, motions = np.linalg.eigh(modes[held].T @ modes[held])
@@ -330,7 +332,7 @@ def anchors(body: Body, wanted: Index) -> Index:
             distance[~mine] = -1.0
             distance[chosen] = -1.0
             place = points[np.argmax(distance)]
-            node = mine & np.all(points == place, axis=1)
+            node = mine & np.all(place[:, None] == points.T, axis=0)
             node[body.D] = False
             chosen = np.union1d(chosen, np.flatnonzero(node))
             seeds = np.concatenate([seeds, place[None]])
