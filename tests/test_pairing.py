@@ -17,6 +17,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.projection import project
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.corners import corner_contacts
 from skfem_contact.pairing.diagnosis import diagnose
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import node_to_segment
@@ -155,6 +156,26 @@ def test_search_may_begin_at_any_level_of_the_tree(few, monkeypatch):
         assert np.array_equal(pairing.facet, usual.facet)
         assert np.array_equal(pairing.gap, usual.gap)
         assert (pairing.primary_weights != usual.primary_weights).nnz == 0
+
+
+def test_corners_that_overlap_are_those_of_all_that_do():
+    """Whatever the place: for small sliding corners are left out unseen where none overlaps."""
+    random = np.random.default_rng(4)
+    floor = block(9, -2.0, 2.0, -1.0, 0.0, wave=lambda x: 0.05 * np.sin(3 * x)).surface("top")
+    square = block(3, -0.5, 0.5, 0.0, 1.0).surface(None)
+    counts = set()
+    for _ in range(40):
+        own = turned(square, random.uniform(-0.7, 0.7), (0.0, random.uniform(-0.1, 0.4)))[0]
+        every, deep = (corner_contacts(own, floor, only_overlaps=only) for only in (False, True))
+        for (_, met), (_, seen), other in (
+            (every.own, deep.own, floor),
+            (every.other, deep.other, own),
+        ):
+            inside = met.gap < -COINCIDENT * other.lengths[met.facet]
+            assert np.array_equal(met.corner[inside], seen.corner)
+            assert np.array_equal(met.facet[inside], seen.facet)
+            counts.add(len(seen.corner))
+    assert {0, 1} <= counts
 
 
 def test_normals_are_continuous_along_a_smooth_surface():

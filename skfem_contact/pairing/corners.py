@@ -27,8 +27,8 @@ from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.corner_rows import CornerRows, Names
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.thresholds import COINCIDENT, CROSS, LEAN, SLACK, TIE
-from skfem_contact.pairing.vertices import Corners, Met, closest, lean_of, meet, some
+from skfem_contact.pairing.thresholds import CROSS, LEAN, SLACK, TIE
+from skfem_contact.pairing.vertices import Corners, Met, closest, lean_of, meet
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -127,10 +127,7 @@ def corner_contacts(
         corners = Corners.of(own)
         held = np.array([(side, int(node)) in known for node in corners.node], dtype=bool)
         tilt = np.where(held, -SLACK, LEAN)
-        met = meet(corners, own, other, tilt, limits)
-        if only_overlaps:
-            met = some(met, met.gap < -COINCIDENT * other.lengths[met.facet])
-        found.append((corners, met))
+        found.append((corners, meet(corners, own, other, tilt, limits, only_overlaps)))
     return CornerContacts(secondary, primary, LEAN, *found)
 
 

@@ -86,28 +86,41 @@ def meet(
     other: CurveSurface,
     tilt: Array,
     limits: tuple[float, float],
+    only_overlaps: bool = False,
 ) -> Met:
-    """The closest point of the other surface to each vertex, where it is within its cone."""
-    met = closest(corners, own, other, limits)
+    """The closest point of the other surface to each vertex, where it is within its cone.
+
+    With `only_overlaps` those alone that lie in the other body by more than they touch it.
+    """
+    met = closest(corners, own, other, limits, only_overlaps)
+    if not len(met.corner):
+        return met
     corner = met.corner
     lean = lean_of(corners, corner, other, met.facet)
     lowest = np.where(corners.covered[corner, 0], tilt[corner], -SLACK)
     highest = corners.turn[corner] - np.where(corners.covered[corner, 1], tilt[corner], -SLACK)
     met = some(met, (lean > lowest) & (lean < highest))
     _, first = np.unique(met.corner, return_index=True)
-    return some(met, first)
+    met = some(met, first)
+    return some(met, met.gap < -COINCIDENT * other.lengths[met.facet]) if only_overlaps else met
 
 
 def closest(
-    corners: Corners, own: CurveSurface, other: CurveSurface, limits: tuple[float, float]
+    corners: Corners,
+    own: CurveSurface,
+    other: CurveSurface,
+    limits: tuple[float, float],
+    only_overlaps: bool = False,
 ) -> Met:
-    """The closest points of the other surface to each vertex."""
+    """The closest points of the other surface to each vertex; `only_overlaps`: none if none does."""
     corner, facet = _candidates(own.points[corners.node], other)
     if own.body is other.body:
         mine = own.dofs[corners.node[corner], 0]
         apart = ~(other.dofs[other.facets[facet], 0] == mine[:, None]).any(axis=1)
         corner, facet = corner[apart], facet[apart]
     x = own.points[corners.node[corner]]
+    if only_overlaps and _all_outside(x, other, facet):
+        return Met(corner[:0], facet[:0], np.zeros(0), np.zeros((0, own.dim)), np.zeros(0))
     xi, foot, over = project(other, facet, x)
     normal = interpolated_normals(other, facet, xi)
     gap = np.einsum("qd,qd->q", x - foot, normal)
@@ -125,6 +138,21 @@ def closest(
     good &= (over <= COINCIDENT * other.lengths[facet]) | at_node
     good &= np.where(gap >= 0, distance <= limits[0], distance <= limits[1])
     return some(Met(corner, facet, xi, normal, gap), good)
+
+
+def _all_outside(points: Array, surface: CurveSurface, facet: Index) -> bool:
+    """Whether no point can lie in the body at its facet, as is soon seen of straight facets.
+
+    The gap is then a mean, with positive weights, of the distances from both ends of the facet along
+    the normals at both ends.
+    """
+    if surface.quadratic:
+        return False
+    ends = surface.points.take(surface.facets.take(facet, axis=0), axis=0)
+    normals = surface.facet_node_normals.take(facet, axis=0)
+    above = np.einsum("qid,qjd->qij", points[:, None] - ends, normals)
+    # half of what only touches, as a mean of two unit vectors is shorter than one
+    return bool(np.all(above >= -0.5 * COINCIDENT * surface.lengths.take(facet)[:, None, None]))
 
 
 def _candidates(points: Array, surface: CurveSurface) -> tuple[Index, Index]:

@@ -315,7 +315,7 @@ def anchors(body: Body, wanted: Index) -> Index:
     touched[body.D], touched[wanted] = True, True
     for part in np.unique(body.parts[wanted]):
         mine = body.parts == part
-        modes = R[:, largest(R[mine]) > 0]
+        modes = R[:, [np.any(mode[mine]) for mode in R.T]]
         seeds = points[wanted[body.parts[wanted] == part]][:1]
         for count in range(2 * body.dim):
             held = np.union1d(body.D[mine[body.D]], chosen[mine[chosen]])
@@ -332,7 +332,9 @@ def anchors(body: Body, wanted: Index) -> Index:
             distance[~mine] = -1.0
             distance[chosen] = -1.0
             place = points[np.argmax(distance)]
-            node = mine & np.all(place[:, None] == points.T, axis=0)
+            node = mine.copy()
+            for x, there in zip(points.T, place, strict=True):
+                node &= x == there
             node[body.D] = False
             chosen = np.union1d(chosen, np.flatnonzero(node))
             seeds = np.concatenate([seeds, place[None]])
