@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import structural_rank
 
+from skfem_contact.arrays import largest
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.bodies.system import System
@@ -234,7 +235,7 @@ def _warn_penetration(contact: Contact, name: str, gap: Array, small: float) -> 
 
 def _warn_overlap(contact: Contact, name: str, gap: Array, interference: Array) -> None:
     """Overlaps, by the meshes or an interference, as large as the bodies."""
-    deepest = float(max(-gap.min(initial=0.0), interference.max(initial=0.0)))
+    deepest = max(largest(-gap), largest(interference))
     if deepest == 0.0:
         return
     sizes = [_extent(contact.secondary)]

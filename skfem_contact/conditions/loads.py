@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arrays import largest
 from skfem_contact.carried import ByFields
 from skfem_contact.obstacles.rotation import rotation_matrix, spin
 
@@ -128,11 +129,11 @@ class LoadCase(ByFields):
     @cached_property
     def largest_force(self) -> float:
         """Largest entry of the load; asked for by all that tells forces from round-off [force]."""
-        return float(max(self.f.max(initial=0.0), -self.f.min(initial=0.0)))
+        return largest(np.abs(self.f))
 
     def worn(self, depth: Array) -> LoadCase:
         """The same loads with gaps that are wider by a depth worn off, (m,)."""
-        if not depth.any():
+        if not np.count_nonzero(depth):
             return self
         return replace(self, gap0=self.gap0 + depth, interference=self.interference - depth)
 

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arrays import largest
 from skfem_contact.conditions.friction import Coulomb
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import RigidMotions
@@ -148,7 +149,7 @@ def balanced(
     left = np.abs(left)
     # along a motion that nothing pushes there is only the round-off of what acts across it; the largest
     # displacement of each motion is one. Nearly always the rest need not be looked at
-    if left.max() <= LEFT_ACROSS * float(np.abs(force).sum()):
+    if largest(left) <= LEFT_ACROSS * float(np.abs(force).sum()):
         return True
     parts = [(motions.normal, force), (motions.modes, f)]
     if rubs:

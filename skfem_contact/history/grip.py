@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from skfem_contact.arrays import largest
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import BARELY, RigidMotions, null_space
@@ -56,13 +57,13 @@ class Grip:
         motions, state = attempt.problem.motions, attempt.local
         if attempt.model is not model:  # there DOFs are held that nothing holds
             motions = model.motions.seen_by(attempt.problem.kin)
-        largest = float(np.abs(state.normal_force).max(initial=0.0))
-        floor = max(HOLDS_NOTHING * largest, NO_FORCE * force_terms(model, attempt.case))
+        most = largest(np.abs(state.normal_force))
+        floor = max(HOLDS_NOTHING * most, NO_FORCE * force_terms(model, attempt.case))
         carrying = (state.status != OPEN) & (state.normal_force > floor)
         carrying |= motions.kin.never_opens
         stick = carrying & model.interface.slipping & (state.status == STICK)
         firmly = TURNED if model.geometry.follows else RESISTS
-        return cls(motions, attempt, carrying, stick, max(largest, floor, TINY), firmly)
+        return cls(motions, attempt, carrying, stick, max(most, floor, TINY), firmly)
 
     @cached_property
     def idles(self) -> bool:

@@ -43,7 +43,8 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
     """One attempt at a load step, with what wears off in it."""
     model, last = by.model, step.state
     interface = model.interface
-    if not (interface.wear or model.geometry.follows or last.wear.any()):  # as nearly always
+    worn = interface.wear or np.count_nonzero(last.wear)
+    if not (worn or model.geometry.follows):  # as nearly always
         return by.attempt(step, model.problem_on(None, None), start)
     if not interface.wear:
         return _with_depth(by, step, start, last.wear)
@@ -136,7 +137,7 @@ class Relief:
 
 def _with_depth(by: Stepper, step: LoadStep, start: str, depth: Array) -> Attempt:
     """One attempt with the gaps that a depth worn off leaves, (m,)."""
-    if not depth.any():
+    if not np.count_nonzero(depth):
         return placing.attempted(by, step, start)
     attempt = placing.attempted(by, replace(step, target=step.target.worn(depth)), start)
     return replace(attempt, case=step.target)

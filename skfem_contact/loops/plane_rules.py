@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arrays import largest
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.loops.thresholds import ROUND_OFF
@@ -12,6 +13,9 @@ from skfem_contact.problem.response import Response
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+# The status of a closed point by whether it slips; thrice as quick as `np.where`.
+STICKS_OR_SLIPS = np.array([STICK, SLIP])
 
 # That of a single number.
 EPS = float(np.finfo(float).eps)
@@ -33,7 +37,7 @@ def propose_in_plane(step: Step, current: Guess, response: Response) -> Guess:
 
     if step.laws:
         slips, along = _slip_rule(step, current, response, force_scale, penetrates)
-        status, direction = np.where(slips, SLIP, STICK), along[:, None]
+        status, direction = STICKS_OR_SLIPS.take(slips), along[:, None]
     else:
         status, direction = np.full(len(was_open), STICK), np.zeros(response.slip.shape)
     status[was_open ^ penetrates | pulls] = OPEN
@@ -59,7 +63,7 @@ def _slip_rule(
     # an exactly sticking point has no trial force while it slips: it goes on slipping as long as
     # the slip of this step follows the friction
     step_slip = (response.slip - step.last.slip)[:, 0]
-    slip_scale = np.abs(step_slip).max(initial=0.0)
+    slip_scale = largest(np.abs(step_slip))
     forward = step_slip * was_along >= -ROUND_OFF * slip_scale
     keep = was_slip if step.all_exact else exact & was_slip
     slips = np.where(keep, forward, beyond) & step.frictional

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arrays import largest
 from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
@@ -69,8 +70,8 @@ def _slip_rule(
 ) -> tuple[Mask, Array, Array]:
     """Which points slip if they are closed, in which direction, and under what trial force."""
     exact, was_slip = step.exact, current.status == SLIP
-    largest = response.largest_force
-    nothing = max(ROUND_OFF * largest, step.noise)
+    force_scale = response.largest_force
+    nothing = max(ROUND_OFF * force_scale, step.noise)
     bound = step.limit(force, response.slip)
     trial = pushing(step, response, rho)
     if was_slip.any():
@@ -88,8 +89,8 @@ def _slip_rule(
     slips &= ~was_slip | (np.sum(unit * current.direction, axis=1) >= 0)
     # where nothing presses, forces are round-off and decide nothing: what slips goes on, for stuck it
     # would press by friction again, and be let go again
-    slips &= (current.status != STICK) | (largest > step.noise)
-    smooth = smooth_points(step, largest, response.slip)
+    slips &= (current.status != STICK) | (force_scale > step.noise)
+    smooth = smooth_points(step, force_scale, response.slip)
     keep = was_slip & (smooth | (size <= nothing))
     direction = np.where(keep[:, None], current.direction, unit)
     reach = np.where(bound > 0, np.maximum(size, bound / NEARLY_STUCK), BEYOND)
@@ -122,7 +123,7 @@ def law_residual(step: Step, status: NDArray[np.intp], direction: Array, respons
         return 0.0
     lawful = step.sliding(direction, response.normal_force, response.slip)
     error = lengths(response.tangential_force - lawful)
-    return float(error[slips].max() / scale)
+    return largest(error[slips]) / scale
 
 
 def violations(step: Step, response: Response, tolerance: float) -> tuple[Mask, float]:

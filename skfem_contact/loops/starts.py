@@ -123,7 +123,9 @@ def as_guess(state: LocalState) -> Guess:
 
 def admissible(guess: Guess, step: Step) -> Guess:
     """The guess without points that have lost their partner, and with all that never open."""
-    status = np.where(step.paired, guess.status, OPEN)
+    status = guess.status.copy()
+    if not step.all_paired:
+        status[~step.paired] = OPEN
     closed = step.closed_for_good
     if closed is not None:
         status[closed & (status == OPEN) | step.tied] = STICK

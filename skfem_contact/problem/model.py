@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
+from skfem_contact.arrays import largest
 from skfem_contact.bodies.body import Body
 from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
@@ -120,8 +121,7 @@ class LinearModel:
         """Largest prescribed displacement of each body [length]."""
         if self._moves is None or self._moves[0] is not case.x:
             moved = np.abs(case.x[self.system.D])
-            largest = [float(moved[part].max(initial=0.0)) for part in self.system.supports]
-            self._moves = case.x, tuple(largest)
+            self._moves = case.x, tuple([largest(moved[part]) for part in self.system.supports])
         return self._moves[1]
 
     def with_interface(

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arrays import largest
 from skfem_contact.conditions.return_map import lengths
 from skfem_contact.problem.thresholds import SKEW
 
@@ -93,7 +94,7 @@ class Response:
         forces = np.abs(self.normal_force)
         if self.tangential_force.shape[1]:
             forces = np.maximum(forces, lengths(self.tangential_force))
-        return float(forces.max(initial=0.0))
+        return largest(forces)
 
 
 class Resistance(NamedTuple):

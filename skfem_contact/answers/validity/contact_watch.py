@@ -18,6 +18,7 @@ from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
 from skfem_contact.answers.validity.support import Support, unit_motions
 from skfem_contact.answers.validity.tool_chords import pierced, pierced_words
 from skfem_contact.answers.validity.track import Track, off_arc, tool_motion
+from skfem_contact.arrays import largest
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
@@ -153,7 +154,7 @@ class ContactWatch:
         if self.held and count:
             lifted = case.gap0[part][closed] - gap[part][closed]
             lifted += self._lifted[closed]
-            elastic = float(np.abs(lifted).max())
+            elastic = largest(np.abs(lifted))
             approach, strain = max(approach, elastic), max(strain, elastic / self.extent)
         if contact.friction is not None or contact.tied:
             given = self.geometry.kin.slip_along(case.slip0[part], part)

@@ -41,7 +41,7 @@ class CurveTrack(Track):
 
     def breadth(self, closed: Mask) -> float:
         """Of the contact [length]."""
-        return float(self.spacing[closed].sum())
+        return float(self.spacing.dot(closed))
 
     def slip(self, vectors: Array, given: Array) -> Array:
         """Displacements along the tangents (m,) from slips (m, 2), less given ones (m, 1)."""
@@ -54,7 +54,7 @@ class CurveTrack(Track):
 
     def spread(self, stretch: Array) -> float:
         """By how much slips differ from point to point [length]."""
-        return float(stretch.max() - stretch.min())
+        return float(stretch[stretch.argmax()] - stretch[stretch.argmin()])
 
     def _spacing(self, pairing: Pairing) -> Array:
         return node_lengths(self.secondary)

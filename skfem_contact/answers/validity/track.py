@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.validity.chords import sagittas
 from skfem_contact.answers.validity.tool_chords import tool_sagittas
+from skfem_contact.arrays import largest
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
@@ -172,11 +173,11 @@ class Track(ABC):
             return found
         way = self._size(slip)
         breadth = self.breadth(closed)
-        found["slip"] = float(way[closed].max())
+        found["slip"] = largest(way[closed])
         found["widths"] = found["slip"] / breadth if breadth > 0 else np.inf
         if on_obstacle:
             return found
-        found["facets"] = float((way / self.facet)[closed].max())
+        found["facets"] = largest((way / self.facet)[closed])
         if self.turns:
             found["tilt"], error = self._off_by_curvature(closed, slip)
             found["gap_error"] = error
