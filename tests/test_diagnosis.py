@@ -255,6 +255,16 @@ def test_a_plane_takes_points_that_look_elsewhere():
         assert solver.kin.paired.all()
 
 
+def test_a_plane_at_right_angles_is_told():
+    """All points stand edgewise: not refused, as the last of them may stand on the floor."""
+    body, words = (
+        block("punch", D="top"),
+        "stand edgewise to 'floor': their normals are at right angles",
+    )
+    for where, told in (("left", True), ("bottom", False), (["left", "bottom"], False)):
+        assert (words in str(sc.ContactSolver(body, sc.Contact(body.surface(where), FLOOR)))) == told
+
+
 def test_empty_and_degenerate_surfaces():
     """A surface without facets, an unknown name, a facet without length."""
     body = block("punch", D="top")
@@ -299,6 +309,47 @@ def test_torn_ties_are_an_error(linear, move):
         sc.ConstraintError, match=r"'glue' ties 5 points .*differ by 0\.02 at point \d at"
     ):
         solver.solve()
+
+
+def apart(gap, **settings):
+    """A block of half the size above another one."""
+    low, up = (
+        block("low", y=(-1.0, 0.0), D="bottom"),
+        block("up", (0.2, 0.7), (gap, gap + 0.5), D="top"),
+    )
+    contact = sc.Contact(up.surface("bottom"), low.surface("top"), **settings)
+    return sc.ContactSolver([low, up], contact)
+
+
+def test_glue_that_takes_what_is_far_off_is_warned_of():
+    """Without `reach` a wedge is glued all along; a link has one length, an arm on an obstacle any."""
+    low = block("low", y=(-1.0, 0.0), D="bottom")
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 5), np.linspace(0, 1, 5)).with_defaults()
+    mesh = fem.MeshQuad(mesh.p + [[0.0], [0.5]] * mesh.p[0], mesh.t, _boundaries=mesh.boundaries)
+    wedge = sc.Body(fem.Basis(mesh, low.basis.elem, intorder=2), STIFFNESS, name="wedge")
+    foot = wedge.surface("bottom")
+    with pytest.warns(
+        sc.ContactWarning, match=r"wedge/bottom on low/top glues points that are 0 to 0\.4.* `reach`"
+    ):
+        sc.ContactSolver([low, wedge], sc.Contact(foot, low.surface("top"), tied=True))
+    for settings in ({"tied": True, "reach": 0.2}, {"separation": False}):
+        sc.ContactSolver([low, wedge], sc.Contact(foot, low.surface("top"), **settings))
+    sc.ContactSolver(wedge, sc.Contact(foot, FLOOR, tied=True))
+    apart(5.0, tied=True)
+
+
+def test_adjust_that_takes_away_the_size_of_a_body_is_warned_of():
+    """It is for the round-off of meshes; what it does not reach it leaves alone."""
+    with pytest.warns(
+        sc.ContactWarning,
+        match=r"adjust = 1 takes gaps and overlaps of up to 0\.2 for none, 0\.4 times",
+    ):
+        apart(0.2, adjust=1.0)
+    apart(0.2, adjust=0.1)
+    apart(0.05, adjust=1.0)
+    body, floor = block("punch", y=(0.5, 1.5), D="top"), sc.RigidPlane((0, 0), (0, 1))
+    with pytest.warns(sc.ContactWarning, match="usually a unit is wrong"):
+        sc.ContactSolver(body, sc.Contact(body.surface("bottom"), floor, adjust=0.6))
 
 
 @pytest.mark.filterwarnings("ignore:.*a strain or rotation of about:skfem_contact.ContactWarning")

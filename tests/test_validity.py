@@ -120,6 +120,25 @@ def test_obstacle_between_the_nodes_of_a_facet(radius, said):
     assert poked(2.0).validity.holds  # a contact of several facets
 
 
+@pytest.mark.parametrize(
+    ("n", "method", "part", "way"),
+    [
+        (2, "node", 1.0, "is the coarser: swap the two, or take method='mortar'; and see that both"),
+        (8, "mortar", 0.5, "See that both surfaces cover all that may touch, and refine them"),
+    ],
+)
+def test_what_to_do_about_an_overlap_that_no_slip_has_made(n, method, part, way):
+    """Coarse nodes, or half of a side: finite sliding would change nothing."""
+    low = rectangle(np.linspace(0, 1, 17), np.linspace(-1, 0, 9), modulus=1.0, D="bottom", name="low")
+    grid = np.linspace(0, 1, n + 1), np.linspace(0, 1, 9)
+    up = rectangle(*grid, modulus=1.0, D="top", move=(0, -0.01), name="up")
+    foot = up.surface(lambda x: (x[1] == 0) & (x[0] < part))
+    contact = sc.Contact(foot, low.surface("top"), method=method, name="joint")
+    result = sc.ContactSolver([up, low], contact).solve()
+    with pytest.warns(sc.ContactWarning, match=f"overlap by up to .* {way}"):
+        assert not result.validity.holds
+
+
 def fitted(n, method, interference=1e-3, **settings):
     """Two quarter rings, radii 0.5, 1 and 2, with an interference; secondary and primary facets n."""
     bodies = []

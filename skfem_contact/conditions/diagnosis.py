@@ -20,7 +20,7 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.prescribed import prescribed_rows
-from skfem_contact.conditions.thresholds import HUGE, NO_OVERLAP
+from skfem_contact.conditions.thresholds import BRIDGED, HUGE, NO_OVERLAP
 from skfem_contact.errors import ConstraintError, InputError, warn
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.diagnosis import diagnose, look_alike, say_wrong_side
@@ -132,6 +132,38 @@ def warn_redundant_glue(contact: Contact, pairing: Pairing) -> None:
         "and tractions there may be far too large. Take the surface whose nodes are free as the "
         "secondary one: swap the two."
     )
+
+
+def warn_bridged(contact: Contact, pairing: Pairing) -> None:
+    """Warn of glue that holds near and far points, and of gaps that `adjust` takes for none.
+
+    Without `reach` glue holds all that faces the other side. At one distance all over it is a link, and
+    on an obstacle a rigid arm: both may be meant.
+
+    Warns
+    -----
+    ContactWarning
+    """
+    gap = pairing.gap[pairing.paired]
+    if not (contact.tied or contact.adjust) or not len(gap):
+        return
+    size = _extent(contact.secondary)
+    if isinstance(contact.primary, ContactSurface):
+        size = min(size, _extent(contact.primary))
+    if contact.tied and not contact.rigid and np.ptp(gap) > BRIDGED * size:
+        warn(
+            f"Contact {contact.label} glues points that are {gap.min():.6g} to {gap.max():.6g} off the "
+            f"other side, where the extent of the smaller body is {size:.6g}: all that faces it is "
+            "held as it is meshed, far or near. Usually only what is near is to be glued: give "
+            "`reach`, the largest distance of what is, or the part of the boundary."
+        )
+    closed = np.abs(gap[np.abs(gap) <= contact.adjust])
+    if contact.adjust and len(closed) and closed.max() > BRIDGED * size:
+        warn(
+            f"Contact {contact.label}: adjust = {contact.adjust:.6g} takes gaps and overlaps of up to "
+            f"{closed.max():.6g} for none, {closed.max() / size:.2g} times the extent of the smaller "
+            f"body ({size:.6g}). It is meant for the inexactness of meshes: usually a unit is wrong."
+        )
 
 
 def check_side(contact: Contact, pairing: Pairing) -> None:

@@ -30,6 +30,7 @@ from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.diagnosis import (
     check_pairing,
     check_side,
+    warn_bridged,
     warn_redundant_glue,
 )
 from skfem_contact.conditions.discretisation import pair
@@ -60,6 +61,7 @@ class Geometry:
             check_pairing(contact, pairing, undeformed=True)
             check_side(contact, pairing)
             warn_redundant_glue(contact, pairing)
+            warn_bridged(contact, pairing)
         self._first = [
             kinematics(system, contact, pairing)
             for contact, pairing in zip(contacts, self.pairings, strict=True)

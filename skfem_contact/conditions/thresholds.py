@@ -23,6 +23,9 @@ NO_OVERLAP = 1e-10
 # An overlap of this share of a body is no interference fit: small strains end long before.
 HUGE = 0.1
 
+# Gaps that differ by this share of a body are no layer of glue, and none is an inexactness of a mesh.
+BRIDGED = 0.3
+
 # -- discretisation ----------------------------------------------
 
 # Digits after the point by which weights of a row (their sum is 1) differ: like ones, as those of

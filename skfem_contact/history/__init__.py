@@ -11,5 +11,6 @@
 * `checkpoint`: states on disk;
 * `problem_setup`, `variants`, `solver`: what a solver is made of, solvers that are made of it, and load
   steps: what users hold; `dry_run`, `progress`: what it says before it solves and meanwhile;
+* `body_words`: what of a body may be other than meant;
 * `thresholds`: numbers, and where they come from.
 """

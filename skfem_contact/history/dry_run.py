@@ -9,6 +9,7 @@ import numpy as np
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.steepness import steep_words
+from skfem_contact.history.body_words import body_words
 from skfem_contact.history.thresholds import UNLIKE
 from skfem_contact.linalg.memory import written_bytes
 from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
@@ -27,6 +28,8 @@ def dry_run(solver: ProblemSetup) -> str:
         if isinstance(body, Body):
             what = f"{type(body.basis.mesh).__name__}, {body.basis.mesh.nelements} elements"
         lines.append(f"body {name}: {body.n} DOFs, {len(body.D)} prescribed, {what}")
+        if isinstance(body, Body):
+            lines += body_words(body, solver.contacts)
     lines += _size_words(solver)
     lines.append(_free_words(solver))
     for contact, name, pairing in zip(

@@ -4,6 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+# -- body_words --------------------------------------------------
+
+# Nodes closer than this part of the extent of the mesh are at one place but for round-off.
+ONE_PLACE = 1e-9
+
+# Forces of a rigid motion over those that the diagonal of K alone gives: round-off of a motion that K
+# does not resist is 1e-15 to 1e-12; a mesh that has been scaled by 1.001 is far above both.
+UNRESISTED, RESISTED = 1e-10, 1e-7
+
 # -- dry_run -----------------------------------------------------
 
 # Bodies that are so many times as large as others may be meant, or metres beside millimetres (1000

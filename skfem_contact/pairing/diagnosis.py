@@ -53,6 +53,14 @@ def diagnose(
             f'{written(secondary.points[worst])}. They can never touch (outside="open"). Fine where '
             "the surface curves away; else enlarge `reach`, or the primary surface."
         )
+    if not isinstance(primary, ContactSurface) and pairing.paired.any():
+        facing = np.einsum("md,md->m", pairing.normal, secondary.normals)[pairing.paired]
+        if np.all(np.abs(facing) < FACING):
+            lines.append(
+                f"All points of surface {secondary.label!r} stand edgewise to {primary.label!r}: their "
+                f"normals are at right angles to its own, {written(pairing.normal[0])}. Usually "
+                "another side of the body was meant, or another normal of the obstacle."
+            )
     if isinstance(primary, ContactSurface) and pairing.paired.any() and method == "node":
         coarse, fine = _facet_sizes(pairing, secondary, primary)
         if fine < FINER * coarse:

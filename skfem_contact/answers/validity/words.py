@@ -93,15 +93,30 @@ def chord_words(part: ContactValidity) -> str:
 def overlap_words(part: ContactValidity, contact: Contact) -> str:
     """That bodies overlap where contact conditions do not see it, and what to do."""
     lonely = f", {part.unseen} points without partner among them" if part.unseen else ""
-    way = {
-        "small": "Give the contact sliding='finite'"
-        if part.unseen or not isinstance(contact.primary, Obstacle)
-        else "Refine the surface, whose facets are too long for what presses between their nodes",
-        "finite": "Take smaller steps, a finer or quadratic mesh where the surfaces turn, and see that "
-        "both surfaces cover all that may touch",
-    }[contact.sliding]
     return (
         f"the deformed bodies overlap by up to {part.overlap:.3g}{lonely}, where chords explain "
         f"{part.chords:.2g} and the bodies take up {part.drift.approach:.3g}: contact conditions do "
-        f"not see it. {way}."
+        f"not see it. {_way_out(part, contact)}."
     )
+
+
+def _way_out(part: ContactValidity, contact: Contact) -> str:
+    """What to do about an overlap."""
+    if contact.sliding == "finite":
+        return (
+            "Take smaller steps, a finer or quadratic mesh where the surfaces turn, and see that both "
+            "surfaces cover all that may touch"
+        )
+    if part.unseen:
+        return "Give the contact sliding='finite'"
+    if isinstance(contact.primary, Obstacle):
+        return "Refine the surface, whose facets are too long for what presses between their nodes"
+    if part.drift.slip >= part.overlap:  # a slip goes no deeper than it is long
+        return "Give the contact sliding='finite'"
+    if contact.method == "node":
+        return (
+            "Nodes of the primary surface sink in between those of the secondary one where that is the "
+            "coarser: swap the two, or take method='mortar'; and see that both surfaces cover all that "
+            "may touch"
+        )
+    return "See that both surfaces cover all that may touch, and refine them where they do"
