@@ -25,6 +25,7 @@ References
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -68,8 +69,8 @@ class MultifrontalCholesky:
     ----------
     S : ndarray, shape (nk, nk)
         ``K_kk - K_ki K_ii^-1 K_ik`` in the order of `keep`, symmetric [force/length].
-    keep, interior : ndarray of int, shapes (nk,) and (n - nk,)
-        The two sets of DOFs; `interior` ascending.
+    keep : ndarray of int, shape (nk,)
+        DOFs that are not eliminated.
     pivot_ratio : float
         Smallest pivot divided by its diagonal entry of `K`; 1 where nothing is eliminated.
     memory : int
@@ -109,7 +110,6 @@ class MultifrontalCholesky:
         K, points, self.keep = checked_matrix(K, points, keep)
         fronts, entries = analyse_entries(K, points, self.keep, leaf)
         self.fronts = fronts
-        self.interior = np.sort(fronts.order[: fronts.start[-2]])
         self.S = kept_block(K, self.keep, fronts)
         self._data = gather(K, fronts, entries)
         del entries  # as large as K
@@ -121,6 +121,11 @@ class MultifrontalCholesky:
         if self.pivot_ratio < SUSPICIOUS:
             self._check_eigenvalue(diagonal, points)
         mirror(self.S)
+
+    @cached_property
+    def interior(self) -> np.ndarray:
+        """DOFs that are eliminated, ascending, (n - nk,)."""
+        return np.sort(self.fronts.order[: self.fronts.start[-2]])
 
     @property
     def memory(self) -> int:
