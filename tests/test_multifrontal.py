@@ -261,9 +261,28 @@ def test_some_dofs_are_dissected_as_their_own_matrix():
     """DOFs that are kept have no part in the boxes: as if their rows and columns were not there."""
     K, points, _ = assemble("P2, irregular")
     inside = np.setdiff1d(np.arange(len(points)), np.arange(0, len(points), 7))
-    one, other = dissect(K, points, 25, inside), dissect(K[inside][:, inside], points[inside], 25)
+    one = dissect(K, points[inside], 25, inside)
+    other = dissect(K[inside][:, inside], points[inside], 25)
     for name in ("owner", "parent", "levels", "along"):
         assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def test_rows_that_are_no_dofs_are_not_there():
+    """Of a matrix with rows of prescribed DOFs the others are factorised as their own matrix."""
+    K, points, _ = assemble("P2, irregular")
+    free = np.setdiff1d(np.arange(len(points)), np.arange(0, len(points), 9))
+    keep = np.arange(len(free))[::-13]
+    one = MultifrontalCholesky(K, points[free], keep, free=free, leaf=25)
+    other = MultifrontalCholesky(K[free][:, free], points[free], keep, leaf=25)
+    assert one.pivot_ratio == other.pivot_ratio
+    assert_array_equal(one.order, other.order)
+    assert_array_equal(one.S, other.S)
+    f = np.ones(len(free))
+    assert_array_equal(one.recover(f[keep], f), other.recover(f[keep], f))
+    size = factor_size(K, points[free], keep, free=free, leaf=25)
+    assert size == factor_size(K[free][:, free], points[free], keep, leaf=25)
+    with pytest.raises(InputError, match="do not belong together"):
+        MultifrontalCholesky(K, points, keep, free=free)
 
 
 def test_halves_are_never_empty():

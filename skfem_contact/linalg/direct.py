@@ -72,8 +72,7 @@ class Direct(Backend):
 
     def condensed(self, body: Member, K: Any, free: np.ndarray, keep: np.ndarray) -> BodyFactor:
         """By the multifrontal method, whatever `method` is."""
-        K_ff = sp.csr_matrix(K[free][:, free])
-        return MultifrontalCholesky(K_ff, body.dof_points[free], keep)
+        return MultifrontalCholesky(K, body.dof_points[free], keep, free=free)
 
     def _factorize(
         self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool

@@ -193,9 +193,8 @@ class Substructure:
 
     def factor_size(self) -> FactorSize:
         """Size of the factorisation, before it is computed."""
-        K_ff = csr_matrix(self.K[self.free][:, self.free])
         place = np.searchsorted(self.free, self.kept)
-        return factor_size(K_ff, self.body.dof_points[self.free], place)
+        return factor_size(self.K, self.body.dof_points[self.free], place, free=self.free)
 
     @property
     def S(self) -> Array:

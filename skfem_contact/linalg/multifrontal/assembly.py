@@ -11,21 +11,25 @@ from skfem_contact.linalg.multifrontal.fronts import Entries, Fronts
 from skfem_contact.linalg.thresholds import SYMMETRIC_TO
 
 
-def checked_matrix(K: Any, points: np.ndarray, keep: Any) -> tuple[Any, np.ndarray, np.ndarray]:
+def checked_matrix(
+    K: Any, points: np.ndarray, keep: Any, free: np.ndarray | None = None
+) -> tuple[Any, np.ndarray, np.ndarray]:
     K = K.tocsr()
     if not K.has_canonical_format:
         K = K.copy()
         K.sum_duplicates()
     points, keep = np.asarray(points, dtype=float), np.asarray(keep, dtype=np.int64).ravel()
-    n = K.shape[0]
-    if K.shape != (n, n) or points.ndim != 2 or len(points) != n:
+    n = K.shape[0] if free is None else len(free)
+    if K.shape[0] != K.shape[1] or points.ndim != 2 or len(points) != n:
         raise InputError(
             f"K of shape {K.shape} and points of shape {points.shape} do not belong together: "
             "needed are (n, n) and (n, d), a position for each DOF."
         )
     if keep.size and (keep.min() < 0 or keep.max() >= n or np.unique(keep).size < keep.size):
         raise InputError(f"keep must name DOFs from 0 to {n - 1}, each once.")
-    x, y = np.random.default_rng(0).standard_normal((2, n))
+    x, y = np.zeros((2, K.shape[0]))
+    rows = slice(None) if free is None else free
+    x[rows], y[rows] = np.random.default_rng(0).standard_normal((2, n))
     # x'Ky of random x and y is about as large as the Frobenius norm; cheaper than K - K.T
     difference, size = abs(x @ (K @ y) - y @ (K @ x)), np.linalg.norm(K.data)
     if difference > SYMMETRIC_TO * size:
@@ -53,11 +57,12 @@ def gather(K: Any, fronts: Fronts, entries: Entries) -> np.ndarray:
     return data
 
 
-def kept_block(K: Any, keep: np.ndarray, fronts: Fronts) -> np.ndarray:
-    """Rows and columns of `K` that are kept, (nk, nk); far quicker than ``K[keep][:, keep]``."""
-    rows = K[keep]
-    row = np.repeat(np.arange(keep.size), np.diff(rows.indptr))
-    column = fronts.position.take(rows.indices) - fronts.start[-2]
+def dense_block(K: Any, keep: np.ndarray) -> np.ndarray:
+    """``K[keep][:, keep]`` as dense array, (nk, nk), which SciPy finds by two more matrices."""
+    rows, place = K[keep], np.full(K.shape[0], -1)
+    place[keep] = np.arange(keep.size)
+    row = np.repeat(place[keep], np.diff(rows.indptr))
+    column = place.take(rows.indices)
     inside = np.flatnonzero(column >= 0)
     block = np.zeros((keep.size, keep.size))
     block[row[inside], column[inside]] = rows.data[inside]

@@ -37,9 +37,9 @@ from skfem_contact.errors import InputError
 from skfem_contact.linalg.multifrontal.assembly import (
     Leftovers,
     checked_matrix,
+    dense_block,
     extend_add,
     gather,
-    kept_block,
     mirror,
     panels,
 )
@@ -62,6 +62,9 @@ class MultifrontalCholesky:
         Position of each DOF [length]. They guide the order of elimination; any will do.
     keep : array of int, shape (nk,)
         DOFs that are not eliminated, without repetition.
+    free : ndarray of int, shape (n,), optional
+        The rows and columns of `K` that are DOFs, ascending, if not all: as if the others were not
+        there, but without a copy of `K`. DOFs are counted among these; `points` are theirs alone.
     leaf : int
         Size of the smallest boxes [DOFs].
 
@@ -106,16 +109,24 @@ class MultifrontalCholesky:
     array([0., 1., 2., 3.])
     """
 
-    def __init__(self, K: Any, points: np.ndarray, keep: Any = (), *, leaf: int = LEAF) -> None:
-        K, points, self.keep = checked_matrix(K, points, keep)
-        fronts, entries = analyse_entries(K, points, self.keep, leaf)
+    def __init__(
+        self,
+        K: Any,
+        points: np.ndarray,
+        keep: Any = (),
+        *,
+        free: np.ndarray | None = None,
+        leaf: int = LEAF,
+    ) -> None:
+        K, points, self.keep = checked_matrix(K, points, keep, free)
+        fronts, entries = analyse_entries(K, points, self.keep, leaf, free)
         self.fronts = fronts
-        self.S = kept_block(K, self.keep, fronts)
+        self.S = dense_block(K, self.keep if free is None else free[self.keep])
         self._data = gather(K, fronts, entries)
         del entries  # as large as K
         self.panels = panels(self._data, fronts)
         self.borders = [fronts.border[a:b] for a, b in pairwise(fronts.first.tolist())]
-        diagonal = K.diagonal()
+        diagonal = K.diagonal() if free is None else K.diagonal()[free]
         with single_threaded():
             self._factorise(diagonal[fronts.order], points)
         if self.pivot_ratio < SUSPICIOUS:

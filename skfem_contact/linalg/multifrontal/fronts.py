@@ -128,17 +128,21 @@ class Fronts:
         return 8 * (int(self.panel[-1]) + self.waiting) + self.nbytes
 
 
-def analyse(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> Fronts:
+def analyse(
+    K: Any, points: np.ndarray, keep: np.ndarray, leaf: int, free: np.ndarray | None = None
+) -> Fronts:
     """Find the fronts of a matrix.
 
     Parameters
     ----------
-    K : csr_matrix, shape (n, n)
+    K : csr_matrix, shape (N, N)
         Symmetric; only the pattern counts.
     points : ndarray, shape (n, d)
         Position of each DOF [length].
     keep : ndarray of int, shape (nk,)
         DOFs that are not eliminated.
+    free : ndarray of int, shape (n,), optional
+        The rows and columns of `K` that are DOFs, if not all.
     leaf : int
         DOFs in the boxes that are not divided further.
 
@@ -146,16 +150,19 @@ def analyse(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> Fronts:
     -------
     Fronts
     """
-    return analyse_entries(K, points, keep, leaf)[0]
+    return analyse_entries(K, points, keep, leaf, free)[0]
 
 
-def analyse_entries(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> tuple[Fronts, Entries]:
+def analyse_entries(
+    K: Any, points: np.ndarray, keep: np.ndarray, leaf: int, free: np.ndarray | None = None
+) -> tuple[Fronts, Entries]:
     """The fronts of a matrix, and its `lower_entries`, which take as long to find again."""
-    n = K.shape[0]
+    n = len(points)
+    rows = np.arange(n) if free is None else free
     inside = np.ones(n, dtype=bool)
     inside[keep] = False
     interior = np.flatnonzero(inside)
-    tree = dissect(K, points, leaf, interior if len(keep) else None)
+    tree = dissect(K, points[interior], leaf, rows[interior])
     last = tree.parent.size
     order = np.concatenate((interior[np.lexsort((tree.along, tree.owner))], keep))
     position = np.empty(n, dtype=np.int64)
@@ -164,7 +171,11 @@ def analyse_entries(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> 
     start = np.concatenate(([0], np.cumsum(pivots)))
     parent = np.append(tree.parent, last + 1)
 
-    entries = lower_entries(K, position, start)
+    of_row = np.full(
+        K.shape[0], -1, dtype=K.indices.dtype
+    )  # narrower than most: there are many entries
+    of_row[rows] = position
+    entries = lower_entries(K, of_row, start)
     keys = _borders(n, entries, start, parent, tree.levels)
     first = np.searchsorted(keys, np.arange(last + 2) * n)
     front, border = np.divmod(keys, n)
@@ -180,10 +191,12 @@ def analyse_entries(K: Any, points: np.ndarray, keep: np.ndarray, leaf: int) -> 
 
 
 def lower_entries(K: Any, position: np.ndarray, start: np.ndarray) -> Entries:
-    """What is stored on or below the diagonal in the columns of the fronts that are eliminated."""
-    position = position.astype(K.indices.dtype)  # half as wide as other integers, and there are many
+    """What is stored on or below the diagonal in the columns of the fronts that are eliminated.
+
+    Rows and columns without position, -1, are left out.
+    """
     i, j = np.repeat(position, np.diff(K.indptr)), position.take(K.indices)
-    which = np.flatnonzero((i >= j) & (j < start[-2]))
+    which = np.flatnonzero((i >= j) & (j >= 0) & (j < start[-2]))
     i, j = i[which], j[which]
     end = np.repeat(start[1:], np.diff(start))  # of the pivots, for each column
     return Entries(which, i, j, np.flatnonzero(i >= end.take(j)))

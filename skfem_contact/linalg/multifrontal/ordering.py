@@ -49,7 +49,7 @@ def dissect(A: Any, points: np.ndarray, leaf: int, inside: np.ndarray | None = N
     leaf : int
         Boxes of at most so many DOFs are not divided further.
     inside : ndarray of int, optional
-        The DOFs that are divided, if not all; results are in their order.
+        The DOFs that are divided, if not all; `points` and results are of them, in their order.
 
     Returns
     -------
@@ -66,10 +66,10 @@ def dissect(A: Any, points: np.ndarray, leaf: int, inside: np.ndarray | None = N
     >>> tree.owner.tolist(), tree.parent.tolist()
     ([3, 5, 2, 6, 1, 4, 0], [4, 4, 5, 5, 6, 6, 7])
     """
-    node, centres = _nodes(points if inside is None else points[inside])
+    node, centres = _nodes(points)
     count, of_all = centres.shape[1], node
     if inside is not None:
-        of_all = np.full(len(points), -1)
+        of_all = np.full(A.shape[0], -1)
         of_all[inside] = node
     a, b = _edges(A, of_all, count)
     limit = max(1, leaf * count // max(1, node.size))

@@ -35,8 +35,10 @@ class FactorSize:
     flops: float
 
 
-def factor_size(K: Any, points: np.ndarray, keep: Any = (), *, leaf: int = LEAF) -> FactorSize:
-    """Size of ``MultifrontalCholesky(K, points, keep)``, at a fraction of its cost.
+def factor_size(
+    K: Any, points: np.ndarray, keep: Any = (), *, free: np.ndarray | None = None, leaf: int = LEAF
+) -> FactorSize:
+    """Size of ``MultifrontalCholesky(K, points, keep, free=free)``, at a fraction of its cost.
 
     Examples
     --------
@@ -47,7 +49,7 @@ def factor_size(K: Any, points: np.ndarray, keep: Any = (), *, leaf: int = LEAF)
     >>> size.n, size.kept, size.fronts, size.largest
     (7, 1, 7, 3)
     """
-    fronts = analyse(*checked_matrix(K, points, keep), leaf)
+    fronts = analyse(*checked_matrix(K, points, keep, free), leaf, free)
     sizes = np.diff(fronts.start) + np.diff(fronts.first)
     kept = int(fronts.start[-1] - fronts.start[-2])
     return FactorSize(
