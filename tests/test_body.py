@@ -11,6 +11,7 @@ from skfem.models.poisson import laplace
 
 from skfem_contact import Contact, ContactSolver, RigidPlane
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.pieces import pieces
 from skfem_contact.bodies.system import stack
 from skfem_contact.errors import InputError
 
@@ -300,3 +301,19 @@ def test_the_solver_asks_a_body_for_its_equations_once():
     assert asked == [None]
     np.testing.assert_array_equal(results[0].u, results[2].u)
     assert results[0].force[1] == pytest.approx(1.5e-3, rel=1e-12)  # the weight of a unit square
+
+
+def test_pieces_are_those_that_elements_join_one_after_the_other():
+    """Random elements in any order; numbers go up with the first DOF of each piece."""
+    random = np.random.default_rng(2)
+    seen = set()
+    for count in [*range(1, 12)] * 5:
+        n = int(random.integers(3, 9))
+        elements = random.integers(0, n, (3, count))
+        labels = np.arange(n)
+        for _ in range(n):
+            for element in elements.T:
+                labels[element] = labels[element].min()
+        assert np.array_equal(pieces(elements, n), np.unique(labels, return_inverse=True)[1])
+        seen.add(len(np.unique(labels)))
+    assert {1, 2, 3} <= seen

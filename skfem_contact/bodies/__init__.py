@@ -3,7 +3,7 @@
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
 * `boundaries`: tractions and displacements by the names of boundaries;
 * `member`, `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked
-  of them; `stiffness`, `rigid_modes`: of a body; `distributed`: a stiffness held rank by rank;
+  of them; `stiffness`, `rigid_modes`, `pieces` of a mesh; `distributed`: a stiffness held rank by rank;
 * `surface`: a boundary as contact sees it; `nodes`: its nodes; `bare`: one without a body;
 * `facet_kinds`: the shape functions of facets;
 * `curves`, `facets`, `normals`, `projection`: boundaries of plane bodies, normals, closest points;

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import skfem
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 from skfem.assembly import BilinearForm, CellBasis
 
 from skfem_contact.arguments import check_name, known_keywords, with_known_keywords
@@ -27,6 +26,7 @@ from skfem_contact.bodies.inputs import (
     stiffness_of,
 )
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.pieces import pieces
 from skfem_contact.bodies.rigid_modes import motion_names, rigid_modes
 from skfem_contact.bodies.stiffness import Stiffness
 from skfem_contact.bodies.thresholds import SAME_QUOTIENT
@@ -236,13 +236,7 @@ class Body(Member):
     @cached_property
     def parts(self) -> np.ndarray:
         """Number of the connected part of the mesh that every DOF belongs to, shape (n,)."""
-        elements = self.basis.dofs.element_dofs
-        # DOFs are the first nodes of the graph, and elements the last: their rows are what is known
-        size = self.n + elements.shape[1]
-        start = np.zeros(size + 1, dtype=elements.dtype)
-        start[self.n :] = np.arange(0, elements.size + 1, len(elements))
-        graph = csr_matrix((np.ones(elements.size), elements.T.ravel(), start), shape=(size, size))
-        return np.asarray(connected_components(graph, directed=False)[1][: self.n])
+        return pieces(self.basis.dofs.element_dofs, self.n)
 
     @cached_property
     def rigid_modes(self) -> np.ndarray:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csr_matrix, diags, vstack
+from scipy.sparse import block_diag, csr_matrix, diags
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
@@ -120,7 +120,14 @@ def tangential_rows(
 
 def stacked(blocks: Sequence[csr_matrix]) -> csr_matrix:
     """Rows of several matrices one after the other; of a single one itself."""
-    return blocks[0] if len(blocks) == 1 else csr_matrix(vstack(blocks))
+    if len(blocks) == 1:
+        return blocks[0]
+    data, columns, sizes = (
+        np.concatenate(parts)
+        for parts in zip(*((B.data, B.indices, np.diff(B.indptr)) for B in blocks), strict=True)
+    )
+    start = np.concatenate([[0], np.cumsum(sizes)])
+    return csr_matrix((data, columns, start), shape=(len(sizes), blocks[0].shape[1]))
 
 
 def _interleave(blocks: Sequence[csr_matrix]) -> csr_matrix:
