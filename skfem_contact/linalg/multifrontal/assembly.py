@@ -59,13 +59,16 @@ def gather(K: Any, fronts: Fronts, entries: Entries) -> np.ndarray:
 
 def dense_block(K: Any, keep: np.ndarray) -> np.ndarray:
     """``K[keep][:, keep]`` as dense array, (nk, nk), which SciPy finds by two more matrices."""
-    rows, place = K[keep], np.full(K.shape[0], -1)
+    place = np.full(K.shape[0], -1)
     place[keep] = np.arange(keep.size)
-    row = np.repeat(place[keep], np.diff(rows.indptr))
-    column = place.take(rows.indices)
+    size = np.diff(K.indptr)[keep]
+    row = np.repeat(np.arange(keep.size), size)
+    # the rows kept follow each other here, in K they begin elsewhere
+    stored = np.arange(row.size) + np.repeat(K.indptr[keep] - np.cumsum(size) + size, size)
+    column = place.take(K.indices[stored])
     inside = np.flatnonzero(column >= 0)
     block = np.zeros((keep.size, keep.size))
-    block[row[inside], column[inside]] = rows.data[inside]
+    block[row[inside], column[inside]] = K.data[stored[inside]]
     return block
 
 
@@ -120,7 +123,7 @@ def extend_add(
     With the `first` child of a front `F22` holds zeros as yet: it is written, which is quicker.
     """
     p = len(F11)
-    if 12 * (len(runs) + 1) > len(rows):  # scattered: one by one
+    if 6 * (len(runs) + 1) > len(rows):  # scattered: one by one
         k = int(rows.searchsorted(p))
         near, far = rows[:k], rows[k:] - p
         F11[near[:, None], near] += C[:k, :k]
