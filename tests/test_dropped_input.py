@@ -122,6 +122,32 @@ def test_dofs_are_no_facets():
             quadratic.surface([wrong])
 
 
+def test_nodes_and_facets_are_no_dofs():
+    """Numbers of nodes or facets in D held the body somewhere inside, and nothing was said."""
+    punch = block("punch")
+    mesh, basis = punch.basis.mesh, punch.basis
+    top = mesh.boundaries["top"]
+    for numbers, kind in ((np.unique(mesh.facets[:, top]), "nodes"), (top, "facets")):
+        for given in (numbers, numbers.tolist(), {"top": numbers}):
+            with pytest.warns(
+                sc.ContactWarning,
+                match=rf"D of body 'b': all {len(numbers)} numbers are those of {kind}",
+            ):
+                sc.Body(basis, punch.K, D=given, name="b")
+    nodes = np.unique(mesh.facets[:, top])
+    inside = mesh.p.shape[1] // 2
+    for right in (
+        "top",
+        basis.get_dofs("top"),
+        basis.get_dofs("top").flatten(),
+        basis.nodal_dofs[:, nodes].ravel(),
+        basis.nodal_dofs[:, inside],  # a node inside may be held
+        np.append(basis.get_dofs("top").flatten(), basis.nodal_dofs[:, inside]),
+        np.arange(basis.N),
+    ):
+        sc.Body(basis, punch.K, D=right, name="b")
+
+
 def pressed_on(obstacle, **settings):
     body = block("punch", D="top")
     return sc.ContactSolver(body, sc.Contact(body.surface("bottom"), obstacle, **settings))

@@ -13,7 +13,7 @@ from skfem_contact.arguments import suggest
 from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
 from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.thresholds import SYMMETRIC, UNSYMMETRIC
-from skfem_contact.errors import InputError
+from skfem_contact.errors import InputError, warn
 from skfem_contact.sealed import sealed_matrix
 
 #: Lagrange elements whose DOFs are values at the nodes of the mesh: only these have contact nodes.
@@ -197,8 +197,8 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
             raise InputError(
                 f"D of {whose} was taken from a basis with {D.obj.N} DOFs, its basis has {basis.N}"
             )
-        D = D.flatten()
-    elif isinstance(D, dict):
+        return np.unique(D.flatten()).astype(np.int64)
+    if isinstance(D, dict):
         D = list(D.values())
     if isinstance(D, list | tuple | set | frozenset) and not all(np.isscalar(d) for d in D):
         return _union([prescribed_dofs(part, basis, whose) for part in D])
@@ -208,7 +208,31 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
         D = list(D)
     what = f"D of {whose}"
     numbers = np.atleast_1d(rectangular(D, what, "not DOF numbers or boundary names"))
-    return dof_numbers(numbers, basis.N, what, TAKEN, "; D belongs to another basis")
+    dofs = dof_numbers(numbers, basis.N, what, TAKEN, "; D belongs to another basis")
+    _warn_other_numbers(dofs, basis, what)
+    return dofs
+
+
+def _warn_other_numbers(D: np.ndarray, basis: Any, what: str) -> None:
+    """Warn of numbers of nodes or facets in the place of DOFs: those are anywhere in the body.
+
+    Three or less may lie on the boundary by chance.
+    """
+    mesh = basis.mesh
+    if len(D) < 4 or len(basis.nodal_dofs) == 1:
+        return
+    inside = int(np.sum(~np.isin(D, basis.get_dofs(mesh.boundary_facets()).flatten())))
+    if not inside:
+        return
+    known = {"nodes": mesh.boundary_nodes(), "facets": mesh.boundary_facets()}
+    for kind, there in known.items():
+        if np.isin(D, there).all():
+            warn(
+                f"{what}: all {len(D)} numbers are those of {kind} on the boundary, but as DOFs "
+                f"{inside} of them are inside the body, where it is held now. The DOFs of nodes are "
+                "basis.nodal_dofs[:, nodes], those of facets basis.get_dofs(facets)."
+            )
+            return
 
 
 def _union(parts: list[np.ndarray]) -> np.ndarray:

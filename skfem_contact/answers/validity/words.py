@@ -108,7 +108,8 @@ def _way_out(part: ContactValidity, contact: Contact) -> str:
             "surfaces cover all that may touch"
         )
     if part.unseen:
-        return "Give the contact sliding='finite'"
+        far = "Enlarge `reach`, or give" if contact.reach is not None else "Give"
+        return f"{far} the contact sliding='finite'"
     if isinstance(contact.primary, Obstacle):
         return "Refine the surface, whose facets are too long for what presses between their nodes"
     if part.drift.slip >= part.overlap:  # a slip goes no deeper than it is long
