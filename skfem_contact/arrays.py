@@ -1,7 +1,8 @@
-"""Checks of vectors and DOF numbers that users pass, each with one wording; quick looks at arrays."""
+"""Checks of vectors and DOF numbers that users pass, each with one wording; quick work on arrays."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,20 @@ def largest(values: NDArray[np.float64]) -> float:
     """
     found = float(values.item(values.argmax())) if values.size else 0.0
     return 0.0 if found < 0.0 else found
+
+
+def block_diagonal(blocks: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Matrices one after the other along a diagonal; SciPy's own, for many kinds of them, takes longer.
+
+    >>> block_diagonal([np.ones((2, 1)), np.zeros((1, 0)), np.full((1, 1), 3.0)]).tolist()
+    [[1.0, 0.0], [1.0, 0.0], [0.0, 0.0], [0.0, 3.0]]
+    """
+    out = np.zeros((sum(len(block) for block in blocks), sum(block.shape[1] for block in blocks)))
+    row = column = 0
+    for block in blocks:
+        out[row : row + len(block), column : column + block.shape[1]] = block
+        row, column = row + len(block), column + block.shape[1]
+    return out
 
 
 def check_size(array: NDArray[Any], n: int, what: str, why: str) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import block_diagonal
 from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import ByFields
@@ -214,11 +215,7 @@ def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matri
         free = R @ left
         peak = largest(free)
         blocks.append(free / np.where(peak > 0, peak, 1.0))
-    modes, first = np.zeros((system.n, sum(block.shape[1] for block in blocks))), 0
-    for offset, block in zip(system.offsets, blocks, strict=False):
-        modes[offset : offset + len(block), first : first + block.shape[1]] = block
-        first += block.shape[1]
-    return RigidMotions(modes, kin, system)
+    return RigidMotions(block_diagonal(blocks), kin, system)
 
 
 def _resistance(K: csr_matrix, R: Array) -> Array:

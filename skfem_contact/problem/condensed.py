@@ -22,9 +22,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, block_diag
+from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import block_diagonal
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import columns_of, stacked
@@ -82,9 +83,7 @@ class Condensed:
         self.columns = np.concatenate(kept)
         # contact DOFs of each body among all contact DOFs
         self.kept_spans = slices(np.cumsum([0, *map(len, kept)]))
-        # of no parts at all, block_diag makes one row
-        springs = [part.springs for part in self.substructures if len(part.kept)]
-        self.P = block_diag(*springs) if springs else np.zeros((0, 0))
+        self.P = block_diagonal([part.springs for part in self.substructures])
         self._split: dict[str, tuple[Array, list[Array]]] = {}
 
     @cached_property
@@ -129,7 +128,7 @@ class Condensed:
 
     def directions(self) -> Array:
         """Loads on the contact DOFs that have one component, as many as loads span so far, (n_c, k)."""
-        return block_diag(*(part.directions for part in self.substructures))
+        return block_diagonal([part.directions for part in self.substructures])
 
     def contact_dofs(self, source: Source) -> Array:
         """Displacements of the contact DOFs, (n_c,) or (n_c, r)."""
@@ -259,7 +258,7 @@ class SurfaceProblem(OnDisplacements, OnContactDofs[Condensed]):
     def __init__(self, bodies: Condensed, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> None:
         super().__init__(bodies, on)
         self.space = SparseSpace(
-            K=csr_matrix(block_diag(*(part.S for part in bodies.substructures if len(part.kept)))),
+            K=csr_matrix(block_diagonal([part.S for part in bodies.substructures])),
             kin=self.rows,
             D=np.zeros(0, dtype=int),
             prefer=prefer[bodies.columns],
