@@ -87,9 +87,11 @@ def dissect(A: Any, points: np.ndarray, leaf: int, inside: np.ndarray | None = N
         nodes, half = _halves(nodes, box, centres)
         label[nodes] = half
         label[_separators(a, b, label, 2 * len(parents[-1]))] = -1
-        a, b = _both(a, b, (label[a] == label[b]) & (label[a] >= 0))
-        nodes = nodes[label[nodes] >= 0]
-        start, box = _groups(label[nodes])
+        side = label.take(a)
+        within = np.flatnonzero((side == label.take(b)) & (side >= 0))
+        a, b = a.take(within), b.take(within)
+        nodes = nodes[label.take(nodes) >= 0]
+        start, box = _groups(label.take(nodes))
         parents.append(first + label[nodes[start]] // 2)
         first += len(parents[-2])
     return _from_below(owner, parents, node, centres)
@@ -108,7 +110,7 @@ def distinct(x: np.ndarray) -> np.ndarray:
     """The distinct values of `x` in ascending order; twice as fast as ``np.unique`` on keys."""
     # keys come in runs, one for each row of a matrix: merging them takes half of the time of sorting
     x = np.sort(x, kind="stable")
-    return x[_changes(x)]
+    return x.take(np.flatnonzero(_changes(x)))
 
 
 def _changes(x: np.ndarray) -> np.ndarray:
@@ -122,10 +124,6 @@ def _groups(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First entry of each run of equal values, and the number of its run for each entry."""
     change = _changes(x)
     return np.flatnonzero(change), np.cumsum(change) - 1
-
-
-def _both(a: np.ndarray, b: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return a[mask], b[mask]
 
 
 def _nodes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -146,7 +144,7 @@ def _edges(A: Any, node: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray
     i, j = np.repeat(node, np.diff(A.indptr)), node.take(A.indices)
     # the DOFs of a node are mostly neighbours: less to sort
     once = np.flatnonzero((_changes(j) | _changes(i)) & (i != j) & (np.minimum(i, j) >= 0))
-    i, j = i[once], j[once]
+    i, j = i.take(once), j.take(once)
     key = distinct(np.minimum(i, j) * np.int64(count) + np.maximum(i, j))
     return np.divmod(key, max(1, count))
 
@@ -162,11 +160,11 @@ def _halves(nodes: np.ndarray, box: np.ndarray, centres: np.ndarray) -> tuple[np
     size = np.bincount(local)
     place = 2 * local + _along(centres.take(nodes, axis=1), start, local)
     order = np.argsort(place)
-    place = place[order]
+    place = place.take(order)
     middle = place[start + size // 2]
     below, upto = np.searchsorted(place, middle), np.searchsorted(place, middle, side="right")
     cut = np.where(below + upto <= 2 * start + size, upto, below)  # whichever halves are more alike
-    return nodes[order], 2 * box + (np.arange(nodes.size) >= cut[local])
+    return nodes.take(order), 2 * box + (np.arange(nodes.size) >= cut.take(local))
 
 
 def _along(x: np.ndarray, start: np.ndarray, local: np.ndarray) -> np.ndarray:
@@ -176,14 +174,14 @@ def _along(x: np.ndarray, start: np.ndarray, local: np.ndarray) -> np.ndarray:
     axis, group = np.argmax(side, axis=0), np.arange(start.size)
     low, side = low[axis, group], side[axis, group]
     side[side == 0.0] = 1.0
-    return (x[axis[local], np.arange(local.size)] - low[local]) / side[local]
+    return (x[axis.take(local), np.arange(local.size)] - low.take(local)) / side.take(local)
 
 
 def _separators(a: np.ndarray, b: np.ndarray, label: np.ndarray, halves: int) -> np.ndarray:
     """Nodes of one half with a neighbour in the other half, from whichever half has fewer."""
-    cross = label[a] != label[b]
+    cross = np.flatnonzero(label.take(a) != label.take(b))
     mark = np.zeros(label.size, dtype=bool)
-    mark[a[cross]] = mark[b[cross]] = True
+    mark[a.take(cross)] = mark[b.take(cross)] = True
     touched = np.flatnonzero(mark)
     half = label[touched]
     number = np.bincount(half, minlength=halves).reshape(-1, 2)
