@@ -24,26 +24,9 @@ def pieces(elements: Index, n: int) -> Index:
     >>> pieces(np.array([[0, 1, 4], [1, 2, 3]]), 5).tolist()
     [0, 0, 0, 1, 1]
     """
-    if _grown(elements, n):
-        return np.zeros(n, dtype=np.intp)
     # DOFs are the first nodes of the graph, and elements the last: their rows are what is known
     size = n + elements.shape[1]
     start = np.zeros(size + 1, dtype=elements.dtype)
     start[n:] = np.arange(0, elements.size + 1, len(elements))
     graph = csr_matrix((np.ones(elements.size), elements.T.ravel(), start), shape=(size, size))
     return np.asarray(connected_components(graph, directed=False)[1][:n], dtype=np.intp)
-
-
-def _grown(elements: Index, n: int) -> bool:
-    """Whether every element but the first shares a DOF with one before it, and none is left out.
-
-    Then the mesh is in one piece, as most are; many, not all, are numbered so that it is seen here.
-    """
-    number = np.arange(elements.shape[1])
-    first = np.full(n, len(number))
-    for dofs in elements:
-        np.minimum.at(first, dofs, number)
-    joined = number == 0
-    for dofs in elements:
-        joined |= first.take(dofs) < number
-    return bool(np.all(joined) and np.all(first < len(number)))
