@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import skfem as fem
 from quick_elasticity import linear_elasticity
+from skfem.helpers import ddot, sym_grad
 from skfem.models.elasticity import linear_elasticity as elastic_form
 
 import skfem_contact as sc
@@ -83,6 +84,56 @@ def test_what_stands_on_an_empty_boundary_is_not_lost() -> None:
     block = sc.Body(**held, x={"none": (None, 0.0)})
     with pytest.raises(sc.InputError, match="has no facets: boundary 'none' of the mesh is empty"):
         block.surface("none")
+
+
+@fem.BilinearForm
+def rings(u: fem.DiscreteField, v: fem.DiscreteField, w: fem.FormExtraParams) -> np.ndarray:
+    """Elasticity without lateral contraction around the axis, of whole rings."""
+    strain, virtual = sym_grad(u), sym_grad(v)
+    r = np.asarray(w.x[0])
+    return 2 * np.pi * (r * ddot(strain, virtual) + u[0] * v[0] / r)
+
+
+def whole(x: np.ndarray) -> np.ndarray:
+    """The length of the ring through a point."""
+    return np.asarray(2 * np.pi * x[0])
+
+
+@pytest.mark.parametrize(
+    ("low", "up", "words"),
+    [
+        ((rings, whole), (rings, whole), ""),
+        ((rings, whole), (rings, lambda x: 2 * np.pi * np.maximum(x[0], 0.0)), ""),
+        ((linear_elasticity(), None), (linear_elasticity(), lambda x: 2.0 + 0 * x[0]), ""),
+        (
+            (linear_elasticity(), whole),
+            (rings, whole),
+            "measure of body 'low' grows .* no hoop strains",
+        ),
+        (
+            (linear_elasticity(), None),
+            (rings, whole),
+            "'up/bottom' is of an axisymmetric body .*'low/top'",
+        ),
+        (
+            (rings, whole),
+            (rings, lambda x: x[0]),
+            r"the measure of 'up/bottom' is 0\.159155 times that",
+        ),
+    ],
+)
+def test_rings_that_meet_what_is_none(low: tuple, up: tuple, words: str) -> None:
+    """A plane stiffness with the weight of rings, rings on a plane body, or on those of a radian."""
+    bodies = [
+        sc.Body(square(1.0, 0.5, y), form, D=D, measure=measure, name=name)
+        for (form, measure), y, D, name in ((low, -1.0, "bottom", "low"), (up, 0.0, "top", "up"))
+    ]
+    contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"))
+    if not words:
+        sc.ContactSolver(bodies, contact)
+        return
+    with pytest.warns(sc.ContactWarning, match=words):
+        sc.ContactSolver(bodies, contact)
 
 
 def test_a_form_for_another_number_of_components_is_refused_in_words() -> None:

@@ -8,6 +8,7 @@
 * `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers;
 * `prescribed`, `motions`, `statics`: what supports prescribe, leave free, and whether contact holds it;
   `motion_words`: such motions in words;
-* `diagnosis`, `identity`: what can be said before solving; what a stored state belongs to;
+* `diagnosis`, `measures`: what can be said before solving, of pairings and of axisymmetric bodies;
+  `identity`: what a stored state belongs to;
 * `thresholds`: numbers, and where they come from.
 """

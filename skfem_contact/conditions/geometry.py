@@ -39,6 +39,7 @@ from skfem_contact.conditions.interface import contact_names, point_slices
 from skfem_contact.conditions.kinematics import Kinematics, initial_gap, join, kinematics
 from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.measures import warn_measures
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.conditions.state import OPEN, LocalState, transport
@@ -56,6 +57,7 @@ class Geometry:
     def __init__(self, system: System, contacts: Sequence[Contact]) -> None:
         self.system, self.contacts = system, tuple(contacts)
         self.point_slices = point_slices(contacts)
+        warn_measures(self.contacts)
         self.pairings: list[Pairing] = [pair(contact) for contact in contacts]
         for contact, pairing in zip(contacts, self.pairings, strict=True):
             check_pairing(contact, pairing, undeformed=True)

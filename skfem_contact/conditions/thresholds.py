@@ -69,6 +69,16 @@ STIFFNESS = {"newton": np.inf, "direct": 1e3, "fictitious": 1.0}
 # matching mortar meshes leave some 1e-8 on a line of symmetry, and 1/1e-8 squared in the stiffness.
 FIXED = 1e-6
 
+# -- measures ----------------------------------------------------
+
+# Forces of a growth along x[0] over those that the diagonal of K alone gives: a plane K has round-off
+# of them, one with hoop strains a tenth where the ring is as wide as its radius, and that times the
+# square of width over radius where it is far from the axis.
+RINGS = 1e-9
+
+# Weights that differ by less than this part at one place are written differently.
+ONE_WEIGHT = 1e-6
+
 # -- motions -----------------------------------------------------
 
 # Parts of a motion below this share of the largest displacement are not in it: singular vectors of
