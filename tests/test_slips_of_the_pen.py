@@ -59,7 +59,11 @@ def test_bodies_of_unlike_size_are_told(size: float, said: bool) -> None:
     block = sc.Body(square(40.0), linear_elasticity(), D="bottom", name="block")
     tool = sc.Body(square(size, 20.0, 40.0), linear_elasticity(), D="top", name="tool")
     solver = sc.ContactSolver([block, tool], sc.Contact(tool.surface("bottom"), block.surface("top")))
-    words = "body block is 4000 times as large as tool (40 and 0.01): as meant, if all lengths"
+    words = "body block is 4000 times as large as body tool (40 and 0.01): as meant, if all lengths"
+    assert (words in str(solver)) == said
+    edge = sc.RigidPolyline([(20 - size, 40), (20 + size, 40)], name="edge")
+    solver = sc.ContactSolver(block, sc.Contact(block.surface("top"), edge))
+    words = "body block is 2000 times as large as edge (40 and 0.02)"
     assert (words in str(solver)) == said
 
 

@@ -12,6 +12,7 @@ from skfem_contact.conditions.steepness import steep_words
 from skfem_contact.history.body_words import body_words
 from skfem_contact.history.thresholds import UNLIKE
 from skfem_contact.linalg.memory import written_bytes
+from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 from skfem_contact.pairing.node import Pairing
 
@@ -67,12 +68,18 @@ def _linear_words(solver: ProblemSetup) -> str:
 def _size_words(solver: ProblemSetup) -> list[str]:
     """Sizes that are a thousand times apart or so: as meant, or lengths in two units."""
     solids = solver.system.solids
-    sizes = {name: float(np.ptp(body.basis.mesh.p, axis=1).max()) for name, body in solids.items()}
+    sizes = {
+        f"body {name}": float(np.ptp(body.basis.mesh.p, axis=1).max()) for name, body in solids.items()
+    }
+    for contact in solver.contacts:  # polylines and triangles, which come from files
+        outline = contact.primary.outline if isinstance(contact.primary, Obstacle) else None
+        if outline is not None:
+            sizes[contact.primary.label] = float(np.ptp(outline.points, axis=0).max())
     large, small = max(sizes, key=sizes.__getitem__), min(sizes, key=sizes.__getitem__)
     if sizes[large] < UNLIKE * sizes[small]:
         return []
     return [
-        f"body {large} is {sizes[large] / sizes[small]:.0f} times as large as {small} "
+        f"{large} is {sizes[large] / sizes[small]:.0f} times as large as {small} "
         f"({sizes[large]:.3g} and {sizes[small]:.3g}): as meant, if all lengths are in one unit"
     ]
 
