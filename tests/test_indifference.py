@@ -373,3 +373,51 @@ def test_a_place_is_said_where_weak_springs_find_no_answer(order):
     assert result.indifferent[0] in words
     # the scene is still one where the answer is found with a DOF held
     assert answer_of(result).recover.model is not solver.linear_model
+
+
+class Hardening(sc.FrictionLaw):
+    """A coefficient of friction that grows with the slip, ``mu + rise |s|``."""
+
+    def __init__(self, mu, rise):
+        self.mu, self.rise = mu, rise
+
+    def limit(self, normal_force, area, slip):
+        return self.slope(normal_force, area, slip) * normal_force
+
+    def slope(self, normal_force, area, slip):
+        return self.mu + self.rise * np.linalg.norm(slip, axis=1)
+
+
+@pytest.mark.parametrize("loop", ["newton", "direct", "fictitious"])
+def test_friction_that_grows_with_the_slip_holds_a_body(loop):
+    """A load beyond the friction at rest, nothing else along it: the slip at which both are equal."""
+    mesh = fem.MeshQuad.init_tensor(*np.linspace((0, 0), (2, 0.5), 5).T).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    stiff = linear_elasticity(*lame_parameters(1e6, 0.3))
+    sledge = sc.Body(basis, stiff, f={"top": (0.5, -1.0)}, name="sledge")
+    contact = sc.Contact(sledge.surface("bottom"), FLOOR, friction=Hardening(0.2, 3.0))
+    result = sc.ContactSolver(sledge, contact, loop=loop).solve()  # without a warning
+    assert result.indifferent == () and result.certificate.worst < 1e-9
+    assert set(result.status) == {2}
+    # 0.5 = 0.2 + 3 s; the block is strained by 1e-6 or so
+    assert_allclose(np.abs(result.slip), 0.1, rtol=0, atol=1e-5)
+    # `fictitious` stops at 1e-10 of the largest force at each of five points
+    assert_allclose(result.force, [-1.0, 2.0], rtol=5e-10)
+
+
+def test_friction_that_grows_with_the_slip_holds_a_solid():
+    """The same in space, askew: the slip is along the load."""
+    t = np.linspace(0.0, 1.0, 3)
+    mesh = fem.MeshHex.init_tensor(2 * t, 2 * t, 0.5 * t).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    stiff = linear_elasticity(*lame_parameters(1e6, 0.3))
+    low = mesh.facets_satisfying(lambda x: np.isclose(x[2], 0.0))
+    load, top = np.zeros(basis.N), np.isclose(mesh.p[2], 0.5)
+    load[basis.nodal_dofs[:, top]] = np.array([[0.3], [0.4], [-1.0]]) / np.count_nonzero(top)
+    sledge = sc.Body(basis, stiff, load, name="sledge")
+    floor = sc.RigidPlane((0, 0, 0), (0, 0, 1), name="floor")
+    contact = sc.Contact(sledge.surface(low), floor, friction=Hardening(0.2, 3.0))
+    result = sc.ContactSolver(sledge, contact).solve()
+    assert result.indifferent == () and result.certificate.worst < 1e-9
+    slip = answer_of(result).state.slip
+    assert_allclose(slip[:, :2], np.tile([0.06, 0.08], (len(slip), 1)), rtol=0, atol=1e-5)

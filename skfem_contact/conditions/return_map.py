@@ -46,6 +46,11 @@ class Derivatives(NamedTuple):
 Mapped = tuple[Array, Mask, Derivatives]
 
 
+def grows(by: Derivatives) -> Mask:
+    """Points whose bound grows with the slip, (m,)."""
+    return np.asarray(np.einsum("ikk->i", by.slip) > 0)
+
+
 class Bound(Protocol):
     """A law by its bound; see `FrictionLaw`."""
 

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.interface import Interface
-from skfem_contact.conditions.return_map import lengths
-from skfem_contact.conditions.state import OPEN, LocalState
+from skfem_contact.conditions.return_map import grows, lengths
+from skfem_contact.conditions.state import OPEN, SLIP, LocalState
+from skfem_contact.conditions.thresholds import BEYOND
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(eq=False)
@@ -87,6 +89,21 @@ def friction_bound(interface: Interface, state: LocalState) -> Array:
         bound[part] = law.limit(pressing, state.area[part], slip)
     bound[state.status == OPEN] = 0.0
     return bound
+
+
+def resisting_slips(interface: Interface, state: LocalState) -> Mask:
+    """Points that slip against a bound that grows with the slip: a spring along it, (m,)."""
+    resists = np.zeros(len(state.status), dtype=bool)
+    for part, law in interface.laws:
+        slips = state.status[part] == SLIP
+        if law.steady or not np.count_nonzero(slips):
+            continue
+        friction, pressing = state.tangential_force[part], np.maximum(state.normal_force[part], 0.0)
+        size = lengths(friction)
+        beyond = BEYOND * friction / np.where(size > 0, size, 1.0)[:, None]
+        slip = (state.slip - state.reference)[part]
+        resists[part] = slips & grows(law.return_map(beyond, pressing, state.area[part], slip)[2])
+    return resists
 
 
 def rough_at_rest(interface: Interface, area: Array, tangents: int) -> bool:

@@ -17,6 +17,7 @@ from skfem_contact.conditions.motions import BARELY, RigidMotions, null_space
 from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import RESISTS
+from skfem_contact.history.energy import resisting_slips
 from skfem_contact.history.load_step import Attempt
 from skfem_contact.history.thresholds import ACROSS, FAINT, HOLDS_NOTHING, NO_FORCE, TINY, TURNED
 from skfem_contact.problem.model import LinearModel
@@ -37,7 +38,7 @@ class Grip:
     carrying : ndarray of bool, shape (m,)
         Points with more than round-off of a force, glued ones too.
     stick : ndarray of bool, shape (m,)
-        Of these the ones that friction or glue holds.
+        Of these the ones that friction or glue holds, also where it grows with the slip.
     largest : float
         Largest normal force, or what is round-off of the loads where nothing presses [force].
     firmly : float
@@ -62,6 +63,7 @@ class Grip:
         carrying = (state.status != OPEN) & (state.normal_force > floor)
         carrying |= motions.kin.never_opens
         stick = carrying & model.interface.slipping & (state.status == STICK)
+        stick |= carrying & resisting_slips(model.interface, state)
         firmly = TURNED if model.geometry.follows else RESISTS
         return cls(motions, attempt, carrying, stick, max(most, floor, TINY), firmly)
 
@@ -113,7 +115,7 @@ class Grip:
         motions, state, full = self.motions, self.attempt.local, np.zeros(len(self.stick), dtype=bool)
         if np.count_nonzero(self.stick) and state.tangential_force.size:
             friction = lengths(state.tangential_force)
-            full = self.stick & interface.frictional & (friction > 0)
+            full = self.stick & interface.frictional & (friction > 0) & (state.status == STICK)
             full &= friction >= (1 - HOLDS_NOTHING) * self.attempt.friction_bound
         if not (np.count_nonzero(full) or self.idles):  # all that sticks holds, and that is enough
             return ()

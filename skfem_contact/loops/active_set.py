@@ -38,7 +38,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
     pace = Search(whole=not coupled) if step.turns else Pace(patience=4 if coupled else 15)
     settled = False
     while True:
-        status, held = hold(step, current)
+        status, held = hold(step, current, coupled)
         if held is not None:
             current = replace(current, status=status)
         rough = step.turns and held is None and not settled

@@ -20,6 +20,7 @@ from skfem_contact.loops.projection import (
     resistances,
 )
 from skfem_contact.loops.step import Guess, Step
+from skfem_contact.loops.tangent import resisting_slips
 from skfem_contact.loops.thresholds import (
     BETWEEN,
     DIGITS_ALIKE,
@@ -151,13 +152,14 @@ class Held:
     motion: Array
 
 
-def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
+def hold(step: Step, current: Guess, coupled: bool = True) -> tuple[NDArray[np.intp], Held | None]:
     """Keep just so many points closed and sticking that no rigid motion is free.
 
     A body that only contact and friction hold makes the matrix singular while all its points are
     open or all slip, even if the answer is neither. The points nearest to what is needed are kept:
     those farthest below their friction limit, then those with the smallest gap. If the answer goes
-    on contradicting them, there is no equilibrium; the driver says so.
+    on contradicting them, there is no equilibrium; the driver says so. Friction that grows with the
+    slip holds as well where it does so within the linear solve, `coupled`.
     """
     status, motions = current.status, step.motions
     if motions.k == 0:
@@ -166,8 +168,10 @@ def hold(step: Step, current: Guess) -> tuple[NDArray[np.intp], Held | None]:
     if motions.held(status != OPEN, (status == STICK) & holds, FIRMLY):
         return status, None
 
+    springs = resisting_slips(step, current) if coupled else np.zeros(len(status), dtype=bool)
+
     def still_free() -> Array:
-        closed, stick = status != OPEN, (status == STICK) & holds
+        closed, stick = status != OPEN, (status == STICK) & holds | springs
         return motions.free(closed, stick, FIRMLY, _across(step, current, status))
 
     free = still_free()

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.return_map import lengths
+from skfem_contact.conditions.return_map import grows, lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.loops.step import Guess, Step
@@ -88,13 +88,22 @@ def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[A
         force -= coupling * np.maximum(current.normal_force, 0.0)[:, None]
         if np.count_nonzero(by.slip):
             # a bound that falls with the slip lags: it would take stiffness away from the bodies
-            grows = slips & (np.einsum("ikk->i", by.slip) > 0)
-            spring[grows] = by.slip[grows]
+            rising = slips & grows(by)
+            spring[rising] = by.slip[rising]
             force -= np.einsum("ikl,il->ik", spring, current.slip)
     if step.turns:
         turning = np.where((slips & beyond)[:, None, None], by.trial, 0.0)
         return _turning(step, current, trial, turning, (force, spring, coupling))
     return force, spring, coupling
+
+
+def resisting_slips(step: Step, current: Guess) -> Mask:
+    """Points that slip against a bound that grows with the slip: a spring along it, (m,)."""
+    slips = (current.status == SLIP) & step.frictional
+    if all(law.steady for _, law in step.laws) or not np.count_nonzero(slips):
+        return np.zeros(len(slips), dtype=bool)
+    trial = BEYOND * current.direction
+    return slips & grows(step.return_map(trial, current.normal_force, current.slip)[2])
 
 
 def _turning(
