@@ -77,10 +77,10 @@ def test_nodes_without_elements_are_refused() -> None:
 
 
 def test_what_stands_on_an_empty_boundary_is_not_lost() -> None:
-    """Loads and displacements on a boundary without facets are refused; nothing there is nothing."""
+    """Loads, displacements and supports on a boundary without facets are refused; no load is none."""
     mesh = fem.MeshQuad().refined(2).with_defaults()
     basis = basis_of(mesh.with_boundaries({**mesh.boundaries, "none": np.zeros(0, dtype=int)}))
-    held = {"basis": basis, "K": linear_elasticity(), "D": ["top", "none"], "name": "block"}
+    held = {"basis": basis, "K": linear_elasticity(), "D": "top", "name": "block"}
     for key in ("f", "x"):
         with pytest.raises(sc.InputError, match="'none': this boundary has no facets"):
             sc.Body(**held, **{key: {"none": (0.0, 1.0)}})
@@ -88,6 +88,9 @@ def test_what_stands_on_an_empty_boundary_is_not_lost() -> None:
     block = sc.Body(**held, x={"none": (None, 0.0)})
     with pytest.raises(sc.InputError, match="has no facets: boundary 'none' of the mesh is empty"):
         block.surface("none")
+    for D in ("none", ["top", "none"]):
+        with pytest.raises(sc.InputError, match="boundary 'none' has no facets in the mesh"):
+            sc.Body(**held | {"D": D})
 
 
 @fem.BilinearForm

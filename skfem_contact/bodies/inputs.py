@@ -191,6 +191,12 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
     if isinstance(D, str):
         if D not in (basis.mesh.boundaries or {}):
             raise InputError(f"D of {whose}: {unknown_boundary(D, basis.mesh)}")
+        if not len(basis.mesh.boundaries[D]):
+            raise InputError(
+                f"D of {whose}: boundary {D!r} has no facets in the mesh, so that nothing would be "
+                "held. Look at how it was selected: a function of position has to hold at the "
+                "midpoints of facets"
+            )
         return prescribed_dofs(basis.get_dofs(D), basis, whose)
     if isinstance(D, DofsView):
         if D.obj.N != basis.N:
