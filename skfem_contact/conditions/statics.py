@@ -142,10 +142,10 @@ def balanced(
     if motions.k == 0:
         return True
     force, friction = state.normal_force, state.tangential_force.ravel()  # zero at open points
-    left = motions.normal.T @ force + motions.modes.T @ f
+    left = motions.normal.T.dot(force) + motions.modes.T.dot(f)
     rubs = bool(np.count_nonzero(friction))
     if rubs:
-        left -= motions.tangential.reshape(-1, motions.k).T @ friction
+        left -= motions.tangential.reshape(-1, motions.k).T.dot(friction)
     left = np.abs(left)
     # along a motion that nothing pushes there is only the round-off of what acts across it; the largest
     # displacement of each motion is one. Nearly always the rest need not be looked at

@@ -60,7 +60,7 @@ def friction_energy(
     pressing = last.normal_force + new.normal_force
     found = nothing(interface)
     for k, part in enumerate(interface.point_slices):  # the means are halves of sums
-        found.lost[k] = 0.5 * (bounds[part] @ way[part])
+        found.lost[k] = 0.5 * bounds[part].dot(way[part])
         found.residual[k] = 0.5 * np.vdot(friction[part], plastic[part]) - found.lost[k]
     opens = (pressing != 0) & ((new.gap > 0) | (last.gap > 0))
     if np.count_nonzero(opens):

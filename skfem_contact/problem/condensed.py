@@ -205,7 +205,7 @@ class PointProblem(OnContactDofs[Condensed]):
             c = np.concatenate(known)
             if len(c) != self._follows.shape[1]:
                 self._follows = self._following(self.bodies.directions())
-            found = self._follows @ c
+            found = self._follows.dot(c)
         else:
             found = self._following(self.bodies.load(case.f, case.x))
         force, rest = found[: self.q], len(found) - len(self.bodies.columns)
