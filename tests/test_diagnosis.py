@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -194,6 +195,10 @@ def test_what_slides_far_may_come_to_its_partner():
     assert "0 of 5 points have a partner" in str(solver)
     assert "0 points closed, 5 open, none with a partner;" in repr(solver.solve())
     assert "none with" not in repr(pair().solve())
+    for method in ("node", "mortar"):
+        strict = replace(barb, outside="error", method=method)
+        with pytest.raises(sc.InputError, match=r"None of the 5 .*because of outside=\"error\""):
+            sc.ContactSolver([latch, hook], strict)
     same = sc.Contact(hook.surface("top"), latch.surface("top"), sliding="finite")
     with pytest.raises(sc.InputError, match="face the same way"):
         sc.ContactSolver([latch, hook], same)
