@@ -235,21 +235,17 @@ class PointProblem(OnContactDofs[Condensed]):
     def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
         """Those of many answers: sparse matrices are quick where they meet many vectors at once."""
         from_gaps, from_slips = self.onto_dofs
-        pressed = from_gaps @ np.column_stack([response.normal_force for _, response in found])
+        loads, responses = [load for load, _ in found], [response for _, response in found]
+        force = np.column_stack([load.prescribed for load in loads])
+        force += from_gaps @ np.column_stack([r.normal_force for r in responses])
+        # A [z; q] - A G F f is the force on all rows, of which the last is q itself
+        z = np.column_stack([r.solution for r in responses])
+        known = np.column_stack([load.moved for load in loads if load.moved is not None])
+        along = self.A_zq.T @ (known[: self.q] - z) + self.A_qq @ known[self.q :]
+        force += self.bodies.P @ self.rigid.solve(along)
         if self.slips:
-            rubbed = from_slips @ np.column_stack([r.tangential_force.ravel() for _, r in found])
-        sources = []
-        for i, (load, response) in enumerate(found):
-            assert load.moved is not None
-            # A [z; q] - A G F f is the force on all rows, of which the last is q itself
-            z, known = response.solution, load.moved
-            along = self.A_zq.T @ (known[: self.q] - z)
-            q = self.rigid.solve(along + self.A_qq @ known[self.q :])
-            force = load.prescribed + pressed[:, i] + self.bodies.P @ q
-            if self.slips:
-                force -= rubbed[:, i]
-            sources.append(Source(force, forces=True))
-        return sources
+            force -= from_slips @ np.column_stack([r.tangential_force.ravel() for r in responses])
+        return [Source(column.copy(), forces=True) for column in force.T]
 
 
 class SurfaceProblem(OnDisplacements, OnContactDofs[Condensed]):
