@@ -14,6 +14,7 @@ import argparse
 import json
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -25,12 +26,15 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path += [str(HERE.parent / "tests"), str(HERE.parent / "tests" / "verification")]
 
+import test_curved_linear_faces as curved  # noqa: E402
+import test_curved_solids as balls  # noqa: E402
 import test_gates_solids as gates  # noqa: E402
 from effectivity_table import SOLIDS, write  # noqa: E402
 from sheared_solids import sheared_pair  # noqa: E402
+from solid_meshes import at, cube, elastic, octant_shell, onto_octant  # noqa: E402
 
 import skfem_contact as sc  # noqa: E402
-from skfem_contact.reference import cattaneo_mindlin, hertz_point  # noqa: E402
+from skfem_contact.reference import cattaneo_mindlin, hertz_point, lame_rings  # noqa: E402
 
 Array = np.ndarray
 Exact = Callable[[Array], Array]
@@ -136,6 +140,100 @@ def patch(kind: str, n: tuple[int, int]) -> Case:
     return result, lambda x: p + 0 * x[:, 0], along_x(lambda x: tau + 0 * x[:, 0])
 
 
+def ring(kind: str | None, n: tuple[int, int], swap: bool, method: str = "mortar") -> Case:
+    """A shaft in a hub, quarters of rings, with an interference of 1e-3 of the radius."""
+    shaft = curved.ring(3, 10.0, 20.02, n[0], curved.STEEL, "shaft", kind)
+    hub = curved.ring(3, 20.0, 35.0, n[1], curved.ALUMINIUM, "hub", kind)
+    sides = curved.on_radius(shaft, 20.02), curved.on_radius(hub, 20.0)
+    contact = sc.Contact(*(sides[::-1] if swap else sides), method=method)
+    result = sc.ContactSolver([shaft, hub], contact).solve()
+    p = lame_rings(10, 20, 35, curved.STEEL, curved.ALUMINIUM, interference=0.02).pressure
+    return result, lambda x: p + 0 * x[:, 0], none
+
+
+def hollow(kind: str, n: int, layers: int, method: str, E: float = 1.0) -> Case:
+    """Octants of two hollow balls with an interference, meshes that match."""
+    nu, interference, held = 0.3, 1e-3, balls.THREE
+    core = elastic(octant_shell(kind, n, layers, 0.5, 1.0), kind, "core", nu=nu, held=held)
+    hull = elastic(octant_shell(kind, n, layers, 1.0, 2.0), kind, "hull", E=E, nu=nu, held=held)
+    both = balls.compliance(1.0, 2.0, E, nu, True) + balls.compliance(0.5, 1.0, 1.0, nu, False)
+    sides = [
+        b.surface(lambda x: np.abs(np.linalg.norm(x, axis=0) - 1) < 0.02, nodes=True)
+        for b in (hull, core)
+    ]
+    contact = sc.Contact(*sides, method=method, interference=interference)
+    result = sc.ContactSolver([core, hull], contact).solve()
+    return result, lambda x: interference / both + 0 * x[:, 0], none
+
+
+def ball(kind: str, n: int, down: float, R: float = 8.0, E: float = 1000.0) -> Case:
+    """Half a ball pressed on a plane by its equator; Hertz by the force that is found."""
+    mesh, equator = cube(kind, n, lambda x: R * onto_octant(x)), at(2, 0.0)
+    rollers = (at(0, 0.0), (0,)), (at(1, 0.0), (1,))
+    body = elastic(
+        mesh, kind, "ball", E=E, held=((equator, (2,)), *rollers), push=(equator, (0, 0, down))
+    )
+    facets = mesh.boundary_facets()
+    far = np.linalg.norm(mesh.p[:, mesh.facets[:, facets]], axis=0) > (1 - 1e-9) * R
+    plane = sc.RigidPlane((0, 0, R), (0, 0, -1), name="plane")
+    contact = sc.Contact(body.surface(facets[far.all(axis=0)]), plane)
+    with warnings.catch_warnings():  # a few nodes to the contact
+        warnings.simplefilter("ignore", sc.ContactWarning)
+        result = sc.ContactSolver(body, contact).solve()
+    exact = hertz_point(4 * abs(result.force[2]), R, E / 0.91)
+    return result, lambda x: exact.pressure(radius(x)), none
+
+
+NAMES = {"quad4": "8-node", "quad8": "20-node", "quad9": "27-node", "tri3": "4-node", "tri6": "10-node"}
+
+
+WAYS = {"node": "node by node", "mortar": "mortar"}
+WHAT = {"H2": "rigid sphere", "H3": "two spheres"}
+
+
+def curves() -> Iterator[tuple[str, Callable[[], Case]]]:
+    """Balls, rings, and faces of second order."""
+    for n in ((12, 16), (24, 32)):
+        yield f"Press fit of rings, 8-node, {n[0]} on {n[1]}", lambda n=n: ring(None, n, False)
+    yield "Press fit of rings, 8-node, 16 on 12", lambda: ring(None, (12, 16), True)
+    yield (
+        "Press fit of rings, 8-node, node by node, 12 on 16",
+        lambda: ring(None, (12, 16), False, "node"),
+    )
+    for kind in ("hex20", "hex27"):
+        words = f"Press fit of rings, {kind[3:]}-node"
+        yield f"{words}, 5 on 7", lambda k=kind: ring(k, (5, 7), False)
+        yield f"{words}, 7 on 5", lambda k=kind: ring(k, (5, 7), True)
+        yield f"{words}, 10 on 14", lambda k=kind: ring(k, (10, 14), False)
+    for kind, n, layers in (
+        ("tri3", 4, 3),
+        ("quad4", 8, 6),
+        ("tri6", 2, 2),
+        ("quad8", 2, 2),
+        ("quad9", 2, 2),
+    ):
+        for method in ("node", "mortar"):
+            if kind in ("tri3", "quad4") and method == "mortar":
+                continue
+            words = f"Press fit of hollow balls, {NAMES[kind]}, {WAYS[method]}"
+            yield words, lambda a=(kind, n, layers, method): hollow(*a)
+    for case, kind, across in (
+        ("H2", "quad9", 2),
+        ("H2", "quad9", 3),
+        ("H2", "quad8", 3),
+        ("H3", "quad8", 3),
+    ):
+        yield (
+            f"{case} {WHAT[case]}, {NAMES[kind]}, {across} per radius",
+            lambda a=(case, across, 1.5, kind): hertz(*a),
+        )
+    for kind, n in (("quad4", 14), ("quad9", 5), ("quad9", 7)):
+        yield (
+            f"Ball on a plane, {NAMES[kind]}, {n} faces to 45 degrees",
+            lambda a=(kind, n): ball(*a, 0.12),
+        )
+
+
 def problems() -> Iterator[tuple[str, Callable[[], Case]]]:
     """All of them."""
     for case, what in (("H2", "rigid sphere"), ("H3", "two spheres")):
@@ -156,6 +254,7 @@ def problems() -> Iterator[tuple[str, Callable[[], Case]]]:
     for kind, n in (("quad4", (12, 8)), ("tri3", (12, 8)), ("quad4", (8, 12)), ("quad4", (8, 5))):
         cells = "hexahedra" if kind == "quad4" else "tetrahedra"
         yield f"P1 patch test, node by node, {cells}, {n[0]} on {n[1]}", lambda a=(kind, n): patch(*a)
+    yield from curves()
 
 
 def main() -> None:

@@ -127,16 +127,16 @@ def read(s: Scene, result: Any, uniqueness: bool, caught: list[Any]) -> Answer:
     return Answer(u, contacts, result.message, warned, several)
 
 
-def judge(seed: int | Scene) -> Verdict:
-    """The verdict on a scene, or on that of a number."""
+def judge(seed: int | Scene, longest: float = LONGEST) -> Verdict:
+    """The verdict on a scene, or on that of a number, within so many CPU seconds."""
     start = time.process_time()
     s = scene(seed) if isinstance(seed, int) else seed
     signal.signal(signal.SIGPROF, _too_long)
-    signal.setitimer(signal.ITIMER_PROF, LONGEST)
+    signal.setitimer(signal.ITIMER_PROF, longest)
     try:
         kind, words, permuted, steps = _judge(s)
     except TooLong:
-        kind, words, permuted, steps = "not judged", [f"stopped after {LONGEST} s"], "", 0
+        kind, words, permuted, steps = "not judged", [f"stopped after {longest} s"], "", 0
     except Exception:
         kind, words, permuted, steps = "WRONG", [f"the judge fails: {traceback.format_exc()}"], "", 0
     finally:
@@ -211,7 +211,7 @@ ABOUT = (
     ("Prescribed displacements win", ("overlap",)),
     ("overlap", ("overlap",)),
     ("beyond the end", ("force across a gap",)),
-    ("a strain or rotation of", BOTH),  # deformed boundaries are those of linear bodies
+    ("is strained by", BOTH),  # deformed boundaries are those of linear bodies
     ("has turned by", BOTH),
 )
 

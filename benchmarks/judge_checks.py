@@ -582,10 +582,9 @@ class Court:
         if spec.primary is not None and spec.method == "mortar":
             value = np.divide(total, mass, out=np.zeros_like(total), where=vertex)
             slack = slack + MEAN * np.where(keep, high - low, 0.0)
-            # between two arcs gaps are those of the curves, from which the facets of both are off
-            sides = [self.lines[side] for side in (spec.secondary, spec.primary)]
-            if all(line.bends for line in sides):
-                slack = slack + sum(line.sagitta() for line in sides)
+        if spec.primary is not None:
+            # gaps are those of the smooth boundaries through the nodes, from which facets are off
+            slack = slack + sum(self.lines[side].sagitta() for side in (spec.secondary, spec.primary))
         out = []
         deep = np.where(keep, -value - slack, -np.inf)
         wide = np.where(keep & closed, value - slack, -np.inf)

@@ -89,8 +89,6 @@ class Line:
 
     def sagitta(self) -> float:
         """How far a curve through the nodes stands off its straight facets at most, corners apart."""
-        if self.facets.shape[1] > 2:
-            return 0.0
         turned = np.abs(self._turns(np.zeros(self.dofs.max() + 1)))
         turned = np.where(turned > CORNER, 0.0, turned)
         after = np.zeros(len(turned))

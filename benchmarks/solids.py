@@ -91,9 +91,10 @@ class Scene:
         case = self.case
         block = _mesh(1.0, case.block, np.linspace(-HEIGHT, 0, case.layers + 1))
         punch = _mesh(SIDE, case.punch, np.linspace(0, HEIGHT, case.layers + 1), round_below)
+        given = fem.ElementVector(fem.ElementHex1()), linear_elasticity(*lame_parameters(E, NU))
         return [
-            sc.Body(*in_parts(block), D="bottom", name="block"),
-            sc.Body(*in_parts(punch), D="top", name="punch"),
+            sc.Body.from_mesh(block, *given, D="bottom", name="block"),
+            sc.Body.from_mesh(punch, *given, D="top", name="punch"),
         ]
 
     def contact(self, tied: bool = False) -> sc.Contact:
@@ -135,20 +136,6 @@ def round_below(p: np.ndarray) -> np.ndarray:
     """Nodes of the punch (3, n), its lower face lifted towards the edges."""
     x, y, z = p
     return np.array([x, y, z + (x**2 + y**2) / (2 * RADIUS) * (1 - z / HEIGHT)])
-
-
-def in_parts(mesh: Any, size: int = 2000) -> tuple[Any, Any]:
-    """A basis with one point in each element, and K assembled some elements at a time.
-
-    It is the recipe of `docs/recipes/large_meshes.md`: a whole basis keeps 18 kB for each hexahedron.
-    """
-    element, form = fem.ElementVector(fem.ElementHex1()), linear_elasticity(*lame_parameters(E, NU))
-    middle = np.full((3, 1), 0.5), np.ones(1)
-    basis, K = fem.Basis(mesh, element, quadrature=middle), 0
-    for first in range(0, mesh.nelements, size):
-        some = np.arange(first, min(first + size, mesh.nelements))
-        K += form.assemble(fem.Basis(mesh, element, intorder=2, elements=some, dofs=basis.dofs))
-    return basis, K
 
 
 def _mesh(side: float, count: int, heights: np.ndarray, shape: Callable[..., Any] | None = None) -> Any:

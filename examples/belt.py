@@ -93,8 +93,8 @@ def hoop(body, u):
     return thickness * np.einsum("im,mij,jm->m", direction, stress, direction)
 
 
-figure, (scene, places, history) = plt.subplots(1, 3, figsize=(13.5, 4.6), layout="constrained")
-figure.get_layout_engine().set(wspace=0.07)
+figure, (scene, places, history) = plt.subplots(1, 3, figsize=(13.5, 4.6))
+figure.set_layout_engine("constrained", wspace=0.07)
 half = 5
 sc.plot_deformed(
     results[half],

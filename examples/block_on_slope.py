@@ -26,6 +26,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import skfem as fem
 from matplotlib.transforms import Affine2D
+from matplotlib.tri import Triangulation
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
@@ -62,7 +63,8 @@ solver = sc.ContactSolver([block], [contact])
 print(solver)
 
 # %% Tilt it degree by degree until it slides
-angles, results = [], []
+angles = []
+results: list[sc.ContactResult] = []
 try:
     for degrees in np.arange(0.0, 30.0, 1.0):
         before = results[-1] if results else None
@@ -99,7 +101,9 @@ for degrees, colour in zip(shown, colours, strict=True):
     u = result.displacement(block)
     stress = sc.von_mises(block, u, **material, plane="strain")
     p = turn((mesh.p + magnified * u[basis.nodal_dofs]).T).T
-    image = ax.tripcolor(*p, cells, stress, shading="gouraud", cmap="YlGnBu", vmin=0, vmax=5e-4)
+    image = ax.tripcolor(
+        Triangulation(p[0], p[1], cells), stress, shading="gouraud", cmap="YlGnBu", vmin=0, vmax=5e-4
+    )
     ax.plot(*p[:, sides], color="#3a3a3a", lw=0.7)
     ax.plot(*turn([(-45, 0), (45, 0)]).T, color="#3a3a3a", lw=1.5)
     every = order[::4]

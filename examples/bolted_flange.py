@@ -38,13 +38,13 @@ out = Path(sys.argv[1]) if len(sys.argv) > 1 else here / "out"
 bolts, mu = 8, 0.15
 tightened = 0.06  # by what the shank is drawn through the plane
 pulls = 50e3 * np.arange(8)  # on the pipe
-material = {"E": 210e3, "nu": 0.3}
+E, nu = 210e3, 0.3
 
 # %% Bodies from the file: straight tetrahedra, quadratic displacements
 mesh = fem.MeshTet.load(here / "meshes" / "flange.msh")
 element = fem.ElementVector(fem.ElementTetP2())
 basis = {name: fem.Basis(mesh.restrict(name), element, intorder=2) for name in ("flange", "bolt")}
-steel = linear_elasticity(*lame_parameters(**material))
+steel = linear_elasticity(*lame_parameters(E, nu))
 
 middle = basis["flange"].get_dofs("flange middle").all("u^2")
 flange = sc.Body(basis["flange"], steel, D=middle, name="flange")
@@ -82,11 +82,11 @@ sc.write_series(out / "bolted_flange.pvd", results)
 
 def mises(body, u):
     # at sharp edges stresses grow with every refinement: colours end at a stress that means something
-    return np.minimum(sc.von_mises(body, u, **material), 600.0)
+    return np.minimum(sc.von_mises(body, u, E=E, nu=nu), 600.0)
 
 
 figure = plt.figure(figsize=(12, 6.6), layout="constrained")
-left, right = figure.subfigures(1, 2, width_ratios=[9, 10])
+left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[9, 10]).flat
 scene = left.add_subplot(projection="3d")
 sc.plot_deformed(
     results[-1],

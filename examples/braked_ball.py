@@ -48,9 +48,13 @@ mesh = fem.MeshHex.init_tensor(x, y, z).with_boundaries(
         "middle": lambda x: x[1] == 0,
     }
 )
-basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
-held = np.union1d(basis.get_dofs("under").all(), basis.get_dofs("middle").all("u^2"))
-track = sc.Body(basis, linear_elasticity(*lame_parameters(E, nu)), D=held, name="track")
+track = sc.Body.from_mesh(
+    mesh,
+    fem.ElementVector(fem.ElementHex1()),
+    linear_elasticity(*lame_parameters(E, nu)),
+    D=lambda basis: np.union1d(basis.get_dofs("under"), basis.get_dofs("middle").all("u^2")),
+    name="track",
+)
 
 
 # %% The ball: free to turn, or with its turn locked
@@ -82,14 +86,11 @@ steps = [{"x": {"ball": {"x": after + way, "rotation y": turn}}} for way in slid
 results += list(locked.history(steps, start=results[-1]))
 
 # %% What the axle feels
-way, angle, force, arm = [], [], [], []
-for result in results:
-    translation, rotation, _ = result.motion("ball")
-    way.append(translation[0])
-    angle.append(rotation[1])
-    force.append(2 * result.reaction("ball")[0])
-    arm.append(R + translation[2])
-way, angle, force, arm = map(np.array, (way, angle, force, arm))
+moved = [result.motion("ball") for result in results]
+way = np.array([translation[0] for translation, _, _ in moved])
+angle = np.array([rotation[1] for _, rotation, _ in moved])
+arm = np.array([R + translation[2] for translation, _, _ in moved])
+force = np.array([2 * result.reaction("ball")[0] for result in results])
 slip = 1 - R * np.diff(angle) / np.diff(way)  # share of each step that the ball does not turn
 print(results[len(rolled)])
 print(results[-1])
@@ -99,7 +100,7 @@ for w, q, s in zip(way[1:], force[1:], slip, strict=True):
 # %% Files and pictures
 sc.write_series(out / "braked_ball.pvd", results[::3])
 figure = plt.figure(figsize=(12, 8), layout="constrained")
-top, below = figure.subfigures(2, 1, height_ratios=[1.25, 1])
+top, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.25, 1]).flat
 shown = {"rolls": len(rolled), "is braked": len(rolled) + len(braked), "slides": len(results) - 1}
 axes = top.subplots(1, 3, sharey=True)
 largest = max(results[i].pressure.max() for i in shown.values())

@@ -76,7 +76,7 @@ def force(u):
 
 # The solver sees a linear body that is strained by 15 %, and warns that linear elasticity is wrong by
 # as much. Here it is not: what the tangent leaves out comes back as a load in every iteration below.
-warnings.filterwarnings("ignore", ".*strain or rotation", sc.ContactWarning)
+warnings.filterwarnings("ignore", ".*is strained by", sc.ContactWarning)
 
 
 # %% The loop: load steps outside, Newton's iterations inside
@@ -103,6 +103,7 @@ def squeezed(friction, steps=5):
             change, u = np.abs(result.u - u).max(), result.u
             counts[-1] += 1
         last = result
+    assert last is not None
     surface = rubber.surface("bottom")
     out_of_balance = force(u)
     np.subtract.at(out_of_balance, surface.dofs, last.forces)

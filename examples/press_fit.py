@@ -84,7 +84,7 @@ solver = sc.ContactSolver([shaft, hub], [joint, pushed])
 fit = [{"interference": {"joint": share * interference}} for share in (0.25, 0.5, 0.75, 1.0)]
 travel = np.linspace(0, 0.22, 45)
 push = [{"motion": {"puller": (0.0, clear + t)}} for t in travel]
-results = list(solver.history(fit + push))
+results = list(solver.history([*fit, *push]))
 fitted, last = results[len(fit) - 1], results[-1]
 print("The fit:", fitted, "", "At the end of the push:", last, sep="\n")
 

@@ -90,7 +90,7 @@ for share, here, there in zip(shares, found, carter, strict=True):
 
 # %% Pictures
 figure = plt.figure(figsize=(9, 6.6), layout="constrained")
-top, below = figure.subfigures(2, 1, height_ratios=[11, 8])
+top, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[11, 8]).flat
 scene = top.subplots()
 towing = rolled[2]
 

@@ -61,7 +61,8 @@ solver = sc.ContactSolver(cylinder, contact)
 print(solver)
 
 # %% To and fro: strokes of 250 mm, and results where they are wanted
-steps, kept, place, done = [{}], [0], 0.0, 0.0
+steps: list[dict] = [{}]
+kept, place, done = [0], 0.0, 0.0
 sign = 1.0
 for way in ways[1:]:
     while done < way:

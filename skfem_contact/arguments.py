@@ -185,6 +185,29 @@ def _answering(function: Callable[P, R], name: str, elsewhere: dict[str, str]) -
     return checked
 
 
+def take(thing: Any, **given: Any) -> None:
+    """Keeps what the constructor of a frozen dataclass was given as its fields, and has it checked.
+
+    Such a class has a constructor of its own where users may give more than its fields then hold, a
+    list for an array: fields have the type that is read, parameters the type that goes in. Dataclasses
+    derived from it are checked as well, since the checks stay in ``__post_init__``.
+
+    >>> @dataclasses.dataclass(frozen=True, init=False)
+    ... class Point:
+    ...     place: Array
+    ...
+    ...     def __init__(self, place: ArrayLike) -> None:
+    ...         take(self, place=place)
+    ...
+    ...     def __post_init__(self) -> None:
+    ...         object.__setattr__(self, "place", numbers(self.place, "place", "give coordinates"))
+    >>> Point([0, 1]).place
+    array([0., 1.])
+    """
+    vars(thing).update(given)
+    thing.__post_init__()
+
+
 class PrintedAsCall:
     """Dataclasses that print as the call that makes them: in its order, without what is by default.
 

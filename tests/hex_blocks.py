@@ -33,7 +33,7 @@ from skfem_contact.loops.driver import drive
 from skfem_contact.loops.starts import admissible, natural_state, possible_starts, starting_values
 from skfem_contact.loops.step import Step
 from skfem_contact.loops.table import LOOPS
-from skfem_contact.problem.condensed import Condensed, SurfaceProblem
+from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.iterated import IteratedBodies
 from skfem_contact.problem.multigrid import MultigridBodies
@@ -192,9 +192,6 @@ class Blocks:
         if route == "full":
             bodies = FullSystem(self.system, self.stiffness, Direct())
             self.problem = bodies.attach(on, prefer, labels)
-        elif route == "surface":
-            bodies = Condensed(self.system, self.stiffness, wanted)
-            self.problem = SurfaceProblem(bodies, on, prefer, labels)
         else:
             if route == "multigrid":
                 bodies = MultigridBodies(self.system, self.stiffness, wanted, settings=AMG(tol=1e-12))

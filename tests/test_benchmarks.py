@@ -274,6 +274,15 @@ def test_plates_that_fit_are_paired_whole(run: Any, method: str) -> None:
     assert "| large | failed: MemoryError |" in failed
 
 
+def test_reports_are_timed_with_the_uniqueness_of_their_answers(run: Any, solids: Any) -> None:
+    """The smallest cases, in the plane and in space; each is a row of the table."""
+    import report
+
+    rows = [report.measured(case) for case in report.QUICK]
+    assert all(row["unique"] and row["ratio"] > 0 for row in rows)
+    assert report.table(rows).count("quick") == 2
+
+
 def test_newton_does_not_wait_for_multigrid(solids: Any) -> None:
     """Loads met to 1e-10 leave forces less exact than Newton asks: it came no further, 117 times."""
     scene = solids.Scene(solids.Case("some", 12, 10, 6, linear="AMG"))
@@ -304,3 +313,91 @@ def test_tables_of_ranks_are_those_of_the_stored_runs(monkeypatch: pytest.Monkey
     for size in {run["elements"] for run in runs}:
         first = [run["solves"][0]["iterations"] for run in runs if run["elements"] == size]
         assert max(first) <= min(40, 1.2 * min(first))
+
+
+@pytest.fixture
+def friction(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The modules of benchmarks/friction_problems.py."""
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    names = ("friction_problems", "gauss_seidel", "run", "cases")
+    yield import_module("friction_problems")
+    for name in names:
+        sys.modules.pop(name, None)
+
+
+def stacked_blocks(points: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Compliance of rank 6 of so many points on one rigid block, and free velocities, (m, 3)."""
+    rng = np.random.default_rng(seed)
+    H = np.zeros((6, 3 * points))
+    arms = rng.standard_normal((points, 3))
+    for i, r in enumerate(arms):
+        H[:3, 3 * i : 3 * i + 3] = np.eye(3)
+        H[3:, 3 * i : 3 * i + 3] = [[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]]
+    return H.T @ H, (H.T @ [-1.0, 0.2, 0.1, 0.05, 0.1, -0.1]).reshape(points, 3)
+
+
+@pytest.mark.parametrize("blocks", [False, True])
+def test_a_file_of_friction_is_read_and_solved(friction: Any, blocks: bool, tmp_path: Path) -> None:
+    """Six motions on eight points: forces are not unique, and both ways find some."""
+    W, q = stacked_blocks(8, 0)
+    if blocks:
+        head = ["3 8 1", "24 24", "64 8 8", *[" ".join(str(3 * i + 3) for i in range(8))] * 2]
+        head += ["9 64", " ".join(str(8 * i) for i in range(9)), " ".join(map(str, [*range(8)] * 8))]
+        body = [
+            f"{8 * i + j} "
+            + " ".join(map(repr, W[3 * i : 3 * i + 3, 3 * j : 3 * j + 3].T.ravel().tolist()))
+            for i in range(8)
+            for j in range(8)
+        ]
+    else:
+        head, body = ["3 8 0", "24 24", "24 24"], [" ".join(map(repr, W.ravel().tolist()))]
+    tail = [" ".join(map(repr, q.ravel().tolist())), " ".join(["0.3"] * 8)]
+    path = tmp_path / "stack.dat"
+    path.write_text("\n".join([*head, *body, *tail]), encoding="utf-8")
+    problem = friction.read(path)
+    np.testing.assert_array_equal(problem.W.toarray(), W)
+    r, _, way = friction.newton(problem)
+    assert way in ("cold", "proximal") and problem.error(r) < 1e-10
+    assert np.all(np.linalg.norm(r[:, 1:], axis=1) <= 0.3 * r[:, 0] + 1e-12) and r[:, 0].max() > 0
+    other, _ = friction.gauss_seidel(problem.W, q, problem.mu, problem.error, 1e-6, 20.0)
+    assert problem.error(other) <= 1e-6
+    # what forces do to the block is the same, whatever they are
+    np.testing.assert_allclose(W @ other.ravel(), W @ r.ravel(), atol=1e-3 * np.abs(q).max())
+
+
+def test_forces_that_are_none_are_told(friction: Any) -> None:
+    """Two points that press freely by themselves: the error of no force is what they overlap by."""
+    from scipy.sparse import identity
+
+    q = np.array([[-3.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
+    problem = friction.Problem("two", identity(6, format="csr"), q, np.array([0.5, 0.5]))
+    assert problem.error(np.zeros((2, 3))) == pytest.approx(3 / 5)
+    assert problem.error(np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 0.0]])) == 0.0
+
+
+def grains(seed: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Four rigid bodies that touch at twelve points in the plane: W, q and mu."""
+    rng = np.random.default_rng(seed)
+    bodies, points = 4, 12
+    H = np.zeros((3 * bodies, 2 * points))
+    for i in range(points):
+        pair, angle = rng.choice(bodies, 2, replace=False), rng.uniform(0, 2 * np.pi)
+        axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        for body, sign in zip(pair, (1, -1), strict=True):
+            x, y = rng.standard_normal(2)
+            for k, (a, b) in enumerate(axes):
+                H[3 * body : 3 * body + 3, 2 * i + k] += sign * np.array([a, b, x * b - y * a])
+    q = (H.T @ rng.standard_normal(3 * bodies)).reshape(points, 2)
+    return H.T @ H, q, float(rng.choice([0.5, 1.0, 2.0]))
+
+
+@pytest.mark.parametrize("seed", [9, 26, 34, 37, 40, 51])
+def test_the_proximal_point_answers_in_the_plane(friction: Any, seed: int) -> None:
+    """Of 400 such problems Newton answers 283, and this the others; if springs began at rest under no
+    forces in the end, 49 would be missed, these among them."""
+    from scipy.sparse import csr_matrix
+
+    W, q, mu = grains(seed)
+    problem = friction.Problem("grains", csr_matrix(W), q, np.full(len(q), mu))
+    r, _, way = friction.newton(problem)
+    assert way == "proximal" and problem.error(r) < 1e-9

@@ -143,6 +143,22 @@ def test_the_starting_values_are_the_answer(law: object, monkeypatch: pytest.Mon
     assert np.abs(result.u - usual.u).max() < 1e-10 * np.abs(usual.u).max()
 
 
+@pytest.mark.parametrize("law", LAWS)
+def test_the_proximal_point_is_the_last_start(law: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the plane as in space; by a chain of softer problems it comes to the same answer."""
+    for points in (starts.MOST_POINTS, starts.MOST_POINTS + 1):
+        found = starts.possible_starts(points, "newton", False, True)
+        assert found[-1] == "proximal" and ("pivoting" in found) == (points == starts.MOST_POINTS)
+    body = block()
+    contact = sc.Contact(body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=law)
+    usual = sc.ContactSolver(body, contact).solve()
+    monkeypatch.setattr(starts, "STARTS", ("proximal", "proximal"))
+    result = sc.ContactSolver(body, contact).solve()
+    assert any(record.note == "springs in series" for record in result.trace)
+    assert (result.status == usual.status).all()
+    assert np.abs(result.u - usual.u).max() < 1e-10 * np.abs(usual.u).max()
+
+
 def test_a_bond_starts_as_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """Points that never open have friction and no gap to find, beside others that may open."""
     body = block()

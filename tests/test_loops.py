@@ -49,7 +49,7 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
     kin = SimpleNamespace(m=m, tangents=1, gap0=np.zeros(m), area=np.ones(m), vertex=own, **frame)
     still = natural_state(kin, 0).along(kin)
     return Step(
-        problem=SimpleNamespace(points=space, solve=space.solve),
+        problem=SimpleNamespace(points=space, springs=None, solve=space.solve),
         load=load,
         motions=RigidMotions(np.zeros((2 * m, 0)), None, None),
         area=np.ones(m),
@@ -293,7 +293,7 @@ def test_points_alike_are_taken_by_rank():
     wrong = np.ones(3, dtype=bool)
     for rank in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
         ranked = replace(one, rank=np.array(rank))
-        pace = Pace(patience=0, best=0)
+        pace = Pace(patience=0, best=0, least=0.0)
         current = cold(ranked)
         taken = pace.advance(ranked, current, replace(current, status=np.full(3, STICK)), wrong, None)
         assert np.flatnonzero(taken.status == STICK).tolist() == [rank.index(2)]
@@ -378,7 +378,7 @@ def test_two_tangents_are_one_where_all_acts_along_a_line(loop, angle):
     last = replace(flat.last, slip=zero, tangential_force=zero, reference=zero)
     one = replace(
         flat,
-        problem=SimpleNamespace(points=space, solve=space.solve),
+        problem=SimpleNamespace(points=space, springs=None, solve=space.solve),
         load=Load(np.r_[flat.load.force[:m], push.ravel()], np.zeros(m), zero, np.zeros(0)),
         motions=RigidMotions(np.zeros((3 * m, 0)), None, None),
         last=last,

@@ -104,10 +104,13 @@ def test_nodes_round_a_closed_surface_are_paired_with_its_nearest_point(kind, se
     foot = pairing.primary_weights @ primary.points
     distance = np.linalg.norm(inside_out.points - foot, axis=1)
     np.testing.assert_allclose(distance, brute(inside_out, primary), rtol=0, atol=1e-9)
-    # gap = n . (x_s - x_p); the normal is interpolated, so it is a little shorter than the distance
+    # n . (x_s - x_p); the normal is interpolated, so it is a little shorter than the distance
     gap = np.sum(pairing.normal * (inside_out.points - foot), axis=1)
-    np.testing.assert_allclose(pairing.gap, gap, rtol=0, atol=1e-14)
-    assert np.all(pairing.gap <= distance + 1e-14) and np.all(pairing.gap > 0.9 * distance)
+    assert np.all(gap <= distance + 1e-14) and np.all(gap > 0.9 * distance)
+    # to the sphere it is less, and the gap nearer to that
+    centre = turn @ np.zeros(3) + np.array([0.05, -0.1, 0.08])
+    true = np.linalg.norm(inside_out.points - centre, axis=1) - 1.0
+    assert np.abs(pairing.gap - true).max() <= np.abs(gap - true).max() + 1e-12
 
 
 def vars_of(surface):
@@ -313,7 +316,7 @@ def test_an_edge_of_the_primary_between_the_nodes_is_told():
                 solver.solve()
         else:
             with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", ".*strain or rotation", sc.ContactWarning)
+                warnings.filterwarnings("ignore", ".*is strained by", sc.ContactWarning)
                 assert solver.solve().normal_force.max() > 0
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import json
 import re
 import sys
+from dataclasses import MISSING, fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import skfem_contact as sc
@@ -53,6 +56,48 @@ def test_version_is_read_without_importing() -> None:
     table = project()
     assert "version" not in table["project"]
     assert table["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "skfem_contact.__version__"}
+
+
+CONVERTING = [
+    sc.Archard,
+    sc.Coulomb,
+    sc.RigidCylinder,
+    sc.RigidPlane,
+    sc.RigidPolyline,
+    sc.RigidSphere,
+    sc.RigidSurface,
+    sc.Tresca,
+]
+
+
+@pytest.mark.parametrize("kind", CONVERTING)
+def test_constructors_take_the_fields(kind: type) -> None:
+    """Classes with a constructor of their own, for its types, take what a dataclass would take."""
+    assert not kind.__dataclass_params__.init
+    by_position = sorted(fields(kind), key=lambda f: bool(f.kw_only))
+    wanted = {f.name: (bool(f.kw_only), f.default) for f in by_position}
+    empty = inspect.Parameter.empty
+    found = {
+        p.name: (p.kind is p.KEYWORD_ONLY, MISSING if p.default is empty else p.default)
+        for p in inspect.signature(kind).parameters.values()
+    }
+    assert list(found.items()) == list(wanted.items())
+
+
+def test_lists_are_kept_as_arrays() -> None:
+    """What is read is what the types say, whatever went in; numbers stay numbers."""
+    for read in (sc.Coulomb([0.1, 0.2]).mu, sc.Tresca((1, 2)).tau_max, sc.Archard([1, 2]).k):
+        assert isinstance(read, np.ndarray) and read.dtype == float and not read.flags.writeable
+    assert sc.Coulomb(0.3, cohesion=[0, 1]).cohesion.tolist() == [0.0, 1.0]
+    assert isinstance(sc.Coulomb(0.3).mu, float)
+
+
+def test_an_editable_install_is_a_path() -> None:
+    """With ``package-dir`` setuptools writes a path, which type checkers follow, and no import hook.
+
+    `.ci/mypy_scripts.py` checks that the types are found.
+    """
+    assert project()["tool"]["setuptools"]["package-dir"] == {"": "."}
 
 
 def bounds(requirements: list[str]) -> dict[str, str]:

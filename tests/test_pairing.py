@@ -11,6 +11,7 @@ import scipy.sparse as sp
 import skfem as fem
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
 from skfem_contact.bodies.body import Body
@@ -19,6 +20,7 @@ from skfem_contact.bodies.projection import project
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.corners import corner_contacts
 from skfem_contact.pairing.diagnosis import diagnose
+from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import node_to_segment
 from skfem_contact.pairing.thresholds import COINCIDENT, FACING
@@ -129,9 +131,12 @@ def test_feet_on_curved_facets_minimise_the_distance():
             assert distance(xi[f]) <= found.fun * (1 + 1e-12)
 
 
-@pytest.mark.parametrize("quadratic, order", [(False, 2), (True, 4)])
+@pytest.mark.parametrize("quadratic, order", [(False, 2), (True, 6)])
 def test_gaps_to_a_circle_converge(quadratic, order):
-    """Gaps between a line and polygons (quadratic arcs) in a circle converge to the true ones."""
+    """Gaps between a line and polygons (quadratic arcs) in a circle converge to the true ones.
+
+    To quadratic arcs by order 4; to the circles through their nodes by order 6.
+    """
     errors = []
     for level in (3, 4):
         mesh = (fem.MeshTri2 if quadratic else fem.MeshTri).init_circle(level)
@@ -196,7 +201,8 @@ def test_matching_curved_surfaces_have_the_averaged_normals():
     disc = body(fem.MeshTri.init_circle(3)).surface(None)
     random = np.random.default_rng(1)
     noisy = disc.points * (1 + 1e-12 * random.standard_normal(disc.points.shape))
-    inward = disc.__class__(**{**vars(disc), "normals": -disc.normals, "points": noisy, "body": None})
+    other = body(fem.MeshTri.init_circle(3))
+    inward = disc.__class__(**{**vars(disc), "normals": -disc.normals, "points": noisy, "body": other})
     pairing = node_to_segment(inward, disc)
     np.testing.assert_allclose(
         pairing.normal, disc.points, rtol=0, atol=1e-10
@@ -473,3 +479,41 @@ def test_only_convex_ends_of_a_surface_are_corners():
     half = ell.surface(lambda x: (x[1] == 0) & (x[0] < 1))
     for surface, place in ((ledge, (2, 1)), (half, (0, 0))):
         np.testing.assert_allclose(surface.points[Corners.of(surface).node], [place], atol=1e-14)
+
+
+def foundations(dim, fine):
+    """A surface of two foundations side by side that are not joined, as one body."""
+    steps = np.linspace(-2, 0, fine + 1), np.linspace(-1, 0, 3), np.linspace(-0.5, 1.5, fine + 1)
+    if dim == 2:
+        left, kind, element = fem.MeshQuad.init_tensor(*steps[:2]), fem.MeshQuad, fem.ElementQuad1()
+        right = left.translated((2, 0))
+    else:
+        left, kind = fem.MeshHex.init_tensor(*steps), fem.MeshHex
+        right, element = left.translated((2, 0, 0)), fem.ElementHex1()
+    mesh = kind(np.hstack([left.p, right.p]), np.hstack([left.t, right.t + left.p.shape[1]]))
+    mesh = mesh.with_boundaries({"up": lambda x: x[1] == 0})
+    return body(mesh, element), left.p.shape[1]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("fine", [3, 4])
+def test_seams_carry_on_both_sides(dim, fine):
+    """A node over the seam of two foundations is carried by both alike, whatever their numbering; nodes
+    beside it by one, with weights that are those of their facet."""
+    below, first = foundations(dim, fine)
+    spaces = np.linspace(-1, 1, 5), np.linspace(0, 1, 3), np.linspace(0, 1, 4)
+    mesh = fem.MeshQuad.init_tensor(*spaces[:2]) if dim == 2 else fem.MeshHex.init_tensor(*spaces)
+    element = fem.ElementQuad1() if dim == 2 else fem.ElementHex1()
+    mesh = mesh.with_boundaries({"down": lambda x: x[1] == 0})
+    above = body(mesh, element)
+    secondary, primary = above.surface("down"), below.surface("up")
+    pair = node_to_segment if dim == 2 else node_to_face
+    pairing = pair(secondary, primary)
+    left = primary.points[:, 0] < 1e-9
+    left &= primary.dofs[:, 0] < np.sort(below.basis.nodal_dofs[:, :first].ravel())[-1] + 1
+    share = np.asarray(pairing.primary_weights[:, left].sum(axis=1)).ravel()
+    x = secondary.points[:, 0]
+    assert_allclose(share[x < -1e-9], 1.0, rtol=0, atol=1e-12)
+    assert_allclose(share[x > 1e-9], 0.0, rtol=0, atol=1e-12)
+    assert_allclose(share[np.abs(x) < 1e-9], 0.5, rtol=0, atol=1e-12)
+    assert_allclose(pairing.primary_weights @ primary.points, secondary.points, rtol=0, atol=1e-12)

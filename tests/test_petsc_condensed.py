@@ -53,10 +53,10 @@ def test_what_is_said_of_such_a_backend() -> None:
         with pytest.raises(sc.InputError, match="how large that will be it does not say in advance"):
             solver.sizes()
     assert "condensed: 240 DOFs -> 34 contact DOFs" in said[0]
-    assert "factors by Condensing(method='auto'), at most 15.8 kB of dense matrices" in said[0]
+    assert "factors by Condensing(method='auto'), at most 11.1 kB of dense matrices" in said[0]
     assert said[0].endswith("max_dense_bytes allows 3 GB")
     assert "iterated: 240 DOFs" in said[1] and "factors by Condensing(method='auto'); forces" in said[1]
-    assert said[1].endswith("because dense matrices would take 15.8 kB: max_dense_bytes allows 0 B")
+    assert said[1].endswith("because dense matrices would take 11.1 kB: max_dense_bytes allows 0 B")
 
 
 def test_backends_that_factorise_no_bodies_say_so() -> None:
@@ -160,7 +160,7 @@ def test_what_is_said_and_refused(tmp_path: Path) -> None:
     assert not done.returncode, done.stderr
     words = [
         "condensed: 240 DOFs -> 34 contact DOFs -> 18 gaps and slips of 9 points; factors by PETSc(",
-        "forces by GMRES, because dense matrices would take 20.4 kB",
+        "forces by GMRES, because dense matrices would take 15.8 kB",
         "forces by GMRES through the factors of the bodies, because dense matrices would take",
         "InputError: PETSc(method='direct'",
         "NotPositiveDefinite: The stiffness left at DOF",

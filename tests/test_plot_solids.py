@@ -52,7 +52,9 @@ def faces(ax: Any) -> Any:
 
 def corners(collection: Any) -> np.ndarray:
     """Corners of the triangles, (t, 3, 3)."""
-    return np.asarray(collection._faces)
+    if hasattr(collection, "_faces"):
+        return np.asarray(collection._faces)
+    return collection._vec[:3].T.reshape(-1, 3, 3)  # before matplotlib 3.11
 
 
 def areas(x: np.ndarray) -> np.ndarray:

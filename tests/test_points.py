@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from skfem_contact.linalg.dense_factors import cholesky, lu
 from skfem_contact.problem.points import PointSpace, Reduction
-from skfem_contact.problem.response import Conditions, Load
+from skfem_contact.problem.response import Conditions, Load, Resistance
+from skfem_contact.problem.series import PointsInSeries
 
 m = 60  # of them 10 closed: enough for the reduction to be worth its while
 
@@ -127,3 +128,26 @@ def test_dense_solves(shape: tuple[int, ...]) -> None:
         assert_allclose(known.solve(b), np.linalg.solve(matrix, b), rtol=1e-11)
         assert_array_equal(b, given)
         assert_array_equal(known.factors, factors)
+
+
+def test_springs_in_series_take_the_place_of_others() -> None:
+    """``W + 1/C`` whatever springs there were; at rest under the right forces they have no strain."""
+    rng = np.random.default_rng(5)
+    n, q = 4, 8
+    A = rng.standard_normal((q, q))
+    W, own, free = A @ A.T + np.eye(q), np.full(n, 0.3), rng.standard_normal(q)
+    normal, tangential = np.arange(n), n + np.arange(n)[:, None]
+    C = Resistance(1 / rng.random(n), 1 / rng.random(n))
+    give = np.concatenate([1 / C.normal, 1 / C.tangential])
+    closed, zero = np.ones(n, dtype=bool), np.zeros((n, 1))
+    held = Conditions(closed, closed, zero, np.zeros((n, 1, 1)), zero, zero)
+    p = -np.linalg.solve(W, free)  # what closes all and lets nothing slip
+    for E in (None, own):
+        S = np.linalg.inv(W + (0 if E is None else np.diag(np.tile(E, 2))))
+        series = PointsInSeries(PointSpace(S, normal, tangential), C, E)
+        assert_allclose(np.linalg.inv(series.points.S), W + np.diag(give), rtol=1e-9)
+        load = Load(S @ free, np.zeros(n), zero, np.zeros(0))
+        at = series.at_forces(load, p[:n], -p[n:, None])
+        assert_allclose(series.solve(held, at).normal_force, p[:n], rtol=1e-9)
+        strained = series.solve(held, series.at_forces(load, 0 * p[:n], 0 * zero))
+        assert_allclose(strained.normal_force, -np.linalg.solve(W + np.diag(give), free)[:n], rtol=1e-9)

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import skfem as fem
 from numpy.testing import assert_allclose
+from quick_elasticity import linear_elasticity
 from solid_meshes import KINDS, at, cube, elastic
 
 import skfem_contact as sc
@@ -23,13 +25,30 @@ def pressed(kind: str = "quad4", friction: Any = None) -> sc.ContactResult:
     return next(sc.ContactSolver([block], contact).history([{"motion": {"floor": (0, 0, 0.01)}}]))
 
 
+def drawn(plotter: Any) -> list[Any]:
+    """The meshes of a scene."""
+    found = [getattr(getattr(a, "mapper", None), "dataset", None) for a in plotter.actors.values()]
+    return [mesh for mesh in found if mesh is not None]
+
+
+def pressed_ball() -> sc.ContactResult:
+    """A ball of tetrahedra whose top has been pressed down by 0.05, on a plane below it."""
+    mesh = fem.MeshTet.init_ball(2).with_boundaries({"low": lambda x: x[2] < -0.6})
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementTetP1()), intorder=2)
+    top = basis.get_dofs(lambda x: x[2] > 0.9)
+    x = basis.zeros()
+    x[top.all("u^3")] = -0.05
+    ball = sc.Body(basis, linear_elasticity(1.0, 1.0), D=top, x=x, name="ball")
+    floor = sc.RigidPlane((0, 0, -1), (0, 0, 1), name="floor")
+    return sc.ContactSolver(ball, sc.Contact(ball.surface("low"), floor)).solve()
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_bodies_are_where_they_are(kind: str) -> None:
     """The skin of the cube, a hundredth shorter, and the floor below it; arrows beneath the floor."""
     pytest.importorskip("pyvista", reason=HINT)
     plotter = sc.scene(pressed(kind), scale=1.0, off_screen=True)
-    drawn = [getattr(getattr(a, "mapper", None), "dataset", None) for a in plotter.actors.values()]
-    skin, _, floor, arrows = [mesh for mesh in drawn if mesh is not None]
+    skin, _, floor, arrows = drawn(plotter)
     assert_allclose(skin.bounds, [0, 1, 0, 1, 0.01, 1], atol=1e-7)  # in single precision
     assert skin.triangulate().area == pytest.approx(2 + 4 * 0.99, rel=1e-5)
     assert_allclose(floor.points[:, 2], 0.01, atol=1e-7)
@@ -46,6 +65,21 @@ def test_a_scene_is_a_picture() -> None:
     plotter.close()
     ground = np.all(image == 255, axis=2)
     assert 0.2 < ground.mean() < 0.9
+
+
+def test_a_body_without_edges_is_drawn() -> None:
+    """No face of a ball meets another at 30 degrees: it is drawn without lines, and nothing else."""
+    pytest.importorskip("pyvista", reason=HINT)
+    plotter = sc.scene(pressed_ball(), scale=1.0, off_screen=True)
+    skin, floor, arrows = drawn(plotter)
+    assert_allclose((skin.bounds[4], skin.bounds[5]), (-1.0, 0.95), atol=1e-6)
+    assert_allclose(floor.points[:, 2], -1.0, atol=1e-7)
+    assert arrows.bounds[4] < -1.1
+    plotter.window_size = 200, 200
+    image = np.asarray(plotter.screenshot(return_img=True)).astype(int)
+    plotter.close()
+    blue = image[:, :, 2] > image[:, :, 0] + 30  # the ball moves down nearly as a whole
+    assert 0.05 < blue.mean() < 0.5
 
 
 def test_what_can_not_be_shown_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

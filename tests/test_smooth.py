@@ -83,14 +83,13 @@ def test_sixteen_sides_are_a_circle(start):
 
 @pytest.mark.parametrize("swap", [False, True])
 def test_gaps_of_two_arcs(swap):
-    """The clearance of two arcs, measured to 2 % where chords are wrong by a third of it."""
+    """The clearance of two arcs, exactly where chords are wrong by a third of it."""
     clearance = 3e-3
     pair = sides(radii=(1.0, 1.0 + clearance))
     secondary, primary = pair[::-1] if swap else pair
     pairing = dual_mortar(secondary, primary)
     away = np.abs(np.arctan2(pairing.points[:, 1], pairing.points[:, 0]) - 1.55) < 0.6
-    # along the secondary's normals, which are off by the square of a facet's angle
-    assert_allclose(pairing.gap[away], clearance, rtol=2e-2)
+    assert_allclose(pairing.gap[away], clearance, rtol=1e-3)
     weights = pairing.secondary_weights, pairing.primary_weights
     by_chords = np.sum(pairing.normal * gap_vectors(secondary, primary, *weights), axis=1)
     assert np.abs(by_chords[away] / clearance - 1).max() > 0.3
@@ -100,9 +99,10 @@ def test_an_arc_on_a_plane_keeps_its_chords():
     """An arc that is pressed flat loses its height: gaps to it stay those of its chords."""
     x = np.linspace(2.0, -2.0, 31)
     flat = body(np.stack([x, 0 * x + 1], axis=1), shrunk=1.5, name="flat")
-    assert dual_mortar(body(arc(20)).surface("face"), flat.surface("face")).primary_bulge is None
-    # ... and so do arcs of curvatures 1 and 2.2
-    assert dual_mortar(*sides(n=(16, 16), radii=(0.45, 1.0))).primary_bulge is None
+    one, other = body(arc(20)).surface("face"), flat.surface("face")
+    for pair in ((one, other), (other, one)):
+        bulge = dual_mortar(*pair).primary_bulge
+        assert bulge is None or np.abs(bulge.data).max() < 1e-15
 
 
 @pytest.mark.parametrize("swap", [False, True])
@@ -112,7 +112,8 @@ def test_rows_know_motions_and_dilatations(swap):
     secondary, primary = pair[::-1] if swap else pair
     pairing = dual_mortar(secondary, primary)
     assert pairing.primary_bulge is not None
-    assert_allclose(np.asarray(pairing.primary_bulge.sum(axis=1)), 0.0, atol=1e-15)
+    moved = pairing.primary_bulge @ np.tile(np.eye(2), (len(primary.points), 1))
+    assert_allclose(moved, 0.0, atol=1e-15)
     system = sc.stack([secondary.body, primary.body])
     kin = kinematics(system, sc.Contact(secondary, primary), pairing)
     x = np.concatenate([b.dof_points for b in system.bodies])
@@ -130,8 +131,8 @@ def test_rows_know_motions_and_dilatations(swap):
     inner = np.abs(np.arctan2(kin.points[:, 1], kin.points[:, 0]) - 1.55) < 0.6
     for field in ((-x[:, 1], x[:, 0]), (x[:, 0], x[:, 1])):
         assert_allclose((kin.B_n @ both(field))[inner], 0.0, atol=1e-4)
-    # the gap is the rows applied to the positions ...
-    assert_allclose(kin.B_n @ both((x[:, 0], x[:, 1])), kin.gap0, atol=1e-14)
+    # the gap is the rows applied to the positions, but for the turn of the normals over a row ...
+    assert_allclose(kin.B_n @ both((x[:, 0], x[:, 1])), kin.gap0, atol=1e-4)
     # ... and a turn of all moves it like any vector between two points: so moments balance
     vector = sum(
         (rows @ both((x[:, 0], x[:, 1])))[:, None] * axis

@@ -21,6 +21,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import LocalState, State
 from skfem_contact.loops.step import Record
+from skfem_contact.once import once
 from skfem_contact.problem.response import Conditions
 from skfem_contact.sealed import seal, sealed
 
@@ -49,6 +50,8 @@ class Answer:
         How linear problems were solved, and why, where bodies or surfaces are large; else empty.
     indifferent : tuple of str
         A sentence per motion that nothing loads and nothing holds.
+    springs : bool
+        Whether contact rows depend on each other, so that points were seen through springs.
     watched : Watched
         What every step tells of the bounds of the model; `validity` has more.
     """
@@ -79,6 +82,7 @@ class Answer:
     factor: float | None = None
     linear: str = ""
     indifferent: tuple[str, ...] = ()
+    springs: bool = False
     watched: Watched = field(default_factory=Watched, repr=False)
 
     def __post_init__(self) -> None:
@@ -113,7 +117,7 @@ class Answer:
         """The state along the tangents of the pairing that the answer was found on."""
         return self.state.along(self.kin)
 
-    @cached_property
+    @once
     def u(self) -> Array:
         """Displacements of all bodies, shape (n,) [length]; recovered when first asked for."""
         return sealed(self.recover())

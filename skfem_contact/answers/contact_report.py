@@ -74,13 +74,13 @@ def _friction_lines(values: ContactValues) -> list[str]:
 
 def _error_lines(values: ContactValues) -> list[str]:
     error = values.error_estimate
-    if np.isnan(error.traction.total):  # in 3-D only a part is known
-        lines = [f"  estimated error          at least {percent(error.traction.at_least)} in L2"]
-        return lines + [f"    {line}" for line in textwrap.wrap(error.advice, 92)]
-    found = f"pressure {percent(error.pressure.total)}"
-    if values.friction_stress.any():
-        found += f", with friction {percent(error.traction.total)}"
-    lines = [f"  estimated error          {found} in L2"]
+    found = error.words
+    if found.startswith("pressure"):
+        found = f"pressure {percent(error.pressure.total)}"
+        if values.friction_stress.any():
+            found += f", with friction {percent(error.traction.total)}"
+        found += " in L2"
+    lines = [f"  estimated error          {found}"]
     return lines + [f"    {line}" for line in textwrap.wrap(error.advice, 92)]
 
 

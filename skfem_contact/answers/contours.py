@@ -19,14 +19,16 @@ the middle.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.answers.thresholds import AT_45, BARELY_OPEN, FLAT_FIT, NO_GAP, REACH
+from skfem_contact.answers.thresholds import AT_45, NO_GAP, REACH
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.digits import COMPUTED, GIVEN
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -54,10 +56,13 @@ class Contour:
         The edge, in pieces in the order of the faces [length].
     area : float
         Within it [area].
+    heights : ndarray, shape (m,)
+        Negative inside, see the function `heights`.
     """
 
     segments: Array
     area: float
+    heights: Array
 
 
 def contour(surface: FaceSurface, closed: Mask, gap: Array) -> Contour:
@@ -71,10 +76,11 @@ def contour(surface: FaceSurface, closed: Mask, gap: Array) -> Contour:
         ``inf`` where a point has no partner [length].
     """
     corners = np.array(TRIANGLES[surface.kind.name])
-    height = with_centres(surface, heights(surface, closed, gap))[:, corners].reshape(-1, 3)
+    h = heights(surface, closed, gap)
+    height = with_centres(surface, h)[:, corners].reshape(-1, 3)
     x = with_centres(surface, surface.points)[:, corners].reshape(-1, 3, 3)
     part, segments = _cut(height, x)
-    return Contour(segments, float(part @ triangle_areas(surface, x)))
+    return Contour(segments, float(part @ triangle_areas(surface, x)), h)
 
 
 def heights(surface: FaceSurface, closed: Mask, gap: Array) -> Array:
@@ -90,15 +96,16 @@ def heights(surface: FaceSurface, closed: Mask, gap: Array) -> Array:
     last, first = closed & _touched(beside, opened), opened & _touched(beside, closed)
     behind = closed & ~last & _touched(beside, last)
     here = np.flatnonzero(last | first | behind)
-    far, known, _ = _continued(surface, beside, here, opened & ~first, h)
-    near, some, any_ = _continued(surface, beside, here, opened, h)
+    row, node = _around(beside, here)
+    far, known, _ = _continued(surface, here, row, node, opened & ~first, h)
+    near, some, any_ = _continued(surface, here, row, node, opened, h)
     fit = np.zeros(len(h))
     fit[here] = np.where(known, far, near)
     fitted = np.zeros(len(h), dtype=bool)
     fitted[here] = known | some | any_
 
     scale = float(h.max(initial=0.0)) or 1.0
-    tiny = BARELY_OPEN * scale
+    tiny = COMPUTED * scale
     out = np.where(closed, -scale, np.where(opened, np.maximum(h, tiny), np.inf))
     out[first & fitted] = np.maximum(fit[first & fitted], tiny)
     out[last] = fit[last]
@@ -132,23 +139,31 @@ def triangle_areas(surface: FaceSurface, x: Array) -> Array:
     return area if measure is None else area * measure(x.mean(axis=1).T)
 
 
+def _around(beside: csr_matrix, here: Index) -> tuple[Index, Index]:
+    """Pairs of the place of a node in `here` and of another node near to it."""
+    reached = beside[here]
+    for _ in range(REACH - 1):
+        reached = reached @ beside
+    pairs = csr_matrix(reached).tocoo()
+    others = here[pairs.row] != pairs.col
+    return pairs.row[others], pairs.col[others]
+
+
 def _continued(
-    surface: FaceSurface, beside: csr_matrix, here: Index, sample: Mask, h: Array
+    surface: FaceSurface, here: Index, row: Index, node: Index, sample: Mask, h: Array
 ) -> tuple[Array, Mask, Mask]:
     """What open nodes near by say of h at some nodes; whether enough were ahead, or on any side.
 
     Parameters
     ----------
     here : ndarray of int, shape (k,)
+    row, node : ndarray of int
+        Of `_around`.
     sample : ndarray of bool, shape (m,)
         Nodes with a value that counts.
     """
-    reached = beside[here]
-    for _ in range(REACH - 1):
-        reached = reached @ beside
-    pairs = csr_matrix(reached).tocoo()
-    kept = sample[pairs.col] & (here[pairs.row] != pairs.col)
-    row, node = pairs.row[kept], pairs.col[kept]
+    kept = sample[node]
+    row, node = row[kept], node[kept]
     away = surface.points[node] - surface.points[here][row]
     square = np.sum(away**2, axis=1)
     along = np.einsum("pd,pkd->pk", away, tangents(surface.normals[here])[row])
@@ -173,20 +188,58 @@ def _continued(
 
 def least_squares(terms: Array, weight: Array, values: Array, row: Index, n: int) -> tuple[Array, Mask]:
     """Coefficients (n, k) by the values of many rows each; whether these determine them, (n,)."""
-    k = terms.shape[1]
-    A, b = np.empty((n, k, k)), np.empty((n, k))
-    for i in range(k):
-        b[:, i] = np.bincount(row, weight * terms[:, i] * values, n)
-        for j in range(k):
-            A[:, i, j] = np.bincount(row, weight * terms[:, i] * terms[:, j], n)
-    diagonal = np.sqrt(np.maximum(np.einsum("nii->ni", A), np.finfo(float).tiny))
-    # both directions alike: points on a line along one of the axes do not span a plane
-    diagonal[:, 1:3] = np.sqrt(np.mean(diagonal[:, 1:3] ** 2, axis=1, keepdims=True))
-    scaled = A / (diagonal[:, :, None] * diagonal[:, None, :])
-    enough = np.linalg.eigvalsh(scaled)[:, 0] > FLAT_FIT
-    fit = np.zeros((n, k))
-    fit[enough] = np.linalg.solve(A[enough], b[enough, :, None])[..., 0]
-    return fit, enough
+    normal = NormalEquations(terms, weight, row, n)
+    return normal.fit(values), normal.enough
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """Least squares of n points, each by many rows, for any values.
+
+    Attributes
+    ----------
+    terms : ndarray, shape (p, k)
+    weight : ndarray, shape (p,)
+    row : ndarray of int, shape (p,)
+        The point that each row belongs to.
+    n : int
+    """
+
+    terms: Array
+    weight: Array
+    row: Index
+    n: int
+
+    @cached_property
+    def _weighted(self) -> Array:
+        return self.weight * self.terms.T  # (k, p)
+
+    @cached_property
+    def _matrices(self) -> Array:
+        k = self.terms.shape[1]
+        A = np.empty((self.n, k, k))
+        for i in range(k):
+            for j in range(i + 1):
+                A[:, i, j] = np.bincount(self.row, self._weighted[i] * self.terms[:, j], self.n)
+                A[:, j, i] = A[:, i, j]
+        return A
+
+    @cached_property
+    def enough(self) -> Mask:
+        """Whether the rows determine the coefficients, (n,)."""
+        A = self._matrices
+        diagonal = np.sqrt(np.maximum(np.einsum("nii->ni", A), np.finfo(float).tiny))
+        # both directions alike: points on a line along one of the axes do not span a plane
+        diagonal[:, 1:3] = np.sqrt(np.mean(diagonal[:, 1:3] ** 2, axis=1, keepdims=True))
+        scaled = A / (diagonal[:, :, None] * diagonal[:, None, :])
+        return np.asarray(np.linalg.eigvalsh(scaled)[:, 0] > GIVEN)
+
+    def fit(self, values: Array) -> Array:
+        """Coefficients (n, k) by values (p,); zero where they are not determined."""
+        b = np.stack([np.bincount(self.row, w * values, self.n) for w in self._weighted], axis=1)
+        out, enough = np.zeros(b.shape), self.enough
+        out[enough] = np.linalg.solve(self._matrices[enough], b[enough, :, None])[..., 0]
+        return out
 
 
 def with_centres(surface: FaceSurface, values: Array) -> Array:

@@ -25,7 +25,7 @@ from skfem_contact.bodies.projection import project
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces import projection as faces
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -183,7 +183,7 @@ def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:
         )
     few = min(4, len(surface.facets))
     middle = surface.points[surface.facets].mean(axis=1)
-    near = np.asarray(kd_tree(middle).query(points, k=few)[1]).reshape(len(points), few)
+    near = np.asarray(Tree(middle).query(points, k=few)[1]).reshape(len(points), few)
     several = np.repeat(points, few, axis=0)
     if isinstance(surface, FaceSurface):
         feet = faces.project(surface, near.ravel(), several)

@@ -21,13 +21,15 @@ A finite tangential stiffness G is a compliance ``1 / G`` more in ``W_tt``: `s` 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from skfem_contact.answers.thresholds import CLOSE, FEW, LEAST_FRICTION, SHARES, SHOWN
-from skfem_contact.linalg.dense_factors import DenseFactors, cholesky
+from skfem_contact.linalg.dense_factors import cholesky
 from skfem_contact.linalg.in_place import divide
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
@@ -119,10 +121,12 @@ class Form:
         if not factors.even(LOOSE):
             raise LinAlgError("nothing but contact holds the bodies")
         W, k = factors.inverse(), len(n)
-        W_tt = W[k:, k:] + np.diag(1.0 / G)
-        self.K = cholesky(W_tt, overwrite=True).inverse()
-        self.X = W[:k, k:] @ self.K
-        self.N = W[:k, :k] - self.X @ W[k:, :k]
+        self.W_nt, self.W_tt = np.ascontiguousarray(W[:k, k:]), W[k:, k:] + np.diag(1.0 / G)
+        self.K = cholesky(self.W_tt).inverse()
+        self.X = self.W_nt @ self.K
+        #: What slips take from the compliance of the gaps
+        self.taken = self.X @ self.W_nt.T
+        self.N = W[:k, :k] - self.taken
         self.N = 0.5 * (self.N + self.N.T)
 
     def _matrix(self, share: float) -> Array:
@@ -130,12 +134,24 @@ class Form:
         X = 0.5 * share * self.X
         return np.block([[(1 + share) * self.N, X], [X.T, self.K]])
 
+    def _solve(self, share: float) -> Callable[[Array], Array]:
+        """By the inverse of the form: slips are eliminated, of which the stiffness K is ``W_tt^-1``."""
+        half, k = 0.5 * share, len(self.N)
+        forces = cholesky((1 + share) * self.N - half**2 * self.taken, overwrite=True)
+
+        def solve(b: Array) -> Array:
+            slips = self.W_tt @ b[k:]
+            if not half:
+                return np.concatenate([forces.solve(b[:k]), slips])
+            a = forces.solve(b[:k] - half * (self.W_nt @ b[k:]))
+            return np.concatenate([a, slips - half * (self.W_nt.T @ a)])
+
+        return solve
+
     def balance(self, of_forces: Array, of_slips: Array) -> Array:
         """Half the diagonal matrix, its parts weighted so that both take as much of the form."""
-        none = 0.0 * of_forces, 0.0 * of_slips
-        factors = cholesky(self._matrix(0.0), overwrite=True)
-        of_a = _largest(factors, np.concatenate([of_forces, none[1]]))
-        of_s = _largest(factors, np.concatenate([none[0], of_slips]))
+        of_a = _largest(cholesky(self.N).solve, of_forces)
+        of_s = _largest(self.W_tt.__matmul__, of_slips)
         c = np.sqrt(of_s / of_a)
         return 0.5 * np.concatenate([c * of_forces, of_slips / c])
 
@@ -148,8 +164,7 @@ class Form:
         forces = np.arange(len(balance)) < len(self.N)
         diagonal = balance * np.where(forces, grown, 1.0 / grown)
         try:
-            factors = cholesky(self._matrix(share), overwrite=True)
-            return (1.0 - SHOWN) / _largest(factors, diagonal), diagonal
+            return (1.0 - SHOWN) / _largest(self._solve(share), diagonal), diagonal
         except (LinAlgError, ArpackNoConvergence):
             return 0.0, diagonal
 
@@ -168,7 +183,7 @@ class Form:
         return True
 
 
-def _largest(factors: DenseFactors, diagonal: Array) -> float:
+def _largest(solve: Callable[[Array], Array], diagonal: Array) -> float:
     """Largest eigenvalue of ``D M^-1``, D a diagonal matrix without negative entries."""
     on = np.flatnonzero(diagonal)
     root = np.sqrt(diagonal[on])
@@ -176,7 +191,7 @@ def _largest(factors: DenseFactors, diagonal: Array) -> float:
     def product(x: Array) -> Array:
         full = np.zeros((len(diagonal), *x.shape[1:]))
         full[on] = (root * x.T).T
-        return np.asarray((root * factors.solve(full)[on].T).T)
+        return np.asarray((root * solve(full)[on].T).T)
 
     if len(on) <= FEW:
         return float(np.linalg.eigvalsh(product(np.eye(len(on))))[-1])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,9 +36,9 @@ def short(result: ContactResult) -> str:
 
 
 def summary(result: ContactResult) -> str:
-    """What is known quickly: the contacts, what every step has seen of the model, the certificate."""
+    """What is known quickly: the contacts, whether the model holds, the certificate."""
     lines = _first_lines(result, estimate=False)
-    lines += ["", _watched_line(result._answer), *_last_lines(result), "", MORE]
+    lines += ["", _verdict(result), *_last_lines(result), "", MORE]
     return "\n".join(lines)
 
 
@@ -65,7 +66,7 @@ def table(result: ContactResult) -> str:
     return (
         f"<p><b>Contact result:</b> {escape(_headline(result))}</p>"
         f"<table><thead><tr>{head}</tr></thead><tbody>{cells}</tbody></table>"
-        f"<p>{escape(_watched_line(result._answer))}; "
+        f"<p>{escape(_verdict(result))}; "
         f"certificate: {result.certificate.worst:.1e} at worst</p>"
     )
 
@@ -73,9 +74,7 @@ def table(result: ContactResult) -> str:
 def validity_lines(result: ContactResult) -> list[str]:
     """Whether the model holds at the answer, and what to change where it does not."""
     validity = result.validity
-    words = "holds" if validity.holds else "DOES NOT HOLD"
-    lines = [f"Validity of the model: {words}"]
-    lines += str(validity).splitlines()
+    lines = [_verdict(result), *str(validity).splitlines()]
     for text in validity.problems.values():
         lines += [f"  ! {textwrap.fill(text, 96, subsequent_indent='    ')}"]
     return lines
@@ -93,7 +92,8 @@ def _first_lines(result: ContactResult, estimate: bool) -> list[str]:
     if result.rotations:
         turned = ", ".join(f"{name} {angle:.2g} rad" for name, angle in result.rotations.items())
         lines += ["", f"rotation of the contact surfaces (linear bodies follow to 0.1): {turned}"]
-    return lines + (["", *result.indifferent] if result.indifferent else [])
+    said = [*result.indifferent, *result.undetermined]
+    return lines + (["", *said] if said else [])
 
 
 def _last_lines(result: ContactResult) -> list[str]:
@@ -105,13 +105,17 @@ def _last_lines(result: ContactResult) -> list[str]:
     return [*lines, f"{result.iterations} iteration{'s' if result.iterations != 1 else ''}; {seconds}"]
 
 
-def _watched_line(answer: Answer) -> str:
-    """What the watch of every step has warned of, in this step or before."""
-    beyond = answer.watched.beyond
-    if not beyond:
-        return "Validity of the model: nothing that a step looks at is beyond its bound"
-    listed = ", ".join(f"{kind} of {name!r}" for kind, name in beyond)
-    return f"Validity of the model: beyond its bounds in this history: {listed}"
+def _verdict(result: ContactResult) -> str:
+    """Whether the model holds, and what its history has warned of before, in a line."""
+    validity = result.validity
+    words = "Validity of the model: " + ("holds" if validity.holds else "DOES NOT HOLD")
+    words += f" ({_listed(validity.problems)})" if validity.problems else ""
+    before = f"; warned of before in this history: {_listed(validity.before)}"
+    return words + (before if validity.before else "")
+
+
+def _listed(keys: Iterable[tuple[str, str]]) -> str:
+    return ", ".join(f"{kind} of {name!r}" for kind, name in sorted(keys))
 
 
 def _shown(known: Uniqueness) -> str:

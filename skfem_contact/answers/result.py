@@ -13,6 +13,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.by_contact import ByContact
 from skfem_contact.answers.certificate import Certificate, certify
 from skfem_contact.answers.reaction import reaction
+from skfem_contact.answers.undetermined import undetermined
 from skfem_contact.answers.uniqueness import Uniqueness, uniqueness
 from skfem_contact.answers.validity.assess import assess
 from skfem_contact.answers.validity.rotation import rigid_rotations
@@ -24,6 +25,7 @@ from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.once import once
 from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
@@ -102,6 +104,18 @@ class ContactResult(ByContact):
         """
         return self._answer.indifferent
 
+    @cached_property
+    def undetermined(self) -> tuple[str, ...]:
+        """A sentence per group of contacts whose forces are not unique.
+
+        Where the conditions of points that press depend on each other, other forces fulfil them as
+        well, with the same displacements: between contacts that share an edge, on a tool that supports
+        hold and that is finer than what it presses. The forces of the result are those with the least
+        square of friction over the surfaces, and of these the ones with the least of pressure; where
+        points would pull then, or friction exceed its bound, the least square of both.
+        """
+        return undetermined(self._answer)
+
     # -- bodies -------------------------------------------------------------------------------
 
     @property
@@ -126,7 +140,7 @@ class ContactResult(ByContact):
         u, scale = self._answer.displacement(body), self._answer.system.scale(body)
         return u if isinstance(scale, float) else sealed(u / scale)
 
-    def motion(self, body: RigidBody | str) -> tuple[Array, float | Array, Array]:
+    def motion(self, body: RigidBody | str) -> tuple[Array, Any, Array]:
         """How a rigid body has moved: translation (d,) [length], angle [rad] and the point `about`.
 
         As obstacles take it: ``die.obstacle.moved(result.motion("die"))`` is the die where it is now.
@@ -210,7 +224,7 @@ class ContactResult(ByContact):
     @cached_property
     def certificate(self) -> Certificate:
         """Dimensionless numbers measured from the answer, for all degrees of freedom."""
-        return certify(self._answer)
+        return self._certified
 
     @cached_property
     def validity(self) -> Validity:
@@ -221,7 +235,7 @@ class ContactResult(ByContact):
         ContactWarning
             What is beyond its bound and has not been said in this history.
         """
-        return assess(self._answer)
+        return self._assessed
 
     @cached_property
     def uniqueness(self) -> Uniqueness | None:
@@ -231,6 +245,20 @@ class ContactResult(ByContact):
         is shown to be the only one, see `Uniqueness`. None where it is not computed: on the routes
         without a dense matrix, and where rows depend on each other.
         """
+        return self._counted
+
+    # of several threads that ask at once one computes, and warns
+
+    @once
+    def _certified(self) -> Certificate:
+        return certify(self._answer)
+
+    @once
+    def _assessed(self) -> Validity:
+        return assess(self._answer)
+
+    @once
+    def _counted(self) -> Uniqueness | None:
         return uniqueness(self._answer)
 
     # -- printed ------------------------------------------------------------------------------

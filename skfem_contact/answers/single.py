@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.error.sources import ErrorEstimate
 from skfem_contact.answers.values import ContactValues
@@ -111,7 +111,7 @@ class OfTheContact(ABC):
         return self._only("force_on_primary").force_on_primary
 
     @property
-    def moment(self) -> Callable[..., float | Array]:
+    def moment(self) -> Callable[..., Any]:
         """``moment(about)`` of the forces on the secondary; see `ContactValues.moment`."""
         return self._only("moment").moment
 
@@ -141,11 +141,11 @@ class OfTheContact(ABC):
         return self._only("error_estimate").error_estimate
 
     @property
-    def interpolate(self) -> Callable[..., Array]:
+    def interpolate(self) -> Callable[[ArrayLike, ArrayLike], Array]:
         """``interpolate(values, points)`` between the points; see `ContactValues.interpolate`."""
         return self._only("interpolate").interpolate
 
     @property
-    def integrate(self) -> Callable[..., Any]:
+    def integrate(self) -> Callable[[ArrayLike], Any]:
         """``integrate(values)`` over the points; see `ContactValues.integrate`."""
         return self._only("integrate").integrate

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -210,11 +211,21 @@ class ContactValues:
         """Resultant on the other side, a body or a rigid obstacle, shape (d,) [force]."""
         return -self.force
 
-    def moment(self, about: ArrayLike | None = None) -> float | Array:
+    def moment(self, about: ArrayLike | None = None) -> Any:
         """Moment of the forces on the secondary about a point, the origin if none is given.
 
-        A number in 2-D, shape (3,) in 3-D [force length]. Forces act at `action`: of bodies that slide
-        far where they are after the step, else on the undeformed ones.
+        Forces act at `action`: of bodies that slide far where they are after the step, else on the
+        undeformed ones.
+
+        Parameters
+        ----------
+        about : array, shape (d,), optional
+            [length]
+
+        Returns
+        -------
+        float, or ndarray (3,) in 3-D
+            [force length]
         """
         d, F = self.points.shape[1], self.forces
         centre = np.zeros(d) if about is None else numbers(about, "about", f"give {d} coordinates")
@@ -276,12 +287,16 @@ class ContactValues:
             )
         return interpolate(self._placed, self._at_points(values), at)
 
-    def integrate(self, values: ArrayLike) -> float | Array:
+    def integrate(self, values: ArrayLike) -> Any:
         """Integral of a field over the points; of `traction` it is `force`, to round-off.
 
         Parameters
         ----------
         values : ndarray, shape (m, ...)
+
+        Returns
+        -------
+        float, or ndarray of shape (...)
         """
         total = np.tensordot(self.area, self._at_points(values), axes=1)
         return float(total) if total.ndim == 0 else total

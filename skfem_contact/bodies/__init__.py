@@ -1,12 +1,15 @@
 """What the user gives: bodies with their stiffness and loads, and the surfaces that may touch.
 
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
+* `assembly`: stiffness from a form; `quadrature`: points of integration, and gradients at them;
 * `boundaries`: tractions and displacements by the names of boundaries;
 * `member`, `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked
-  of them; `stiffness`, `rigid_modes`, `pieces` of a mesh; `distributed`: a stiffness held rank by rank;
+  of them; `stiffness`, `moduli`, `rigid_modes`, `pieces` of a mesh;
+* `distributed`: a stiffness held rank by rank;
 * `surface`: a boundary as contact sees it; `nodes`: its nodes; `bare`: one without a body;
 * `facet_kinds`: the shape functions of facets;
 * `curves`, `facets`, `normals`, `projection`: boundaries of plane bodies, normals, closest points;
 * `faces`, `face_normals`, `face_kinks`: boundaries of solids;
+* `rings`, `quadrics`: the smooth boundaries that nodes lie on;
 * `thresholds`: numbers, and where they come from.
 """

@@ -13,29 +13,37 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import skfem
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm, CellBasis
 
 from skfem_contact.arguments import check_name, known_keywords, with_known_keywords
 from skfem_contact.bodies.boundaries import displacements, tractions
 from skfem_contact.bodies.inputs import (
+    Dofs,
+    Loads,
+    Values,
     check_basis,
+    deferred_basis,
     load_of,
     prescribed_dofs,
     prescribed_values,
     stiffness_of,
 )
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.moduli import Moduli, moduli
 from skfem_contact.bodies.pieces import pieces
 from skfem_contact.bodies.rigid_modes import motion_names, rigid_modes
 from skfem_contact.bodies.stiffness import Stiffness
-from skfem_contact.bodies.thresholds import SAME_QUOTIENT
 from skfem_contact.carried import can_be_carried, carried
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import seal
 
 if TYPE_CHECKING:
     from skfem_contact.bodies.surface import CurveSurface, FaceSurface
+
+Array = NDArray[np.float64]
 
 
 @with_known_keywords(stiffness="write K", load="write f", springs="add their matrix to K")
@@ -51,14 +59,17 @@ class Body(Member):
         Basis of an `ElementVector` of P1, P2, Q1, Q2 or S2 elements; of the scalar element itself
         for heat conduction and the like (tied contact only).
     K : sparse matrix, shape (n, n), or BilinearForm
-        Stiffness [force/length]. A form is assembled on `basis` here, once. Of a matrix whose last
-        digits are not symmetric the symmetric part is kept. Springs to the ground are added to it.
+        Stiffness [force/length]. A form is assembled here, once, by the points of integration of
+        `basis`: pass the form itself, which takes a small part of the time of ``form.assemble(basis)``
+        where it sees the gradients of u and v alone, as elasticity does. Of a matrix whose last digits
+        are not symmetric the symmetric part is kept. Springs to the ground are added to it.
     f : ndarray, shape (n,), or LinearForm, or dict by boundary name, optional
         Load [force]; zero if not given. A form is integrated over the volume of `basis`. A dict
         gives uniform tractions on boundaries, ``{"top": (0.0, -5.0)}``, in global axes [stress];
         assemble other loads on a boundary with a `FacetBasis` and pass the vector.
-    D : ndarray, DofsView, dict of DofsView, or (list of) boundary names, optional
-        Prescribed DOFs, as in `skfem.condense`. A boundary name stands for all components.
+    D : ndarray, DofsView, dict of DofsView, (list of) boundary names, or callable, optional
+        Prescribed DOFs, as in `skfem.condense`. A boundary name stands for all components. A function
+        of the basis returns one of these: ``lambda basis: basis.get_dofs("symmetry").all("u^2")``.
     x : ndarray, shape (n,), or dict by boundary name, optional
         Prescribed values [length]; only the entries `D` are used. Zero if not given. A dict gives
         constant displacements of boundaries, ``{"top": (0.0, -0.01)}``, None for a component that
@@ -81,6 +92,9 @@ class Body(Member):
         Zero where not prescribed.
     form : BilinearForm or None
         What `K` was assembled from, where it was one; the error estimate measures energy by it.
+    by_skfem : str
+        Why scikit-fem assembled the form, function by function: it uses more than the gradients of
+        u and v. Empty for other forms, whose stiffness is known from one call of the form.
 
     Raises
     ------
@@ -102,22 +116,23 @@ class Body(Member):
 
     basis: Any
     K: csr_matrix
-    f: np.ndarray
-    D: np.ndarray
-    x: np.ndarray
-    measure: Callable[[np.ndarray], np.ndarray] | None
+    f: Array
+    D: NDArray[np.int64]
+    x: Array
+    measure: Callable[[Array], Array] | None
     name: str | None
     form: BilinearForm | None = field(init=False)
+    by_skfem: str = field(init=False)
 
     def __init__(
         self,
         basis: CellBasis,
         K: Any,
-        f: Any = None,
+        f: Loads | None = None,
         *,
-        D: Any = None,
-        x: Any = None,
-        measure: Callable[[np.ndarray], np.ndarray] | None = None,
+        D: Dofs | None = None,
+        x: Values | None = None,
+        measure: Callable[[Array], Array] | None = None,
         name: str | None = None,
     ) -> None:
         check_name(name, "name of a body")
@@ -135,6 +150,7 @@ class Body(Member):
             "measure": measure,
             "name": name,
             "form": stiffness.form,
+            "by_skfem": stiffness.by_skfem,
             "_stiffness": stiffness,
             "D": prescribed_dofs(D, basis, whose),
         }
@@ -144,7 +160,71 @@ class Body(Member):
         object.__setattr__(self, "x", self.prescribed(x, D is None, whose))
         seal(self)
 
-    def linearize(self, u: np.ndarray | None = None) -> tuple[csr_matrix, np.ndarray]:
+    @classmethod
+    @known_keywords(stiffness="write K", load="write f", springs="add their matrix to K")
+    def from_mesh(
+        cls,
+        mesh: skfem.Mesh,
+        element: skfem.Element,
+        K: Any,
+        f: Loads | None = None,
+        *,
+        D: Dofs | None = None,
+        x: Values | None = None,
+        intorder: int | None = None,
+        measure: Callable[[Array], Array] | None = None,
+        name: str | None = None,
+    ) -> Body:
+        """Make a body without shape functions at points of integration, which fill the memory.
+
+        A `skfem.Basis` of linear hexahedra takes 18 kB for each of them, a multiple of the stiffness.
+        Here its numbering alone is made; `basis` evaluates the shape functions when they are asked for.
+
+        Parameters
+        ----------
+        mesh : skfem.Mesh
+        element : skfem.Element
+            As for `skfem.Basis`: ``ElementVector(ElementHex1())``.
+        K, f, D, x, measure, name
+            As for `Body`. A form that uses more than the gradients of u and v, and a load that is a
+            form, are integrated some elements at a time.
+        intorder : int, optional
+            Degree of the polynomials that are integrated exactly. If it is not given, that of products
+            of two shape functions: 2 for linear elements, 4 for quadratic ones.
+
+        Returns
+        -------
+        Body
+
+        Raises
+        ------
+        InputError
+            As of `Body`, and if the mesh and the element do not belong together.
+
+        Examples
+        --------
+        >>> import skfem as fem
+        >>> from skfem.models.elasticity import linear_elasticity
+        >>> mesh = fem.MeshHex().refined(2).with_defaults()
+        >>> element = fem.ElementVector(fem.ElementHex1())
+        >>> weight = fem.LinearForm(lambda v, w: -1e-3 * v[2])
+        >>> cube = Body.from_mesh(mesh, element, linear_elasticity(), weight, D="bottom", name="cube")
+        >>> cube
+        <Body cube: 375 DOFs, 75 prescribed, MeshHex1 of 64 elements>
+        >>> float(cube.f.sum().round(12))
+        -0.001
+        """
+        return cls(
+            deferred_basis(mesh, element, intorder, f"body {name!r}" if name else "a body"),
+            K,
+            f,
+            D=D,
+            x=x,
+            measure=measure,
+            name=name,
+        )
+
+    def linearize(self, u: Array | None = None) -> tuple[csr_matrix, Array]:
         """The equations ``K v = f`` of the body's displacements v near u, see `Linearizable`.
 
         Those of a linear body are the same everywhere.
@@ -155,19 +235,19 @@ class Body(Member):
         """The stiffness (n, n) that a user means: a matrix, or a form."""
         return stiffness_of(K, self.basis, what)
 
-    def load(self, f: Any, what: str) -> np.ndarray:
+    def load(self, f: Any, what: str) -> Array:
         """The load (n,) that a user means: a vector, a form, or tractions by boundary name."""
         if isinstance(f, Mapping):
             return tractions(f, self.basis, self.measure, what)
         return load_of(f, self.basis, what)
 
-    def prescribed(self, x: Any, no_D: bool, whose: str) -> np.ndarray:
+    def prescribed(self, x: Any, no_D: bool, whose: str) -> Array:
         """Values (n,) of the prescribed DOFs that a user means: a vector, or by boundary name."""
         if isinstance(x, Mapping):
             return self.displaced(x, np.zeros(self.n), f"x of {whose}")
         return prescribed_values(x, self.D, no_D, self.basis, whose)
 
-    def displaced(self, x: Mapping[str, Any], before: np.ndarray, what: str) -> np.ndarray:
+    def displaced(self, x: Mapping[str, Any], before: Array, what: str) -> Array:
         """Prescribed values (n,) with those on some boundaries replaced, see `displacements`."""
         return displacements(x, before, self.basis, self.dof_component, self.D, what)
 
@@ -176,13 +256,14 @@ class Body(Member):
         if self.measure is not None and self.components > 1:
             known["axisymmetric"] = self.axisymmetric  # what depends on it is told without it
         known["measure"] = carried(self.measure, f"measure of body {self.name or 'without name'!r}")
+        known["moduli"] = self.moduli
         known["form"] = self.form if can_be_carried(self.form) else None  # K is what it gave
         del known["_stiffness"]
         return known
 
     def __setstate__(self, known: dict[str, Any]) -> None:
         vars(self).update(known)
-        shared = Stiffness(self.K, self.basis, self.form).remembered()
+        shared = Stiffness(self.K, self.basis, self.form, self.by_skfem).remembered()
         object.__setattr__(self, "_stiffness", shared)
         seal(self)
 
@@ -208,12 +289,12 @@ class Body(Member):
         return self.dim if isinstance(self.basis.elem, skfem.ElementVector) else 1
 
     @property
-    def dof_points(self) -> np.ndarray:
+    def dof_points(self) -> Array:
         """Position of every DOF, shape (n, d)."""
         return np.ascontiguousarray(self.basis.doflocs.T, dtype=float)
 
     @cached_property
-    def dof_component(self) -> np.ndarray:
+    def dof_component(self) -> NDArray[Any]:
         """Component (0 for x) that every DOF stands for, shape (n,)."""
         component = np.zeros(self.n, dtype=np.int32)
         dofs = self.basis.dofs
@@ -231,15 +312,22 @@ class Body(Member):
         # compared at the largest radius, where the quotient has all its digits
         far = np.argmax(np.abs(radius))
         deviation = np.abs(weight * radius[far] - weight[far] * radius)
-        return bool(np.all(deviation <= SAME_QUOTIENT * np.abs(weight[far] * radius[far])))
+        return bool(np.all(deviation <= SOLVED * np.abs(weight[far] * radius[far])))
 
     @cached_property
-    def parts(self) -> np.ndarray:
+    def moduli(self) -> Moduli | None:
+        """Bulk and shear modulus of the material of every element; None if no form tells them."""
+        if self.form is None or self.components == 1:
+            return None
+        return moduli(self.form, self.basis, uniform=not self.by_skfem)
+
+    @cached_property
+    def parts(self) -> NDArray[Any]:
         """Number of the connected part of the mesh that every DOF belongs to, shape (n,)."""
         return pieces(self.basis.dofs.element_dofs, self.n)
 
     @cached_property
-    def rigid_modes(self) -> np.ndarray:
+    def rigid_modes(self) -> Array:
         """Motions without strain, shape (n, 3) in 2-D and (n, 6) in 3-D, for each part of the mesh.
 
         Translations of unit length, then rotations about the centroid of the nodes, divided by the

@@ -8,7 +8,7 @@ import numpy as np
 
 from skfem_contact.bodies.facets import oriented
 from skfem_contact.bodies.normals import normals_at
-from skfem_contact.bodies.thresholds import BACK_TO_BACK
+from skfem_contact.digits import GIVEN
 
 
 def end_turns(
@@ -47,5 +47,5 @@ def end_turns(
             first, second = second, first
         turn = np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second)
         # two lips of a slit are back to back: its tip is no corner that could touch anything
-        turns[facet, side] = turn if turn < np.pi - BACK_TO_BACK else -turn
+        turns[facet, side] = turn if turn < np.pi - GIVEN else -turn
     return turns

@@ -58,10 +58,23 @@ def kink_angles(points: Array, facets: Index, kind: FacetKind, twins: Index) -> 
     else:
         far, there = _at_far_vertices(points, facets[:, :3], twins, bend)
     kinked = known & there & (bend > BENT) & (far < STRAIGHT * bend)
+    kinked |= np.where(known, kinked.ravel()[twins], False)
+    kinked &= _in_lines(facets[:, kind.edges[:, :2]], twins, kinked, len(points))
     kinks = np.zeros(len(points))
     nodes = facets[:, kind.edges][kinked]
     np.maximum.at(kinks, nodes, np.repeat(bend[kinked], nodes.shape[1]).reshape(nodes.shape))
     return kinks
+
+
+def _in_lines(ends: Index, twins: Index, kinked: Mask, m: int) -> Mask:
+    """Edges (nf, c) at both ends of which there is another kinked one, or the surface ends.
+
+    On shaken meshes of curves some edge turns and the opposite one happens not to.
+    """
+    count, rim = np.zeros(m, dtype=np.intp), np.zeros(m, dtype=bool)
+    np.add.at(count, ends[kinked], 1)  # each edge twice, by both its faces
+    rim[ends[twins < 0]] = True
+    return np.asarray(np.all((count[ends] > 2) | rim[ends], axis=2))
 
 
 def bends(normals: Array, twins: Index) -> Array:

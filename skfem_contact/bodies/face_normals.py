@@ -17,7 +17,8 @@ from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
 from skfem_contact.bodies.normals import cross, unit, weights_of
-from skfem_contact.bodies.thresholds import CANCELLED, CORNER, SAME_PLACE
+from skfem_contact.bodies.thresholds import CORNER
+from skfem_contact.digits import GIVEN, SOLVED
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -75,7 +76,7 @@ def areas_and_normals(
     # faces back to back (the front of a crack) cancel: then the one met last decides
     size = np.zeros(len(points))
     np.add.at(size, facets[:, :c], np.linalg.norm(weighted, axis=2))
-    lost = np.linalg.norm(total, axis=1) <= CANCELLED * size
+    lost = np.linalg.norm(total, axis=1) <= SOLVED * size
     fallback = np.zeros_like(points)
     fallback[facets] = averaged
     total[lost] = fallback[lost]
@@ -159,7 +160,7 @@ def _on_symmetry(
     facet, edge = np.nonzero(twins < 0)
     ends = corners[facet, edge], corners[facet, (edge + 1) % c]
     way = np.abs(points[ends[1]] - points[ends[0]])
-    in_plane = way <= SAME_PLACE * np.linalg.norm(way, axis=1, keepdims=True)
+    in_plane = way <= GIVEN * np.linalg.norm(way, axis=1, keepdims=True)
     both: Mask = np.asarray(held[ends[0]] & held[ends[1]] & in_plane)
     both &= ~np.all(both, axis=1)[:, None]
     some = np.any(both, axis=1)
@@ -192,5 +193,5 @@ def _centres(x: Array, kind: FacetKind) -> Array:
 def _unit_or(vectors: Array, other: Array, size: Array) -> Array:
     """Unit vectors; those of `other` where next to nothing is left of `size`."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    there = length > CANCELLED * size
+    there = length > SOLVED * size
     return np.where(there, vectors / np.where(there, length, 1.0), other)

@@ -11,7 +11,7 @@ import skfem
 from numpy.typing import NDArray
 from skfem.quadrature import get_quadrature
 
-from skfem_contact.bodies.thresholds import SAME_SECOND
+from skfem_contact.digits import COMPUTED
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -140,7 +140,7 @@ class FacetKind:
         """The second derivatives (k, d-1, d-1) where they are the same everywhere, else None."""
         at = self.locations
         second = self.second(at)
-        return second[0] if np.allclose(second, second[0], rtol=0, atol=SAME_SECOND) else None
+        return second[0] if np.allclose(second, second[0], rtol=0, atol=COMPUTED) else None
 
     def quadrature(self, degree: int | None = None) -> tuple[Array, Array]:
         """Gauss points (q, d-1) and weights (q,), for polynomials up to `degree` at least."""

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, TypeAlias
 
 import numpy as np
 import skfem
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix, issparse
 from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 
-from skfem_contact.arguments import suggest
+from skfem_contact.arguments import shown, suggest
 from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
+from skfem_contact.bodies.assembly import assembled
 from skfem_contact.bodies.distributed import DistributedStiffness
+from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
 from skfem_contact.bodies.thresholds import SYMMETRIC, UNSYMMETRIC
 from skfem_contact.errors import InputError, warn
 from skfem_contact.sealed import sealed_matrix
+
+#: What loads, prescribed DOFs and their values may be, see `Body`.
+Loads: TypeAlias = ArrayLike | LinearForm | Mapping[str, ArrayLike]
+Dofs: TypeAlias = ArrayLike | DofsView | Mapping[str, DofsView] | Callable[[CellBasis], Any]
+Values: TypeAlias = ArrayLike | Mapping[str, Any]
 
 #: Lagrange elements whose DOFs are values at the nodes of the mesh: only these have contact nodes.
 SUPPORTED = (
@@ -32,7 +42,10 @@ SUPPORTED = (
 
 
 REAL = "contact needs real numbers"
-TAKEN = "; it may be an array, basis.get_dofs(...), a dict of those, or boundary names"
+TAKEN = (
+    "; it may be an array, basis.get_dofs(...), a dict of those, boundary names, or a function of the "
+    "basis that returns one of them"
+)
 
 
 def unknown_boundary(name: str, mesh: Any) -> str:
@@ -84,9 +97,34 @@ def check_basis(basis: Any, whose: str) -> None:
         )
 
 
+def deferred_basis(mesh: Any, element: Any, intorder: Any, whose: str) -> DeferredBasis:
+    """Return the basis of a body that is given by mesh and element."""
+    if not isinstance(mesh, skfem.Mesh):
+        raise InputError(
+            f"mesh of {whose} is {shown(mesh)}, not a skfem.Mesh: from_mesh takes the mesh, then the "
+            "element, then K; Body(basis, K) takes a basis"
+        )
+    if not isinstance(element, skfem.Element):
+        raise InputError(
+            f"element of {whose} is {shown(element)}, not a skfem.Element such as "
+            "skfem.ElementVector(skfem.ElementHex1())"
+        )
+    if element.refdom != mesh.refdom:
+        raise InputError(
+            f"{type(scalar_element(element)).__name__} of {whose} does not belong to "
+            f"{type(mesh).__name__}: take an element of the shape of the mesh's"
+        )
+    if intorder is not None and (not isinstance(intorder, int | np.integer) or intorder < 0):
+        raise InputError(
+            f"intorder of {whose} is {shown(intorder)}; give the degree of the polynomials that are "
+            "integrated exactly, such as 2, or leave it out"
+        )
+    return DeferredBasis(mesh, element, intorder=None if intorder is None else int(intorder))
+
+
 def check_points(basis: Any, what: str) -> None:
     """Refuse to integrate on a basis that has the numbering alone, where all integrals are zero."""
-    if not basis.X.shape[1]:
+    if not integrates(basis):
         raise InputError(
             f"{what} is a form, and its basis has no points of integration, see PETSc.numbering: "
             "assemble the form on a basis that has some, and pass what comes out"
@@ -94,7 +132,22 @@ def check_points(basis: Any, what: str) -> None:
 
 
 def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
-    given = K
+    """Return the stiffness (n, n) that a user means: a matrix, or a form that is assembled here."""
+    return assembled_stiffness(K, basis, whose)[0]
+
+
+def assembled_stiffness(K: Any, basis: Any, whose: str) -> tuple[Any, str]:
+    """Return the same, and why scikit-fem assembled it; empty if it did not, see `assembly`."""
+    if not isinstance(K, BilinearForm):
+        return _checked(K, basis, whose), ""
+    check_points(basis, f"K of {whose}")
+    with _on_its_basis(basis, f"K of {whose}"):
+        made = assembled(K, basis)
+    return _checked(made.K, basis, whose, own=True, symmetric=made.symmetric), made.by_skfem
+
+
+def _checked(K: Any, basis: Any, whose: str, own: bool = False, symmetric: bool = False) -> Any:
+    """Return a checked stiffness; a copy, unless the matrix is our `own`."""
     if isinstance(K, DistributedStiffness):  # checked where it was assembled
         if K.shape != (basis.N, basis.N):
             raise InputError(
@@ -102,9 +155,6 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
                 "another basis"
             )
         return K
-    if isinstance(K, BilinearForm):
-        check_points(basis, f"K of {whose}")
-        K = _assembled(K, basis, f"K of {whose}")
     is_matrix = issparse(K) or (isinstance(K, np.ndarray) and K.ndim == 2)
     if not is_matrix:
         raise InputError(
@@ -122,11 +172,13 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
         matrix = matrix.copy()  # summing duplicates works in place, and the matrix may be the user's
         matrix.sum_duplicates()
     matrix = csr32(matrix)
-    if issparse(given) and given.format == "csr" and np.may_share_memory(given.data, matrix.data):
+    if not own and issparse(K) and K.format == "csr" and np.may_share_memory(K.data, matrix.data):
         matrix = matrix.copy()  # what the user does to the matrix later stays outside
     rows = np.repeat(np.arange(basis.N, dtype=np.int32), np.diff(matrix.indptr))
     check_finite(matrix.data, f"K of {whose}", "row", rows)
     del rows  # of the size of K, as what follows
+    if symmetric:
+        return sealed_matrix(matrix)
     scale = np.abs(matrix.data).max(initial=0.0)
     difference = _less_its_transpose(matrix)
     largest = np.abs(difference.data).max(initial=0.0)
@@ -141,10 +193,11 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
     return sealed_matrix(matrix)
 
 
-def _assembled(form: Any, basis: Any, what: str) -> Any:
-    """A form on the basis of its body, whose number of components it has to be made for."""
+@contextmanager
+def _on_its_basis(basis: Any, what: str) -> Iterator[None]:
+    """Say of a form that can not be assembled how many components it has to be made for."""
     try:
-        return form.assemble(basis)
+        yield
     except ValueError as error:
         vector = isinstance(basis.elem, skfem.ElementVector)
         made = "displacements, skfem.ElementVector(...)" if vector else "a scalar field"
@@ -169,7 +222,8 @@ def load_of(f: Any, basis: Any, what: str) -> np.ndarray:
         return np.zeros(basis.N)
     if isinstance(f, LinearForm):
         check_points(basis, what)
-        f = _assembled(f, basis, what)
+        with _on_its_basis(basis, what):
+            f = sum(f.assemble(part) for part in parts(basis))
     return _vector(f, basis, what)
 
 
@@ -188,6 +242,8 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
     """Sorted DOF numbers from everything that `skfem.condense` takes and from boundary names."""
     if D is None:
         return np.zeros(0, dtype=np.int64)
+    if callable(D) and not isinstance(D, DofsView):
+        return prescribed_dofs(D(basis), basis, whose)
     if isinstance(D, str):
         if D not in (basis.mesh.boundaries or {}):
             raise InputError(f"D of {whose}: {unknown_boundary(D, basis.mesh)}")

@@ -8,7 +8,8 @@ import numpy as np
 
 from skfem_contact.arguments import numbers
 from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.thresholds import ALIKE, CANCELLED, CORNER, STEEPEST, STRAIGHT
+from skfem_contact.bodies.thresholds import ALIKE, CORNER, STEEPEST, STRAIGHT
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 
 #: Gauss points per facet for the areas: exact up to order 9, so also for a curved quadratic facet
@@ -81,7 +82,7 @@ def lengths_and_normals(
     if facets.shape[1] == 3:
         total[facets[:, 2]] = own[:, 1]
     # two sides back to back (a crack tip) cancel: then the side met last decides
-    lost = sizes(total) <= CANCELLED * lengths.min() / lengths.max()
+    lost = sizes(total) <= SOLVED * lengths.min() / lengths.max()
     fallback = np.zeros_like(points)
     fallback[facets[:, :2]] = ends
     total[lost] = fallback[lost]

@@ -9,16 +9,17 @@ from weakref import WeakValueDictionary
 from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm
 
-from skfem_contact.bodies.inputs import stiffness_of
+from skfem_contact.bodies.inputs import assembled_stiffness
 
 
 @dataclass(frozen=True, eq=False)
 class Stiffness:
-    """A checked stiffness and what it was assembled from."""
+    """A checked stiffness, what it was assembled from, and why by scikit-fem where it was."""
 
     K: csr_matrix
     basis: Any
     form: BilinearForm | None
+    by_skfem: str = ""
 
     @classmethod
     def of(cls, K: Any, basis: Any, whose: str) -> Stiffness:
@@ -27,7 +28,8 @@ class Stiffness:
         if known is not None and known.K is K and known.basis is basis:
             return known
         form = K if isinstance(K, BilinearForm) else None
-        return cls(stiffness_of(K, basis, whose), basis, form).remembered()
+        matrix, why = assembled_stiffness(K, basis, whose)
+        return cls(matrix, basis, form, why).remembered()
 
     def remembered(self) -> Stiffness:
         """Itself, from now on found by its matrix as long as a body has it."""

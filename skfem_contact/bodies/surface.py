@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -25,7 +25,10 @@ from skfem_contact.bodies.normals import (
     normals_at,
     tributary_areas,
 )
+from skfem_contact.bodies.quadrics import Quadrics
+from skfem_contact.bodies.rings import mirrors
 from skfem_contact.bodies.selection import name_of, select_facets
+from skfem_contact.bodies.thresholds import BENT, CORNER
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import seal
 
@@ -74,6 +77,11 @@ class ContactSurface(ABC):
         Lengths of lines, roots of the areas of faces: the size of a facet [length].
     mesh_facets : ndarray of int, shape (nf,)
         Facet numbers in the mesh.
+    kinks : ndarray, shape (m,)
+        Angle by which the undeformed surface turns at a node beside a straight part or a flat; 0
+        elsewhere, so on curves [rad]. Strains bend flats, and would make kinks come and go.
+    undeformed : ContactSurface or None
+        Of a surface that has `moved` the one where it came from.
 
     Examples
     --------
@@ -108,6 +116,8 @@ class ContactSurface(ABC):
     area: np.ndarray
     lengths: np.ndarray
     mesh_facets: np.ndarray
+    kinks: np.ndarray
+    undeformed: ContactSurface | None = field(default=None, kw_only=True)
 
     def __repr__(self) -> str:
         kind = "quadratic" if self.quadratic else "linear"
@@ -156,7 +166,43 @@ class ContactSurface(ABC):
                 f"{self.body.n} DOFs"
             )
         points = self.points + u[self.dofs]
-        return replace(self, points=points, **self._normals_at(points))
+        return replace(self, points=points, undeformed=self.original, **self._normals_at(points))
+
+    @property
+    def original(self) -> ContactSurface:
+        """The undeformed surface: itself, unless it has `moved`."""
+        return self if self.undeformed is None else self.undeformed
+
+    @cached_property
+    def quadrics(self) -> Quadrics:
+        """The smooth boundary that the nodes of the undeformed surface lie on."""
+        if self.undeformed is not None:
+            return self.undeformed.quadrics
+        ends = self.sharp_points | (self.kinks > BENT)
+        return Quadrics.of(self.points, self.facets, self.kind, self.normals, ends, self.mirrored)
+
+    @cached_property
+    def mirrored_rim(self) -> np.ndarray:
+        """Components across which it goes on as its mirror image, at each of the `_rim`, (r, d)."""
+        return mirrors(self.points, self._rim, self.held, self.normals)
+
+    @cached_property
+    def mirrored(self) -> np.ndarray:
+        """Components across which it goes on as its mirror image at nodes of the rim, shape (m, d)."""
+        found = np.zeros(self.points.shape, dtype=bool)
+        for node in self._rim.T:
+            np.logical_or.at(found, node, self.mirrored_rim)
+        return found
+
+    @property
+    @abstractmethod
+    def _rim(self) -> np.ndarray:
+        """Where the surface ends: end nodes of curves (r, 1), edges of faces (r, 2)."""
+
+    @property
+    @abstractmethod
+    def sharp_points(self) -> np.ndarray:
+        """Nodes where facets meet at 45 degrees or more, shape (m,)."""
 
     @property
     @abstractmethod
@@ -176,18 +222,14 @@ class CurveSurface(ContactSurface):
     ----------
     slopes : ndarray, shape (nf, 2)
         Slopes of the smooth boundary against the chord at start and end of each linear facet of a
-        curve, of the undeformed body (`smooth.end_slopes`); zero elsewhere.
+        curve, of the undeformed body (`normals.end_slopes`); zero elsewhere.
     end_turns : ndarray, shape (nf, 2)
         Where the surface ends before or after a facet: by how much the boundary of the body turns
         there, > 0 at a convex corner [rad]; 0 elsewhere. From the undeformed mesh.
-    kinks : ndarray, shape (m,)
-        Angle by which the undeformed surface turns at a node beside a straight part; 0 elsewhere, so
-        on curves [rad].
     """
 
     slopes: np.ndarray
     end_turns: np.ndarray
-    kinks: np.ndarray
 
     @cached_property
     def neighbours(self) -> np.ndarray:
@@ -199,6 +241,19 @@ class CurveSurface(ContactSurface):
         """The facets' own outward unit normals at start and end, (nf, 2, d), not averaged."""
         return normals_at(self.points, self.facets, np.array([0.0, 1.0]))[0]
 
+    @cached_property
+    def sharp_points(self) -> np.ndarray:
+        """Nodes where facets meet at 45 degrees or more, shape (m,)."""
+        sharp = np.zeros(len(self.points), dtype=bool)
+        ends, other = self.end_normals, self.neighbours
+        along = np.einsum("fsd,fsd->fs", ends, ends[other, [1, 0]])
+        sharp[self.facets[:, :2][(other >= 0) & (along < CORNER)]] = True
+        return sharp
+
+    @property
+    def _rim(self) -> np.ndarray:
+        return self.facets[:, :2][self.neighbours < 0][:, None]
+
     def _normals_at(self, points: np.ndarray) -> dict[str, Any]:
         return lengths_and_normals(points, self.facets, self.held, self.neighbours)
 
@@ -209,15 +264,11 @@ class FaceSurface(ContactSurface):
 
     Attributes
     ----------
-    kinks : ndarray, shape (m,)
-        Angle by which the undeformed surface turns at a node on an edge beside a flat; 0 elsewhere, so
-        on curved surfaces [rad]. Strains bend flats, and would make kinks come and go.
     twins : ndarray of int, shape (nf, c)
         The same edge seen from the face across it; -1 where the surface ends. Edge i of face f has the
         number ``c f + i``.
     """
 
-    kinks: np.ndarray
     twins: np.ndarray
 
     @property
@@ -247,6 +298,17 @@ class FaceSurface(ContactSurface):
         sharp = np.zeros(len(self.points), dtype=bool)
         sharp[self.facets[:, self.kind.edges][self.sharp_edges]] = True
         return sharp
+
+    @property
+    def _rim(self) -> np.ndarray:
+        return self.facets[:, self.kind.edges[:, :2]][self.twins < 0]
+
+    @cached_property
+    def mirror_edges(self) -> np.ndarray:
+        """Components across which it goes on as its mirror image at edges of faces, (nf, c, 3)."""
+        found = np.zeros((*self.twins.shape, 3), dtype=bool)
+        found[self.twins < 0] = self.mirrored_rim
+        return found
 
     def _normals_at(self, points: np.ndarray) -> dict[str, Any]:
         return areas_and_normals(points, self.facets, self.kind, self.held, self.twins)

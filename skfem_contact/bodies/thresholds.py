@@ -10,14 +10,17 @@ import numpy as np
 # is 1e-7 in single precision; below the other one nothing that factorises K sees it.
 UNSYMMETRIC, SYMMETRIC = 1e-6, 1e-13
 
+# -- assembly, quadrature ----------------------------------------
+
+# Gradients of shape functions that are evaluated at once: a small part of what the stiffness of a
+# body takes whose gradients fill it. Between 256 kB and 128 MB the time is the same.
+BYTES_AT_ONCE = 32_000_000
+
 # -- normals -----------------------------------------------------
 
 # Two facets that meet at 45 degrees or more form a corner: no normal is averaged over it. Chamfers of
 # 45 degrees are common, and it is not left to round-off, of files in single precision neither.
 CORNER = np.cos(np.pi / 4) * (1 + 1e-6)
-
-# An edge lies in a plane if its ends differ by less than this part of its length across it.
-SAME_PLACE = 1e-6
 
 # A facet stands for a piece of a curve if the smooth boundary leaves it by no more than 11.25 degrees:
 # 16 facets to the circle. With fewer the polygon is meant, as it is of a chamfer of 30 degrees. Of 16
@@ -28,30 +31,34 @@ STEEPEST = np.tan(np.pi / 16) * (1 + 1e-9)
 # half of the other, and beside a kink in a straight side one end does not turn at all.
 ALIKE = 2 / 3
 
-# A facet is straight beside a kink if the surface turns at its other end by less than this part.
-STRAIGHT = 1 / 4
+# A facet is straight beside a kink if the surface turns at its other end by less than this part. On
+# curves of shaken meshes turns differ, but not by as much.
+STRAIGHT = 0.02
 
 # Turns by less [rad] are no kink: a weighted gap is then wrong by a ten thousandth of a facet.
 BENT = 1e-3
 
+# -- quadrics, rings ----------------------------------------------
+
+# Neighbours that a quadric is fitted to, at least; where a node has less, theirs count, too. In the
+# plane these two tell all; in space five numbers are sought, and six nodes round one may lie on a cone.
+ENOUGH = {2: 2, 3: 7}
+
+# Steps of a fit at most: each gains the square of a facet over the radius of curvature, or better. And
+# what those to come may still add, of one: meshes of one surface have to meet to 12 digits.
+FITS, FITTED = 12, 1e-14
+
+# What is this small against the size of a facet (or against one, of unit vectors) is none.
+ROUND_OFF = 1e-12
+
+# A facet with middle nodes is straight if they are no farther off than this part of its size.
+BOWED = 1e-4
+
 # -- body, curves, face_normals, normals, facets, faces, projection ---
-
-# A measure is that of axisymmetry if its quotient by the radius is constant to the digits of a function
-# that a user writes.
-SAME_QUOTIENT = 1e-9
-
-# A turn this close to half a circle [rad] is that of the two lips of a slit.
-BACK_TO_BACK = 1e-6
-
-# Normals that cancel to this part of their sum have none in common.
-CANCELLED = 1e-9
 
 # Coordinates carry 16 digits of the mesh's extent: what is smaller than this part of it has no
 # direction. And middles of facets closer than this part of the shortest one are the same facet's.
 NO_EXTENT, SAME_FACET = 1e-12, 1e-9
-
-# Second derivatives of shape functions on a reference facet that differ by less are constant.
-SAME_SECOND = 1e-12
 
 # Newton steps to the nearest point of a parabola end at this change of its coordinate, of which 1 is
 # the whole facet; and the least curvature of the distance, over that of a chord, that they believe.

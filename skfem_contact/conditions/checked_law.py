@@ -28,7 +28,8 @@ from skfem_contact.conditions.return_map import (
     return_map,
     unlawful,
 )
-from skfem_contact.conditions.thresholds import DIFFERENCE, GRIPS, NO_AREA, NO_BOUND
+from skfem_contact.conditions.thresholds import DIFFERENCE, NO_AREA
+from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
@@ -80,7 +81,7 @@ class CheckedLaw(ByFields):
         law = self.law
         if type(law) is not Coulomb or np.any(law.tau_max != np.inf):
             return False
-        return bool(np.min(law.mu) > GRIPS and np.min(law.cohesion) >= 0.0)
+        return bool(np.min(law.mu) > COMPUTED and np.min(law.cohesion) >= 0.0)
 
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         """Bounds, shape (m,); see `FrictionLaw.limit`. Zero at points without area.
@@ -96,7 +97,7 @@ class CheckedLaw(ByFields):
         bounds, known = self._ask(self.law.limit, "limit", normal_force, area, slip)
         good = known & np.isfinite(bounds)
         largest = max(np.max(part[good], initial=0.0) for part in (normal_force, bounds))
-        good &= bounds >= -NO_BOUND * largest
+        good &= bounds >= -COMPUTED * largest
         if not good[known].all():
             self._refuse("limit", known & ~good, bounds, normal_force, slip)
         return np.maximum(bounds, 0.0)

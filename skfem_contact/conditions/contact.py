@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY, dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import (
     PrintedAsCall,
@@ -29,7 +29,7 @@ from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.sealed import kept
 
 Array = NDArray[np.float64]
-Field = float | Array | Callable[[Array], Array]
+Field = ArrayLike | Callable[[Array], ArrayLike]
 
 
 NO_SLIP = (

@@ -23,7 +23,7 @@ from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.conditions.thresholds import BRIDGED, HUGE, NO_OVERLAP
 from skfem_contact.errors import ConstraintError, InputError, warn
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.diagnosis import diagnose, look_alike, say_wrong_side
+from skfem_contact.pairing.diagnosis import NEVER, diagnose, look_alike, say_wrong_side
 from skfem_contact.pairing.node import Pairing
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def check_pairing(contact: Contact, pairing: Pairing, undeformed: bool = False) 
         return
     found = diagnose(pairing, contact.secondary, contact.primary)
     missed = [line for line in found if not line.startswith("The primary surface")]
-    words = " ".join(missed).replace('They can never touch (outside="open"). ', "")
+    words = " ".join(missed).replace(NEVER, "")
     if contact.outside == "error" and not nobody:
         words += ' They are an error because of outside="error"; outside="open" leaves them out.'
     raise InputError(words)

@@ -13,6 +13,7 @@ from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurfa
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.thresholds import DIGITS_OF_WEIGHTS, NO_AREA
 from skfem_contact.errors import InputError
+from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corner_rows import Names
 from skfem_contact.pairing.corners import CornerContacts, corner_contacts
@@ -33,7 +34,7 @@ def pair(
     contact: Contact,
     *,
     moved: Sequence[Array] = (),
-    motion: object = None,
+    motion: MotionLike | None = None,
     known: Names = frozenset(),
 ) -> Pairing:
     """Find the partner of every point of the secondary surface.
@@ -77,7 +78,7 @@ def _on_obstacle(
     contact: Contact,
     secondary: CurveSurface,
     primary: Obstacle,
-    motion: object,
+    motion: MotionLike | None,
     known: Names,
     follows: bool,
 ) -> Pairing:
@@ -101,7 +102,7 @@ def _near(contact: Contact, pairing: Pairing) -> Pairing:
 
 
 def _pair_faces(
-    contact: Contact, secondary: FaceSurface, moved: Sequence[Array], motion: object
+    contact: Contact, secondary: FaceSurface, moved: Sequence[Array], motion: MotionLike | None
 ) -> Pairing:
     """Pair faces of solids, or faces and an obstacle."""
     primary = contact.primary

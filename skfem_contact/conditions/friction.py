@@ -10,15 +10,16 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.arguments import PrintedAsCall, number, numbers, with_known_keywords
+from skfem_contact.arguments import PrintedAsCall, number, numbers, take, with_known_keywords
 from skfem_contact.conditions.return_map import Mapped, map_by_bound
 from skfem_contact.conditions.thresholds import DIFFERENCE
 from skfem_contact.errors import InputError
-from skfem_contact.sealed import kept
+from skfem_contact.sealed import kept, sealed
 
 Array = NDArray[np.float64]
 
@@ -151,7 +152,9 @@ class FrictionLaw(PrintedAsCall):
         return map_by_bound(self, trial, normal_force, area, slip)
 
 
-def _not_negative(name: str, value: ArrayLike, law: str, by_point: bool) -> None:
+def _checked(name: str, given: Any, law: str, by_point: bool) -> float | Array:
+    """A parameter that is not negative, as it is kept: a number, or an array of one per point."""
+    value = kept(given)
     kind = "one number, or one per contact point" if by_point else "one number"
     array = numbers(value, f"{law}: {name}", f"give {kind}")
     if array.ndim > 1 or (array.ndim == 1 and (array.size == 0 or not by_point)):
@@ -161,6 +164,7 @@ def _not_negative(name: str, value: ArrayLike, law: str, by_point: bool) -> None
             f"{law}: {name} = {value!r} is negative or not a number. It bounds the size of the "
             "friction force, whose direction follows from the slip; give a value >= 0."
         )
+    return sealed(array) if isinstance(value, list | tuple) else value
 
 
 def _not_infinite(name: str, value: ArrayLike, law: str) -> None:
@@ -172,7 +176,7 @@ def _not_infinite(name: str, value: ArrayLike, law: str) -> None:
 
 
 @with_known_keywords(f="the coefficient of friction is mu", coefficient="write mu")
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Coulomb(FrictionLaw):
     r"""Coulomb friction with adhesion and a shear cap: ``L = min(mu lambda + c A, tau_max A)``.
 
@@ -183,7 +187,7 @@ class Coulomb(FrictionLaw):
     tau_max : float, optional
         Cap of the friction stress, for instance the shear yield stress of the softer body
         ([M] eq. (11)) [stress].
-    cohesion : float, optional
+    cohesion : float or ndarray, shape (m,), optional
         Shear strength at zero pressure [stress].
 
     Raises
@@ -202,13 +206,24 @@ class Coulomb(FrictionLaw):
 
     mu: float | Array
     tau_max: float = np.inf
-    cohesion: float = 0.0
+    cohesion: float | Array = 0.0
+
+    def __init__(
+        self,
+        mu: ArrayLike,
+        tau_max: float = np.inf,
+        cohesion: ArrayLike = 0.0,
+        *,
+        stiffness: float | None = None,
+    ) -> None:
+        take(self, mu=mu, tau_max=tau_max, cohesion=cohesion, stiffness=stiffness)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("mu", "tau_max", "cohesion"):
-            object.__setattr__(self, name, kept(getattr(self, name)))
-            _not_negative(name, getattr(self, name), "Coulomb", by_point=name != "tau_max")
+            object.__setattr__(
+                self, name, _checked(name, getattr(self, name), "Coulomb", name != "tau_max")
+            )
         for name in ("mu", "cohesion"):
             _not_infinite(name, getattr(self, name), "Coulomb")
 
@@ -237,7 +252,7 @@ class Coulomb(FrictionLaw):
 
 
 @with_known_keywords(limit="write tau_max", k="write tau_max")
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Tresca(FrictionLaw):
     """Tresca friction: a bound that does not depend on the pressure, ``L = tau_max A``.
 
@@ -256,10 +271,12 @@ class Tresca(FrictionLaw):
 
     tau_max: float | Array
 
+    def __init__(self, tau_max: ArrayLike, *, stiffness: float | None = None) -> None:
+        take(self, tau_max=tau_max, stiffness=stiffness)
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "tau_max", kept(self.tau_max))
-        _not_negative("tau_max", self.tau_max, "Tresca", by_point=True)
+        object.__setattr__(self, "tau_max", _checked("tau_max", self.tau_max, "Tresca", by_point=True))
         _not_infinite("tau_max", self.tau_max, "Tresca")
 
     @property

@@ -16,7 +16,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.interface import contact_names
-from skfem_contact.conditions.thresholds import SAME_PLACE
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.rigid_body import RigidBody
 
@@ -89,7 +89,7 @@ class Identity:
                 f"contacts; this solver has {mine[0]}, {mine[1]} and {counts[1]}"
             )
         scale = np.max(self.places[:, 2], initial=0.0)
-        moved = np.any(np.abs(self.places - other.places) > SAME_PLACE * scale, axis=1)
+        moved = np.any(np.abs(self.places - other.places) > SOLVED * scale, axis=1)
         other_mesh = (self.sizes != other.sizes) | (self.elements != other.elements)
         for i in np.flatnonzero(moved | other_mesh):
             kind = "another mesh" if other_mesh[i] else "a mesh whose nodes are elsewhere"

@@ -17,7 +17,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csr_matrix, diags, identity
+from scipy.sparse import block_diag, csr_matrix, identity
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
@@ -33,11 +33,13 @@ from skfem_contact.conditions.rows import (
     stacked,
     tangential_rows,
     with_columns,
+    with_free_part,
 )
 from skfem_contact.conditions.slip_axes import combinations, duals, material_frame
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.control import gap_weights
 from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.supports import can_move
 
 Array = NDArray[np.float64]
 ALL = slice(None)
@@ -228,10 +230,7 @@ def kinematics(
         still |= pairing.still.reshape(len(still), -1)
     bulge = None
     if pairing.primary_bulge is not None and isinstance(contact.primary, ContactSurface) and not scalar:
-        bulge = (pairing.primary_bulge, contact.primary, -1.0)
-    slip_bulge = bulge
-    if bulge is not None and still.any():  # rows of node-to-segment contact stand on the nodes
-        slip_bulge = (diags((~still[:, 0]).astype(float)) @ bulge[0], *bulge[1:])
+        bulge = (pairing.primary_bulge, contact.primary)
     lever = Lever.of(system, contact, pairing, moved)
     held = held_by_supports(sides, frame[:, 0], contact.bilateral, lever)
     own_sides = slip_sides(contact, pairing, sides, still)
@@ -242,20 +241,28 @@ def kinematics(
         A = combinations(tangent, contact.friction.ratios, pairing.tangent, first)
         axes = A @ pairing.tangent
     B_n = spread_rows(system, sides, frame[:, 0], pairing.paired, held, bulge, lever)
+    leaning, along = None, frame[:, 1:]
+    if frame.shape[1:] == (2, 2) and still.any():
+        leaning, left = _leaning(secondary, frame, still[:, 0], contact.tied)
+        # what is free comes with the normal row, of both sides
+        along = np.where((leaning != 0)[:, None, None] & ~secondary.held[:, None], 0.0, along)
+    tangential = partial(
+        tangential_rows,
+        system,
+        own_sides,
+        along,
+        pairing.paired,
+        still,
+        contact.tied,
+        bulge,
+        lever,
+        A,
+    )
+    if leaning is not None and leaning.any():
+        tangential = partial(with_free_part, tangential, B_n, leaning, left)
     return Kinematics(
         B_n=B_n,
-        tangential=partial(
-            tangential_rows,
-            system,
-            own_sides,
-            frame[:, 1:],
-            pairing.paired,
-            still,
-            contact.tied,
-            slip_bulge,
-            lever,
-            A,
-        ),
+        tangential=tangential,
         tangents=frame.shape[1] - 1,
         gap0=initial_gap(contact, pairing) if gap0 is None else gap0,
         area=np.array(pairing.area),
@@ -274,6 +281,25 @@ def kinematics(
         gap_weights=gap_weights(pairing),
         scaled=axes,
     )
+
+
+def _leaning(
+    secondary: ContactSurface, frame: Array, still: NDArray[np.bool_], tied: bool
+) -> tuple[Array, Array]:
+    """Of nodes that supports guide: tangential over normal component along what is free, (m,).
+
+    And what is left of the tangential component along what is held, once so much of the normal row is
+    taken, as a share, (m,). Zero and one at nodes that are not `still`, and where the normal is free.
+    """
+    free = still[:, None] & ~secondary.held
+    across, along = (np.sum(np.where(free, axis, 0.0), axis=1) for axis in (frame[:, 0], frame[:, 1]))
+    # as far as supports leave a row of any contact
+    leans = (np.abs(along) > 0) & (tied | can_move(secondary.held, frame[:, 1]))
+    ratio = np.divide(along, across, out=np.zeros(len(still)), where=leans)
+    held = (np.sum(np.where(secondary.held, axis, 0.0), axis=1) for axis in (frame[:, 0], frame[:, 1]))
+    across, along = held
+    taken = np.divide(ratio * across, along, out=np.zeros(len(still)), where=leans)
+    return ratio, 1.0 - taken
 
 
 def _offset(contact: Contact, pairing: Pairing, lever: Lever | None) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.thresholds import ONE_WEIGHT, RINGS
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import warn
 
 
@@ -41,7 +41,7 @@ def _has_rings(body: Body) -> bool:
     """Whether the stiffness resists that all points move away from the axis."""
     away = (body.dof_component == 0).astype(float)
     forces = np.linalg.norm(body.K @ away)
-    return bool(forces > RINGS * np.linalg.norm(body.K.diagonal() * away))
+    return bool(forces > SOLVED * np.linalg.norm(body.K.diagonal() * away))
 
 
 def _compare(contact: Contact, one: ContactSurface, other: ContactSurface) -> None:
@@ -60,7 +60,7 @@ def _compare(contact: Contact, one: ContactSurface, other: ContactSurface) -> No
     weights = [
         np.asarray(side.body.measure(x), dtype=float) for side in (one, other) if side.body.measure
     ]
-    if np.max(np.abs(weights[0] - weights[1])) > ONE_WEIGHT * np.max(np.abs(weights)):
+    if np.max(np.abs(weights[0] - weights[1])) > GIVEN * np.max(np.abs(weights)):
         far = int(np.argmax(x[0]))
         ratio = (
             np.broadcast_to(weights[0], x[0].shape)[far] / np.broadcast_to(weights[1], x[0].shape)[far]

@@ -22,13 +22,8 @@ from skfem_contact.bodies.system import System
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.motion_words import motion_words
-from skfem_contact.conditions.thresholds import (
-    DIGITS,
-    FEW_MODES,
-    NO_WORK,
-    NOT_MOVED,
-    RESISTS,
-)
+from skfem_contact.conditions.thresholds import DIGITS, FEW_MODES, NO_WORK, RESISTS
+from skfem_contact.digits import GIVEN
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
 
@@ -170,7 +165,7 @@ class RigidMotions(ByFields):
         scale = np.max(np.abs(u))
         bodies, motions = [], []
         for body, name, part in zip(self.system.bodies, self.system.names, self._parts(u), strict=True):
-            if np.max(np.abs(part)) > NOT_MOVED * scale:
+            if np.max(np.abs(part)) > GIVEN * scale:
                 bodies.append(name)
                 motions.append(motion_words(body.rigid_modes, body.rigid_mode_names, part))
         same = len(set(motions)) == 1
@@ -188,7 +183,7 @@ class RigidMotions(ByFields):
             size = np.linalg.norm(part)
             if isinstance(body, RigidBody) and body.obstacle.turns_in_itself(body.about):
                 size = np.linalg.norm(part[: body.dim])
-            if size > NOT_MOVED * np.linalg.norm(u):
+            if size > GIVEN * np.linalg.norm(u):
                 words = motion_words(body.rigid_modes, body.rigid_mode_names, part)
                 sentences.append((name, words))
         return tuple(
@@ -241,6 +236,7 @@ def no_equilibrium(
     result: Any = None,
     shown: bool = False,
     pull: float = 0.0,
+    carries: str = "",
 ) -> NoEquilibrium:
     """The error for bodies that contact does not hold.
 
@@ -259,6 +255,8 @@ def no_equilibrium(
         Whether statics alone shows that there is none.
     pull : float
         What it takes to hold the bodies where they move least, over the largest point force, if known.
+    carries : str
+        How much of the load is carried, in words.
     """
     moves = free[:, 0]
     if f is not None:
@@ -274,10 +272,10 @@ def no_equilibrium(
     if pull > 0.0:
         known = DRIVEN.format(pull)
     return NoEquilibrium(
-        f"{subject} free to move{together}: {motion}, {when}. {known}Usually a support is missing, "
-        "the load pulls the bodies apart, or friction is too weak for the load. Prescribe a "
-        "DOF (D=...), press the bodies together first, add friction, or hold the body with "
-        "weak springs in K.",
+        f"{subject} free to move{together}: {motion}, {when}. {known}{carries}"
+        "Usually a support is missing, the load pulls the bodies apart, or friction is too weak for "
+        "the load. Prescribe a DOF (D=...), press the bodies together first, add friction, or hold "
+        "the body with weak springs in K.",
         bodies,
         motion,
         result,

@@ -29,7 +29,8 @@ from skfem_contact.arguments import numbers, shown, with_known_keywords
 from skfem_contact.bodies.selection import written
 from skfem_contact.carried import carried
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw
-from skfem_contact.conditions.thresholds import ONE_SHAPE, SMOOTHEST
+from skfem_contact.conditions.thresholds import SMOOTHEST
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import kept, sealed
 
@@ -212,7 +213,7 @@ class OrthotropicCoulomb(FrictionLaw):
                 "and across it: with one value for all directions the bound were no ellipse."
             )
         one, other = np.moveaxis(self._pairs, -1, 0)
-        off = np.abs(given[0] * other - given[1] * one) > ONE_SHAPE * np.abs(given[0] * other)
+        off = np.abs(given[0] * other - given[1] * one) > SOLVED * np.abs(given[0] * other)
         if not np.isfinite(given).all() or (given < 0).any() or off.any():
             fits = f"({given[0]:.6g}, {given[0] * float(np.ravel(other / one)[0]):.6g})"
             raise InputError(

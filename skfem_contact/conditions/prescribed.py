@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.thresholds import FIXED
+from skfem_contact.digits import GIVEN
 from skfem_contact.pairing.vectors import entries
 
 Array = NDArray[np.float64]
@@ -16,7 +16,7 @@ Mask = NDArray[np.bool_]
 
 def prescribed_rows(B: csr_matrix, D: NDArray[np.intp]) -> Mask:
     """Rows all of whose DOFs are prescribed: what they measure can not change."""
-    return np.asarray(_on_free(B, D) <= FIXED)
+    return np.asarray(_on_free(B, D) <= GIVEN)
 
 
 def guided_tangents(kin: Kinematics, D: NDArray[np.intp]) -> Mask:

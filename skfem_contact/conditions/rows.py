@@ -6,11 +6,11 @@ rows of its `Lever`; where supports hold a point, its row has only what they pre
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csr_matrix, diags
+from scipy.sparse import bsr_matrix, csr_matrix, diags
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
@@ -19,12 +19,14 @@ from skfem_contact.conditions.lever import Lever
 from skfem_contact.conditions.slip_axes import combined_rows
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.supports import held_rows
-from skfem_contact.pairing.vectors import entries, turned
+from skfem_contact.pairing.vectors import entries
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 #: Weights, surface and sign of one side of a contact.
 Side = tuple[csr_matrix, ContactSurface, float]
+#: `Pairing.primary_bulge` and the primary.
+Bulge = tuple[bsr_matrix, ContactSurface]
 
 
 def sides_of(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> list[Side]:
@@ -62,30 +64,32 @@ def spread_rows(
     direction: Array,
     paired: Mask,
     held: Mask,
-    bulge: Side | None = None,
+    bulge: Bulge | None = None,
     lever: Lever | None = None,
 ) -> csr_matrix:
     """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
 
     Of rows that are `held` only what is prescribed is left: so no route closes them, and checks of
-    prescribed values see them. The weights `bulge` act on displacements turned by -90 degrees.
+    prescribed values see them. The blocks `bulge` add vectors of the primary's displacements.
     """
-    found = []
-    along, given = direction, [(*side, direction) for side in sides]
-    if bulge is not None:
-        given.append((*bulge, turned(direction)))
-    for weights, surface, sign, direction in given:
+    found, given = [], []
+    for weights, surface, sign in sides:
         row, node, value = entries(weights)
+        given.append((surface, row, node, (sign * value)[:, None] * direction[row]))
+    if bulge is not None:
+        blocks, surface = bulge
+        row, node = np.repeat(np.arange(len(paired)), np.diff(blocks.indptr)), blocks.indices
+        given.append((surface, row, node, (direction[row][:, None] @ blocks.data)[:, 0]))
+    for surface, row, node, coefficients in given:
         keep = paired[row]
-        row, node, value = row[keep], node[keep], sign * value[keep]
+        row, node, coefficients = row[keep], node[keep], coefficients[keep]
         columns = system.offsets[system.index(surface.body)] + surface.dofs[node]
         rows = np.repeat(row, surface.dofs.shape[1])
-        coefficients = value[:, None] * direction[row]
         if held.any():
             coefficients[held[row][:, None] & ~surface.held[node]] = 0.0
         found.append((coefficients.ravel(), rows, columns.ravel()))
     if lever is not None:
-        found.append(lever.entries(along, paired, held))
+        found.append(lever.entries(direction, paired, held))
     data, rows, columns = (np.concatenate(part) for part in zip(*found, strict=True))
     spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
     spread.sum_duplicates()
@@ -100,7 +104,7 @@ def tangential_rows(
     paired: Mask,
     still: Mask,
     tied: bool,
-    bulge: Side | None = None,
+    bulge: Bulge | None = None,
     lever: Lever | None = None,
     A: Array | None = None,
 ) -> csr_matrix:
@@ -111,11 +115,32 @@ def tangential_rows(
     blocks = []
     for own, along, at_rest in zip(sides, np.moveaxis(tangent, 1, 0), still.T, strict=True):
         held = at_rest | held_by_supports(own, along, tied, lever)
-        blocks.append(spread_rows(system, own, along, paired, held, bulge, lever))
+        # rows of node-to-segment contact stand on the nodes
+        moving = _without_rows(bulge, at_rest) if bulge is not None and at_rest.any() else bulge
+        blocks.append(spread_rows(system, own, along, paired, held, moving, lever))
     if not blocks:
         return csr_matrix((0, system.n))
     rows = _interleave(blocks)
     return rows if A is None else combined_rows(A, rows)
+
+
+def _without_rows(bulge: Bulge, left_out: Mask) -> Bulge:
+    """The blocks without those of some rows."""
+    blocks, surface = bulge
+    kept = blocks.copy()
+    kept.data[np.repeat(left_out, np.diff(blocks.indptr))] = 0.0
+    return kept, surface
+
+
+def with_free_part(
+    tangential: Callable[[], csr_matrix], B_n: csr_matrix, leaning: Array, left: Array
+) -> csr_matrix:
+    """Tangential rows (m, n) in 2-D; of points that supports guide with what is free, too.
+
+    Along what is free, gap and slip of such a point are multiples of each other, `leaning` (m,); of the
+    rows of what is prescribed a part is `left`, (m,). Both balance by themselves.
+    """
+    return csr_matrix(diags(left) @ tangential() + diags(leaning) @ B_n)
 
 
 def stacked(blocks: Sequence[csr_matrix]) -> csr_matrix:
@@ -203,5 +228,9 @@ def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:
     >>> np.allclose(K_t @ np.tile([1.0, 0.0], 3), 0.0)
     True
     """
-    G = diags(spring[:, 0, 0]) if spring.shape[1] == 1 else block_diag(list(spring), format="csr")
+    m, t = spring.shape[:2]
+    if t == 1:
+        G = diags(spring[:, 0, 0])
+    else:
+        G = bsr_matrix((spring, np.arange(m), np.arange(m + 1)), shape=(m * t, m * t)).tocsr()
     return csr_matrix(B_t.T @ (G @ B_t))

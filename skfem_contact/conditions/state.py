@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.thresholds import OPPOSITE
+from skfem_contact.digits import COMPUTED
 
 if TYPE_CHECKING:
     from skfem_contact.conditions.kinematics import Kinematics
@@ -54,7 +54,7 @@ def transport(vectors: Array, old: Array, new: Array) -> Array:
     """
     cosine = np.einsum("id,id->i", old, new)
     across = np.einsum("...id,id->...i", vectors, new)
-    opposite = cosine <= OPPOSITE - 1.0
+    opposite = cosine <= COMPUTED - 1.0
     share = across / np.where(opposite, 1.0, 1.0 + cosine)
     turned = vectors - share[..., None] * (old + new)
     return np.where(opposite[:, None], -vectors, turned)

@@ -22,14 +22,8 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import LocalState
-from skfem_contact.conditions.thresholds import (
-    BALANCED,
-    CARRIED,
-    DIRECTIONS,
-    FEASIBLE,
-    LEFT_ACROSS,
-    LEFT_ALONG,
-)
+from skfem_contact.conditions.thresholds import CARRIED, DIRECTIONS, FEASIBLE, LEFT_ACROSS, LEFT_ALONG
+from skfem_contact.digits import SOLVED
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -40,7 +34,7 @@ def load_on(motions: RigidMotions, f: Array) -> tuple[Array, float]:
     return motions.modes.T @ f, float(np.max(np.abs(motions.modes.T) @ np.abs(f), initial=0.0))
 
 
-def drives(motions: RigidMotions, f: Array, free: Array, beyond: float = BALANCED) -> bool:
+def drives(motions: RigidMotions, f: Array, free: Array, beyond: float = SOLVED) -> bool:
     """Whether a load does work on some of these motions (k, j), beyond a share of its parts."""
     Q, size = load_on(motions, f)
     return bool(np.max(np.abs(free.T @ Q), initial=0.0) > beyond * size)
@@ -78,10 +72,10 @@ def escape(motions: RigidMotions, interface: Interface, paired: Mask, f: Array) 
         method="highs",
         options={"primal_feasibility_tolerance": FEASIBLE, "dual_feasibility_tolerance": FEASIBLE},
     )
-    if found.status != 0 or found.fun <= BALANCED:
+    if found.status != 0 or found.fun <= SOLVED:
         return None
     c = -np.asarray(found.eqlin.marginals)
-    proven = np.min(c @ G, initial=0.0) > -BALANCED and c @ Q > 0.5 * BALANCED * size
+    proven = np.min(c @ G, initial=0.0) > -SOLVED and c @ Q > 0.5 * SOLVED * size
     return c if proven else None
 
 

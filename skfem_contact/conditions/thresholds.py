@@ -6,11 +6,6 @@ import numpy as np
 
 # -- checked_law -------------------------------------------------
 
-# Negative bounds this small against the largest force are differences of equal numbers, which is zero.
-NO_BOUND = 1e-12
-# A coefficient of friction that is told from round-off of the force, 2e-16 of it, by four digits.
-GRIPS = 1e-12
-
 # Points with less than this share of the largest area have none: they carry nothing, and a law of the
 # pressure has no value there. (A quadratic facet on the axis of symmetry has such an end.)
 NO_AREA = 1e-10
@@ -51,39 +46,13 @@ BEYOND = 2.0**250
 # converge to.
 AGREE = 1e-11
 
-# -- identity ----------------------------------------------------
-
-# Distance over the largest coordinate by which a node may be elsewhere: the same script on another
-# machine differs by the round-off of its sines.
-SAME_PLACE = 1e-9
-
 # -- interface ---------------------------------------------------
 
 # The tangential stiffness that a loop takes where the law gives none, over K's diagonal at the
 # point: exact sticking; an error of 1e-3 in the slip of sticking points; one that still converges.
 STIFFNESS = {"newton": np.inf, "direct": 1e3, "fictitious": 1.0}
 
-# -- kinematics --------------------------------------------------
-
-# A row (of unit vectors and weights) whose free coefficients are below this is prescribed: nearly
-# matching mortar meshes leave some 1e-8 on a line of symmetry, and 1/1e-8 squared in the stiffness.
-FIXED = 1e-6
-
-# -- measures ----------------------------------------------------
-
-# Forces of a growth along x[0] over those that the diagonal of K alone gives: a plane K has round-off
-# of them, one with hoop strains a tenth where the ring is as wide as its radius, and that times the
-# square of width over radius where it is far from the axis.
-RINGS = 1e-9
-
-# Weights that differ by less than this part at one place are written differently.
-ONE_WEIGHT = 1e-6
-
 # -- motions -----------------------------------------------------
-
-# Parts of a motion below this share of the largest displacement are not in it: singular vectors of
-# matrices whose digits go down to RESISTS have three more.
-NOT_MOVED = 1e-6
 
 # A mode with less than this share of a motion is not named in messages.
 NOT_NAMED = 1e-3
@@ -105,11 +74,8 @@ DIGITS = 1e-12
 # -- orthotropic -------------------------------------------------
 
 # Least ratio of two coefficients of friction. Rows of slips are multiplied by it, and have to stay far
-# above FIXED, below which a row counts as prescribed.
+# above GIVEN, below which a row counts as prescribed.
 SMOOTHEST = 1e-3
-
-# Ellipses whose ratios of axes differ by no more than this are of one shape: users write decimals.
-ONE_SHAPE = 1e-9
 
 # -- slip_axes ---------------------------------------------------
 
@@ -117,19 +83,10 @@ ONE_SHAPE = 1e-9
 # where the turns that a body makes under load decide where it points.
 NO_PROJECTION = 1e-2
 
-# -- state -------------------------------------------------------
-
-# Normals whose scalar product is closer than this to -1 are opposite but for round-off.
-OPPOSITE = 1e-12
-
 # -- statics -----------------------------------------------------
 
 # Where the linear program ends, of loads and arms of size one: the strictest that HiGHS takes.
 FEASIBLE = 1e-10
-
-# What may be left of a load, over the sum of its parts, and count as balanced: the linear program
-# itself ends at 1e-10.
-BALANCED = 1e-9
 
 # Directions of friction in 3-D; the polygon lies around the circle of Coulomb's law.
 DIRECTIONS = 32

@@ -11,11 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.arguments import PrintedAsCall, numbers, with_known_keywords
+from skfem_contact.arguments import PrintedAsCall, numbers, take, with_known_keywords
 from skfem_contact.errors import InputError
-from skfem_contact.sealed import kept
+from skfem_contact.sealed import kept, sealed
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
     H="write k, the coefficient over the hardness, K / H",
     hardness="write k, the coefficient over the hardness, K / H",
 )
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Archard(PrintedAsCall):
     """Archard's law of wear: the volume worn off is `k` times the force times the way that it slides.
 
@@ -54,12 +54,16 @@ class Archard(PrintedAsCall):
 
     k: float | Array
 
+    def __init__(self, k: ArrayLike) -> None:
+        take(self, k=k)
+
     def __post_init__(self) -> None:
-        object.__setattr__(self, "k", kept(self.k))
         usage = "give one number, or one per contact point: volume per force and way"
         k = numbers(self.k, "Archard: k", usage)
         if k.ndim > 1 or k.size == 0 or not (np.isfinite(k) & (k >= 0)).all():
             raise InputError(f"Archard: k = {self.k!r} has to be >= 0 and finite; {usage}.")
+        own = sealed(k) if isinstance(self.k, list | tuple) else kept(self.k)
+        object.__setattr__(self, "k", own)
 
     def volume(self, force: Array, way: Array) -> Array:
         """Volume worn off, shape (m,) [volume].

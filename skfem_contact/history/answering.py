@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from skfem_contact.arguments import check_kind
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.diagnosis import check_loads
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.thresholds import SAME_PLACE
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, warn
 from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.failure import failure
@@ -32,6 +31,8 @@ from skfem_contact.history.stepper import Stepper
 from skfem_contact.loops.driver import converged_words
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Record
+from skfem_contact.once import once
+from skfem_contact.problem.workspace import Workspace
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,18 @@ class Answering(ByFields):
         throw: bool,
     ) -> Answer:
         """The answer under these loads; see `ContactSolver.solve` for the other arguments."""
+        with Workspace() as workspace:
+            return self._solved(target, start, guess, callback, throw, workspace)
+
+    def _solved(
+        self,
+        target: LoadCase,
+        start: Known,
+        guess: Known,
+        callback: Callable[[Record], object] | None,
+        throw: bool,
+        workspace: Workspace,
+    ) -> Answer:
         begin = time.perf_counter()
         model = self.stepper.model
         geometry, kin = model.geometry, model.kin
@@ -62,7 +75,8 @@ class Answering(ByFields):
         else:
             state, before = start.state, self.left(start)
         warm = guess or start
-        step = LoadStep(state, before, target, None if warm is None else warm.state, callback)
+        known = None if warm is None else warm.state
+        step = LoadStep(state, before, target, known, callback, workspace=workspace)
         found = Finding(self.stepper, step, start)
         found.find()
         result = self._answer(found, time.perf_counter() - begin)
@@ -74,7 +88,6 @@ class Answering(ByFields):
                 said,
                 result.recover.at_contact,
                 lambda: result.u,
-                result.mismatch,
             )
             leaning = second_order(found.advance.attempt) if found.settled is None else {}
             if leaning:
@@ -96,13 +109,13 @@ class Answering(ByFields):
             return case
         D = model.system.D
         found, x = start.u[D], np.array(case.x)
-        elsewhere = np.abs(found - x[D]) > SAME_PLACE * np.max(np.abs(start.u), initial=0.0)
+        elsewhere = np.abs(found - x[D]) > SOLVED * np.max(np.abs(start.u), initial=0.0)
         if not elsewhere.any():
             return case
         x[D[elsewhere]] = found[elsewhere]
         return replace(case, x=x)
 
-    @cached_property
+    @once
     def watch(self) -> Watch:
         """What is looked at after every step, made in the first."""
         model = self.stepper.model
@@ -175,6 +188,7 @@ class Answering(ByFields):
             factor=found.step.target.factor,
             linear=model.choice.said,
             indifferent=self._places(found),
+            springs=attempt.problem.springs is not None,
         )
 
     def _places(self, found: Finding) -> tuple[str, ...]:

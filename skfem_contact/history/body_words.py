@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.history.thresholds import ONE_PLACE, RESISTED, UNRESISTED
-from skfem_contact.trees import kd_tree
+from skfem_contact.digits import SOLVED
+from skfem_contact.history.thresholds import RESISTED, UNRESISTED
+from skfem_contact.trees import pairs_within
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -32,7 +33,9 @@ def body_words(body: Body, contacts: Sequence[Contact]) -> list[str]:
     """
     surfaces = [s for c in contacts for s in (c.secondary, c.primary) if isinstance(s, ContactSurface)]
     own = [s.dofs[:, 0] for s in surfaces if s.body is body]
+    by_skfem = [f"  K was assembled by scikit-fem: {body.by_skfem}"] if body.by_skfem else []
     return [
+        *by_skfem,
         *_apart(body, np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *own]))),
         *_half_held(body),
         *_own_turn(body),
@@ -44,9 +47,7 @@ def _apart(body: Body, in_contact: Index) -> list[str]:
     mesh = body.basis.mesh
     nodes = np.unique(mesh.facets[:, mesh.boundary_facets()])
     x = mesh.p[:, nodes].T
-    pairs = kd_tree(x).query_pairs(
-        ONE_PLACE * float(np.ptp(mesh.p, axis=1).max()), output_type="ndarray"
-    )
+    pairs = pairs_within(x, SOLVED * float(np.ptp(mesh.p, axis=1).max()))
     known = np.isin(body.basis.nodal_dofs[0, nodes], in_contact)
     count = int(np.sum(~known[pairs].all(axis=1)))
     if not count:

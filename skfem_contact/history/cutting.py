@@ -1,9 +1,10 @@
-"""From one state to the next: a load step, cut into smaller ones where it fails.
+"""From one state to the next: a load step, cut into smaller ones where nothing else helps.
 
-A step is tried whole, from the last state's contact zone; if that fails, from a cold start, then from
-complementary pivoting (Lemke's method); if all fail it is halved. What is left in the end is friction
-that rises steeply where it jumps (`loops.steep`). Where contact slides far and a point
-slid too far in it, it is cut to the share that the distance tells.
+A step is tried whole, from the last state's contact zone; if that fails, from
+complementary pivoting (Lemke's method), then on a loading machine, which finds the answer or how much
+of the load is carried (`loops.pulled`). Where there is no machine, as contact slides far or wears, the
+step is halved; where a point slid too far in it, it is cut to the share that the distance tells. What
+is left in the end is friction that rises steeply where it jumps (`loops.steep`).
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from skfem_contact.errors import ConstraintError
+from skfem_contact.digits import SOLVED
 from skfem_contact.history.energy import nothing
-from skfem_contact.history.load_step import Advance, LoadStep
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep
 from skfem_contact.history.stepper import RAN_AWAY, STEEPLY, Stepper
-from skfem_contact.history.thresholds import AIM, LONGER, SHORTER, SNAPS
+from skfem_contact.history.thresholds import AIM, LONGER, SHORTER
 from skfem_contact.history.wearing import attempted
 from skfem_contact.linalg.singular import SingularMatrix
 
@@ -49,7 +50,7 @@ class Parts:
     @property
     def spent(self) -> bool:
         """Whether a part that fails is not cut any more."""
-        return self.share <= max(self.smallest, SNAPS) or self.fails >= self.most
+        return self.share <= max(self.smallest, SOLVED) or self.fails >= self.most
 
     def go_on(self, travel: float) -> None:
         """Begin the next part where this one has ended, by the distance that points slid in it."""
@@ -70,20 +71,20 @@ class Parts:
 def advance(
     by: Stepper,
     step: LoadStep,
-    doubt: Callable[[bool], bool] | None = None,
+    doubt: Callable[[Attempt, bool], bool] | None = None,
     begin: list[str] | None = None,
 ) -> Advance:
     """Solve a load step, in parts where it fails; the last attempt says whether it arrived.
 
-    `doubt(False)` is asked where the whole step has failed, whether to leave it at that, and
-    `doubt(True)` where smaller steps have failed as well. `begin` are the starts of the first
+    `doubt(attempt, False)` is asked where the whole step has failed, whether to leave it at that, and
+    `doubt(attempt, True)` where smaller steps have failed as well. `begin` are the starts of the first
     attempt, by default all that there are.
     """
     interface = by.model.interface
     so_far = Advance(nothing(interface))
     parts = Parts(by.options.max_cuts, SHORTER**by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
-    starts = begin or [s for s in by.starts if step.known is not None or s != "warm"]
+    starts = begin or by.starts_from(step.known)
     while True:
         aim = parts.aim
         if parts.share < 1.0:
@@ -91,12 +92,6 @@ def advance(
             part = replace(part, target=target, share=aim - parts.done)
         try:
             attempt = attempted(by, part, starts[0])
-        except ConstraintError:
-            # contacts that share a node and can not all close there are no contradiction yet
-            if starts == ["apart"]:
-                raise
-            starts = ["apart"]
-            continue
         except SingularMatrix:
             # not of the bodies, if another set of points can be solved for
             if starts == [STEEPLY]:
@@ -107,9 +102,12 @@ def advance(
             continue
         so_far.attempt = attempt
         so_far.trace.extend(attempt.outcome.trace)
-        last = len(starts) == 1 or attempt.failure == RAN_AWAY  # wherever it begins
+        if attempt.carried is not None:
+            so_far.carried = parts.done + (aim - parts.done) * attempt.carried.share
+        limit = attempt.at_limit and not attempt.good  # the rest of the starts has nothing to find
+        last = len(starts) == 1 or limit or attempt.failure == RAN_AWAY  # wherever it begins
         lost = not attempt.good and not attempt.stopped and last
-        if lost and doubt is not None and parts.share == 1.0 and doubt(False):
+        if lost and doubt is not None and parts.share == 1.0 and doubt(attempt, False):
             return so_far
         if attempt.good:
             if interface.laws:
@@ -118,7 +116,7 @@ def advance(
                 return so_far
             state = attempt.state
             part = replace(part, state=state, before=part.target, known=state)
-            starts = list(by.starts)
+            starts = by.starts_from(state)
             so_far.substeps += 1
             parts.go_on(attempt.travel)
         elif attempt.outcome.free is not None and "pivoting" in starts and by.complete:
@@ -126,21 +124,21 @@ def advance(
             if starts == ["pivoting"]:
                 return so_far
             starts = ["pivoting"]
-        elif len(starts) > 1 and not attempt.failure and not attempt.stopped:
+        elif len(starts) > 1 and not (limit or attempt.failure or attempt.stopped):
             starts.pop(0)  # before cutting: begin elsewhere
-        elif parts.spent or attempt.stopped:
+        elif so_far.carried is not None or parts.spent or attempt.stopped:
             if by.jumps and not (attempt.stopped or attempt.failure or starts == [STEEPLY]):
                 starts = [STEEPLY]  # before giving up
                 continue
-            if doubt is not None and not attempt.stopped:
-                doubt(True)
+            if doubt is not None and so_far.cuts and not attempt.stopped:
+                doubt(attempt, True)
             return so_far
         else:
             parts.cut(attempt.travel)
             so_far.cuts += 1
             reason = attempt.failure or attempt.outcome.message
             logger.info("step cut to %.4g of its size: %s", parts.share, reason)
-            part, starts = replace(part, known=part.state), list(by.starts)
+            part, starts = replace(part, known=part.state), by.starts_from(part.state)
 
 
 def grown(share: float, travel: float) -> float:

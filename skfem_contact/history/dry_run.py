@@ -42,7 +42,9 @@ def dry_run(solver: ProblemSetup) -> str:
         lines += [f"  {line}" for line in _spring_words(solver, contact, part)]
         lines += [f"  {line}" for line in _gap_words(solver, contact, pairing, part)]
         sides = pairing, contact.secondary, contact.primary, contact.method
-        lines += [f"  {line}" for line in (*diagnose(*sides), *say_stiffer(*sides))]
+        # glue holds what is together in the undeformed meshes
+        follows = contact.sliding == "finite" and not contact.bilateral
+        lines += [f"  {line}" for line in (*diagnose(*sides, follows), *say_stiffer(*sides))]
     return "\n".join(lines)
 
 

@@ -12,7 +12,7 @@ from skfem_contact.conditions.motions import no_equilibrium
 from skfem_contact.errors import NoEquilibrium, NotConverged
 from skfem_contact.history.energy import rough_at_rest
 from skfem_contact.history.finding import CAN_CARRY, Finding
-from skfem_contact.history.load_step import Attempt
+from skfem_contact.history.load_step import Advance, Attempt
 from skfem_contact.pairing.vertices import Corners
 
 USUALLY = (
@@ -20,6 +20,16 @@ USUALLY = (
     "step is too large for its path. Try smaller load steps in history(...), another loop, or "
     "a smaller mu; "
 )
+CARRIES = (
+    "Contact carries up to {} of this step: that much was reached by a load that is pulled through a "
+    "spring{}. With friction it depends on the way, and other steps may come to a little more. "
+)
+MOVES_ON = "; beyond it the bodies move on without carrying more"
+NOTHING = (
+    "Contact carries no part of this step: pulled through a spring, however little, the bodies "
+    "move on. "
+)
+TOO_MUCH = "Take a smaller load, more friction, or prescribe displacements to go beyond the limit; "
 JUMPS = (
     "Friction that is not zero without pressure (Tresca, cohesion) is lost all at once where a point "
     "opens, and such a point may have no state at all: closed it is pulled, open it overlaps. A bound "
@@ -39,6 +49,7 @@ def failure(found: Finding, answer: Answer) -> NoEquilibrium | NotConverged:
     by, attempt, result = found.stepper, found.advance.attempt, ContactResult(answer)
     interface = by.model.interface
     motions, free = attempt.problem.motions, attempt.outcome.free
+    carries = _carries(found.advance)
     if found.rest is not None:
         driven = found.rest
         return no_equilibrium(by.model.motions, driven.free, CAN_CARRY, None, result, pull=driven.pull)
@@ -46,8 +57,9 @@ def failure(found: Finding, answer: Answer) -> NoEquilibrium | NotConverged:
         motions, free = by.model.motions, found.refuted[:, None]
     if free is not None:
         shown = found.refuted is not None
-        return no_equilibrium(motions, free, CAN_CARRY, attempt.case.f, result, shown)
-    usually = USUALLY
+        f = attempt.case.f
+        return no_equilibrium(motions, free, CAN_CARRY, f, result, shown, carries=carries)
+    usually = carries + (TOO_MUCH if attempt.at_limit else USUALLY)
     culprit = attempt.culprit
     if culprit >= 0 and _has_corners(interface.contacts[interface.contact_of(culprit)]):
         usually = CORNERS
@@ -62,6 +74,17 @@ def failure(found: Finding, answer: Answer) -> NoEquilibrium | NotConverged:
         "the last state is in `.result` of this exception, the steps before it in `.results`.",
         result,
     )
+
+
+def _carries(way: Advance) -> str:
+    """How much of the step is carried, in words: four digits, none of them too large."""
+    if way.carried is None or way.carried >= 1.0:
+        return ""
+    limit = way.attempt.at_limit
+    share = np.floor(1e4 * way.carried) / 1e4
+    if share > 0.0:
+        return CARRIES.format(f"{share:.4g}", MOVES_ON if limit else "")
+    return NOTHING if limit else ""
 
 
 def _stateless(attempt: Attempt) -> str:

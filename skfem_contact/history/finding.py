@@ -14,7 +14,7 @@ from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.cutting import advance
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.indifference import Indifference
-from skfem_contact.history.load_step import Advance, LoadStep
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep
 from skfem_contact.history.nearest import Rest
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.linalg.singular import SingularMatrix
@@ -83,13 +83,18 @@ class Finding:
             rest.advance.trace[:0] = self.advance.trace
             self.advance = rest.advance
 
-    def _doubt(self, last: bool) -> bool:
-        """After a failure: is there no equilibrium, or one that leaves a motion free?"""
+    def _doubt(self, failed: Attempt, last: bool) -> bool:
+        """After a failure: is there no equilibrium, or one that leaves a motion free?
+
+        Not where bodies move on under less than the load: it drives what is free.
+        """
         model = self.stepper.model
         if not model.geometry.follows:  # other points may meet
             self.refuted = escape(model.motions, model.interface, model.kin.paired, self.step.target.f)
         if self.refuted is not None:
             return True
+        if failed.at_limit:
+            return False
         self.rest = self._try_settle(last)
         return self.settled is not None
 

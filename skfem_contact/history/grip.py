@@ -17,9 +17,10 @@ from skfem_contact.conditions.motions import BARELY, RigidMotions, null_space
 from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import RESISTS
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.history.energy import resisting_slips
 from skfem_contact.history.load_step import Attempt
-from skfem_contact.history.thresholds import ACROSS, FAINT, HOLDS_NOTHING, NO_FORCE, TINY, TURNED
+from skfem_contact.history.thresholds import ACROSS, FAINT, TINY, TURNED
 from skfem_contact.problem.model import LinearModel
 
 Array = NDArray[np.float64]
@@ -59,7 +60,7 @@ class Grip:
         if attempt.model is not model:  # there DOFs are held that nothing holds
             motions = model.motions.seen_by(attempt.problem.kin)
         most = largest(np.abs(state.normal_force))
-        floor = max(HOLDS_NOTHING * most, NO_FORCE * force_terms(model, attempt.case))
+        floor = max(SOLVED * most, COMPUTED * force_terms(model, attempt.case))
         carrying = (state.status != OPEN) & (state.normal_force > floor)
         carrying |= motions.kin.never_opens
         stick = carrying & model.interface.slipping & (state.status == STICK)
@@ -110,13 +111,16 @@ class Grip:
 
         A point that sticks with friction at its bound holds nothing: it may as well slip on, while
         others that slipped do so less, and all forces stay. On which of them the body comes to rest is
-        a matter of the iterations. So it is where forces are round-off and contact slides far.
+        a matter of the iterations. So it is where forces are round-off and contact slides far. A
+        body that has slid over many of its lengths has round-off of that motion in its forces.
         """
         motions, state, full = self.motions, self.attempt.local, np.zeros(len(self.stick), dtype=bool)
         if np.count_nonzero(self.stick) and state.tangential_force.size:
             friction = lengths(state.tangential_force)
             full = self.stick & interface.frictional & (friction > 0) & (state.status == STICK)
-            full &= friction >= (1 - HOLDS_NOTHING) * self.attempt.friction_bound
+            bound = self.attempt.friction_bound
+            moved = max(self.attempt.model.stiffest) * largest(np.abs(state.slip))
+            full &= friction >= (1 - SOLVED) * bound - COMPUTED * moved
         if not (np.count_nonzero(full) or self.idles):  # all that sticks holds, and that is enough
             return ()
         free = motions.free(self.carrying, self.stick & ~full, more=self._across(full))

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 from skfem_contact.conditions.motions import NEAR, RigidMotions
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.conditions.statics import drives
-from skfem_contact.conditions.thresholds import BALANCED, RESISTS
+from skfem_contact.conditions.thresholds import RESISTS
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.history.cutting import advance
 from skfem_contact.history.grip import force_terms, pins, weak_springs
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep
@@ -39,8 +40,6 @@ from skfem_contact.history.thresholds import (
     FALLS,
     FEW_CUTS,
     FIRM,
-    HOLDS_NOTHING,
-    NO_FORCE,
     NO_REACTION,
     ROUNDS,
     TOUCH,
@@ -94,7 +93,7 @@ class Indifference:
             return None
         carrying, known, motions = soft
         interface, follows = self.model.interface, self.model.geometry.follows
-        near = (TURNED, TURNED) if follows else (RESISTS, BALANCED)
+        near = (TURNED, TURNED) if follows else (RESISTS, SOLVED)
         free = motions.free(carrying, carrying & interface.slipping, near[0])
         if free.shape[1] == 0:  # what the springs found is held by what carries: no more is needed
             way = self._advance(self.model, self.step, known)
@@ -122,7 +121,7 @@ class Indifference:
         springs = pins(self.model, free)
         twin, held = self.model.with_springs(springs), springs > 0
         Q = np.linalg.qr(self.model.motions.modes @ free)[0]
-        centre, floor = self.u_last, NO_FORCE * force_terms(self.model, self.step.target)
+        centre, floor = self.u_last, COMPUTED * force_terms(self.model, self.step.target)
         best: Rest | None = None
         nearest_left = np.inf
         for _ in range(ROUNDS):
@@ -185,9 +184,9 @@ class Indifference:
     def _moved(self, motions: RigidMotions, free: Array) -> Mask:
         """Points whose gap, or modelled slip, these motions change."""
         frictional = self.model.interface.frictional
-        moved = np.any(np.abs(motions.normal @ free) > HOLDS_NOTHING, axis=1)
+        moved = np.any(np.abs(motions.normal @ free) > SOLVED, axis=1)
         if frictional.any():
-            slides = np.any(np.abs(motions.tangential @ free) > HOLDS_NOTHING, axis=(1, 2))
+            slides = np.any(np.abs(motions.tangential @ free) > SOLVED, axis=(1, 2))
             moved |= slides & frictional
         return np.asarray(moved)
 
@@ -203,7 +202,7 @@ class Indifference:
                 return None
             known = attempt.state
             forces.append(np.where(known.status != OPEN, known.normal_force, 0.0))
-        floor = NO_FORCE * max(np.max(np.abs(forces)), force_terms(self.model, self.step.target))
+        floor = COMPUTED * max(np.max(np.abs(forces)), force_terms(self.model, self.step.target))
         carrying = forces[1] > np.maximum(FALLS * forces[0], floor)
         kin = attempt.problem.kin
         motions = self.model.motions.seen_by(kin)  # those of the springs' own model are held

@@ -13,10 +13,12 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import LocalState, State
 from skfem_contact.history.energy import Energy, friction_bound, friction_energy, plastic_slip
 from skfem_contact.loops.driver import Outcome
+from skfem_contact.loops.pulled import Carried
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Load
 from skfem_contact.problem.seam import ContactProblem
+from skfem_contact.problem.workspace import Workspace
 
 Array = NDArray[np.float64]
 
@@ -37,6 +39,8 @@ class LoadStep:
         Called with the `Record` of every iteration.
     share : float
         Of the user's step.
+    workspace : Workspace
+        What the solve of the user's step remembers from attempt to attempt.
     """
 
     state: State
@@ -45,6 +49,7 @@ class LoadStep:
     known: State | None
     callback: Callable[[Record], object] | None = None
     share: float = 1.0
+    workspace: Workspace = field(default_factory=Workspace, repr=False)
 
 
 @dataclass(eq=False)
@@ -54,7 +59,7 @@ class Attempt:
     `start` and `local` are the states before and after it, both along the tangents of its pairing;
     `own_action` is where the forces act on the pairing of its answer, if that is another, (m, d).
     `stateless` are shares of the bounds of points that have no state, where there are any, (m,); see
-    `loops.steep.steeply`.
+    `loops.steep.steeply`. `carried`: how much of the load is carried at most, where that is known.
     """
 
     outcome: Outcome
@@ -71,6 +76,7 @@ class Attempt:
     own_action: Array | None = None
     culprit: int = -1  # the point whose partner or way made the attempt fail
     stateless: Array | None = None
+    carried: Carried | None = None
 
     @cached_property
     def state(self) -> State:
@@ -104,6 +110,11 @@ class Attempt:
         return self.outcome.converged and not self.failure
 
     @property
+    def at_limit(self) -> bool:
+        """Whether the bodies move on without carrying the load, friction at its bound included."""
+        return self.carried is not None and self.carried.limit
+
+    @property
     def stopped(self) -> bool:
         """Whether the user's callback ended it."""
         return self.outcome.stopped
@@ -111,13 +122,17 @@ class Attempt:
 
 @dataclass(eq=False)
 class Advance:
-    """How far a load step has come, and the last attempt, which says whether it has arrived."""
+    """How far a load step has come, and the last attempt, which says whether it has arrived.
+
+    `carried` is the largest share of it that a loading machine has come to, where it did not arrive.
+    """
 
     energy: Energy
     attempt: Attempt = field(init=False)
     trace: list[Record] = field(default_factory=list)
     cuts: int = 0
     substeps: int = 1
+    carried: float | None = None
 
     @property
     def words(self) -> str:

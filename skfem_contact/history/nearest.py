@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.motions import NOWHERE, RigidMotions
+from skfem_contact.digits import COMPUTED
 from skfem_contact.history.load_step import Advance
 from skfem_contact.history.recovery import Recovery
-from skfem_contact.history.thresholds import TOUCH, UNREACHED
+from skfem_contact.history.thresholds import TOUCH
+from skfem_contact.linalg.nonnegative import nonnegative_least_squares
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -93,12 +95,10 @@ def nearest(A: Array, b: Array, wanted: Array) -> Array | None:
     scale = float(np.max(h, initial=0.0))
     if scale <= 0.0:  # the place that is wanted is free
         return wanted
-    from scipy.optimize import nnls  # half of scipy's import time, for a rare question
-
     E = np.vstack([A.T, h / scale])
     target = np.zeros(len(E))
     target[-1] = 1.0
-    r = E @ nnls(E, target)[0] - target
-    if not abs(r[-1]) > UNREACHED:
+    r = E @ nonnegative_least_squares(E, target) - target
+    if not abs(r[-1]) > COMPUTED:
         return None
     return np.asarray(wanted - scale * r[:-1] / r[-1])

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN
+from skfem_contact.digits import SOLVED
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.stepper import Stepper
-from skfem_contact.history.thresholds import EDGE, FAR, PLAIN, TRAVEL_DIGITS
+from skfem_contact.history.thresholds import EDGE, FAR, PLAIN
 from skfem_contact.loops.anderson import Anderson
 from skfem_contact.loops.step import Record
 
@@ -25,7 +26,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
     model, options = by.model, by.options
     geometry, case = model.geometry, step.target
     if not geometry.follows:
-        return by.attempt(step, model.problem_on(None, None), start)
+        return by.attempt(step, step.workspace.problem(model), start)
     at = step.state.surface + step.share * step.state.trend
     u = geometry.predicted(at, case)
     problem = model.problem_on(geometry.at(u, case), u)
@@ -91,7 +92,7 @@ def _travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
         share = np.max(way) / (by.options.max_travel * np.mean(contact.secondary.lengths))
         if not share <= travel:  # a NaN as well
             travel, culprit = float(share), part.start + int(np.argmax(way))
-    if travel > max(limit, 1.0 + TRAVEL_DIGITS):
+    if travel > max(limit, 1.0 + SOLVED):
         words = interface.point_words(culprit, attempt.problem.kin.points[culprit])
         words += f" slid {travel:.3g} times as far as max_travel allows"
         return replace(attempt, failure=words, travel=travel, culprit=culprit)

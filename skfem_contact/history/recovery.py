@@ -114,7 +114,7 @@ def recover_all(answers: Sequence[Answer]) -> None:
         groups.setdefault(key, []).append(answer)
     for group in groups.values():
         for answer, u in zip(group, _recovered([r.recover for r in group]), strict=True):
-            answer.__dict__["u"] = sealed(u)
+            vars(answer).setdefault("u", sealed(u))  # another thread may have come first
 
 
 def _find_sources(some: Sequence[Recovery]) -> None:
@@ -127,7 +127,7 @@ def _find_sources(some: Sequence[Recovery]) -> None:
         problem = group[0].model.problem_on(None, None)
         sources = problem.sources([r.found for r in group if not isinstance(r.found, Source)])
         for recovery, source in zip(group, sources, strict=True):
-            vars(recovery)["source"] = source
+            vars(recovery).setdefault("source", source)
 
 
 def _recovered(some: Sequence[Recovery]) -> list[Array]:

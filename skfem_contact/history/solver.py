@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
@@ -99,6 +99,15 @@ class ContactSolver(Variants):
     >>> result = solver.solve()
     >>> bool(abs(result.pressure - 0.01).max() < 1e-14)
     True
+
+    Several threads may use one solver: each solves its own load steps and histories, the bodies are
+    factorised once, and answers are those of one thread to round-off.
+
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> with ThreadPoolExecutor(2) as pool:
+    ...     results = list(pool.map(lambda share: solver.solve(x=share * down), (0.5, 1.0, 2.0)))
+    >>> [f"{result.force[1]:.4f}" for result in results]
+    ['0.0050', '0.0100', '0.0200']
     """
 
     def __init__(
@@ -115,8 +124,8 @@ class ContactSolver(Variants):
     @known_keywords(**OF_SOLVER, **OF_STEP)
     def solve(
         self,
-        f: Any = None,
-        x: Any = None,
+        f: ArrayLike | Mapping[str, Any] | None = None,
+        x: ArrayLike | Mapping[str, Any] | None = None,
         *,
         start: ContactResult | SavedState | None = None,
         guess: ContactResult | SavedState | None = None,

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import OPEN, LocalState
+from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.conditions.statics import balanced
+from skfem_contact.elimination.eliminate import eliminate
+from skfem_contact.errors import ConstraintError
 from skfem_contact.history.energy import rough_at_rest
 from skfem_contact.history.grip import pins
 from skfem_contact.history.load_step import Attempt, LoadStep
-from skfem_contact.history.thresholds import NOISE
+from skfem_contact.history.thresholds import NAMED, NOISE
 from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.loops.driver import Options, Outcome, drive
 from skfem_contact.loops.guided import guided_friction
+from skfem_contact.loops.multipliers import Collision
+from skfem_contact.loops.pulled import Carried, pulled
 from skfem_contact.loops.starts import DENSE, admissible, as_guess, possible_starts, starting_values
 from skfem_contact.loops.steep import steeply
 from skfem_contact.loops.step import Step
@@ -68,8 +74,16 @@ class Stepper(ByFields):
     def starts(self) -> tuple[str, ...]:
         """Where attempts may begin, in this order."""
         interface, turns = self.model.interface, self.model.kin.tangents > 1
-        found = possible_starts(len(interface.stiffness), self.loop, turns and bool(interface.laws))
+        turns = turns and bool(interface.laws)
+        # a loading machine is one on gaps and slips, along one way of a step on one pairing
+        follows = self.model.geometry.follows or interface.wear
+        one_way = self.model.condenses and not follows and self.options.max_cuts > 0
+        found = possible_starts(len(interface.stiffness), self.loop, turns, one_way)
         return tuple(found)
+
+    def starts_from(self, known: State | None) -> list[str]:
+        """Where attempts begin that go on from a state, or from nothing."""
+        return [start for start in self.starts if start != ("warm" if known is None else "cold")]
 
     @cached_property
     def jumps(self) -> bool:
@@ -113,17 +127,29 @@ class Stepper(ByFields):
                 dense = replace(step, problem=points, load=points.load(seen))
             tolerance, spent = options.tolerance, None
             stateless: NDArray[np.float64] | None = None
-            if start == STEEPLY:
-                guess, shares = steeply(dense, admissible(as_guess(begin), dense), tolerance)
-                stateless = shares if shares.any() else None
-            else:
-                guess, spent = starting_values(start, begin, step, kin, tolerance, self.loop, dense)
-            guess = admissible(guess, step)
+            carried: Carried | None = None
             loop = LOOPS[self.loop]
             limit = options.max_iterations or loop.most
-            outcome = drive(loop.iterates, step, guess, tolerance, limit, to.callback, loop.patience)
+            try:
+                if start == STEEPLY:
+                    guess, shares = steeply(dense, admissible(as_guess(begin), dense), tolerance)
+                    stateless = shares if shares.any() else None
+                elif start == "pulled":
+                    begun = geometry.case(kin, problem.u, to.before, last, to.before)
+                    before = cast(ContactProblem, dense.problem).load(begun)
+                    known = admissible(as_guess(begin), dense)
+                    guess, spent, carried = pulled(dense, before, known, tolerance)
+                else:
+                    guess, spent = starting_values(start, begin, step, kin, tolerance, self.loop, dense)
+                guess = admissible(guess, step)
+                outcome = drive(
+                    loop.iterates, step, guess, tolerance, limit, to.callback, loop.patience
+                )
+            except Collision as collision:
+                raise self._contradiction(collision, problem, seen) from None
             trace = (*spent.trace, *outcome.trace) if spent else outcome.trace
-            if spent and spent.converged and not outcome.converged and not outcome.stopped:
+            same = dense is step or start not in DENSE
+            if same and spent and spent.converged and not outcome.converged and not outcome.stopped:
                 # the same equations and tolerance: limits that lag ran away from their solution
                 outcome = replace(spent, note=" of the loop 'newton'")
             elif spent and spent.free is not None and not outcome.converged:
@@ -132,17 +158,39 @@ class Stepper(ByFields):
             if trace is not outcome.trace or note:
                 outcome = replace(outcome, trace=trace, note=note)
             local = self._state(step, outcome, to, problem, seen)
-        carried = NOISE * max(self.model.stiffest) * moved
-        failure = "" if balanced(problem.motions, target.f, local, noise, carried) else RAN_AWAY
+        strained = NOISE * max(self.model.stiffest) * moved
+        failure = "" if balanced(problem.motions, target.f, local, noise, strained) else RAN_AWAY
         found = outcome, self.model, problem, load, target, seen, last, local
-        return Attempt(*found, failure=failure, stateless=stateless)
+        return Attempt(*found, failure=failure, stateless=stateless, carried=carried)
+
+    def _contradiction(
+        self, collision: Collision, problem: ContactProblem, seen: LoadCase
+    ) -> ConstraintError:
+        """The error for points that can not all be closed, or glued, whatever carries them."""
+        kin, labels = problem.kin, np.array(self.model.labels, dtype=object)
+        glued = collision.slips.ravel()
+        names = [*labels[collision.points], *np.repeat(labels, kin.tangents)[glued]]
+        rows = csr_matrix(vstack([kin.B_n[collision.points], kin.B_t[glued]]))
+        asked = np.concatenate([-seen.gap0[collision.points], -seen.slip0.ravel()[glued]])
+        D = self.model.system.D
+        try:
+            eliminate(rows, asked, D, seen.x, labels=names, scale=0.0)
+        except ConstraintError as error:
+            return error
+        listed = ", ".join(str(name) for name in names[:NAMED])
+        return ConstraintError(
+            f"Constraints contradict each other: {listed} can not all be closed: whatever the "
+            "displacements are, forces that hold them together would grow without end. Usually a body "
+            "is to be where there is no room for it. Change prescribed displacements, gaps or "
+            "interferences."
+        )
 
     def _step(
         self, problem: ContactProblem, load: Load, last: LocalState, noise: float, far: float
     ) -> Step:
         """A load step as loops see it; what belongs to the undeformed pairing is found out once."""
-        known: Step | None = vars(self).get("_first")
-        if known is not None and known.problem is problem:
+        known: Step | None = problem.steps.get(self)
+        if known is not None:
             return known.under(load, last, noise, far)
         interface, kin = self.model.interface, problem.kin
         paired = kin.paired & (interface.bilateral | problem.able)
@@ -175,7 +223,7 @@ class Stepper(ByFields):
             guided_along=guided_along,
         )
         if problem.u is None:  # which the model keeps: those of other pairings are large
-            vars(self)["_first"] = step
+            problem.steps[self] = step
         return step
 
     def _state(

@@ -6,9 +6,6 @@ import numpy as np
 
 # -- body_words --------------------------------------------------
 
-# Nodes closer than this part of the extent of the mesh are at one place but for round-off.
-ONE_PLACE = 1e-9
-
 # Forces of a rigid motion over those that the diagonal of K alone gives: round-off of a motion that K
 # does not resist is 1e-15 to 1e-12; a mesh that has been scaled by 1.001 is far above both.
 UNRESISTED, RESISTED = 1e-10, 1e-7
@@ -29,19 +26,12 @@ SHORTER, LONGER = 0.5, 2.0
 # first round, on a pairing that is only predicted, is believed.
 AIM, FAR = 0.95, 1.3
 
-# Share of a step in which points that still slide too far snap from one place to another: a larger step
-# would be one of a billion facets. Below it shares end in round-off of their sum.
-SNAPS = 1e-9
-
 # Rounds of plain repetition, which suffice where pressures are small against the modulus.
 PLAIN = 3
 
 # Round from which on a point that has left the primary surface is not taken back in the same step:
 # at its very end there is no pairing that is that of its own answer.
 EDGE = 5
-
-# A point that slides over just one facet per step does so up to this.
-TRAVEL_DIGITS = 1e-9
 
 # -- wearing -----------------------------------------------------
 
@@ -51,9 +41,8 @@ ANSWERED, ANSWERED_BY_SECANTS = 1.0, 0.3
 # What a step is shortened by where pressures have become zero: how far it is too long is not known.
 FAR_TOO_LONG = 4.0
 
-# What a round may still change of the depth worn in the step: pressures have six digits then.
-WEAR_SETTLED = 1e-6
-# The same where next to nothing wears off, of the whole depth: round-off of gaps.
+# What a round may still change of the depth worn, where next to nothing wears off in the step:
+# round-off of gaps.
 WEAR_DIGITS = 1e-13
 WEAR_ROUNDS = 20
 
@@ -61,6 +50,9 @@ WEAR_ROUNDS = 20
 
 # Round-off of contact forces over the terms that cancel where nothing presses.
 NOISE = 10 * float(np.finfo(float).eps)
+
+# How many points that can not all be closed a message names.
+NAMED = 4
 
 # -- second_order ------------------------------------------------
 
@@ -70,6 +62,10 @@ HARDLY_MOVES = 0.01
 
 # Contact force on a tool over the sum of its parts, from which on it has a direction.
 PRESSED = 0.1
+
+# Motion of a body over the extent of all that is round-off of coordinates: on points that supports
+# hold, where nothing gives way.
+SAME_COORDINATES = 1e-13
 
 # -- grip, indifference, nearest ---------------------------------
 
@@ -83,15 +79,9 @@ FIRM = (1e-3, 1e-4)
 # Share of a point's force that is left with the weaker springs: 0.1 of what they make, 1 of the rest.
 FALLS = 0.5
 
-# A point force below this part of the largest is round-off and holds nothing.
-HOLDS_NOTHING = 1e-9
-
 # Work of point forces along a motion, over the largest force, that holds nothing: a moment arm and a
 # force that are both small. Asked too often it costs a solve, and the answer of the question stands.
 FAINT = 1e-7
-
-# A force that is none whatever made it, over the terms that cancel where nothing presses.
-NO_FORCE = 1e-12
 
 # Friction holds a motion at an angle to its direction by the square of the angle. Where that is below
 # 1e-10, at 1e-5 rad, half of the digits of the place are lost: it counts as free, as what moves by
@@ -119,6 +109,3 @@ FEW_CUTS = 1
 
 # Overlap over the extent of the bodies that counts as none.
 TOUCH = 1e-11
-
-# Residual of the least-distance problem, which is one where no place can be reached.
-UNREACHED = 1e-12

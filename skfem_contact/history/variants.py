@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from skfem_contact.arguments import known_keywords
+from skfem_contact.bodies.inputs import Loads
 from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import FrictionLaw
@@ -81,7 +82,7 @@ class Variants(ProblemSetup):
         return twin
 
     @known_keywords()
-    def with_load(self: V, body: Member | str, f: Any) -> V:
+    def with_load(self: V, body: Member | str, f: Loads) -> V:
         """A solver with another own load of one body that shares all that has been computed.
 
         Parameters
@@ -156,13 +157,13 @@ class Variants(ProblemSetup):
         return twin
 
     @known_keywords()
-    def update(self, body: Member | str, *, K: Any = None, f: Any = None) -> None:
+    def update(self, body: Member | str, *, K: Any = None, f: Loads | None = None) -> None:
         """Replace the stiffness or the load of one body in this solver itself.
 
         What `with_load` and `with_stiffness` do, which leave the solver as it is and are to be
         preferred. Results that it has returned stay as they are, and good to go on from; a history
         that is under way takes the new stiffness, and the new load from the next step on that is a
-        number.
+        number. Where several threads use this solver, it changes under all of them: take the others.
 
         Parameters
         ----------

@@ -21,6 +21,7 @@ from scipy.linalg import LinAlgError
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
+from skfem_contact.digits import GIVEN
 from skfem_contact.history import placing
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.stepper import Stepper
@@ -30,7 +31,6 @@ from skfem_contact.history.thresholds import (
     FAR_TOO_LONG,
     WEAR_DIGITS,
     WEAR_ROUNDS,
-    WEAR_SETTLED,
 )
 from skfem_contact.linalg.dense_factors import cholesky
 from skfem_contact.loops.anderson import Anderson
@@ -45,7 +45,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
     interface = model.interface
     worn = interface.wear or np.count_nonzero(last.wear)
     if not (worn or model.geometry.follows):  # as nearly always
-        return by.attempt(step, model.problem_on(None, None), start)
+        return by.attempt(step, step.workspace.problem(model), start)
     if not interface.wear:
         return _with_depth(by, step, start, last.wear)
     depth, secant, trace = last.wear, Anderson(), list[Record]()
@@ -71,7 +71,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
             # where pressures have become zero how far the step is too long is not known
             far = share if relief is not None else max(share, FAR_TOO_LONG)
             return replace(attempt, failure=words, travel=max(attempt.travel, far))
-        if left <= max(WEAR_SETTLED * size, WEAR_DIGITS * float(np.linalg.norm(depth))):
+        if left <= max(GIVEN * size, WEAR_DIGITS * float(np.linalg.norm(depth))):
             local = replace(attempt.local, wear=last.wear + grown, worn=last.worn + volume)
             return replace(attempt, local=local, travel=max(attempt.travel, share))
         before, start = left, "warm"

@@ -58,7 +58,9 @@ class DenseFactors:
             return np.zeros(b.shape)
         if self.exchanged is None:
             return np.asarray(lapack.dpotrs(self.factors, b, lower=1)[0])
-        return np.asarray(lapack.dgetrs(self.factors, self.exchanged, b)[0])
+        # SciPy counts them from one while LAPACK works, in the array it is given, and threads run on
+        exchanged = self.exchanged.copy()
+        return np.asarray(lapack.dgetrs(self.factors, exchanged, b)[0])
 
     @property
     def diagonal(self) -> Array:

@@ -2,28 +2,85 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
 from functools import lru_cache
 from importlib.machinery import EXTENSION_SUFFIXES
+from threading import Lock, local
 from typing import Any
 
 # Ends of the names of extension modules, with the version of Python in them: no BLAS is called so.
 MODULES = tuple(suffix for suffix in EXTENSION_SUFFIXES if suffix.count(".") > 1)
-ALONE: AbstractContextManager[Any] = nullcontext()  # has no state, so that one will do
 
 
-def single_threaded() -> AbstractContextManager[Any]:
-    """Limit BLAS to one thread.
+class _Alone:
+    """The time in which BLAS has one thread: from the first who asks for it to the last who leaves.
+
+    The setting is one of the process as a rule. If everyone who came set it and took it back, one of
+    two Python threads would take back what the other still needs, and the other leave one thread for
+    good. Of a BLAS that has a setting for each Python thread every one takes back its own.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._inside, self.taken = Lock(), 0, list[tuple[Any, int]]()
+        self._own = _Own()
+
+    def __enter__(self) -> None:
+        own = self._own
+        if not own.depth:
+            with self._lock:
+                for library in _blas().lib_controllers:
+                    # asking takes a microsecond, setting twenty
+                    if (count := library.num_threads) != 1:
+                        (own if _of_each_thread(library) else self).taken.append((library, count))
+                        _set(library, 1)
+                self._inside += 1
+        own.depth += 1
+
+    def __exit__(self, *failed: object) -> None:
+        own = self._own
+        own.depth -= 1
+        if not own.depth:
+            if own.taken:
+                _give_back(own.taken)
+            with self._lock:
+                self._inside -= 1
+                if self.taken and not self._inside:
+                    _give_back(self.taken)
+
+
+class _Own(local):
+    """How often a thread is inside, and what it has set for itself."""
+
+    def __init__(self) -> None:
+        self.depth, self.taken = 0, list[tuple[Any, int]]()
+
+
+def _of_each_thread(library: Any) -> bool:
+    """Whether each Python thread has a setting of its own."""
+    return library.internal_api == "mkl" or getattr(library, "threading_layer", "") == "openmp"
+
+
+def _set(library: Any, count: int) -> None:
+    library.set_num_threads(count)
+    # threadpoolctl lets nobody but the thread that was first set it, until that gives it free
+    free = getattr(library, "clear_controlling_thread", None)
+    if free is not None:
+        free()
+
+
+def _give_back(taken: list[tuple[Any, int]]) -> None:
+    while taken:
+        _set(*taken.pop())
+
+
+ALONE = _Alone()
+
+
+def single_threaded() -> _Alone:
+    """Limit BLAS to one thread, as long as anyone in this process is where it has to be.
 
     The dense blocks of contact problems are small: two threads spend their time waiting for each
     other and cost up to 30 times the CPU.
     """
-    blas = _blas()
-    # asking takes a microsecond, limiting twenty
-    for library in blas.lib_controllers:
-        if library.num_threads != 1:
-            limited: AbstractContextManager[Any] = blas.limit(limits=1)
-            return limited
     return ALONE
 
 

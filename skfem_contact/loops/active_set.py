@@ -9,26 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.multipliers import through_springs
 from skfem_contact.loops.pace import Pace
 from skfem_contact.loops.rules import disagreement, hold, law_residual, propose, violations
 from skfem_contact.loops.search import Search
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.tangent import linear_conditions
-from skfem_contact.problem.response import Conditions, Response
 
 
 def newton(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
     """Semismooth Newton with the consistent derivative of the return map."""
-    return _active_set(step, guess, tolerance, coupled=True)
+    return through_springs(partial(_active_set, coupled=True), step, guess, tolerance)
 
 
 def direct(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
     """[M] fig. 4b: slipping points carry the friction force of the last iterate."""
-    return _active_set(step, guess, tolerance, coupled=False)
+    return through_springs(partial(_active_set, coupled=False), step, guess, tolerance)
 
 
 def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> Iterator[Iterate]:
@@ -41,11 +41,13 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
         status, held = hold(step, current, coupled)
         if held is not None:
             current = replace(current, status=status)
-        rough = step.turns and held is None and not settled
-        response, conditions = _solve(step, current, coupled, rough)
+        conditions = linear_conditions(step, current, coupled)
+        if step.turns and held is None and not settled:
+            conditions = replace(conditions, rough=True)
+        response = step.problem.solve(conditions, step.load)
         proposal = propose(step, current, response)
         if step.turns:
-            wrong, residual = violations(step, response, tolerance)
+            wrong, residual = violations(step, current, response, tolerance)
         else:
             wrong = disagreement(current, proposal)
             residual = law_residual(step, status, current.direction, response)
@@ -62,20 +64,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             and (residual <= tolerance or pace.settled),
             note=pace.note(),
             held=held.motion if held is not None and kept else None,
+            nearer=pace.nearer,
         )
         current = pace.advance(step, current, proposal, changing, response)
         settled = step.turns and not np.count_nonzero(changing)
-
-
-def _solve(step: Step, current: Guess, coupled: bool, rough: bool) -> tuple[Response, Conditions]:
-    """Solve for a set; where the law's tangent has no unique answer, with limits that lag."""
-    conditions = linear_conditions(step, current, coupled)
-    if rough:
-        conditions = replace(conditions, rough=True)
-    try:
-        return step.problem.solve(conditions, step.load), conditions
-    except SingularMatrix:
-        if not conditions.coupling.any():
-            raise
-    conditions = linear_conditions(step, current, coupled=False)
-    return step.problem.solve(conditions, step.load), conditions

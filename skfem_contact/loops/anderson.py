@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.loops.thresholds import SAME_DIRECTION
+from skfem_contact.digits import GIVEN
 
 Array = NDArray[np.float64]
 
@@ -54,5 +54,5 @@ class Anderson:
         if len(self._values) == 1:
             return value
         change = np.diff(self._residuals, axis=0).T
-        share = np.linalg.lstsq(change, self._residuals[-1], rcond=SAME_DIRECTION)[0]
+        share = np.linalg.lstsq(change, self._residuals[-1], rcond=GIVEN)[0]
         return np.asarray(value - np.diff(self._values, axis=0).T @ share)

@@ -36,8 +36,9 @@ class Options:
         Per attempt of a load step; by default 80 for `newton`, 150 for `direct` and 2000 for
         `fictitious`, whose convergence is linear.
     max_cuts : int
-        How often in a row a load step that fails may be cut: halved, or to the share that
-        `max_travel` tells, which does not count towards the smallest share ``0.5**max_cuts``.
+        How often in a row a load step that fails may be cut: halved, with finite sliding, wear or
+        iterated forces, or to the share that `max_travel` tells, which does not count towards the
+        smallest share ``0.5**max_cuts``. With 0 its load is not pulled through a spring either.
     max_dense_bytes : int
         Memory up to which ``linear="auto"``, or ``PETSc("direct")``, forms the dense contact problem
         [bytes]; ``print(solver)`` says how much it will take.
@@ -149,7 +150,7 @@ def drive(
 
     A `StopIteration` raised by `callback` ends the run where it stands, as in SciPy. With `patience`
     it ends after so many iterations in which neither fewer points changed than ever before nor the
-    law came twice as close to being satisfied.
+    law came twice as close to being satisfied, nor the loop says that it came nearer.
 
     Raises
     ------
@@ -195,7 +196,7 @@ def drive(
                 return Outcome(iterate, tuple(trace), False, last, stopped=True)
         if len(trace) >= limit:
             break
-        if patience is not None and progress.stalled(record, patience):
+        if patience is not None and progress.stalled(record, patience, iterate.nearer):
             message = f"no progress in {patience} iterations"
             break
     last = f"{record.changes} points still change and the friction law is violated by "
@@ -211,9 +212,9 @@ class Progress:
     residual: float = np.inf
     waited: int = 0
 
-    def stalled(self, record: Record, patience: int) -> bool:
-        """Whether the last improvement is too long ago."""
-        self.waited += 1
+    def stalled(self, record: Record, patience: int, nearer: bool = False) -> bool:
+        """Whether the last improvement is too long ago; `nearer` as of an iterate."""
+        self.waited = 0 if nearer else self.waited + 1
         if record.changes < self.changes or record.residual < 0.5 * self.residual:
             self.changes = min(self.changes, record.changes)
             self.residual = min(self.residual, record.residual)

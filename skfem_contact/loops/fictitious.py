@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops.anderson import Anderson
+from skfem_contact.loops.multipliers import through_springs
 from skfem_contact.loops.rules import hold, propose
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import FREE_CHANGES, SETTLED
@@ -23,7 +24,12 @@ Array = NDArray[np.float64]
 
 
 def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
-    """[M] fig. 4a: the method of fictitious friction forces, accelerated by Anderson's mixing.
+    """[M] fig. 4a: the method of fictitious friction forces, accelerated by Anderson's mixing."""
+    return through_springs(_fictitious, step, guess, tolerance)
+
+
+def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+    """The same without the springs through which points may be seen.
 
     Every closed point keeps its spring G. The friction force that the linear solve gives,
     ``tau_n + G (s - s_n) + e``, is compared with the return map of the elastic predictor, and the

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.arrays import largest
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.loops.projection import trial_round_off
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.loops.thresholds import ROUND_OFF
 from skfem_contact.problem.response import Response
@@ -60,6 +61,8 @@ def _slip_rule(
     excess = step.excess(trial, response.normal_force, response.slip)
     beyond = excess > max(ROUND_OFF * force_scale, step.noise)
     was_slip, was_along = current.status == SLIP, current.direction[:, 0]
+    if not step.all_exact:
+        beyond |= _goes_on(step, current, response, trial)
     # an exactly sticking point has no trial force while it slips: it goes on slipping as long as
     # the slip of this step follows the friction
     step_slip = (response.slip - step.last.slip)[:, 0]
@@ -96,6 +99,17 @@ def _slip_rule(
         slips |= sideways
         side = np.where(sideways, np.sign(step_slip), side)
     return slips, np.where(slips, side, 0.0)
+
+
+def _goes_on(step: Step, current: Guess, response: Response, trial: Array) -> Mask:
+    """Points with a finite stiffness that slip, and are on the bound as well as can be told, (m,).
+
+    Where loads turn back, what has slipped is left on its bound without moving: its slip is
+    round-off, and the trial force the stiffness times that.
+    """
+    lawful = step.sliding(current.direction, response.normal_force, response.slip)
+    missing = np.sum((lawful - trial) * current.direction, axis=1)
+    return (current.status == SLIP) & ~step.exact & (missing <= trial_round_off(step, response))
 
 
 def smooth_points(step: Step, force_scale: float, slip: Array) -> Mask | bool:

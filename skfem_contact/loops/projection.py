@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.thresholds import BEYOND
+from skfem_contact.digits import COMPUTED
 from skfem_contact.loops.step import Step
-from skfem_contact.loops.thresholds import SAME_SLIP
+from skfem_contact.loops.thresholds import SOLVED_SLIP
 from skfem_contact.problem.response import Resistance, Response
 
 Array = NDArray[np.float64]
@@ -72,12 +73,17 @@ def same_slip(step: Step, response: Response) -> float:
     finite = np.isfinite(response.gap)
     approach = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
     slips = max(lengths(slip).max(initial=0.0) for slip in (response.slip, step.last.slip))
-    return SAME_SLIP * float(max(step.far, approach, slips))
+    return COMPUTED * float(max(step.far, approach, slips))
 
 
-def left_over(step: Step, response: Response) -> tuple[Array, Array]:
+def trial_round_off(step: Step, response: Response) -> Array:
+    """What a finite stiffness makes of the round-off of slips, zero where sticking is exact, (m,)."""
+    return np.where(step.exact, 0.0, step.stiffness) * (SOLVED_SLIP * same_slip(step, response))
+
+
+def left_over(step: Step, response: Response, rho: Resistance | None = None) -> tuple[Array, Array]:
     """What is left of both equations at every point, (m,) and (m, d-1) [force]."""
-    rho = resistances(step, response)
+    rho = rho or resistances(step, response)
     force = pressing(response, rho)
     closed = (step.bilateral | (force > 0)) & step.paired
     force = np.where(closed, force, 0.0)
@@ -86,3 +92,9 @@ def left_over(step: Step, response: Response) -> tuple[Array, Array]:
     tangential = response.tangential_force - np.where(closed[:, None], friction, 0.0)
     modelled = step.paired & step.resisting
     return response.normal_force - force, np.where(modelled[:, None], tangential, 0.0)
+
+
+def all_left(step: Step, response: Response, rho: Resistance | None = None) -> float:
+    """Size of what the projection leaves over at all points together [force]."""
+    normal, tangential = left_over(step, response, rho)
+    return float(np.sqrt(np.sum(normal**2) + np.sum(tangential**2)))

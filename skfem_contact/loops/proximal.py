@@ -14,10 +14,9 @@ from typing import cast
 
 import numpy as np
 
-from skfem_contact.conditions.state import OPEN
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
-from skfem_contact.loops.rules import propose
+from skfem_contact.loops.pulled import after
 from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.loops.thresholds import (
     EASED,
@@ -41,7 +40,6 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
     Parameters
     ----------
     step : Step
-        With the resistance of its points.
     guess : Guess
         Where the first of the problems begins.
     tolerance : float
@@ -55,14 +53,27 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
         if not found.converged:
             softness, eased = softness * SOFTENED, EASED_AFTER
             continue
-        before, guess = guess, _after(step, found)
+        before, guess = guess, replace(after(step, found), near=True)
         if _change(before, guess) < NEAR:
             found = drive(newton, step, guess, tolerance, FROM_NEAR)
             trace += found.trace
             if found.converged:
-                return _after(step, found), replace(found, trace=tuple(trace))
+                guess, found = _of_least_pressure(step, found, tolerance, trace)
+                return guess, replace(found, trace=tuple(trace))
         softness /= eased
     return guess, replace(found, trace=tuple(trace), converged=False, free=None)
+
+
+def _of_least_pressure(
+    step: Step, found: Outcome, tolerance: float, trace: list[Record]
+) -> tuple[Guess, Outcome]:
+    """Where forces are not unique, the answer to which springs come from no forces, if it is near."""
+    guess = after(step, found)
+    if step.problem.springs is None:
+        return guess, found
+    least = drive(newton, step, guess, tolerance, IN_SERIES)
+    trace += least.trace
+    return (after(step, least), least) if least.converged else (replace(guess, near=True), found)
 
 
 def _in_series(step: Step, softness: float, guess: Guess) -> Step:
@@ -70,22 +81,13 @@ def _in_series(step: Step, softness: float, guess: Guess) -> Step:
 
     They have no strain at the forces of the guess.
     """
-    own, whole = step.resistance, cast(ContactProblem, step.problem)  # no springs in series twice
-    assert own is not None
+    whole = cast(ContactProblem, step.problem)  # no springs in series twice
+    own = step.resistance or whole.resistance
     springs = Resistance(own.normal / softness, own.tangential / softness)
     together = Resistance(own.normal / (1 + softness), own.tangential / (1 + softness))
     problem = whole.in_series(springs)
     load = problem.at_forces(step.load, guess.normal_force, guess.tangential_force)
     return replace(step, problem=problem, load=load, resistance=together)
-
-
-def _after(step: Step, found: Outcome) -> Guess:
-    """Starting values from what was found; open points carry nothing."""
-    it, there = found.iterate, found.iterate.response
-    opened = it.status == OPEN
-    normal = np.where(opened, 0.0, there.normal_force)
-    tangential = np.where(opened[:, None], 0.0, there.tangential_force)
-    return propose(step, Guess(it.status, it.direction, normal, tangential, there.slip), there)
 
 
 def _change(before: Guess, after: Guess) -> float:

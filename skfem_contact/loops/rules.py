@@ -11,6 +11,7 @@ from skfem_contact.arrays import largest
 from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
+from skfem_contact.digits import GIVEN
 from skfem_contact.loops.plane_rules import propose_in_plane, smooth_points
 from skfem_contact.loops.projection import (
     left_over,
@@ -18,6 +19,7 @@ from skfem_contact.loops.projection import (
     pressing,
     pushing,
     resistances,
+    trial_round_off,
 )
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.loops.tangent import resisting_slips
@@ -25,7 +27,6 @@ from skfem_contact.loops.thresholds import (
     BETWEEN,
     DIGITS_ALIKE,
     FIRMLY,
-    MOVES,
     NEARLY_STUCK,
     ROUND_OFF,
     ROUNDED,
@@ -84,6 +85,8 @@ def _slip_rule(
     size = lengths(trial)
     # what is open has no status to keep
     slack = np.where(was_slip, -nothing, np.where(current.status == STICK, nothing, 0.0))
+    if not step.all_exact:
+        slack -= np.where(was_slip, trial_round_off(step, response), 0.0)
     slips = (size > bound + slack) & step.frictional
     unit = trial / np.where(size > 0, size, 1.0)[:, None]
     # where the slip turns back the point sticks first, or forward and backward slip alternate
@@ -127,10 +130,13 @@ def law_residual(step: Step, status: NDArray[np.intp], direction: Array, respons
     return largest(error[slips]) / scale
 
 
-def violations(step: Step, response: Response, tolerance: float) -> tuple[Mask, float]:
+def violations(step: Step, current: Guess, response: Response, tolerance: float) -> tuple[Mask, float]:
     """Points that violate the projection, and the largest violation over the largest force.
 
-    What is within the tolerance is no violation, nor is what may be round-off of gaps and slips.
+    What is within the tolerance is no violation, nor is what may be round-off of gaps and slips. A
+    finite stiffness enlarges that of slips, but a force beyond its bound is one all the same. Where
+    none is left, slips count as in the certificate: the largest of them as much as the largest force.
+    Beside resistances small slips would count for nothing, and friction be off their direction.
     """
     normal, tangential = left_over(step, response)
     left = np.maximum(np.abs(normal), lengths(tangential))
@@ -140,8 +146,21 @@ def violations(step: Step, response: Response, tolerance: float) -> tuple[Mask, 
     rho = resistances(step, response)
     round_off = ROUND_OFF * np.maximum(rho.normal * gap_scale, rho.tangential * slip_scale)
     scale = response.largest_force
-    wrong = left > np.maximum(np.maximum(round_off, step.noise), tolerance * scale)
-    return wrong, float(left.max(initial=0.0) / scale) if scale > step.noise else 0.0
+    allowed = max(step.noise, tolerance * scale)
+    if step.all_exact:
+        wrong = left > np.maximum(round_off, allowed)
+    else:
+        round_off = np.maximum(round_off, trial_round_off(step, response))
+        sticks = (current.status == STICK) & step.frictional & ~step.exact
+        over = lengths(response.tangential_force) - step.limit(response.normal_force, response.slip)
+        wrong = (left > np.maximum(round_off, allowed)) | sticks & (over > allowed)
+    if scale <= step.noise:
+        return wrong, 0.0
+    if slip_scale > 0.0 and not np.count_nonzero(wrong):
+        stretched = np.maximum(rho.tangential, scale / slip_scale)
+        turned = left_over(step, response, Resistance(rho.normal, stretched))[1]
+        left = np.maximum(left, lengths(turned))
+    return wrong, float(left.max(initial=0.0) / scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,9 +208,9 @@ def hold(step: Step, current: Guess, coupled: bool = True) -> tuple[NDArray[np.i
     for i in order:
         if free.shape[1] == 0:
             break
-        resists = np.abs(motions.normal[i] @ free).max(initial=0.0) > MOVES
+        resists = np.abs(motions.normal[i] @ free).max(initial=0.0) > GIVEN
         slid = motions.tangential[i] @ free
-        turns = holds[i] and np.sqrt((slid**2).sum(axis=0)).max(initial=0.0) > MOVES
+        turns = holds[i] and np.sqrt((slid**2).sum(axis=0)).max(initial=0.0) > GIVEN
         if (status[i] == OPEN and resists) or turns:
             status[i] = STICK
             points[i] = True

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.loops.projection import left_over
+from skfem_contact.loops.projection import all_left
 from skfem_contact.loops.rules import propose
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.loops.thresholds import DECREASE, HALVINGS
@@ -29,6 +29,7 @@ class Search:
 
     whole: bool
     settled: bool = False
+    nearer: bool = False  # the search itself sees to it
     at: Response | None = None
     left: float = np.inf
     share: float = 1.0
@@ -51,12 +52,6 @@ class Search:
                 left = all_left(step, there)
         self.at, self.left = there, left
         return proposal if there is response else propose(step, current, there)
-
-
-def all_left(step: Step, response: Response) -> float:
-    """Size of what the projection leaves over at all points together [force]."""
-    normal, tangential = left_over(step, response)
-    return float(np.sqrt(np.sum(normal**2) + np.sum(tangential**2)))
 
 
 def between(a: Response, b: Response, share: float) -> Response:

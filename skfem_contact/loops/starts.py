@@ -16,21 +16,22 @@ from skfem_contact.loops.thresholds import MOST_POINTS, NEWTON_ITERATIONS
 
 Array = NDArray[np.float64]
 
-# Where an attempt at a load step begins, in this order; "apart" only where contacts exclude each other.
-STARTS = ("warm", "cold", "newton", "pivoting", "proximal")
+# Where an attempt at a load step begins, in this order.
+STARTS = ("warm", "cold", "newton", "pivoting", "pulled", "proximal")
 # Of these the ones that ask for the problem on gaps and slips, where there is one.
-DENSE = ("pivoting", "proximal")
+DENSE = ("pivoting", "pulled", "proximal")
 
 
-def possible_starts(points: int, loop: str, turns: bool) -> list[str]:
+def possible_starts(points: int, loop: str, turns: bool, pulled: bool = False) -> list[str]:
     """Where attempts may begin.
 
     Newton for the loops whose friction lags behind the normal forces, which settles slowly near gross
     slip, and never where both drive each other; pivoting only on problems small enough for its tableau,
-    and where directions of friction do not turn. Where they do, it is the proximal point.
+    and where directions of friction do not turn. `pulled`: by a loading machine, where the way of a
+    step is one on one pairing and told from its ends. The proximal point is the last in the plane, too.
     """
     few = points <= MOST_POINTS and not turns
-    useful = {"newton": loop != "newton", "pivoting": few, "proximal": turns}
+    useful = {"newton": loop != "newton", "pivoting": few, "pulled": pulled}
     return [start for start in STARTS if useful.get(start, True)]
 
 
@@ -41,7 +42,7 @@ def starting_values(
 
     Parameters
     ----------
-    start : {"warm", "cold", "newton", "pivoting", "proximal", "apart"}
+    start : {"warm", "cold", "newton", "pivoting", "proximal"}
     known : LocalState
         The last known state, which a warm start repeats.
     step : Step
@@ -64,7 +65,7 @@ def starting_values(
         pivoted = lemke_guess(dense, as_guess(known))
         if pivoted is not None:
             return _by_newton(pivoted, step, tolerance) if loop == "direct" else (pivoted, None)
-    return _cold(step, kin, apart=start == "apart"), None
+    return _cold(step, kin), None
 
 
 def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outcome]:
@@ -75,26 +76,12 @@ def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outco
     return Guess(it.status, it.direction, *forces, there.slip), found
 
 
-def _cold(step: Step, kin: Kinematics, apart: bool = False) -> Guess:
-    """Nothing known: points that touch are closed and stick.
-
-    `apart`: of the points that several contacts have at one node only the deepest.
-    """
+def _cold(step: Step, kin: Kinematics) -> Guess:
+    """Nothing known: points that touch are closed and stick."""
     zero = np.zeros((kin.m, kin.tangents))
     touching = step.paired & (step.load.gap0 <= 0)
-    if apart:
-        touching &= deepest(step.load.gap0, kin.points, step.rank)
     status = np.where(touching | step.bilateral & step.paired, STICK, OPEN)
     return Guess(status, zero, np.zeros(kin.m), zero, zero)
-
-
-def deepest(gap: Array, points: Array, rank: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Of all points at one place that with the smallest gap, of equal ones the first by rank, (m,)."""
-    order = np.lexsort((rank, gap))
-    _, first = np.unique(points[order], axis=0, return_index=True)
-    chosen = np.zeros(len(gap), dtype=bool)
-    chosen[order[first]] = True
-    return chosen
 
 
 def natural_state(kin: Kinematics, surface: int) -> State:
@@ -134,4 +121,4 @@ def admissible(guess: Guess, step: Step) -> Guess:
     status[slips ^ rubs] = STICK
     direction = np.where(rubs[:, None], guess.direction, 0.0)
     forces = guess.normal_force, guess.tangential_force
-    return Guess(status, direction, *forces, guess.slip, guess.pivoted, guess.reach)
+    return Guess(status, direction, *forces, guess.slip, guess.pivoted, guess.reach, near=guess.near)

@@ -218,6 +218,9 @@ class Iterate:
         What the loop did besides its rule: damping, a point held, acceleration.
     held : ndarray
         Combination of rigid modes that only a held point resists, shape (k, j).
+    nearer : bool
+        Whether the iterate before left over less of the conditions than ever, though as many points
+        changed.
     """
 
     status: NDArray[np.intp]
@@ -229,6 +232,7 @@ class Iterate:
     converged: bool
     note: str = ""
     held: Array | None = None
+    nearer: bool = False
 
 
 @dataclass(eq=False)
@@ -238,7 +242,8 @@ class Guess:
     `pivoted` says whether complementary pivoting found the values: work that the iterations of the loop
     do not count. `reach` is the size of the trial forces of slipping points, (m,): how firmly friction
     resists across its direction; without it, not at all [force]. `made`: points that supports move, so
-    that exact sticking gives way, (m,).
+    that exact sticking gives way, (m,). `near`: the forces are nearly those of the answer: springs
+    through which points are seen begin at rest under them.
     """
 
     status: NDArray[np.intp]
@@ -249,6 +254,7 @@ class Guess:
     pivoted: bool = False
     reach: Array | None = None
     made: Mask | None = None
+    near: bool = False
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from skfem_contact.conditions.return_map import grows, lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.problem.response import Conditions
+from skfem_contact.problem.response import Conditions, odd_round_off
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -122,8 +122,11 @@ def _turning(
     force = force + np.einsum("ikl,il->ik", J, still - trial)
     spring = spring + k[:, :, None] * J
     solved = np.linalg.inv(np.eye(J.shape[1]) - np.where(with_force[:, None, None], J, 0.0))
+    force, spring = np.einsum("ikl,il->ik", solved, force), solved @ spring
+    # springs that count as symmetric are: of two halves that differ the solver reads one
+    odd = odd_round_off(spring)
     return (
-        np.einsum("ikl,il->ik", solved, force),
-        solved @ spring,
+        force + np.einsum("ikl,il->ik", odd, current.slip),
+        spring - odd,
         np.einsum("ikl,il->ik", solved, coupling),
     )

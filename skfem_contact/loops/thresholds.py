@@ -4,8 +4,10 @@ from __future__ import annotations
 
 # -- projection --------------------------------------------------
 
-# A slip below this part of the largest motion is round-off of what is prescribed, as 0.1 cos(pi / 2).
-SAME_SLIP = 1e-12
+# The part of slips that are the same but for round-off (`projection.same_slip`) which a solve itself
+# leaves, as a rule: what a stiffness makes of it stays below the forces. With ten times as much the
+# friction of a ring that is turned by far more than it strains is off.
+SOLVED_SLIP = 0.1
 
 # -- lemke -------------------------------------------------------
 
@@ -42,11 +44,24 @@ TOO_STIFF = 1e-8
 # more than this in two of those load steps. Where no softness helps, nothing is to be found.
 IN_SERIES, FROM_NEAR, NEAR, MOST_IN_SERIES, TOO_SOFT = 25, 8, 0.1, 600, 1e4
 
-# -- rules -------------------------------------------------------
+# -- multipliers -------------------------------------------------
 
-# A unit motion that moves a point by less is not held by it: ten times FIRMLY, as each point takes one
-# direction from the motions that are free.
-MOVES = 1e-6
+# Solves at most until springs have come to rest: moves, and GMRES where rows nearly depend on others.
+MOST_MOVES = 40
+
+# Strain of a spring over the extent of the surfaces that contradictory rows do not leave, but
+# coordinates: rows agree as they do in the elimination of constraints.
+NO_STRAIN = 1e-10
+
+# Share of the last change of forces beyond which the next one shows that rows contradict each other.
+SLOW = 0.5
+
+# -- pulled ------------------------------------------------------
+
+# How often the way around the largest share, or around the whole load, is halved: four digits.
+PEAK_HALVINGS = 10
+
+# -- rules -------------------------------------------------------
 
 # Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
 # Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
@@ -82,11 +97,6 @@ NEWTON_ITERATIONS = 80
 # Armijo's rule: the decrease that is asked for over that of the linear model, and how often a step is
 # halved for it.
 DECREASE, HALVINGS = 1e-4, 10
-
-# -- anderson ----------------------------------------------------
-
-# Differences of iterates that depend on each other to this part extrapolate by round-off: left out.
-SAME_DIRECTION = 1e-6
 
 # -- lemke (the tableau, whose entries are of order one after scaling) ---
 

@@ -7,15 +7,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skfem_contact.arguments import check_name, numbers, with_known_keywords
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import rigid_motion
+from skfem_contact.obstacles.motion import MotionLike, rigid_motion
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.thresholds import FACING
+
+Array = NDArray[np.float64]
 
 #: Steps of central differences, as fractions of the size of the surface: for gradients (the cube
 #: root of round-off) and for second derivatives, which only steer the Newton steps.
@@ -55,8 +58,8 @@ class LevelSet(Obstacle):
     >>> bowl = LevelSet(lambda x: x[1] - x[0] ** 2, name="bowl")
     """
 
-    function: Callable[[np.ndarray], np.ndarray]
-    gradient: Callable[[np.ndarray], np.ndarray] | None = None
+    function: Callable[[Array], Array]
+    gradient: Callable[[Array], Array] | None = None
     name: str | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -75,12 +78,12 @@ class LevelSet(Obstacle):
                     "component-first position, as in lambda x: x[1] - x[0] ** 2"
                 )
 
-    def moved(self, motion: Any) -> LevelSet:
+    def moved(self, motion: MotionLike) -> LevelSet:
         """Return the obstacle after a rigid motion, see `Obstacle.moved`."""
         turn, shift = rigid_motion(motion, _dimension(motion))
         function, gradient = self.function, self.gradient
 
-        def back(x: np.ndarray) -> np.ndarray:
+        def back(x: Array) -> Array:
             return np.tensordot(turn.T, x - shift.reshape(-1, *[1] * (x.ndim - 1)), axes=1)
 
         return replace(
@@ -89,7 +92,7 @@ class LevelSet(Obstacle):
             gradient=gradient and (lambda x: np.tensordot(turn, gradient(back(x)), axes=1)),
         )
 
-    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, surface: ContactSurface) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Signed distances, normals and partners, see `Obstacle.distance`."""
         x = surface.points
         size = float(np.linalg.norm(np.ptp(x, axis=0)))
@@ -104,7 +107,7 @@ class LevelSet(Obstacle):
         # where nothing is steep the normal is zero, and faces nothing
         return gap, normal, converged & facing & (gap >= -0.5 * size)
 
-    def first_order(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def first_order(self, surface: ContactSurface) -> tuple[Array, Array, NDArray[np.bool_]]:
         """What `distance` gives, by the value over the gradient: right near the obstacle."""
         x = surface.points
         gradient = self._gradient(x, float(np.linalg.norm(np.ptp(x, axis=0))))
@@ -115,7 +118,7 @@ class LevelSet(Obstacle):
         facing = np.einsum("md,md->m", normal, surface.normals) < -FACING
         return self._value(x) / steep, normal, there & facing
 
-    def _value(self, x: np.ndarray) -> np.ndarray:
+    def _value(self, x: Array) -> Array:
         usage = "it must return one finite number for each position"
         value = numbers(self.function(x.T), f"what the function of {self.label!r} returned", usage)
         if value.shape != (len(x),) or not np.isfinite(value).all():
@@ -126,7 +129,7 @@ class LevelSet(Obstacle):
             )
         return value
 
-    def _gradient(self, x: np.ndarray, size: float) -> np.ndarray:
+    def _gradient(self, x: Array, size: float) -> Array:
         if self.gradient is None:
             return _central(lambda p: self._value(p)[:, None], x, DIFFERENCES[0] * size)[:, 0]
         usage = "it must return as many numbers as the positions have"
@@ -139,7 +142,7 @@ class LevelSet(Obstacle):
             )
         return gradient.T
 
-    def _check_gradient(self, x: np.ndarray, size: float) -> None:
+    def _check_gradient(self, x: Array, size: float) -> None:
         """Refuse a gradient that points elsewhere than the function grows.
 
         Where the two one-sided quotients differ the function has a kink, or noise, and no gradient.
@@ -166,7 +169,7 @@ class LevelSet(Obstacle):
                 f"length, another direction. Correct it, or leave gradient out: differences do as well."
             )
 
-    def _closest(self, x: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+    def _closest(self, x: Array, size: float) -> tuple[Array, Array]:
         m, d = x.shape
         y = x.copy()
         for _ in range(5):  # along the steepest descent onto the obstacle
@@ -207,7 +210,7 @@ def _dimension(motion: Any) -> int:
     return 3 if np.shape(motion[0] if several else motion) == (3,) else 2
 
 
-def _central(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float) -> np.ndarray:
+def _central(function: Callable[[Array], Array], x: Array, step: float) -> Array:
     """Derivatives (m, k, d) of a function (m, d) -> (m, k) by central differences."""
     shifts = step * np.eye(x.shape[1])
     return np.stack([(function(x + h) - function(x - h)) / (2 * step) for h in shifts], axis=2)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import numbers, shown
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.rotation import rotation_matrix
 
 Array = NDArray[np.float64]
+#: What users write: a translation, or (translation, angle, centre).
+MotionLike = ArrayLike | Sequence[Any]
 
 
 def read_motion(motion: Any, d: int, what: str = "motion") -> tuple[Array, Any, Array]:
@@ -61,7 +64,7 @@ def read_motion(motion: Any, d: int, what: str = "motion") -> tuple[Array, Any, 
     )
 
 
-def rigid_motion(motion: Any, d: int) -> tuple[Array, Array]:
+def rigid_motion(motion: MotionLike | None, d: int) -> tuple[Array, Array]:
     """Rotation matrix and shift of a motion: ``x -> turn @ x + shift``."""
     translation, angle, centre = read_motion(motion, d)
     if d == 2:

@@ -6,14 +6,18 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, identity
 
 from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, numbers
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
+from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.sealed import sealed
+
+Array = NDArray[np.float64]
 
 
 class Obstacle(PrintedAsCall, ABC):
@@ -36,7 +40,7 @@ class Obstacle(PrintedAsCall, ABC):
         }.get(type(self).__name__, "rigid obstacle")
 
     @property
-    def reference(self) -> np.ndarray | None:
+    def reference(self) -> Array | None:
         """A point of its own (d,), about which a rigid body of this shape turns [length]."""
         return None
 
@@ -46,18 +50,18 @@ class Obstacle(PrintedAsCall, ABC):
         return None
 
     @property
-    def bend(self) -> np.ndarray | None:
+    def bend(self) -> Array | None:
         """How its surface curves, (d, d): ``x' B x`` along x, positive where it bulges [1/length].
 
         Known of shapes that curve alike everywhere; None of others.
         """
         return None
 
-    def turns_in_itself(self, about: np.ndarray) -> bool:
+    def turns_in_itself(self, about: Array) -> bool:
         """Whether a rotation about a point leaves its shape where it is; known of discs alone."""
         return False
 
-    def pair(self, surface: ContactSurface, *, motion: Any = None) -> Pairing:
+    def pair(self, surface: ContactSurface, *, motion: MotionLike | None = None) -> Pairing:
         """Pair every node of a surface with its closest point on the obstacle.
 
         Parameters
@@ -93,7 +97,7 @@ class Obstacle(PrintedAsCall, ABC):
         )
 
     @abstractmethod
-    def moved(self, motion: Any) -> Obstacle:
+    def moved(self, motion: MotionLike) -> Obstacle:
         """Return the obstacle after a rigid motion.
 
         Parameters
@@ -105,7 +109,7 @@ class Obstacle(PrintedAsCall, ABC):
         """
 
     @abstractmethod
-    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, surface: ContactSurface) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Where the nodes of a surface are, seen from the obstacle.
 
         Parameters
@@ -123,7 +127,7 @@ class Obstacle(PrintedAsCall, ABC):
         """
 
 
-def location(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
+def location(value: Any, what: str, obstacle: Obstacle) -> Array:
     check_name(obstacle.name, f"name of a {type(obstacle).__name__}")
     array = numbers(value, f"{what} of {obstacle.label!r}", "give 2 or 3 finite coordinates")
     if array.shape not in ((2,), (3,)) or not np.isfinite(array).all():
@@ -131,7 +135,7 @@ def location(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
     return sealed(array)
 
 
-def direction(value: Any, what: str, obstacle: Obstacle) -> np.ndarray:
+def direction(value: Any, what: str, obstacle: Obstacle) -> Array:
     array = location(value, what, obstacle)
     length = np.linalg.norm(array)
     if length == 0:

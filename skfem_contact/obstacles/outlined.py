@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import fields
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import numbers
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import rigid_motion
+from skfem_contact.obstacles.motion import MotionLike, rigid_motion
 from skfem_contact.obstacles.obstacle import Obstacle, check_dimension
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.sealed import sealed
 
+Array = NDArray[np.float64]
 Moved = TypeVar("Moved", bound="Outlined")
 
 
@@ -28,7 +30,7 @@ class Outlined(Obstacle):
         Corners of the outline [length].
     """
 
-    points: np.ndarray
+    points: Array
     _dim: ClassVar[int]
 
     @property
@@ -41,10 +43,10 @@ class Outlined(Obstacle):
         """The nodes of a surface on the outline."""
 
     @abstractmethod
-    def _signed_distances(self, points: np.ndarray) -> np.ndarray:
+    def _signed_distances(self, points: Array) -> Array:
         """From the outline, negative inside, shape (p,)."""
 
-    def moved(self: Moved, motion: Any) -> Moved:
+    def moved(self: Moved, motion: MotionLike) -> Moved:
         """Return the obstacle after a rigid motion, see `Obstacle.moved`."""
         turn, shift = rigid_motion(motion, self._dim)
         twin = object.__new__(type(self))  # as good as it was: nothing is checked again
@@ -52,7 +54,7 @@ class Outlined(Obstacle):
         vars(twin).update(known | {"points": sealed(self.points @ turn.T + shift)})
         return twin
 
-    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, surface: ContactSurface) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Signed distances, normals and partners, see `Obstacle.distance`.
 
         The normals are those of the obstacle; at its edges and corners, which have none, those of the
@@ -67,7 +69,7 @@ class Outlined(Obstacle):
             gap = np.where(pairing.paired, gap, self._signed_distances(surface.points))
         return gap, normal, pairing.paired
 
-    def signed_distance(self, points: Any) -> np.ndarray:
+    def signed_distance(self, points: ArrayLike) -> Array:
         """Distances of points (p, d) from it, negative inside, shape (p,) [length]."""
         usage = f"give positions of shape (p, {self._dim})"
         x = numbers(points, f"points for {self.label!r}", usage)

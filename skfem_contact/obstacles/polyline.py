@@ -7,33 +7,30 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.arguments import check_name, check_switch, numbers, with_known_keywords
+from skfem_contact.arguments import check_name, check_switch, numbers, take, with_known_keywords
 from skfem_contact.bodies.bare import bare_curve
 from skfem_contact.bodies.normals import end_slopes
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.outlined import Outlined
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.node import Pairing, node_to_segment
 from skfem_contact.sealed import sealed
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 
-#: Edges shorter than this part of the extent have no direction: coordinates have 16 digits.
-NO_LENGTH = 1e-12
-#: Normals differ by round-off where edges are in line.
-IN_LINE = 1e-9
 #: Part of a straight edge over which its normals turn towards a smooth bend at its end. Longer, and
 #: friction on flats leans by the bend; shorter, and points that pass it meet a corner.
 ROUNDED = 1 / 8
 
 
 @with_known_keywords()
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class RigidPolyline(Outlined):
     """A rigid obstacle in the plane with straight edges between points.
 
@@ -74,11 +71,16 @@ class RigidPolyline(Outlined):
     [-0.5, 1.0]
     """
 
-    points: np.ndarray
+    points: Array
     closed: bool = False
     hollow: bool = False
     name: str | None = None
     _dim = 2
+
+    def __init__(
+        self, points: ArrayLike, closed: bool = False, hollow: bool = False, name: str | None = None
+    ) -> None:
+        take(self, points=points, closed=closed, hollow=hollow, name=name)
 
     def __post_init__(self) -> None:
         check_name(self.name, "name of a RigidPolyline")
@@ -112,7 +114,7 @@ class RigidPolyline(Outlined):
         return bare_curve(points, np.column_stack([start, (start + 1) % len(points)]), self.label)
 
     @property
-    def reference(self) -> np.ndarray:
+    def reference(self) -> Array:
         """The centroid of its area; of an open one, of the curve."""
         start, end = self._ends
         if self.closed:
@@ -130,7 +132,7 @@ class RigidPolyline(Outlined):
         assert isinstance(surface, CurveSurface)
         return node_to_segment(surface, self.outline)
 
-    def _signed_distances(self, points: np.ndarray) -> np.ndarray:
+    def _signed_distances(self, points: Array) -> Array:
         return signed_distances(self.outline, points)
 
 
@@ -150,7 +152,7 @@ def _cut_at_bends(plain: CurveSurface) -> Array:
     last = (before < 0) & inner[after] | (after < 0) & inner[before]
     straight = ~(inner | last)
     # averaged with a neighbour, and not in line with it
-    bent = np.linalg.norm(there - own[:, None], axis=2) > IN_LINE
+    bent = np.linalg.norm(there - own[:, None], axis=2) > SOLVED
     cut = bent & straight[:, None]
     if not cut.any():
         return plain.points
@@ -185,7 +187,7 @@ def _check_edges(points: Array, closed: bool, label: str) -> None:
     end = np.roll(points, -1, axis=0) if closed else points[1:]
     start = points if closed else points[:-1]
     length = np.linalg.norm(end - start, axis=1)
-    short = np.flatnonzero(length <= NO_LENGTH * np.max(np.ptp(points, axis=0)))
+    short = np.flatnonzero(length <= COMPUTED * np.max(np.ptp(points, axis=0)))
     if len(short):
         raise InputError(
             f"{len(short)} edges of {label!r} have no length, the first from point {short[0]} at "
@@ -215,7 +217,7 @@ def _near_edges(start: Array, end: Array) -> tuple[NDArray[np.intp], NDArray[np.
     radius = 0.5 * np.linalg.norm(end - start, axis=1)
     middle = 0.5 * (start + end)
     # long edges are asked one by one: their circle is no guide for the short ones
-    tree = kd_tree(middle)
+    tree = Tree(middle)
     found = tree.query_ball_point(middle, radius + radius.max())
     i = np.repeat(np.arange(len(middle)), [len(some) for some in found])
     j = np.concatenate([np.asarray(some, dtype=np.intp) for some in found])
@@ -243,7 +245,7 @@ def _turned_back(start: Array, end: Array, closed: bool) -> NDArray[np.intp]:
     along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
     before = np.roll(along, 1, axis=0)
     across = before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0]
-    back = (np.abs(across) <= NO_LENGTH) & (np.einsum("ed,ed->e", before, along) < 0)
+    back = (np.abs(across) <= COMPUTED) & (np.einsum("ed,ed->e", before, along) < 0)
     back[0] &= closed
     return np.flatnonzero(back)
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_matrix, sparray, spmatrix
 
 from skfem_contact.arguments import (
     check_kind,
@@ -20,6 +21,7 @@ from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.rigid_modes import motion_names
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
+from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_inputs import (
     DIRECTIONS,
@@ -30,6 +32,8 @@ from skfem_contact.obstacles.rigid_inputs import (
     vector_of,
 )
 from skfem_contact.sealed import seal
+
+Array = NDArray[np.float64]
 
 
 @with_known_keywords(f="write force and moment", motion="write D and x", load="write force and moment")
@@ -106,10 +110,10 @@ class RigidBody(Member, Obstacle):
     """
 
     obstacle: Obstacle
-    f: np.ndarray
-    about: np.ndarray
-    D: np.ndarray
-    x: np.ndarray
+    f: Array
+    about: Array
+    D: NDArray[np.int64]
+    x: Array
     K: csr_matrix
     name: str | None
 
@@ -117,12 +121,12 @@ class RigidBody(Member, Obstacle):
         self,
         obstacle: Obstacle,
         *,
-        force: Any = None,
-        moment: Any = None,
-        about: Any = None,
-        D: Any = None,
-        x: Any = None,
-        K: Any = None,
+        force: ArrayLike | None = None,
+        moment: ArrayLike | None = None,
+        about: ArrayLike | None = None,
+        D: str | int | Iterable[str | int] | None = None,
+        x: ArrayLike | Mapping[str, float] | None = None,
+        K: ArrayLike | sparray | spmatrix | None = None,
         name: str | None = None,
     ) -> None:
         check_name(name, "name of a RigidBody")
@@ -170,7 +174,7 @@ class RigidBody(Member, Obstacle):
 
     # -- an obstacle ----------------------------------------------------------------------------
 
-    def moved(self, motion: Any) -> Obstacle:
+    def moved(self, motion: MotionLike) -> Obstacle:
         """The obstacle after a rigid motion, see `Obstacle.moved`."""
         return self.obstacle.moved(motion)
 
@@ -180,15 +184,15 @@ class RigidBody(Member, Obstacle):
         return self.obstacle.outline
 
     @property
-    def bend(self) -> np.ndarray | None:
+    def bend(self) -> Array | None:
         """How its obstacle curves, see `Obstacle.bend`."""
         return self.obstacle.bend
 
-    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, surface: ContactSurface) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Signed distances, normals and partners where it was made, see `Obstacle.distance`."""
         return self.obstacle.distance(surface)
 
-    def motion(self, u: np.ndarray) -> tuple[np.ndarray, Any, np.ndarray]:
+    def motion(self, u: Array) -> tuple[Array, Any, Array]:
         """Its displacements (n,) as a motion of the obstacle: translation, angle, centre."""
         turn = u[self.dim :]
         return np.array(u[: self.dim]), float(turn[0]) if len(turn) == 1 else turn, self.about
@@ -216,17 +220,17 @@ class RigidBody(Member, Obstacle):
         return self.dim
 
     @property
-    def dof_points(self) -> np.ndarray:
+    def dof_points(self) -> Array:
         """The point `about`, for every DOF, shape (n, d)."""
         return np.tile(self.about, (self.n, 1))
 
     @property
-    def dof_component(self) -> np.ndarray:
+    def dof_component(self) -> Array:
         """Components of the translation, then rotations, shape (n,)."""
         return np.arange(self.n, dtype=np.int32)
 
     @property
-    def rigid_modes(self) -> np.ndarray:
+    def rigid_modes(self) -> Array:
         """All that it can do, shape (n, n)."""
         return np.eye(self.n)
 
@@ -235,7 +239,7 @@ class RigidBody(Member, Obstacle):
         """The motions in words."""
         return motion_names(self.dim, self.components)
 
-    def linearize(self, u: np.ndarray | None = None) -> tuple[csr_matrix, np.ndarray]:
+    def linearize(self, u: Array | None = None) -> tuple[csr_matrix, Array]:
         """Its springs and loads, see `Linearizable`."""
         return self.K, self.f
 
@@ -243,7 +247,7 @@ class RigidBody(Member, Obstacle):
         """Springs (n, n) that a user means: a stiffness for every DOF, a matrix, or none."""
         return springs_of(K, self.n, what)
 
-    def load(self, f: Any, what: str) -> np.ndarray:
+    def load(self, f: Any, what: str) -> Array:
         """The load (n,) that a user means: forces and moments by name of DOF, or all of them."""
         if f is None:
             return np.zeros(self.n)
@@ -251,7 +255,7 @@ class RigidBody(Member, Obstacle):
             return vector_of(f, self.n, what)
         return self.displaced(f, np.zeros(self.n), what)
 
-    def displaced(self, x: Mapping[str, Any], before: np.ndarray, what: str) -> np.ndarray:
+    def displaced(self, x: Mapping[str, Any], before: Array, what: str) -> Array:
         """Values (n,) with those of some DOFs replaced, by name."""
         out = np.array(before)
         for i, (name, value) in zip(self.numbers(x, what), x.items(), strict=True):
@@ -260,7 +264,7 @@ class RigidBody(Member, Obstacle):
             raise InputError(f"{what} is {shown(dict(x))}, which is not finite")
         return out
 
-    def _prescribed(self, x: Any, what: str) -> np.ndarray:
+    def _prescribed(self, x: Any, what: str) -> Array:
         if x is None:
             return np.zeros(self.n)
         given = self.load(x, what)

@@ -6,11 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.arguments import check_switch, number, with_known_keywords
+from skfem_contact.arguments import check_switch, number, take, with_known_keywords
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import rigid_motion
+from skfem_contact.obstacles.motion import MotionLike, rigid_motion
 from skfem_contact.obstacles.obstacle import (
     Obstacle,
     check_dimension,
@@ -19,12 +21,12 @@ from skfem_contact.obstacles.obstacle import (
 )
 from skfem_contact.pairing.thresholds import FACING
 
-#: Distances below this part of the radius are round-off: at the centre.
-AT_CENTRE = 1e-12
+Array = NDArray[np.float64]
+Paired = NDArray[np.bool_]
 
 
 @with_known_keywords()
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class RigidPlane(Obstacle):
     """A rigid half-space.
 
@@ -43,9 +45,12 @@ class RigidPlane(Obstacle):
     ([0.0, 1.0], [0.0, -0.1])
     """
 
-    point: np.ndarray
-    normal: np.ndarray
+    point: Array
+    normal: Array
     name: str | None = None
+
+    def __init__(self, point: ArrayLike, normal: ArrayLike, name: str | None = None) -> None:
+        take(self, point=point, normal=normal, name=name)
 
     def __post_init__(self) -> None:
         point = location(self.point, "point", self)
@@ -58,21 +63,21 @@ class RigidPlane(Obstacle):
         object.__setattr__(self, "normal", normal)
 
     @property
-    def reference(self) -> np.ndarray:
+    def reference(self) -> Array:
         """The point that it was given by."""
         return self.point
 
     @property
-    def bend(self) -> np.ndarray:
+    def bend(self) -> Array:
         """How it curves, see `Obstacle.bend`: not at all, (d, d) zeros."""
         return np.zeros((len(self.point), len(self.point)))
 
-    def moved(self, motion: Any) -> RigidPlane:
+    def moved(self, motion: MotionLike) -> RigidPlane:
         """Return the plane after a rigid motion, see `Obstacle.moved`."""
         turn, shift = rigid_motion(motion, len(self.point))
         return replace(self, point=turn @ self.point + shift, normal=turn @ self.normal)
 
-    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, surface: ContactSurface) -> tuple[Array, Array, Paired]:
         """Signed distances, normals and partners, see `Obstacle.distance`."""
         check_dimension(surface, len(self.point), self)
         gap = (surface.points - self.point) @ self.normal
@@ -80,7 +85,7 @@ class RigidPlane(Obstacle):
 
 
 @with_known_keywords()
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class RigidCylinder(Obstacle):
     """A rigid cylinder, in 2-D a disc; hollow: a round hole with the body in it.
 
@@ -102,11 +107,21 @@ class RigidCylinder(Obstacle):
     [0.5, 1.0]
     """
 
-    centre: np.ndarray
+    centre: Array
     radius: float
-    axis: np.ndarray | None = None
+    axis: Array | None = None
     hollow: bool = False
     name: str | None = None
+
+    def __init__(
+        self,
+        centre: ArrayLike,
+        radius: float,
+        axis: ArrayLike | None = None,
+        hollow: bool = False,
+        name: str | None = None,
+    ) -> None:
+        take(self, centre=centre, radius=radius, axis=axis, hollow=hollow, name=name)
 
     def __post_init__(self) -> None:
         centre = location(self.centre, "centre", self)
@@ -119,29 +134,29 @@ class RigidCylinder(Obstacle):
             object.__setattr__(self, "axis", direction(self.axis, "axis", self))
 
     @property
-    def reference(self) -> np.ndarray:
+    def reference(self) -> Array:
         """Its centre, in 3-D a point of its axis."""
         return self.centre
 
     @property
-    def bend(self) -> np.ndarray:
+    def bend(self) -> Array:
         """How it curves, (d, d): one over its radius across the axis, negative in a hole [1/length]."""
         across = np.eye(len(self.centre))
         if self.axis is not None:
             across = across - np.outer(self.axis, self.axis)
         return (-across if self.hollow else across) / self.radius
 
-    def turns_in_itself(self, about: np.ndarray) -> bool:
+    def turns_in_itself(self, about: Array) -> bool:
         """About its centre, in the plane."""
         return len(about) == 2 and bool(np.all(about == self.centre))
 
-    def moved(self, motion: Any) -> RigidCylinder:
+    def moved(self, motion: MotionLike) -> RigidCylinder:
         """Return the cylinder after a rigid motion, see `Obstacle.moved`."""
         turn, shift = rigid_motion(motion, len(self.centre))
         axis = None if self.axis is None else turn @ self.axis
         return replace(self, centre=turn @ self.centre + shift, axis=axis)
 
-    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, surface: ContactSurface) -> tuple[Array, Array, Paired]:
         """Signed distances, normals and partners, see `Obstacle.distance`."""
         check_dimension(surface, len(self.centre), self)
         arm = surface.points - self.centre
@@ -151,7 +166,7 @@ class RigidCylinder(Obstacle):
 
 
 @with_known_keywords()
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class RigidSphere(Obstacle):
     """A rigid sphere, in 2-D a disc; hollow: a round cavity with the body in it.
 
@@ -176,10 +191,15 @@ class RigidSphere(Obstacle):
     ([0.0, 0.0, 1.9], 1.0)
     """
 
-    centre: np.ndarray
+    centre: Array
     radius: float
     hollow: bool = False
     name: str | None = None
+
+    def __init__(
+        self, centre: ArrayLike, radius: float, hollow: bool = False, name: str | None = None
+    ) -> None:
+        take(self, centre=centre, radius=radius, hollow=hollow, name=name)
 
     def __post_init__(self) -> None:
         check_switch(self.hollow, "RigidSphere: hollow")
@@ -187,35 +207,35 @@ class RigidSphere(Obstacle):
         object.__setattr__(self, "radius", _radius(self.radius, self))
 
     @property
-    def reference(self) -> np.ndarray:
+    def reference(self) -> Array:
         """Its centre."""
         return self.centre
 
     @property
-    def bend(self) -> np.ndarray:
+    def bend(self) -> Array:
         """How it curves, (d, d): one over its radius, negative in a cavity [1/length]."""
         return (-1.0 if self.hollow else 1.0) / self.radius * np.eye(len(self.centre))
 
-    def turns_in_itself(self, about: np.ndarray) -> bool:
+    def turns_in_itself(self, about: Array) -> bool:
         """About its centre, in the plane."""
         return len(about) == 2 and bool(np.all(about == self.centre))
 
-    def moved(self, motion: Any) -> RigidSphere:
+    def moved(self, motion: MotionLike) -> RigidSphere:
         """Return the sphere after a rigid motion, see `Obstacle.moved`."""
         turn, shift = rigid_motion(motion, len(self.centre))
         return replace(self, centre=turn @ self.centre + shift)
 
-    def distance(self, surface: ContactSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def distance(self, surface: ContactSurface) -> tuple[Array, Array, Paired]:
         """Signed distances, normals and partners, see `Obstacle.distance`."""
         check_dimension(surface, len(self.centre), self)
         return _round(surface.points - self.centre, self.radius, self.hollow, surface)
 
 
 def _round(
-    arm: np.ndarray, radius: float, hollow: bool, surface: ContactSurface
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    arm: Array, radius: float, hollow: bool, surface: ContactSurface
+) -> tuple[Array, Array, Paired]:
     distance = np.linalg.norm(arm, axis=1)
-    off_centre = distance > AT_CENTRE * radius  # at the centre no direction is the closest
+    off_centre = distance > COMPUTED * radius  # at the centre no direction is the closest
     outward = arm / np.where(off_centre, distance, 1.0)[:, None]
     sign = -1.0 if hollow else 1.0
     normal = sign * outward

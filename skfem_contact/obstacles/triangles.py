@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -19,6 +18,7 @@ from skfem_contact.arguments import (
     number,
     numbers,
     shown,
+    take,
     with_known_keywords,
 )
 from skfem_contact.bodies.bare import bare_faces
@@ -26,6 +26,7 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_at_bends
+from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.outlined import Outlined
 from skfem_contact.pairing.faces.distance import signed_distances
 from skfem_contact.pairing.faces.node import node_to_face
@@ -47,7 +48,7 @@ OTHER_FACES = ("triangle", "quad", "polygon")
 
 
 @with_known_keywords()
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class RigidSurface(Outlined):
     """A rigid obstacle in space whose surface is made of triangles.
 
@@ -93,8 +94,8 @@ class RigidSurface(Outlined):
     (True, [-0.1, 1.0])
     """
 
-    points: np.ndarray
-    triangles: np.ndarray
+    points: Array
+    triangles: Index
     hollow: bool = False
     name: str | None = None
     _dim = 3
@@ -128,8 +129,7 @@ class RigidSurface(Outlined):
         if not known:
             raise InputError(f"there is no file {str(path)!r} to read triangles from")
         try:
-            with warnings.catch_warnings():  # meshio tries text as numbers first, which overflow
-                warnings.simplefilter("ignore", RuntimeWarning)
+            with np.errstate(all="ignore"):  # meshio tries text as numbers first, which overflow
                 mesh = meshio.read(path)
         except (meshio.ReadError, ValueError, OSError, KeyError, IndexError, SystemExit) as error:
             raise InputError(f"{str(path)!r} can not be read as a surface: {error}") from None
@@ -150,6 +150,11 @@ class RigidSurface(Outlined):
             raise InputError(f"scale is {shown(scale)}; give a finite number > 0")
         points = np.asarray(mesh.points, dtype=float) * size
         return cls(points, np.concatenate(found), hollow, name or path.stem)
+
+    def __init__(
+        self, points: ArrayLike, triangles: ArrayLike, hollow: bool = False, name: str | None = None
+    ) -> None:
+        take(self, points=points, triangles=triangles, hollow=hollow, name=name)
 
     def __post_init__(self) -> None:
         check_name(self.name, "name of a RigidSurface")
@@ -192,14 +197,14 @@ class RigidSurface(Outlined):
     def _cut(self) -> tuple[csr_matrix, Index] | None:
         return cut_at_bends(self._plain)
 
-    def moved(self, motion: Any) -> RigidSurface:
+    def moved(self, motion: MotionLike) -> RigidSurface:
         """Return the obstacle after a rigid motion, see `Obstacle.moved`."""
         twin = super().moved(motion)
         vars(twin)["_cut"] = self._cut  # the same however it is turned
         return twin
 
     @property
-    def reference(self) -> np.ndarray:
+    def reference(self) -> Array:
         """The centroid of its volume; of an open one, of the surface."""
         x = self.points[self.triangles]
         if self.closed:
@@ -212,7 +217,7 @@ class RigidSurface(Outlined):
         assert isinstance(surface, FaceSurface)
         return node_to_face(surface, self.outline)
 
-    def _signed_distances(self, points: np.ndarray) -> np.ndarray:
+    def _signed_distances(self, points: Array) -> Array:
         return signed_distances(self.outline, points)
 
 

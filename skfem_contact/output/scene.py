@@ -104,13 +104,13 @@ def scene(
         skin = _skin(pyvista, grid)
         bar = {"title": f"{label}\n", "color": "black", "fmt": "%.3g"}
         plotter.add_mesh(skin, scalars=label, cmap=cmap, clim=limits, ambient=0.25, scalar_bar_args=bar)
-        plotter.add_mesh(skin.extract_feature_edges(30.0), color=LINES, line_width=1.5)
+        _add(plotter, skin.extract_feature_edges(30.0), color=LINES, line_width=1.5)
         low, high = np.minimum(low, grid.points.min(axis=0)), np.maximum(high, grid.points.max(axis=0))
     d = 3 if solid else 2
     box = with_tools(result, seen, (low[:d], high[:d]))
     for points, cells in placed_tools(result, seen, box):
         if len(cells):
-            plotter.add_mesh(_tool(pyvista, points, cells, box), color=TOOL, opacity=0.3)
+            _add(plotter, _tool(pyvista, points, cells, box), color=TOOL, opacity=0.3)
     remarks = [seen.words]
     if arrows and solid:
         remarks += _arrows(pyvista, plotter, result, shown, seen, float(np.max(high - low)), words)
@@ -132,6 +132,12 @@ def _chosen(result: ContactResult, bodies: Sequence[Member | str] | None) -> lis
     if not found:
         raise InputError(f"bodies has none with a mesh; {usage}")
     return found
+
+
+def _add(plotter: Any, mesh: Any, **style: Any) -> None:
+    """Draws a mesh, if there is any of it: a ball has no edges, and PyVista refuses empty meshes."""
+    if mesh.n_points:
+        plotter.add_mesh(mesh, **style)
 
 
 def _grid(pyvista: Any, result: ContactResult, body: Any, seen: View) -> Any:
@@ -184,5 +190,5 @@ def _arrows(
         tails = pyvista.PolyData(seen.place(values.points, u) - way)
         tails.point_data["way"] = way
         glyphs = tails.glyph(orient="way", scale="way", factor=1.0)
-        plotter.add_mesh(glyphs, color=FRICTION)
+        _add(plotter, glyphs, color=FRICTION)
     return [f"longest arrow: {quantity(peak, 'stress', units)}"]

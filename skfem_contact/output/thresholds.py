@@ -27,9 +27,6 @@ ROUND = (1.0, 2.0, 5.0)
 # A translation of all bodies is taken off where the factor then grows by more than this.
 TOGETHER = 4.0
 
-# Factors that differ by less are equal but for round-off.
-SAME_FACTOR = 1e-12
-
 # The longest arrow over the extent, the shortest that has a head over the longest, and how many there
 # are at most of one contact: more would cover each other.
 LONGEST, SHORTEST, ARROWS = 0.08, 0.03, 60

@@ -20,16 +20,10 @@ from skfem_contact.arguments import number
 from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.loads import Motion
 from skfem_contact.conditions.state import OPEN
+from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
-from skfem_contact.output.thresholds import (
-    DISPLACED,
-    OVERLAPPING,
-    ROUND,
-    SAME_FACTOR,
-    SEEN,
-    TOGETHER,
-)
+from skfem_contact.output.thresholds import DISPLACED, OVERLAPPING, ROUND, SEEN, TOGETHER
 from skfem_contact.output.tools import Tool, tools
 
 Array = NDArray[np.float64]
@@ -101,7 +95,7 @@ def _factor(result: ContactResult, u: Array, known: list[Tool], shared: Array) -
     if gap > 0.0:
         factor = min(factor, 1.0 + OVERLAPPING * extent / gap)
     power = 10.0 ** np.floor(np.log10(factor))
-    rounded = power * max(k for k in ROUND if k * power <= factor * (1 + SAME_FACTOR))
+    rounded = power * max(k for k in ROUND if k * power <= factor * (1 + COMPUTED))
     return max(1.0, float(rounded))
 
 

@@ -8,11 +8,12 @@ from skfem_contact.bodies.normals import sizes, tangents
 from skfem_contact.bodies.projection import interpolated_normals, project
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
-from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, FACING, TIE
+from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, FACING
 from skfem_contact.pairing.vectors import ahead
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 
 def search_range(
@@ -40,14 +41,13 @@ def closest_facets(
     m = len(secondary.points)
     bound = np.full(m, np.inf)
     few = min(4, len(primary.facets))
-    _, guess = kd_tree(primary.points.take(primary.facets, axis=0).mean(axis=1)).query(
-        secondary.points, k=few
-    )
+    middles = Tree(primary.points.take(primary.facets, axis=0).mean(axis=1))
+    _, guess = middles.query(secondary.points, k=few, ordered=False)
     point, facet = np.repeat(np.arange(m), few), guess.reshape(-1)
     judged = point * len(primary.facets) + facet
     found = [valid_pairs(point, facet)]
     point, facet, _, distance = found[0]
-    np.minimum.at(bound, point, distance + 2 * TIE * primary.lengths[facet])
+    np.minimum.at(bound, point, distance + 2 * SOLVED * primary.lengths[facet])
 
     blocks = closest_candidates(
         FacetTree.build(primary, m),
@@ -66,7 +66,7 @@ def closest_facets(
     point, facet, xi, distance = (np.concatenate(column) for column in zip(*found, strict=True))
     nearest = np.full(m, np.inf)
     np.minimum.at(nearest, point, distance)
-    near = distance <= nearest[point] + TIE * primary.lengths[facet]
+    near = distance <= nearest[point] + SOLVED * primary.lengths[facet]
     point, facet, xi = point[near], facet[near], xi[near]
     facing = np.einsum("pd,pd->p", secondary.normals[point], primary.facet_normals[facet])
     # rounded, so that round-off does not decide between two sides of a symmetric corner
@@ -130,9 +130,10 @@ def _slopes(turn: np.ndarray) -> np.ndarray:
 def signed_distances(surface: CurveSurface, points: np.ndarray) -> np.ndarray:
     """Distances of points (p, 2) from a surface, negative where its body is, shape (p,) [length].
 
-    The closest of all facets counts, whichever way anything looks.
+    The closest of all facets counts, whichever way anything looks. Beyond the ends of an open curve
+    nothing is inside.
     """
-    middles = kd_tree(surface.points[surface.facets].mean(axis=1))
+    middles = Tree(surface.points[surface.facets].mean(axis=1))
     guess = middles.query(points)[1]
     bound = np.linalg.norm(points - project(surface, guess, points)[1], axis=1)
 
@@ -153,8 +154,14 @@ def signed_distances(surface: CurveSurface, points: np.ndarray) -> np.ndarray:
     at_vertex = (other >= 0) & (np.abs(xi - side) <= COINCIDENT)
     there = surface.end_normals[other, 1 - side]
     normal = surface.end_normals[facet, side] + np.where(at_vertex[:, None], there, 0.0)
-    sign = np.where(np.einsum("pd,pd->p", points - foot, normal) < 0, -1.0, 1.0)
-    return np.asarray(sign * distance[first])
+    away = points - foot
+    sign = np.where(np.einsum("pd,pd->p", away, normal) < 0, -1.0, 1.0)
+    # beyond the end of an open curve there is no body
+    across = np.abs(normal[:, 0] * away[:, 1] - normal[:, 1] * away[:, 0])
+    ends = surface.points[surface.facets[facet, :2]]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    beyond = (other < 0) & (np.abs(xi - side) <= COINCIDENT) & (across > COINCIDENT * length)
+    return np.asarray(np.where(beyond, 1.0, sign) * distance[first])
 
 
 def overhang(
@@ -175,7 +182,7 @@ def overhang(
         return miss, end_facet
     vertex = primary.points[primary.facets[facet, side]]
     few = min(8, len(facet))
-    _, near = kd_tree(vertex).query(secondary.points[point], k=few)
+    _, near = Tree(vertex).query(secondary.points[point], k=few)
     near = near.reshape(len(point), few)
     apart = secondary.points[point][:, None] - vertex[near]
     normal = primary.end_normals[facet, side][near]

@@ -78,6 +78,7 @@ class CornerRows:
     def pairing(self, names: Names) -> Pairing:
         """The pairing with the rows that were written."""
         old, written = self.old, np.array(list(self.weights), dtype=int)
+        m = len(old.gap)
         new: dict[str, Any] = dict(self.values)
         normal = new["normal"]
         for name in ("secondary_normal", "primary_normal"):
@@ -87,8 +88,11 @@ class CornerRows:
         if old.slip_weights is not None:
             new["slip_weights"] = tuple(self._replaced(i, w) for i, w in enumerate(old.slip_weights))
         if old.primary_bulge is not None:
-            none = np.zeros(0, dtype=np.intp), np.zeros(0)
-            new["primary_bulge"] = _replaced(old.primary_bulge, dict.fromkeys(self.weights, none))
+            new["primary_bulge"] = bulge = old.primary_bulge.copy()
+            bulge.data[np.isin(np.repeat(np.arange(m), np.diff(bulge.indptr)), written)] = 0.0
+        if old.smooth is not None:
+            new["smooth"] = old.smooth.copy()
+            new["smooth"][written] = 0.0
         if old.still is not None:
             new["still"] = old.still.copy()
             new["still"][written] = False

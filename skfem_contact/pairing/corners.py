@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.corner_rows import CornerRows, Names
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.thresholds import CROSS, LEAN, SLACK, TIE
+from skfem_contact.pairing.thresholds import CROSS, LEAN, SLACK
 from skfem_contact.pairing.vertices import Corners, Met, closest, lean_of, meet
 
 Array = NDArray[np.float64]
@@ -91,7 +92,7 @@ class CornerContacts:
         corners, met = self.own
         node = corners.node[met.corner]
         # a partner that faces the node may be farther off than the one that faces the corner
-        farther = np.abs(pairing.gap[node]) > np.abs(met.gap) + TIE * self.primary.lengths[met.facet]
+        farther = np.abs(pairing.gap[node]) > np.abs(met.gap) + SOLVED * self.primary.lengths[met.facet]
         for k in np.flatnonzero(every | farther):
             rows.of_own_vertex(int(node[k]), met, int(k))
         corners, met = self.other

@@ -11,11 +11,22 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.thresholds import ALIKE, FACING, FINER, STIFFER
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
+
+# What becomes of points without a partner: for good, and where pairings are made anew.
+NEVER = 'They can never touch (outside="open"). '
+LATER = (
+    'Where they are at the start they can not touch (outside="open"); as bodies move they are paired '
+    'anew (sliding="finite"). '
+)
 
 
 def diagnose(
-    pairing: Pairing, secondary: ContactSurface, primary: Any, method: str = "node"
+    pairing: Pairing,
+    secondary: ContactSurface,
+    primary: Any,
+    method: str = "node",
+    follows: bool = False,
 ) -> list[str]:
     """Say in sentences what looks wrong with a pairing; an empty list if nothing does.
 
@@ -26,6 +37,8 @@ def diagnose(
     primary : ContactSurface or rigid obstacle
     method : {"node", "mortar"}
         Mortar holds the nodes of both sides: no side need be the finer one.
+    follows : bool
+        Whether points are paired anew where bodies go: what has no partner now may find one then.
 
     Returns
     -------
@@ -39,7 +52,7 @@ def diagnose(
     lost = lonely & ~beyond
     m = len(pairing.paired)
     if beyond.any():
-        lines.append(_say_beyond(pairing, secondary, primary, beyond, method))
+        lines.append(_say_beyond(pairing, secondary, primary, beyond, method, follows))
     if not pairing.paired.any():
         lines.append(
             f"None of the {m} points of surface {secondary.label!r} finds a partner on "
@@ -50,7 +63,7 @@ def diagnose(
         lines.append(
             f"{np.count_nonzero(lost)} of {m} points of surface {secondary.label!r} find nothing "
             f"of {primary.label!r} that faces them within reach; the first is point {worst} at "
-            f'{written(secondary.points[worst])}. They can never touch (outside="open"). Fine where '
+            f"{written(secondary.points[worst])}. {LATER if follows else NEVER}Fine where "
             "the surface curves away; else enlarge `reach`, or the primary surface."
         )
     if not isinstance(primary, ContactSurface) and pairing.paired.any():
@@ -141,7 +154,12 @@ def look_alike(secondary: ContactSurface, primary: Any) -> bool:
 
 
 def _say_beyond(
-    pairing: Pairing, secondary: ContactSurface, primary: Any, beyond: np.ndarray, method: str
+    pairing: Pairing,
+    secondary: ContactSurface,
+    primary: Any,
+    beyond: np.ndarray,
+    method: str,
+    follows: bool,
 ) -> str:
     worst = int(np.argmax(np.where(beyond, pairing.miss, -1.0)))
     miss = pairing.miss[worst]
@@ -151,8 +169,9 @@ def _say_beyond(
     return (
         f"{np.count_nonzero(beyond)} of {len(beyond)} points of surface {secondary.label!r} "
         f"project outside surface {primary.label!r}; the farthest, point {worst} at "
-        f"{written(secondary.points[worst])}, misses by {miss:.3g}{facets}. They can never touch "
-        '(outside="open"). If they should: the primary surface may be too short'
+        f"{written(secondary.points[worst])}, misses by {miss:.3g}{facets}. "
+        + (LATER if follows else NEVER)
+        + f"If they should{' from the start' if follows else ''}: the primary surface may be too short"
         + (
             ", or the two are swapped; enlarge it, or swap secondary and primary."
             if _swap_is_good(pairing, secondary, primary, method)
@@ -167,8 +186,8 @@ def _say_why(secondary: ContactSurface, primary: Any) -> str:
             return "; see its position, and which way round its points run: it is solid on their left."
         return "; see its position, the side it is on, `hollow`, and `reach`."
     middle = primary.points[primary.facets].mean(axis=1)
-    facet = np.asarray(kd_tree(middle).query(secondary.points)[1])
-    nearest = float(np.min(kd_tree(np.vstack([middle, primary.points])).query(secondary.points)[0]))
+    facet = np.asarray(Tree(middle).query(secondary.points)[1])
+    nearest = float(np.min(Tree(np.vstack([middle, primary.points])).distances(secondary.points)))
     facing = np.einsum("md,md->m", secondary.normals, primary.facet_normals[facet])
     height = np.einsum("md,md->m", secondary.points - middle[facet], primary.facet_normals[facet])
     usually = "Usually one or both are on the wrong side of their body: check the two `where`."

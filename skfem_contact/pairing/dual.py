@@ -39,7 +39,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.pairing.thresholds import COVER_KEPT, EQUAL_SHARE, SHARE_KEPT
+from skfem_contact.digits import GIVEN
+from skfem_contact.pairing.thresholds import COVER_KEPT, SHARE_KEPT
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -94,7 +95,7 @@ def dual_basis(
     every, own = np.arange(nf), np.arange(k)
     without = np.zeros((nf, k), dtype=bool) if without is None else without
     largest = np.where(without, -np.inf, share).argmax(axis=1)
-    least = (1 - EQUAL_SHARE) * area[:, None]
+    least = (1 - GIVEN) * area[:, None]
     merged = without | (share < SHARE_KEPT * WHOLE[k] * least)
     merged |= share.sum(axis=1, keepdims=True) < COVER_KEPT * least
     merged[every, largest] = False

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import unit
 from skfem_contact.bodies.surface import CurveSurface
-from skfem_contact.bodies.thresholds import CORNER
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.segmentation import Quadrature
-from skfem_contact.pairing.thresholds import COINCIDENT, KINK, NO_DIRECTION, SPREAD
+from skfem_contact.pairing.thresholds import COINCIDENT, KINK, SPREAD
 from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
 
 Array = NDArray[np.float64]
@@ -25,11 +25,7 @@ Mask = NDArray[np.bool_]
 
 def sharp_nodes(surface: CurveSurface) -> Mask:
     """Nodes where facets meet at 45 degrees or more, or straight parts at a kink, shape (m,)."""
-    sharp = np.zeros(len(surface.points), dtype=bool)
-    ends, other = surface.end_normals, surface.neighbours
-    corner = (other >= 0) & (dot(ends, ends[other, [1, 0]]) < CORNER)
-    sharp[surface.facets[:, :2][corner]] = True
-    return sharp | (surface.kinks > KINK)
+    return np.asarray(surface.sharp_points | (surface.kinks > KINK))
 
 
 def node_normals(
@@ -113,4 +109,4 @@ def mortar_normals(
 def _long(vectors: Array) -> NDArray[np.bool_]:
     """Vectors that have a direction, shape (m, 1)."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(length > NO_DIRECTION * np.max(length, initial=0.0))
+    return np.asarray(length > SOLVED * np.max(length, initial=0.0))

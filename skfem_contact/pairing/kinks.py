@@ -27,7 +27,11 @@ Mask = NDArray[np.bool_]
 
 
 def least_gaps(
-    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature, A: Array
+    secondary: CurveSurface,
+    primary: CurveSurface,
+    quadrature: Quadrature,
+    A: Array,
+    smooth: Array,
 ) -> Array | None:
     """Least distance in the support of each mortar row that reaches over a kink, shape (m,) [length].
 
@@ -37,6 +41,8 @@ def least_gaps(
     quadrature : Quadrature
     A : ndarray, shape (nf, k, k)
         The multipliers of each facet in its shape functions.
+    smooth : ndarray, shape (p,)
+        Least gaps of the segments between smooth boundaries; infinite where there are none [length].
 
     Returns
     -------
@@ -52,6 +58,8 @@ def least_gaps(
     node = secondary.facets[e]
     acts = np.any(A[e] != 0, axis=2)
     distance = _distances(secondary, primary, quadrature)
+    between = np.repeat(smooth, len(distance) // max(len(smooth), 1))
+    distance = np.where(np.isfinite(between), between, distance)
     least, reaches = np.full(m, np.inf), np.zeros(m, dtype=bool)
     np.minimum.at(least, node[acts], np.broadcast_to(distance[:, None], node.shape)[acts])
     reaches[node[acts & over[:, None]]] = True

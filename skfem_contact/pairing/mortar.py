@@ -34,7 +34,9 @@ from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.bulges import Bulges, Parts, bulged
 from skfem_contact.pairing.dual import WHOLE, dual_basis
 from skfem_contact.pairing.facing import mortar_normals
 from skfem_contact.pairing.kinks import least_gaps
@@ -47,11 +49,16 @@ from skfem_contact.pairing.mortar_rows import (
     weighted_gaps,
 )
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.segmentation import Quadrature, facet_areas, interface_quadrature
-from skfem_contact.pairing.smooth import bulge_matrix
+from skfem_contact.pairing.segmentation import (
+    Quadrature,
+    facet_areas,
+    interface_quadrature,
+    points_per_segment,
+)
+from skfem_contact.pairing.smooth import Place, curved_pairs
 from skfem_contact.pairing.supports import FREE, MET, Supports, find_supports, without_multiplier
-from skfem_contact.pairing.thresholds import COVER_KEPT, EQUAL_SHARE, NO_WEIGHT, SHARE_KEPT
-from skfem_contact.pairing.vectors import facet_normal_field
+from skfem_contact.pairing.thresholds import COVER_KEPT, NO_WEIGHT, SHARE_KEPT
+from skfem_contact.pairing.vectors import dot, facet_normal_field
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -138,7 +145,7 @@ def dual_mortar(
     owner, exchange = _own_rows(secondary, primary, supports, share, heir)
     D, covered_area, normal = _secondary_matrix(secondary, share, owner)
     M, facet = _primary_matrix(secondary, primary, quadrature, A)
-    bulge = bulge_matrix(secondary, primary, quadrature, A)
+    bulges, apart, nearest_parts = _bulges(secondary, primary, quadrature)
     of_secondary, of_primary = mortar_normals(secondary, primary, quadrature, A, normal)
     M = M + exchange
     paired = (covered_area > 0) & ~shared_nodes(secondary, primary)
@@ -151,9 +158,9 @@ def dual_mortar(
     if supports is not None:
         handed[secondary.facets[supports.rank != FREE]] = True
     miss, nearest = overhang(secondary, primary, paired | handed, reach)
-    bulge = None if bulge is None else divided(bulge, sums, paired)
-    least = least_gaps(secondary, primary, quadrature, A) if bulge is None else None
-    gap = weighted_gaps(secondary, primary, normal, (W_s, W_m, bulge), least)
+    change, smooth, bulge = bulged(secondary, primary, bulges, apart, A, normal, (sums, paired))
+    least = least_gaps(secondary, primary, quadrature, A, nearest_parts)
+    gap = weighted_gaps(secondary, primary, normal, (W_s, W_m), change, least)
     return Pairing(
         points=secondary.points,
         normal=normal,
@@ -168,8 +175,40 @@ def dual_mortar(
         secondary_normal=of_secondary,
         primary_normal=of_primary,
         primary_bulge=bulge,
+        smooth=smooth,
         least_gap=least,
         **_without_slip(supports, paired, W_s, W_m),
+    )
+
+
+def _bulges(
+    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature
+) -> tuple[Parts, tuple[Index, Array], Array]:
+    """What smooth boundaries change on the segments that have some, see `bulges.bulged`.
+
+    The last are the least gaps of the segments, infinite where facets are all there is, (p,).
+    """
+    n = len(points_per_segment(secondary, primary))
+    e, f = quadrature.secondary_facet[::n], quadrature.primary_facet[::n]
+    some = np.flatnonzero(curved_pairs(secondary, primary, e, f))
+    least = np.full(len(e), np.inf)
+    if not len(some):
+        return [], (e[some], np.zeros((0, secondary.facets.shape[1], 2))), least
+    N, M = (
+        shape.reshape(len(e), n, -1)[some]
+        for shape in (quadrature.secondary_shape, quadrature.primary_shape)
+    )
+    weight = quadrature.weight.reshape(-1, n)[some]
+    own, other = Place(secondary, e[some], N), Place(primary, f[some], M)
+    v = N @ facet_normal_field(secondary)[e[some]]
+    v /= np.linalg.norm(v, axis=2, keepdims=True)
+    away = M @ primary.points[primary.facets[f[some]]] - N @ secondary.points[secondary.facets[e[some]]]
+    every, bulges = Bulges.of(np.arange(len(some)), (own, other), v, dot(away, v), weight)
+    least[some] = bulges.least
+    return (
+        [(every, bulges)],
+        (e[some], np.swapaxes(N * weight[..., None], 1, 2) @ -away),
+        least,
     )
 
 
@@ -218,7 +257,7 @@ def _own_rows(
     total, given = np.zeros(shape[0]), np.zeros(shape[0])
     np.add.at(total, np.take_along_axis(secondary.facets, heir, axis=1), share)
     np.add.at(given, to[back], part[back])
-    back &= (total - given >= SHARE_KEPT * (1 - EQUAL_SHARE) * given)[to]
+    back &= (total - given >= SHARE_KEPT * (1 - GIVEN) * given)[to]
     owner[s.facet[back], s.local[back]] = s.local[back]
     data = part[back, None] * s.weight[back]
     row = np.repeat(np.concatenate([s.node[back], to[back]]), data.shape[1])

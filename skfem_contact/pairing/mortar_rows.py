@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.node import gap_vectors
-from skfem_contact.pairing.thresholds import NO_DIRECTION, NO_WEIGHT
-from skfem_contact.trees import kd_tree
+from skfem_contact.pairing.vectors import without_round_off
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -60,7 +61,7 @@ def node_directions(surface: ContactSurface, total: Array, area: Array) -> Array
     """Unit vectors along weighted sums of normals (m, d), whose weights add up to the areas (m,)."""
     length = np.linalg.norm(total, axis=1, keepdims=True)
     # opposite sides cancel at no corner but a crack tip; there the node's own will do
-    known = length > NO_DIRECTION * area[:, None]
+    known = length > SOLVED * area[:, None]
     return np.divide(total, length, out=surface.normals.copy(), where=known)
 
 
@@ -68,17 +69,21 @@ def weighted_gaps(
     secondary: ContactSurface,
     primary: ContactSurface,
     normal: Array,
-    weights: tuple[csr_matrix, csr_matrix, csr_matrix | None],
+    weights: tuple[csr_matrix, csr_matrix],
+    change: Array | None,
     least: Array | None,
 ) -> Array:
-    """Gaps along the normals by the weights of `node.gap_vectors`, no less than `least`, (m,)."""
+    """Gaps along the normals by the weights of both sides, no less than `least`, (m,).
+
+    `change` is what smooth boundaries make of them (`smooth`).
+    """
     gap = np.sum(normal * gap_vectors(secondary, primary, *weights), axis=1)
+    if change is not None:
+        gap += change
     if least is not None:
         gap = np.maximum(gap, least)
-    # coordinates have 16 digits; whether touching surfaces are closed is not for the last to say
-    scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
-    gap[np.abs(gap) <= NO_WEIGHT * scale] = 0.0
-    return np.asarray(gap)
+    curved = np.zeros(len(gap), dtype=bool) if change is None else change != 0
+    return without_round_off(gap, secondary, primary, curved)
 
 
 def overhang(
@@ -89,7 +94,7 @@ def overhang(
 ) -> tuple[Array, Index]:
     """How far points are beside the primary, across their normal [length], and of which facet."""
     outside, inside = search_range(secondary, primary, reach)
-    _, nearest = kd_tree(primary.points).query(secondary.points)
+    _, nearest = Tree(primary.points).query(secondary.points)
     away = primary.points[nearest] - secondary.points
     normal = secondary.normals
     along = np.sum(away * normal, axis=1)

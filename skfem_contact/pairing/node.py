@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix, identity
+from scipy.sparse import bsr_matrix, csr_matrix, identity
 
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.normals import angle_between, tangents
 from skfem_contact.bodies.projection import interpolated_normals
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.bulges import bulged_nodes
 from skfem_contact.pairing.closest import closest_facets, overhang, search_range
 from skfem_contact.pairing.facing import node_normals
-from skfem_contact.pairing.vectors import turned
+from skfem_contact.pairing.seams import shared_at_seams
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +53,13 @@ class Pairing:
     still : ndarray of bool, shape (m,), or (m, d-1), optional
         Points, or tangents of points, along which the slip is what supports make it: their
         tangential rows have only what is prescribed, see `supports`.
-    primary_bulge : csr_matrix, shape (m, number of primary nodes), optional
-        Weights of the primary nodes turned by -90 degrees, by which the smooth boundaries stand above
-        their chords (`smooth`); they sum to zero in each row. None where facets are straight or curved
-        themselves.
+    primary_bulge : bsr_matrix, shape (m d, number of primary nodes d), optional
+        A block for each point and primary node: how the height of the smooth boundaries above their
+        facets, a vector, moves with the nodes (`smooth`). Blocks of a row sum to zero; applied to the
+        positions they give the vector itself. None where no facet stands for a curve.
+    smooth : ndarray, shape (m,), optional
+        By how much the gap is a distance between smooth boundaries, and not a part of the vector
+        between facets: 0 to 1.
     least_gap : ndarray, shape (m,), optional
         Gaps are no less than this, whatever the weights say of them (`kinks`) [length].
     corners : frozenset
@@ -81,7 +85,8 @@ class Pairing:
     primary_normal: np.ndarray | None = None
     slip_weights: tuple[csr_matrix, csr_matrix] | None = None
     still: np.ndarray | None = None
-    primary_bulge: csr_matrix | None = None
+    primary_bulge: bsr_matrix | None = None
+    smooth: np.ndarray | None = None
     least_gap: np.ndarray | None = None
     corners: frozenset[tuple[int, int]] = frozenset()
     vertex: np.ndarray | None = None
@@ -116,13 +121,13 @@ def gap_vectors(
     primary: ContactSurface,
     secondary_weights: csr_matrix,
     primary_weights: csr_matrix,
-    primary_bulge: csr_matrix | None = None,
+    primary_bulge: bsr_matrix | None = None,
 ) -> np.ndarray:
     """From the primary to the secondary at each point of a pairing, shape (m, d) [length]."""
     away = secondary_weights @ secondary.points - primary_weights @ primary.points
     if primary_bulge is None:
         return np.asarray(away)
-    return np.asarray(away + turned(primary_bulge @ primary.points))
+    return np.asarray(away + (primary_bulge @ primary.points.ravel()).reshape(away.shape))
 
 
 def node_to_segment(
@@ -235,6 +240,7 @@ def nodes_at_feet(
     # where there is no partner the frame is the node's own, turned round
     normals, gaps = -secondary.normals, np.full(m, np.inf)
     of_secondary = normals.copy()
+    gap, smooth, bulge = bulged_nodes(secondary, primary, (point, facet, shape), normal, gap)
     normals[point], gaps[point] = normal, gap
     of_primary = normals.copy()
     of_secondary[point], of_primary[point] = sides
@@ -243,6 +249,7 @@ def nodes_at_feet(
         shape=(m, len(primary.points)),
     )
     weights.eliminate_zeros()
+    weights = shared_at_seams(secondary, primary, weights)
     miss, end_facet = beyond
     end_facet[point] = facet
     return Pairing(
@@ -258,4 +265,6 @@ def nodes_at_feet(
         facet=end_facet,
         secondary_normal=of_secondary,
         primary_normal=of_primary,
+        primary_bulge=bulge,
+        smooth=smooth,
     )

@@ -14,9 +14,11 @@ weight of ``1e-6``, a million times as far as the gap is deep. Hence three rules
    pressure passes as before; and an interference that supports do not allow stays at the node,
    where rule 1 would make the neighbour gape by half as much.
 3. On a line of symmetry, and at a wall that guides both bodies, one component is held on both sides.
-   If it is the normal one, this is rule 2. Else the normal row takes what is free, and no tangential
-   row is left (but for what is prescribed); the neighbours keep theirs: there is no shear on a line
-   of symmetry, so the multiplier vanishes, and half a model is half of the whole.
+   If it is the normal one, this is rule 2. Else the tangential row is that of node-to-segment contact
+   along what is held, which nothing closes: there is no shear on a line of symmetry across it, the
+   neighbours keep their rows, and half a model is half of the whole. Along what is free it is the
+   multiple of the normal row: on a surface that meets the line at another angle than a right one,
+   forces have one direction, and normal force and friction share it as at any node that two rows hold.
 
 References
 ----------

@@ -21,9 +21,6 @@ COINCIDENT = 1e-6
 # the end; what lies farther beyond it is another part of the boundary.
 ASIDE = 0.1
 
-# Facets whose distances differ by less than this fraction of a facet length are equally near.
-TIE = 1e-9
-
 # -- corners -----------------------------------------------------
 
 # Angle [rad] between a facet and the end of the other surface from which on the vertex carries.
@@ -56,14 +53,7 @@ ALIKE = float(np.pi / 3)
 # (quadratic) however the facet is cut; uncut it is 1.7 and 2.2.
 SHARE_KEPT, COVER_KEPT = 1 / 4, 1 / 3
 
-# Shares, and distances of nodes on a face, are equal if they differ by less than this part: the far
-# node of a line that is half covered has just a quarter.
-EQUAL_SHARE = 1e-6
-
 # -- facing ------------------------------------------------------
-
-# Vectors this short against the longest are differences of equal points: they have no direction.
-NO_DIRECTION = 1e-9
 
 # A smaller turn beside a straight part, 2 degrees, may be that of a curve which begins there [rad].
 KINK = float(np.radians(2.0))
@@ -85,9 +75,6 @@ BEYOND = 0.25
 # By which part of its box, and of the turn of its normals at the nodes, a quadratic face may go beyond
 # them: a parabola with its middle node at a quarter of the edge goes beyond its nodes by 1/24.
 BULGE = 0.1
-
-# Unit vectors whose parts across each other are shorter than this are opposite or equal.
-NO_PLANE = 1e-12
 
 # -- frames ------------------------------------------------------
 
@@ -127,12 +114,6 @@ NEWTON_DONE, BISECTION_DONE = 1e-9, 1e-15
 # Pieces shorter than this fraction of a facet are round-off of coinciding ends; left out.
 SLIVER = 1e-10
 
-# -- smooth ------------------------------------------------------
-
-# To close the gap, curvatures change by their difference at most. Up to this part of the larger one
-# the smooth boundary of the undeformed body is nearer to the deformed one than its chord is.
-CURVATURE_KEPT = 0.5
-
 # -- supports ----------------------------------------------------
 
 # A node moves along a direction if its free components are this part of it at least, as in
@@ -149,14 +130,6 @@ OVERHANG = 0.25
 
 # -- faces.cells -------------------------------------------------
 
-# A face whose corners are off a plane by no more than this part of its size is plane, as far as its
-# area is concerned, which then is wrong by the square of it.
-PLANE_FACE = 1e-9
-
-# Normals whose part in the plane of a cell is no more than this are that of the plane, but for
-# round-off.
-PARALLEL = 1e-12
-
 # Steps to the image of a point along interpolated normals, and the change, in sizes of a cell, at which
 # they end: each step gains the square of the angle between the normals of a cell, two digits and more.
 IMAGE_STEPS, SETTLED = 12, 1e-13
@@ -166,9 +139,6 @@ IMAGE_STEPS, SETTLED = 12, 1e-13
 # Newton steps on a curved face, and the change of its coordinates at which they end: they square
 # the error, so that what is left after such a change is round-off.
 NEWTON_STEPS, SQUARED = 12, 1e-7
-
-# Pieces that cover less of a cell than this are round-off of coinciding edges; left out.
-SLIVER_AREA = 1e-12
 
 # Quadrature points worked on at once: some 500 bytes for each.
 POINTS_AT_ONCE = 1 << 17

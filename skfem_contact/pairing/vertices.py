@@ -11,7 +11,8 @@ from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.projection import interpolated_normals, project
 from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.bodies.thresholds import CORNER
-from skfem_contact.pairing.thresholds import COINCIDENT, PAIRS_AT_ONCE, SLACK, TIE
+from skfem_contact.digits import SOLVED
+from skfem_contact.pairing.thresholds import COINCIDENT, PAIRS_AT_ONCE, SLACK
 from skfem_contact.pairing.vectors import ahead
 
 Array = NDArray[np.float64]
@@ -127,7 +128,7 @@ def closest(
     distance = sizes(x - foot)
     nearest = np.full(len(corners.node), np.inf)
     np.minimum.at(nearest, corner, distance)
-    good = distance <= nearest[corner] + TIE * other.lengths[facet]
+    good = distance <= nearest[corner] + SOLVED * other.lengths[facet]
     # beyond an end: its node is the closest point only if it is that of the next facet, too
     side = (xi >= 0.5).astype(int)
     onward = other.neighbours[facet, side]

@@ -18,12 +18,13 @@ singular exactly where free motion is.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.arrays import block_diagonal
 from skfem_contact.bodies.system import System, slices
@@ -31,19 +32,17 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import columns_of, stacked
 from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.dense_factors import lu
-from skfem_contact.linalg.direct import Dense
 from skfem_contact.problem import delassus
 from skfem_contact.problem.contact_dofs import OnContactDofs
-from skfem_contact.problem.displacements import OnDisplacements
 from skfem_contact.problem.parts import reduced
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.resistance import point_resistance
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.series import PointsInSeries
-from skfem_contact.problem.sparse import SparseSpace
+from skfem_contact.problem.springs import on_rows, spring_compliance
 from skfem_contact.problem.substructure import Components, Substructure
-from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE
+from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE, STIFFER
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -126,9 +125,10 @@ class Condensed:
         parts = zip(self.substructures, self.spans, strict=True)
         return np.concatenate([part.load(f[span], x[span]) for part, span in parts])
 
-    def directions(self) -> Array:
-        """Loads on the contact DOFs that have one component, as many as loads span so far, (n_c, k)."""
-        return block_diagonal([part.directions for part in self.substructures])
+    def along(self, components: Sequence[Components]) -> Array:
+        """Loads on the contact DOFs that have one component, of all that there are, (n_c, k)."""
+        parts = zip(self.substructures, components, strict=True)
+        return block_diagonal([part.along(own) for part, own in parts])
 
     def contact_dofs(self, source: Source) -> Array:
         """Displacements of the contact DOFs, (n_c,) or (n_c, r)."""
@@ -167,12 +167,14 @@ class Condensed:
                 del x  # or it waits while the next one is computed
         return u
 
+    @cached_property
+    def softness(self) -> Array:
+        """How far a unit force moves each contact DOF, all others held, (n_c,) [length/force]."""
+        return np.concatenate([part.softness for part in self.substructures])
+
     def attach(self, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
         """The contact problem on one pairing."""
-        try:
-            return PointProblem(self, on)
-        except LinAlgError:  # rows that depend on each other: a corner, a chain
-            return SurfaceProblem(self, on, prefer, labels)
+        return PointProblem(self, on)
 
 
 class PointProblem(OnContactDofs[Condensed]):
@@ -181,31 +183,65 @@ class PointProblem(OnContactDofs[Condensed]):
     def __init__(self, bodies: Condensed, on: PosedOn) -> None:
         super().__init__(bodies, on)
         B, normal_rows, tangential_rows = self.changing_rows(on)
+        self._places = normal_rows, tangential_rows, B.shape[0]
         # of the dense matrices S alone is kept, in the place of A; G F follows from G
         self.G = G = stacked([B, bodies.anchor_rows] if bodies.P.size else [B])
         self.q = q = B.shape[0]
-        A = delassus.inverse(delassus.row_flexibility(G, bodies.row_flexibility))
+        self.springs: Array | None = None
+        try:
+            W = delassus.row_flexibility(G, bodies.row_flexibility)
+            stable = all(part.definite for part in bodies.substructures)
+            A = delassus.inverse(W) if stable else delassus.indefinite_inverse(W)
+        except LinAlgError:  # rows that depend on each other: corners, chains, tools that are held
+            A = self._inverse_with_springs()
         self.A_zq, self.A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         self.rigid = lu(self.A_qq - np.eye(len(A) - q))
         S = delassus.without_anchors(A, self.A_zq, self.rigid)
-        self.points = PointSpace(S, normal_rows, tangential_rows)
-        # what follows from loads that have one component along the directions known so far
+        self.space = PointSpace(S, normal_rows, tangential_rows)
+        self.points: PointSpace | None = self.space if self.springs is None else None
+        # what follows from loads that have one component, of so many as there were of each kind
         self._follows = np.zeros((len(bodies.columns) + 2 * q + len(self.A_qq), 0))
+        self._counts: list[int] = []
+
+    def _begin_anew(self) -> None:
+        super()._begin_anew()
+        space = self.space
+        self.space = PointSpace(space.S, space.normal_rows, space.tangential_rows)
+        self.points = self.space if self.springs is None else None
+
+    def _inverse_with_springs(self) -> Array:
+        """``(G F G' + E)^-1``, E of the springs in series with the points."""
+        rows, slips, bodies = self.rows, self.slips, self.bodies
+        self.springs = spring_compliance(rows, slips, lambda B: B.multiply(B) @ bodies.softness)
+        self._give = self._on_rows(self.springs, self.springs[:, None])
+        W = delassus.row_flexibility(self.G, bodies.row_flexibility)
+        W[np.diag_indices(self.q)] += self._give
+        return delassus.inverse(W, refuses=False)
+
+    def _on_rows(self, normal: Array, tangential: Array) -> Array:
+        return on_rows((normal, tangential), *self._places)
 
     @cached_property
     def resistance(self) -> Resistance:
-        """What each point resists by itself; anchors hold bodies that their supports do not."""
-        return point_resistance(self.rows, self.slips, self.bodies.row_flexibility)
+        """What each point resists by itself; anchors hold bodies that their supports do not.
+
+        Where points are seen through springs, what its own DOFs resist: anchors depend on numbering.
+        """
+        if self.springs is None:
+            return point_resistance(self.rows, self.slips, self.bodies.row_flexibility)
+        given = diags(STIFFER * self.bodies.softness)
+        return point_resistance(self.rows, self.slips, lambda rows: rows @ given)
 
     def load(self, case: LoadCase) -> Load:
         """A load case on gaps and slips."""
         components = self.bodies.components(case.f, case.x)
-        known = [c for pair in components if pair is not None for c in pair]
-        if len(known) == 2 * len(components):
-            c = np.concatenate(known)
-            if len(c) != self._follows.shape[1]:
-                self._follows = self._following(self.bodies.directions())
-            found = self._follows.dot(c)
+        whole = [pair for pair in components if pair is not None]
+        if len(whole) == len(components):
+            known = [c for pair in whole for c in pair]
+            counts = [len(c) for c in known]
+            if counts != self._counts:
+                self._counts, self._follows = counts, self._following(self.bodies.along(whole))
+            found = self._follows.dot(np.concatenate(known))
         else:
             found = self._following(self.bodies.load(case.f, case.x))
         force, rest = found[: self.q], len(found) - len(self.bodies.columns)
@@ -217,16 +253,21 @@ class PointProblem(OnContactDofs[Condensed]):
         of gaps, slips and anchors; then the loads themselves."""
         moved = self.G @ self.bodies.flexibility(f_c)
         # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
-        force = self.points.S @ moved[: self.q] - self.A_zq @ self.rigid.solve(moved[self.q :])
+        force = self.space.S @ moved[: self.q] - self.A_zq @ self.rigid.solve(moved[self.q :])
         return np.concatenate([force, moved, f_c])
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
-        return self.points.solve(conditions, load)
+        return self.space.solve(conditions, load)
+
+    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
+        """The load with the forces at which the springs of the problem have no strain."""
+        strained = self._give * self._on_rows(normal_force, -tangential_force)
+        return replace(load, force=load.force - self.space.S.dot(strained), strained=strained)
 
     def in_series(self, C: Resistance) -> PointsInSeries:
         """The same problem with springs of the stiffness C in series with its points."""
-        return PointsInSeries(self.points, C)
+        return PointsInSeries(self.space, C, self.springs)
 
     def source(self, load: Load, response: Response) -> Source:
         """Forces on the contact DOFs: loads, contact, and the springs on the anchors."""
@@ -246,31 +287,3 @@ class PointProblem(OnContactDofs[Condensed]):
         if self.slips:
             force -= from_slips @ np.column_stack([r.tangential_force.ravel() for r in responses])
         return [Source(column.copy(), forces=True) for column in force.T]
-
-
-class SurfaceProblem(OnDisplacements, OnContactDofs[Condensed]):
-    """The contact problem on contact DOFs, ``T'S T``: for rows that depend on each other."""
-
-    def __init__(self, bodies: Condensed, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> None:
-        super().__init__(bodies, on)
-        self.space = SparseSpace(
-            K=csr_matrix(block_diagonal([part.S for part in bodies.substructures])),
-            kin=self.rows,
-            D=np.zeros(0, dtype=int),
-            prefer=prefer[bodies.columns],
-            backend=Dense(),
-            labels=labels,
-            scale=bodies.system.extent,
-            frictional=on.slipping,
-        )
-
-    @cached_property
-    def resistance(self) -> Resistance:
-        """What each point resists by itself."""
-        return point_resistance(self.rows, self.slips, self.bodies.row_flexibility)
-
-    def load(self, case: LoadCase) -> Load:
-        """A load case on the contact DOFs."""
-        f_c, components = self.bodies.load(case.f, case.x), self.bodies.components(case.f, case.x)
-        gap0, slip0 = self.constant(case)
-        return Load(f_c, gap0, slip0, np.zeros(len(f_c)), components)

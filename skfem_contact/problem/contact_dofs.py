@@ -13,7 +13,7 @@ from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import row_sizes, stacked
-from skfem_contact.conditions.thresholds import FIXED
+from skfem_contact.digits import GIVEN
 from skfem_contact.problem.response import Source
 from skfem_contact.problem.seam import Posed, PosedOn
 
@@ -57,11 +57,11 @@ class OnContactDofs(Posed, Generic[B]):
         Those of gaps first; -1 where a point has none, (m,) and (m, d-1).
         """
         kin, t = self.rows, on.kin.tangents
-        normal = np.flatnonzero(kin.paired & (row_sizes(kin.B_n) > FIXED))
+        normal = np.flatnonzero(kin.paired & (row_sizes(kin.B_n) > GIVEN))
         tangential, rows = np.zeros(0, dtype=np.intp), [_chosen(kin.B_n, normal)]
         if self.slips:
             may_slip = np.repeat(kin.paired & on.slipping, t)
-            tangential = np.flatnonzero(may_slip & (row_sizes(kin.B_t) > FIXED))
+            tangential = np.flatnonzero(may_slip & (row_sizes(kin.B_t) > GIVEN))
             rows.append(_chosen(kin.B_t, tangential))
         normal_rows, tangential_rows = np.full(kin.m, -1), np.full(kin.m * t, -1)
         normal_rows[normal] = np.arange(len(normal))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
-from skfem_contact.linalg.dense_factors import DenseFactors, cholesky
+from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, lu
 from skfem_contact.linalg.in_place import blocks, divide, subtract_product, symmetrise
 from skfem_contact.problem import thresholds
 
@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 def dense_bytes(kept: Sequence[int], rows: int) -> int:
     """Memory of the dense matrices of a contact problem at most, before any of them is there [bytes].
 
-    That is the flexibility of each body (and its stiffness, unless that is large), the stiffness of
-    gaps and slips, and what an iteration makes of it: a factorisation, and what friction adds.
+    That is the flexibility of each body, the stiffness of gaps and slips, and what an iteration makes
+    of it: a factorisation, and what friction adds.
 
     Parameters
     ----------
@@ -40,9 +40,7 @@ def dense_bytes(kept: Sequence[int], rows: int) -> int:
     >>> dense_bytes([3000, 3000], 3000) / (8 * 3000**2)
     4.5
     """
-    bodies = [8 * int(n) ** 2 for n in kept]
-    beside = [size for size in bodies if size <= thresholds.KEPT_BESIDE]
-    return sum(bodies) + sum(beside) + int(thresholds.PER_ROWS * 8 * rows**2)
+    return sum(8 * int(n) ** 2 for n in kept) + int(thresholds.PER_ROWS * 8 * rows**2)
 
 
 def row_flexibility(G: csr_matrix, times_flexibility: Callable[[csr_matrix], Array]) -> Array:
@@ -61,8 +59,28 @@ def row_flexibility(G: csr_matrix, times_flexibility: Callable[[csr_matrix], Arr
     return W
 
 
-def inverse(W: Array) -> Array:
-    """Inverse of a symmetric positive definite matrix, in its place, refusing dependent rows.
+def indefinite_inverse(W: Array) -> Array:
+    """Inverse of a symmetric matrix that is not positive definite, as of bodies that are not stable.
+
+    Raises
+    ------
+    LinAlgError
+        Rows depend on each other.
+    """
+    symmetrise(W)
+    size = np.sqrt(np.max(np.abs(W), axis=1))
+    divide(W, size)
+    factors = lu(W)
+    if not factors.even(thresholds.DEPENDENT**2):
+        raise LinAlgError("dependent contact rows")
+    inverse = factors.solve(np.eye(len(W)))
+    symmetrise(inverse)
+    divide(inverse, size)
+    return inverse
+
+
+def inverse(W: Array, refuses: bool = True) -> Array:
+    """Inverse of a symmetric positive definite matrix, in its place; dependent rows may be refused.
 
     No diagonal entry is zero: rows without free coefficients are left out before, and the flexibility
     of the bodies is positive definite.
@@ -76,7 +94,7 @@ def inverse(W: Array) -> Array:
     symmetrise(W)
     divide(W, scale)
     factors = cholesky(W.T, overwrite=True)
-    if np.min(factors.diagonal, initial=1.0) < thresholds.DEPENDENT:
+    if refuses and np.min(factors.diagonal, initial=1.0) < thresholds.DEPENDENT:
         raise LinAlgError("dependent contact rows")
     inverse = factors.inverse()
     divide(inverse, scale)

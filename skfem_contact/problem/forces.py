@@ -32,6 +32,7 @@ from skfem_contact.problem.layer import Layers
 from skfem_contact.problem.resistance import point_resistance
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
 from skfem_contact.problem.seam import PosedOn
+from skfem_contact.problem.sparse import DependentRows
 from skfem_contact.problem.thresholds import ROUGHLY, STIFFER, UNHELD
 from skfem_contact.problem.whole import Whole
 
@@ -39,10 +40,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 W = TypeVar("W", bound=Whole)
 P = TypeVar("P", bound="OnForces[Any]")
-
-
-class DependentRows(Exception):
-    """Contact rows depend on each other: their forces are not unique."""
 
 
 class OnForces(OnContactDofs[W]):
@@ -69,6 +66,7 @@ class OnForces(OnContactDofs[W]):
     """
 
     points = None
+    springs = None  # rows that depend on each other are solved with all DOFs
 
     def __init__(self, bodies: W, on: PosedOn) -> None:
         super().__init__(bodies, on)
@@ -100,10 +98,6 @@ class OnForces(OnContactDofs[W]):
         new.own = self.own * new._share
         new._begin_anew()
         return new
-
-    def _begin_anew(self) -> None:
-        """Forget the iteration before."""
-        raise NotImplementedError
 
     def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
         """The load with the forces at which the springs have no strain."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -13,17 +15,20 @@ from scipy.sparse import block_diag, csr_matrix, diags
 
 from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.system import System
+from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.direct import as_linear_solver
-from skfem_contact.problem.displacements import OnDisplacements
 from skfem_contact.problem.resistance import point_resistance
-from skfem_contact.problem.response import Load, Resistance, Source
+from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.problem.seam import ContactProblem, Posed, PosedOn
-from skfem_contact.problem.sparse import SparseSpace
+from skfem_contact.problem.series import DisplacementsInSeries
+from skfem_contact.problem.sparse import DependentRows, SparseSpace
+from skfem_contact.problem.springs import spring_compliance
 from skfem_contact.problem.thresholds import STIFFER
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+logger = logging.getLogger("skfem_contact")
 
 
 class FullSystem:
@@ -57,8 +62,10 @@ class FullSystem:
         return FullProblem(self, on, prefer, labels)
 
 
-class FullProblem(OnDisplacements, Posed):
+class FullProblem(Posed):
     """The contact problem on all DOFs."""
+
+    points = None
 
     def __init__(self, bodies: FullSystem, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> None:
         super().__init__(on)
@@ -75,19 +82,73 @@ class FullProblem(OnDisplacements, Posed):
             points=bodies.points,
             modes=bodies.modes,
         )
+        self.springs: Array | None = None
+        self._seen: DisplacementsInSeries | None = None
+
+    def _begin_anew(self) -> None:
+        super()._begin_anew()
+        self.space = replace(self.space, _key=None, _factor=None)
+        if self._seen is not None:
+            self._seen = self._through_springs()
 
     @cached_property
     def resistance(self) -> Resistance:
         """What each point resists by itself, by K's diagonal."""
+        given = STIFFER * self._softness
+        return point_resistance(self.kin, self.slips, lambda rows: rows @ diags(given))
+
+    @cached_property
+    def _softness(self) -> Array:
+        """How far a unit force moves each DOF, all others held, (n,) [length/force]."""
         diagonal = self.space.K.diagonal()
         given = np.zeros_like(diagonal)
         free = np.setdiff1d(np.flatnonzero(diagonal > 0), self.space.D)
-        given[free] = STIFFER / diagonal[free]
-        return point_resistance(self.kin, self.slips, lambda rows: rows @ diags(given))
+        given[free] = 1.0 / diagonal[free]
+        return given
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps, slips and forces under these conditions; through springs once rows are dependent."""
+        if self._seen is None:
+            try:
+                return self.space.solve(conditions, load)
+            except DependentRows:
+                logger.info("contact rows depend on each other: points are seen through springs")
+                self.springs = self._compliance()
+                self._seen = self._through_springs()
+        n = self.kin.B_n.shape[1]
+        if len(load.force) == n:
+            still = np.zeros(load.gap0.shape), np.zeros(load.slip0.shape)
+            load = self.at_forces(load, *still)
+        found = self._seen.solve(conditions, load)
+        return replace(found, solution=found.solution[:n])
+
+    def _through_springs(self) -> DisplacementsInSeries:
+        assert self.springs is not None
+        return self.in_series(Resistance(1.0 / self.springs, 1.0 / self.springs))
+
+    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
+        """The load with the forces at which the springs of the problem have no strain."""
+        assert self._seen is not None
+        return self._seen.at_forces(load, normal_force, tangential_force)
+
+    def in_series(self, C: Resistance) -> DisplacementsInSeries:
+        """The same problem with springs of the stiffness C in series with its points."""
+        return DisplacementsInSeries(self.space, C)
+
+    def _compliance(self) -> Array:
+        """That of the springs of the problem, by K's diagonal."""
+        free = np.setdiff1d(np.arange(len(self._softness)), self.space.D)
+        softness = self._softness[free]
+        rows = without_columns(self.kin, free)
+        return spring_compliance(rows, self.slips, lambda B: B.multiply(B) @ softness)
 
     def load(self, case: LoadCase) -> Load:
         """The load case as it stands."""
         return Load(case.f, case.gap0, case.slip0, case.x)
+
+    def source(self, load: Load, response: Response) -> Source:
+        """Displacements of all DOFs."""
+        return Source(response.solution, forces=False)
 
     def surface(self, source: Source, case: LoadCase) -> Array:
         """Displacements of all DOFs (n,)."""

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.problem.forces import DependentRows, HeldForces, OnForces, could_not
+from skfem_contact.problem.forces import HeldForces, OnForces, could_not
 from skfem_contact.problem.full import FullProblem, FullSystem
 from skfem_contact.problem.response import Conditions, Load, Response, Source
 from skfem_contact.problem.seam import ContactProblem, PosedOn
+from skfem_contact.problem.sparse import DependentRows
 from skfem_contact.problem.thresholds import ITERATED, MOST_PRODUCTS, STAGNANT
 from skfem_contact.problem.whole import Whole
 
@@ -46,6 +47,7 @@ class IteratedProblem(OnForces[IteratedBodies]):
         self._begin_anew()
 
     def _begin_anew(self) -> None:
+        super()._begin_anew()
         self._last: tuple[Load, Array, Array] | None = None  # of the iteration before, under one load
 
     def moved(self, p: Array, q: Array) -> tuple[Array, Array]:

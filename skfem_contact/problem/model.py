@@ -23,6 +23,7 @@ from skfem_contact.elimination.rows import point_labels, secondary_dofs
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.memory import Limits
 from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.once import Lock
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
 from skfem_contact.problem.condensed import Condensed
@@ -44,6 +45,9 @@ EVEN_CLOSED = "even with every contact point closed"
 
 class LinearModel:
     """What depends on the stiffness and not on loads; nothing is factorised before it is needed.
+
+    All solves share it, those of several threads too: what it computes stays as it is, and is computed
+    by the first who asks for it, while the others wait. What a solve changes is in its `Workspace`.
 
     Parameters
     ----------
@@ -86,16 +90,16 @@ class LinearModel:
         self._bodies: AnyBodies | None = None
         self._base: ContactProblem | None = None
         self._for_pivoting: Condensed | None = None
-        self._on_points: tuple[ContactProblem, ContactProblem] | None = None
         self._sprung: dict[bytes, LinearModel] = {}
         self._moves: tuple[Array, tuple[float, ...]] | None = None
+        self._lock = Lock()
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
         known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
         for made in ("_wanted", "choice"):
             known.pop(made, None)
-        return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting", "_on_points", "_moves"))
+        return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting", "_moves"))
 
     @cached_property
     def diagonals(self) -> tuple[Array, ...]:
@@ -119,10 +123,12 @@ class LinearModel:
 
     def moves(self, case: LoadCase) -> tuple[float, ...]:
         """Largest prescribed displacement of each body [length]."""
-        if self._moves is None or self._moves[0] is not case.x:
+        known = self._moves
+        if known is None or known[0] is not case.x:
             moved = np.abs(case.x[self.system.D])
-            self._moves = case.x, tuple([largest(moved[part]) for part in self.system.supports])
-        return self._moves[1]
+            found = tuple([largest(moved[part]) for part in self.system.supports])
+            known = self._moves = case.x, found
+        return known[1]
 
     def with_interface(
         self, interface: Interface, timings: dict[str, float], geometry: Geometry
@@ -151,27 +157,24 @@ class LinearModel:
         if not springs.any():
             return self
         key = springs.tobytes()
-        if key not in self._sprung:
-            stiffness, reuse = [], []
-            substructures = self.substructures or [None] * len(self.stiffness)
-            for body, K, part in zip(self.system.bodies, self.stiffness, substructures, strict=True):
-                own = springs[self.system.slice(body)]
-                stiffness.append(K + csr_matrix(diags(own)) if own.any() else K)
-                reuse.append(None if own.any() else part)
-            motions = rigid_motions(self.system, self.kin, stiffness)
-            if len(self._sprung) >= MOST_TWINS:
-                self._sprung.pop(next(iter(self._sprung)))
-            self._sprung[key] = LinearModel(
-                self.geometry,
-                self.interface,
-                stiffness,
-                motions,
-                self.linear,
-                self.limits,
-                self.timings,
-                reuse,
-            )
-        return self._sprung[key]
+        with self._lock:
+            known = self._sprung.get(key)
+            if known is None:
+                if len(self._sprung) >= MOST_TWINS:
+                    self._sprung.pop(next(iter(self._sprung)))
+                known = self._sprung[key] = self._with(springs)
+            return known
+
+    def _with(self, springs: NDArray[np.float64]) -> LinearModel:
+        stiffness, reuse = [], []
+        substructures = self.substructures or [None] * len(self.stiffness)
+        for body, K, part in zip(self.system.bodies, self.stiffness, substructures, strict=True):
+            own = springs[self.system.slice(body)]
+            stiffness.append(K + csr_matrix(diags(own)) if own.any() else K)
+            reuse.append(None if own.any() else part)
+        motions = rigid_motions(self.system, self.kin, stiffness)
+        parts = self.geometry, self.interface, stiffness, motions
+        return LinearModel(*parts, self.linear, self.limits, self.timings, reuse)
 
     def prepare(self) -> None:
         """Do now what the first load step would do once."""
@@ -184,11 +187,14 @@ class LinearModel:
     def bodies(self) -> AnyBodies:
         """The linear problem of the bodies without contact, made when first asked for."""
         if self._bodies is None:
-            self._check_support()
-            start = time.perf_counter()
-            with single_threaded():
-                self._bodies = self._made(self.route)
-            self.timings["condensation"] = time.perf_counter() - start
+            with self._lock:
+                if self._bodies is None:
+                    self._check_support()
+                    start = time.perf_counter()
+                    with single_threaded():
+                        made = self._made(self.route)
+                    self.timings["condensation"] = time.perf_counter() - start
+                    self._bodies = made
         return self._bodies
 
     def _made(self, route: str) -> AnyBodies:
@@ -230,38 +236,51 @@ class LinearModel:
 
     def problem_on(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         """The contact problem on a pairing; without one, on that of the undeformed bodies."""
-        if kin is None and self._base is not None:
-            return self._base
+        if kin is not None:
+            return self._posed(kin, u)
+        if self._base is None:
+            with self._lock:
+                if self._base is None:
+                    self._base = self._posed(None, u)
+        return self._base
+
+    def _posed(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         bodies = self.bodies
         seal(self.kin if kin is None else kin)
         start = time.perf_counter()
         with single_threaded():
             problem = self._attach(bodies, kin, u)
         spent = time.perf_counter() - start
-        self.timings["contact problem"] = self.timings.get("contact problem", 0.0) + spent
-        if kin is None:
-            self._base = problem
+        with self._lock:
+            self.timings["contact problem"] = self.timings.get("contact problem", 0.0) + spent
         return problem
 
     def _attach(self, bodies: Bodies, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         own = self.kin if kin is None else kin
         motions = self.motions if kin is None else self.motions.seen_by(kin)
         on = PosedOn(own, motions, u, self.interface.slipping)
-        return bodies.attach(on, self._prefer, self._labels)
+        return bodies.attach(on, self._prefer, self.labels)
+
+    @property
+    def condenses(self) -> bool:
+        """Whether there is a problem on gaps and slips: see `on_points`."""
+        sparse = self.route == "full" and isinstance(self.choice.backend, Direct)
+        return self.route == "condensed" or sparse
 
     def on_points(self, problem: ContactProblem) -> ContactProblem:
         """The same problem on gaps and slips; on the sparse route condensed for this alone.
 
-        Not in place of an iterative solver, which is chosen where a factorisation is too much.
+        Not in place of an iterative solver, which is chosen where a factorisation is too much. The
+        problem is one that nobody else solves at the moment.
         """
-        if self.route != "full" or not isinstance(self.choice.backend, Direct):
+        if self.route == "condensed" or not self.condenses:
             return problem
-        if self._for_pivoting is None:
-            self._for_pivoting = Condensed(self.system, self.stiffness, self._wanted)
-        if self._on_points is None or self._on_points[0] is not problem:
-            points = self._attach(self._for_pivoting, problem.kin, problem.u)
-            self._on_points = problem, points
-        return self._on_points[1]
+        with self._lock:
+            if self._for_pivoting is None:
+                self._for_pivoting = Condensed(self.system, self.stiffness, self._wanted)
+        if problem.on_points is None:
+            problem.on_points = self._attach(self._for_pivoting, problem.kin, problem.u)
+        return problem.on_points
 
     @cached_property
     def _wanted(self) -> NDArray[np.intp]:
@@ -283,7 +302,8 @@ class LinearModel:
         return secondary_dofs(self.system, self.interface.contacts)
 
     @cached_property
-    def _labels(self) -> list[str]:
+    def labels(self) -> list[str]:
+        """Names of all points."""
         contacts = self.interface.contacts
         sizes = [part.stop - part.start for part in self.interface.point_slices]
         named = [point_labels(c, m) for c, m in zip(contacts, sizes, strict=True)]

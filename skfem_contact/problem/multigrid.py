@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +25,12 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.amg import AMG, Hierarchy, conjugate_gradients, hierarchy, not_within
-from skfem_contact.problem.forces import DependentRows, HeldForces, OnForces
+from skfem_contact.once import once
+from skfem_contact.problem.forces import HeldForces, OnForces
 from skfem_contact.problem.full import FullProblem, FullSystem
 from skfem_contact.problem.response import Conditions, Load, Response, Source
 from skfem_contact.problem.seam import ContactProblem, PosedOn
+from skfem_contact.problem.sparse import DependentRows
 from skfem_contact.problem.substructure import Substructure
 from skfem_contact.problem.thresholds import ANCHORED, CLOSER, ROUNDING
 from skfem_contact.problem.whole import Whole, WholeBody
@@ -41,14 +42,14 @@ logger = logging.getLogger("skfem_contact")
 class GridBody(WholeBody):
     """One body by its matrix, with multigrid in place of factors."""
 
-    @cached_property
+    @once
     def K_free(self) -> csr_matrix:
         """K on the free DOFs, with springs on the anchors."""
         springs = np.zeros(self.body.n)
         springs[self.anchors] = np.diag(self.springs) ** 2
         return csr_matrix(self.K[self.free][:, self.free] + diags(springs[self.free]))
 
-    @cached_property
+    @once
     def grids(self) -> Hierarchy:
         """Grids of the body; of a rigid one its few equations themselves."""
         if isinstance(self.body, Body):
@@ -91,7 +92,7 @@ class MultigridBodies(Whole):
         self.free = np.concatenate([s.start + p.free for p, s in zip(parts, self.spans, strict=True)])
         self.place = np.searchsorted(self.free, self.columns)  # contact DOFs among the free ones
 
-    @cached_property
+    @once
     def diagonal(self) -> Array:
         """Of K on the free DOFs, (n_f,)."""
         return np.concatenate([part.K_free.diagonal() for part in self.substructures])
@@ -143,6 +144,7 @@ class MultigridProblem(OnForces[MultigridBodies]):
         self._begin_anew()
 
     def _begin_anew(self) -> None:
+        super()._begin_anew()
         self._last: tuple[Load, Array, Array, Array] | None = None  # of the iteration before
 
     def load(self, case: LoadCase) -> Load:

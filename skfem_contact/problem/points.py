@@ -184,7 +184,8 @@ class PointSpace:
         # with its part along a tangent whose slip supports prescribe, for which there is no row
         friction = friction_force(conditions, slip, normal_force, rows.gives)
         tangential[rows.rubs] = friction[rows.rubs]
-        return Response(gap, slip, normal_force, tangential, z)
+        own = z if load.strained is None else z + load.strained
+        return Response(gap, slip, normal_force, tangential, own)
 
 
 class Reduction:

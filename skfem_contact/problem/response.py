@@ -64,14 +64,30 @@ class Conditions:
         spring = self.spring
         if spring.shape[1] == 1 or not self.gives:
             return True
-        size = np.max(np.abs(spring), axis=(1, 2))
-        skew = np.max(np.abs(spring - spring.swapaxes(1, 2)), axis=(1, 2))
-        return not np.count_nonzero(skew > SKEW * size)
+        return not np.count_nonzero(_skewed(spring))
 
     def matrix_key(self) -> bytes:
         """Equal for conditions with the same matrix, so that a factorisation can be kept."""
         masks = self.closed.tobytes() + self.stick.tobytes()
         return masks + self.spring.tobytes() + self.coupling.tobytes()
+
+
+def odd_round_off(spring: Array) -> Array:
+    """What takes springs (m, t, t) that count as symmetric from being so; zero for the others.
+
+    >>> odd_round_off(np.array([[[2.0, 1e-12], [0.0, 2.0]], [[2.0, 1.0], [0.0, 2.0]]])).tolist()
+    [[[0.0, 5e-13], [-5e-13, 0.0]], [[0.0, 0.0], [0.0, 0.0]]]
+    """
+    odd = 0.5 * (spring - spring.swapaxes(1, 2))
+    odd[_skewed(spring)] = 0.0
+    return odd
+
+
+def _skewed(spring: Array) -> Mask:
+    """Springs (m, t, t) that differ from their transposes by more than round-off."""
+    size = np.max(np.abs(spring), axis=(1, 2))
+    skew = np.max(np.abs(spring - spring.swapaxes(1, 2)), axis=(1, 2))
+    return np.asarray(skew > SKEW * size)
 
 
 @dataclass(eq=False)
@@ -122,6 +138,8 @@ class Load:
         What the bodies remember of the load, for the interior.
     moved : ndarray
         Changes of gaps, slips and anchors where contact carries nothing; on gaps and slips.
+    strained : ndarray or None
+        Extensions of springs in series with gaps and slips at the forces at which they are at rest.
     """
 
     force: Array
@@ -130,6 +148,7 @@ class Load:
     prescribed: Array
     components: tuple[Any, ...] = ()
     moved: Array | None = None
+    strained: Array | None = None
 
 
 @dataclass(eq=False)

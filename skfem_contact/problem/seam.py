@@ -10,11 +10,10 @@ Four problems answer them, each exactly:
 =================  =====================  ==========================================================
 problem            unknowns               in
 =================  =====================  ==========================================================
-`PointProblem`     gaps and slips         `condensed`: small and dense; rows that do not depend on
-                                          each other
-`SurfaceProblem`   contact DOFs           `condensed`: rows that do, at corners and in chains
+`PointProblem`     gaps and slips         `condensed`: small and dense
 `IteratedProblem`  forces on points       `iterated`: the same where there are very many, by products
                                           with the factors of the bodies
+`MultigridProblem` displacements, forces  `multigrid`: for bodies too large to be factorised
 `FullProblem`      all DOFs               `full`: sparse, with any linear solver
 =================  =====================  ==========================================================
 """
@@ -22,9 +21,11 @@ problem            unknowns               in
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,7 @@ from skfem_contact.problem.response import Conditions, Load, Resistance, Respons
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+P = TypeVar("P", bound="Posed")
 
 
 class LinearProblem(Protocol):
@@ -58,12 +60,17 @@ class LinearProblem(Protocol):
         """
         ...
 
+    @property
+    def springs(self) -> Array | None:
+        """Compliance of the springs through which points are seen, (m,) [length/force]; see `springs`.
 
-class InSeries(LinearProblem, Protocol):
-    """A contact problem with springs in series with its points, see `series`."""
+        None where rows do not depend on each other, and there are none. They are a device of the
+        iteration: it moves their rest forces until none has a strain.
+        """
+        ...
 
     def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
-        """A load of the problem without springs, with the forces at which they have no strain."""
+        """A load of `ContactProblem.load` with the forces at which the springs have no strain."""
         ...
 
 
@@ -78,11 +85,24 @@ class ContactProblem(LinearProblem, Protocol):
         Those that supports leave free, seen from these points.
     u : ndarray, shape (n,) or None
         Displacements of the surfaces at which the pairing was made; None for the undeformed bodies.
+    idle : list of ContactProblem
+        Of those that `anew` has made the ones that no solve has at the moment, see `workspace`.
+    steps : WeakKeyDictionary
+        What loops know of the points, by whom they are asked; of this problem's memory.
+    on_points : ContactProblem or None
+        The same on gaps and slips, where somebody has asked for it; of this problem's memory.
     """
 
     kin: Kinematics
     motions: RigidMotions
     u: Array | None
+    idle: list[Any]
+    steps: WeakKeyDictionary[Any, Any]
+    on_points: ContactProblem | None
+
+    def anew(self) -> ContactProblem:
+        """The same problem with a memory of its own: for one solve at a time."""
+        ...
 
     @property
     def able(self) -> Mask:
@@ -99,7 +119,7 @@ class ContactProblem(LinearProblem, Protocol):
         """What each point resists by itself: how gaps and slips count beside forces."""
         ...
 
-    def in_series(self, C: Resistance) -> InSeries:
+    def in_series(self, C: Resistance) -> LinearProblem:
         """The same problem with springs of the stiffness C in series with its points."""
         ...
 
@@ -170,6 +190,19 @@ class Posed:
 
     def __init__(self, on: PosedOn) -> None:
         self.kin, self.motions, self.u = on.kin, on.motions, on.u
+        self.idle: list[Any] = []
+        self.steps: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
+        self.on_points: ContactProblem | None = None
+
+    def anew(self: P) -> P:
+        """The same problem with a memory of its own: for one solve at a time."""
+        new = copy(self)
+        new._begin_anew()
+        return new
+
+    def _begin_anew(self) -> None:
+        """Forget all that follows from what was solved before."""
+        self.steps, self.on_points = WeakKeyDictionary(), None
 
     def source(self, load: Load, response: Response) -> Source:
         """What the displacements of the bodies follow from."""

@@ -17,50 +17,60 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bmat, csr_matrix, diags, hstack, identity, vstack
 
-from skfem_contact.linalg.dense_factors import cholesky
+from skfem_contact.linalg.dense_factors import lu
+from skfem_contact.linalg.in_place import symmetrise
 from skfem_contact.linalg.stacked import Stacked
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.sparse import SparseSpace
+from skfem_contact.problem.springs import on_rows
 
 Array = NDArray[np.float64]
 
 
 class PointsInSeries:
-    """On gaps and slips: with ``S z = h + p`` and the factors of ``C + S``,
+    """On gaps and slips, ``S z = h + p``, where ``S = (W + E)^-1`` has springs E already, or none.
 
-        (C - C (C + S)^-1 C) seen = C (C + S)^-1 (h + p_0) - p_0 + p.
+    With those of the stiffness C in their place, ``D = C^-1 - E``,
+
+        (1 + S D)^-1 S seen = (1 + S D)^-1 (h - S C^-1 p_0) + p.
 
     Parameters
     ----------
     space : PointSpace
     C : Resistance
         Stiffness of the springs of each point.
+    own : ndarray, shape (m,), optional
+        Compliance E of the springs that are in S.
     """
 
-    def __init__(self, space: PointSpace, C: Resistance) -> None:
+    springs = None  # that are to lose their strain
+
+    def __init__(self, space: PointSpace, C: Resistance, own: Array | None = None) -> None:
         self._space = space
-        tangential = np.broadcast_to(C.tangential[:, None], space.tangential_rows.shape)
-        self._C = self._on_rows(C.normal, tangential)
-        self._factor = cholesky(space.S + np.diag(self._C))
-        S = np.diag(self._C) - self._C[:, None] * self._factor.solve(np.diag(self._C))
-        self.points = PointSpace(0.5 * (S + S.T), space.normal_rows, space.tangential_rows)
+        shape = space.tangential_rows.shape
+        soft = 1.0 / C.normal, np.broadcast_to(1.0 / C.tangential[:, None], shape)
+        self._give = self._on_rows(*soft)
+        replaced = np.zeros(len(space.S))
+        if own is not None:
+            replaced = self._on_rows(own, np.broadcast_to(own[:, None], shape))
+        self._factor = lu(np.eye(len(space.S)) + space.S * (self._give - replaced))
+        S = self._factor.solve(space.S)
+        symmetrise(S)
+        self.points = PointSpace(S, space.normal_rows, space.tangential_rows)
 
     def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
         """The load with the forces at which the springs have no strain."""
         p = self._on_rows(normal_force, -tangential_force)
-        return replace(load, force=self._C * self._factor.solve(load.force + p) - p)
+        return replace(load, force=self._factor.solve(load.force) - self.points.S @ (self._give * p))
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps and slips as they are seen, and forces, under these conditions."""
         return self.points.solve(conditions, load)
 
     def _on_rows(self, normal: Array, tangential: Array) -> Array:
-        """Values of points and their tangents, on the rows that there are."""
-        out = np.zeros(len(self._space.S) + 1)  # the last for rows of -1, which there are not
-        out[self._space.normal_rows] = normal
-        out[self._space.tangential_rows] = tangential
-        return out[:-1]
+        space = self._space
+        return on_rows((normal, tangential), space.normal_rows, space.tangential_rows, len(space.S))
 
 
 class DisplacementsInSeries:
@@ -77,6 +87,7 @@ class DisplacementsInSeries:
     """
 
     points = None
+    springs = None
 
     def __init__(self, space: SparseSpace, C: Resistance) -> None:
         kin, n = space.kin, space.K.shape[0]

@@ -15,11 +15,16 @@ from skfem_contact.conditions.prescribed import prescribed_rows
 from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.eliminate import eliminate
+from skfem_contact.errors import ConstraintError
 from skfem_contact.linalg.stacked import Stacked
 from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+
+class DependentRows(Exception):
+    """Contact rows depend on each other: their forces are not unique, or there are none."""
 
 
 @dataclass(eq=False)
@@ -77,9 +82,14 @@ class SparseSpace:
         anchor = (conditions.anchor - load.slip0).ravel()
         b = np.concatenate([-load.gap0[closed], anchor[tangential]])
         names = [self.labels[i] for i in closed] + [self.labels[i] for i in tangential // t]
-        trial = eliminate(
-            C, b, self.D, load.prescribed, prefer=self.prefer, labels=names, scale=self.scale
-        )
+        try:
+            trial = eliminate(
+                C, b, self.D, load.prescribed, prefer=self.prefer, labels=names, scale=self.scale
+            )
+        except ConstraintError:
+            raise DependentRows from None
+        if len(trial.redundant):
+            raise DependentRows
         test = self._test_space(conditions, C, closed, trial)
 
         slides = (conditions.closed & ~conditions.stick)[:, None]
@@ -99,10 +109,7 @@ class SparseSpace:
             self._factor = self._factorize(K_r, trial, spd=symmetric)
             self._key = key
         u = trial.expand(self._factor.solve(f_r))
-        p = np.zeros(len(names))
-        p[trial.rows_kept] = test.multipliers(K @ u - f)[
-            trial.rows_kept if test is trial else slice(None)
-        ]
+        p = test.multipliers(K @ u - f)
         return self._response(conditions, load, u, p, closed, tangential)
 
     @cached_property
@@ -125,10 +132,11 @@ class SparseSpace:
         columns = np.arange(m * t)
         spread = csr_matrix((coupling.ravel(), (columns // t, columns)), shape=(m, m * t))
         rows = self.kin.B_n - spread @ self.kin.B_t
-        # which rows follow from the others is decided once: of two normals that differ by round-off
-        # one row is left, though with friction the two forces may differ by more than that
-        test = vstack([rows.tocsr()[closed], C[len(closed) :]]).tocsr()[trial.rows_kept]
-        return eliminate(test, np.zeros(test.shape[0]), self.D, None, prefer=self.prefer)
+        test = vstack([rows.tocsr()[closed], C[len(closed) :]]).tocsr()
+        found = eliminate(test, np.zeros(test.shape[0]), self.D, None, prefer=self.prefer)
+        if len(found.redundant):
+            raise DependentRows
+        return found
 
     def _factorize(self, K_r: csr_matrix, trial: Any, spd: bool) -> Any:
         points = None if self.points is None else self.points[trial.independent]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,10 @@ from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.body_factor import BodyFactor
-from skfem_contact.linalg.dense_factors import cholesky
+from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.multifrontal.size import FactorSize, factor_size
-from skfem_contact.problem import thresholds
+from skfem_contact.once import Lock, once
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, SAME_LOAD
 
 logger = logging.getLogger("skfem_contact")
@@ -35,6 +35,29 @@ logger = logging.getLogger("skfem_contact")
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Components = tuple[Array, Array]
+NO_LOAD: tuple[Array | None, Array, Array] = None, np.zeros(0), np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """Directions of loads on a body as far as they are known: others come behind them, in another one.
+
+    Attributes
+    ----------
+    places : ndarray of int, shape (a,)
+        DOFs that loads act on, which are few as a rule.
+    acting : ndarray of int, shape (a,)
+        Where these are among those that may be loaded.
+    values : ndarray, shape (a, k)
+        The directions, orthonormal.
+    eliminated : ndarray, shape (n, k)
+        Loads that have one component, which is one, the interior eliminated.
+    """
+
+    places: Index
+    acting: Index
+    values: Array
+    eliminated: Array
 
 
 class LoadSpan:
@@ -43,6 +66,9 @@ class LoadSpan:
     Load steps are as a rule multiples and sums of few vectors. The interior is eliminated once from
     each direction; a load step then costs a few scalar products. Forces and prescribed displacements
     have each their own: in a sum, the larger would hide the digits of the other.
+
+    All threads share the directions, to which one adds while others that would wait. Components of a
+    load stay what they are, along the first of all directions.
 
     Parameters
     ----------
@@ -55,67 +81,79 @@ class LoadSpan:
 
     def __init__(self, factor: BodyFactor, dofs: Index, as_force: Callable[[Array], Array]) -> None:
         self._factor, self._dofs, self._as_force = factor, dofs, as_force
-        # loads act on few DOFs as a rule: which these are, where in `dofs`, and the directions there
-        self._places = self._acting = np.zeros(0, dtype=np.intp)
-        self._directions = np.zeros((0, 0))
-        self._eliminated = np.zeros((factor.order.size, 0))
-        # a load within the span, its values where loads act, and its components
-        self._load: Array | None = None
-        self._last = self._known = np.zeros(0)
+        none = np.zeros(0, dtype=np.intp)
+        self._known = Directions(none, none, np.zeros((0, 0)), np.zeros((factor.order.size, 0)))
+        self._last = NO_LOAD
+        self._lock = Lock()
 
     def components(self, load: Array) -> Array | None:
         """Components of a load (n,) along the directions; adds one where they do not span it.
 
         None where there are too many directions already.
         """
-        if load is self._load:  # most steps change one of many loads
-            return self._known
-        b = load[self._places]
+        whose, values, components = self._last
+        if load is whose:  # most steps change one of many loads
+            return components
+        known = self._known
+        b = load[known.places]
         if np.count_nonzero(b) != np.count_nonzero(load):
-            b = self._widened(load[self._dofs])
-        if len(b) == len(self._last) and same(b, self._last):
-            self._load = load
-            return self._known
-        Q = self._directions
+            known = self._widened(load[self._dofs])
+            b = load[known.places]
+        if len(b) == len(values) and same(b, values):
+            self._last = load, values, components
+            return components
+        Q = known.values
         c = Q.T.dot(b)  # in half the time of @
         rest = b - _combined(Q, c)
         again = Q.T.dot(rest)  # once more: the first pass leaves round-off of |b|
         c, rest = c + again, rest - _combined(Q, again)
         size = math.sqrt(rest.dot(rest))
         if size <= SAME_LOAD * math.sqrt(b.dot(b)):
-            self._load, self._last, self._known = load, b, c
+            self._last = load, b, c
             return c
         if Q.shape[1] >= MOST_DIRECTIONS:
             return None
-        self._load, self._last = None, np.zeros(0)
-        self._directions = np.column_stack([Q, rest / size])
-        values = np.zeros(len(self._dofs))
-        values[self._acting] = self._directions[:, -1]
-        self._eliminated = np.column_stack(
-            [self._eliminated, self._factor.eliminate(self._as_force(values))]
+        with self._lock:
+            if self._known is known:
+                self._add(rest / size)
+                return np.append(c, size)
+        return self.components(load)  # another thread has added one
+
+    def _add(self, direction: Array) -> None:
+        known, values = self._known, np.zeros(len(self._dofs))
+        values[known.acting] = direction
+        reduced = self._factor.eliminate(self._as_force(values))
+        self._last = NO_LOAD
+        self._known = replace(
+            known,
+            values=np.column_stack([known.values, direction]),
+            eliminated=np.column_stack([known.eliminated, reduced]),
         )
-        return np.append(c, size)
 
-    def _widened(self, b: Array) -> Array:
-        """What of a load on `dofs` (n,) is where loads act, which may now be at more of them."""
-        acting = b != 0
-        acting[self._acting] = True
-        if np.count_nonzero(acting) > len(self._acting):
-            Q = np.zeros((len(b), self._directions.shape[1]))
-            Q[self._acting] = self._directions
-            self._acting, self._directions = np.flatnonzero(acting), Q[acting]
-            self._places = self._dofs[self._acting]
-        return b[self._acting]
+    def _widened(self, b: Array) -> Directions:
+        """The directions where a load on `dofs` (n,) acts as well, which may be at more of them."""
+        with self._lock:
+            known = self._known
+            acting = b != 0
+            acting[known.acting] = True
+            if np.count_nonzero(acting) > len(known.acting):
+                Q = np.zeros((len(b), known.values.shape[1]))
+                Q[known.acting] = known.values
+                places = np.flatnonzero(acting)
+                self._known = known = Directions(
+                    self._dofs[places], places, Q[acting], known.eliminated
+                )
+            return known
 
-    @property
-    def directions(self) -> Array:
-        """Loads on the kept DOFs that have one component, which is one, (n_c, k)."""
-        return self._eliminated[len(self._eliminated) - len(self._factor.keep) :]
+    def along(self, count: int) -> Array:
+        """Loads on the kept DOFs with one component, of the first directions, (n_c, count)."""
+        eliminated = self._known.eliminated
+        return eliminated[len(eliminated) - len(self._factor.keep) :, :count]
 
     @property
     def eliminated(self) -> Array:
         """Loads that have one component, which is one, the interior eliminated, (n, k)."""
-        return self._eliminated
+        return self._known.eliminated
 
 
 def _combined(Q: Array, c: Array) -> Array:
@@ -149,6 +187,7 @@ class Substructure:
     """
 
     keeps_contact = True  # or contact DOFs are eliminated like all others
+    definite = True  # but the tangent of a body that is not linear may be none of a stable state
 
     def __init__(
         self,
@@ -167,7 +206,7 @@ class Substructure:
         self.columns = np.union1d(wanted, self.anchors)
         self.kept = self.columns if self.keeps_contact else self.anchors
 
-    @cached_property
+    @once
     def _K_D(self) -> csr_matrix:
         # K is symmetric: a few rows are found at once, a few columns only by going over all of K
         return csr_matrix(self.K[self.body.D])
@@ -176,7 +215,7 @@ class Substructure:
         """The load (n_f,) that prescribed displacements of the supports are."""
         return -(self._K_D.T @ x)[self.free]
 
-    @cached_property
+    @once
     def _factor(self) -> BodyFactor:
         return self._factorised()
 
@@ -201,12 +240,13 @@ class Substructure:
         """The condensed stiffness, in the order of `kept`."""
         if len(self.kept) == 0:
             return np.zeros((0, 0))
-        if self._factor.S.size:
-            return self._factor.S
+        S = self._factor.S
+        if S.size:
+            return S
         logger.info("the condensed stiffness of %d DOFs is computed again", len(self.kept))
         return self._factorised().S
 
-    @cached_property
+    @once
     def springs(self) -> Array:
         """Springs to the ground on the anchors, ``P`` with stiffness ``P P'``, shape (n_c, k)."""
         P = np.zeros((len(self.kept), len(self.anchors)))
@@ -216,26 +256,42 @@ class Substructure:
             P[place, np.arange(len(place))] = np.sqrt(firm)
         return P
 
-    @cached_property
+    @once
     def flexibility(self) -> Array:
         """``(S + P P')^-1``, shape (n_c, n_c) [length/force]; takes the place of a large S."""
         if len(self.kept) == 0:
             return np.zeros((0, 0))
         springs = np.sum(self.springs**2, axis=1)
-        S = self.S.copy() if self.S.nbytes <= thresholds.KEPT_BESIDE else self._factor.take_S()
+        S = self._factor.take_S()
         S[np.diag_indices_from(S)] += springs
-        return cholesky(S.T, overwrite=True).inverse()
+        try:
+            return cholesky(S.T, overwrite=True).inverse()
+        except NoPivot:
+            self.definite = False
+        S = self.S.copy()  # what Cholesky began with is lost
+        S[np.diag_indices_from(S)] += springs
+        return lu(S).solve(np.eye(len(S)))
+
+    @once
+    def softness(self) -> Array:
+        """How far a unit force moves each kept DOF, all others held, (n_c,) [length/force].
+
+        By the diagonal of K, which knows of no anchors; zero of a rigid body.
+        """
+        if not isinstance(self.body, Body):
+            return np.zeros(len(self.kept))
+        return np.asarray(1.0 / self.K.diagonal()[self.kept])
 
     @property
     def memory(self) -> int:
         """Bytes of the factors."""
         return int(self._factor.memory)
 
-    @cached_property
+    @once
     def _forces(self) -> LoadSpan:
         return LoadSpan(self._factor, self.free, lambda f: f)
 
-    @cached_property
+    @once
     def _moves(self) -> LoadSpan:
         return LoadSpan(self._factor, self.body.D, self._by_supports)
 
@@ -255,10 +311,13 @@ class Substructure:
         force, move = self._forces.components(f), self._moves.components(x)
         return None if force is None or move is None else (force, move)
 
-    @property
-    def directions(self) -> Array:
-        """Loads on the kept DOFs with one component, (n_c, k): those of forces, then those of moves."""
-        return np.concatenate([self._forces.directions, self._moves.directions], axis=1)
+    def along(self, components: Components) -> Array:
+        """Loads on the kept DOFs with one component, (n_c, k): those of forces, then those of moves.
+
+        Of the directions that `components` are along.
+        """
+        force, move = components
+        return np.concatenate([self._forces.along(len(force)), self._moves.along(len(move))], axis=1)
 
     def load(self, f: Array, x: Array) -> Array:
         """Load on the kept DOFs, those of the interior and of prescribed DOFs included, (n_c,)."""
@@ -267,7 +326,7 @@ class Substructure:
         known = self.components(f, x)
         if known is None:
             return self._factor.reduce_load(self._free_load(f, x))
-        return self.directions @ np.concatenate(known)
+        return self.along(known) @ np.concatenate(known)
 
     def recover(
         self,
@@ -285,8 +344,8 @@ class Substructure:
         loads : sequence of (f, x)
         """
         # forces and moves at once: BLAS is slow with a single direction, as most histories have of each
-        along = np.concatenate([self._forces.eliminated, self._moves.eliminated], axis=1)
-        moves = self._forces.eliminated.shape[1]
+        forces = self._forces.eliminated
+        along, moves = np.concatenate([forces, self._moves.eliminated], axis=1), forces.shape[1]
         C = np.zeros((along.shape[1], len(components)))
         for column, c in zip(C.T, components, strict=True):
             if c is not None:  # steps may know fewer directions than later ones

@@ -65,6 +65,10 @@ SPARE, FEWEST, SHARE, SURPLUS = 0.25, 8, 1 / 8, 2.0
 # Pivot over the largest one at which the points that are left do not hold the bodies.
 LOOSE = 1e-7
 
+# Size of the matrix of all points up to which what it was reduced to stays beside it [bytes], though
+# hardly a point is left out at the moment.
+KEPT_BESIDE = 64_000_000
+
 # -- response ----------------------------------------------------
 
 # Difference of a point's spring from its transpose, over its largest entry, that is round-off: springs
@@ -81,14 +85,17 @@ ROWS_AT_ONCE = 256
 # matching or not). On all DOFs, where nothing better is at hand, a third of it is taken.
 STIFFER = 3.0
 
+# -- springs -----------------------------------------------------
+
+# Compliance of the springs of points whose rows depend on each other, over that of the points. With a
+# hundredth of it Newton stalls where several contacts with friction share a node; with a hundred times
+# as much, springs lose their strain in twice as many passes.
+GIVE = 3e-3
+
 # -- substructure ------------------------------------------------
 
 # What is left of a load once its parts along known ones are taken off twice, over all of it: round-off.
 SAME_LOAD = 4e-15
-
-# Size of a condensed stiffness up to which it stays beside its inverse [bytes]: contact rows that
-# depend on each other need it. A larger one is found again where they do, by a new factorisation.
-KEPT_BESIDE = 64_000_000
 
 # Ratio of singular values of the rigid modes on some DOFs above which these hold the body firmly.
 HELD_FIRMLY = 1e-2

@@ -11,7 +11,6 @@ What is dense are the springs on the anchors of bodies that their supports do no
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.body_factor import Surface
 from skfem_contact.linalg.direct import Direct
+from skfem_contact.once import once
 from skfem_contact.problem.parts import reduced
 from skfem_contact.problem.response import Source
 from skfem_contact.problem.substructure import Components, Substructure
@@ -45,15 +45,15 @@ class WholeBody(Substructure):
 
     keeps_contact = False
 
-    @cached_property
+    @once
     def _place(self) -> Index:
         return np.searchsorted(self.free, self.columns)
 
-    @cached_property
+    @once
     def _response(self) -> Surface:
         return self._factor.response(self._place)
 
-    @cached_property
+    @once
     def springs(self) -> Array:
         """Springs to the ground on the anchors, ``P`` with stiffness ``P P'``, shape (k, k).
 

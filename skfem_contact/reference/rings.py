@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,8 +89,8 @@ def lame_rings(
     Ri: float,
     Rc: float,
     Ro: float,
-    inner: tuple[float, float],
-    outer: tuple[float, float],
+    inner: Sequence[float],
+    outer: Sequence[float],
     *,
     interference: float = 0.0,
     p_inner: float = 0.0,

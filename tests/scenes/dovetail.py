@@ -51,7 +51,7 @@ flanks = [
 ]
 result = sc.ContactSolver([blade, disc], flanks).solve()
 print(result)
-assert abs(sum(result[s].force for s in ("left", "right"))[1] + pull) < 1e-6 * pull
+assert abs(sum(result[s].force[1] for s in ("left", "right")) + pull) < 1e-6 * pull
 # where all of a flank slips: N (cos + mu sin) each, on a slope of 50 degrees
 normal = [result[s].normal_force.sum() for s in ("left", "right")]
 slipping = all((result[s].status[result[s].status > 0] == 2).all() for s in ("left", "right"))

@@ -34,8 +34,8 @@ with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")
     result = solver.solve()
 print(result)
-# a tenth of the size is pressed in: that a linear theory ends there is said
-assert ["strain or rotation" in str(w.message) for w in caught] == [True]
+# a tenth of the size is pressed in, a strain of 5 % where the energy is: nothing is said yet
+assert not caught and 0.04 < max(result.validity.strain.values()) < 0.05
 # Hertz: half an ellipse over the width that was found, between nodes near whose end it is not
 half_width, y = result.contact_edges[:, 1].max(), result.points[:, 1]
 ellipse = (

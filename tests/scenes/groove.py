@@ -19,7 +19,7 @@ contacts = [
     sc.Contact(ring.surface(lambda x: x[1] > 1.5), lid, friction=sc.Coulomb(0.2), sliding="finite"),
 ]
 solver = sc.ContactSolver(ring, contacts)
-results = list(solver.history({"motion": {"lid": (0, -d)}} for d in np.linspace(0, 0.6, 7)))
+results = list(solver.history({"motion": {"lid": (0, -d)}} for d in np.linspace(0, 0.5, 6)))
 last = results[-1]
 print(last)
 walls, top = last["contact 1"], last["contact 2"]

@@ -14,8 +14,11 @@ import skfem_contact as sc
 REFUSED = "refused clearly"
 
 # Closed forms and discrete conditions of linear bodies hold at any strain: here moduli are one, and
-# loads what is handy. Other warnings are errors here as well; those of strains are in test_validity.py.
-STRAINED = "ignore:.*a strain or rotation of about:skfem_contact.ContactWarning"
+# loads what is handy. Other warnings are errors here as well; those of strains and rotations are in
+# test_validity.py.
+STRAINED = [
+    f"ignore:.*{what}:skfem_contact.ContactWarning" for what in ("is strained by", "has turned by")
+]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -23,7 +26,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     here = str(Path(__file__).parent)
     for item in items:
         if str(item.path).startswith(here):
-            item.add_marker(pytest.mark.filterwarnings(STRAINED))
+            for words in STRAINED:
+                item.add_marker(pytest.mark.filterwarnings(words))
 
 
 @pytest.fixture

@@ -77,15 +77,15 @@ def test_deformable_bodies_go_on_from_a_file(tmp_path):
     solver = dragged_block(rigid=False)
     start = solver.load_state(solver.save_state(tmp_path / "drag.npz", whole[3]))
     rest = list(solver.history(steps[4:], start=start))
-    # condensed loads are remembered in the order they came: in both histories round-off of each step
-    # times the condition of the system, apart from motions that contact alone resists
+    # condensed loads are remembered in the order they came: in both histories round-off of each step,
+    # sums of as many terms as DOFs, times the condition, apart from motions that contact alone resists
     least, most = np.inf, 0.0
     for body in solver.system.bodies:
         free = np.setdiff1d(np.arange(body.n), body.D)
         values = np.linalg.eigvalsh(body.K.toarray()[np.ix_(free, free)])
         least = min(least, values[values > 1e-10 * values[-1]][0])
         most = max(most, values[-1])
-    known = 2 * len(steps) * np.finfo(float).eps * most / least
+    known = 2 * len(steps) * np.finfo(float).eps * np.sqrt(solver.system.n) * most / least
     for a, b in zip(whole[4:], rest, strict=True):
         same(a, b, known)
     # a state that was loaded may be saved again

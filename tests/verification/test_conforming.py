@@ -54,7 +54,11 @@ def pin_in_hole(nt, clearance, nu=0.3, E=1.0):
     The plate ends at radius 48, held there; at 12 the angle of the perfect fit would be off by up to
     0.8 degrees, depending on Poisson's ratio. The pin has a hole of radius 0.02, with the load on its
     rim: far inside, so that only the resultant matters. It is held by contact alone.
+
+    The modulus is a thousand times as large, the clearance a thousandth: pressures are the same, and
+    displacements small.
     """
+    E, clearance = 1e3 * E, clearance / 1e3
     angles = -np.pi / 2 + np.linspace(0, np.pi, nt + 1)
     layers = nt / np.pi  # per factor e of the radius: square elements
     disc = ring_basis(np.geomspace(0.02, 1, round(layers * np.log(50)) + 1), angles)
@@ -139,6 +143,8 @@ def perfect_fit():
     return solver, solver.solve()
 
 
+# of the linear theory, whatever is left of small sliding
+@pytest.mark.filterwarnings("ignore:.*small sliding:skfem_contact.ContactWarning")
 @pytest.mark.parametrize("load", [1e-6, 1e-3, 2.0, 1e3, 1e6])
 def test_C1_perfect_fit_does_not_depend_on_the_load(load):
     """Without clearance the contact angle is the same for every load."""

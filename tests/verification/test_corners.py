@@ -12,6 +12,7 @@ from sliding_scenes import dragged_block, elastic, travel
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers.thresholds import OVERLAP
 
 #: What chords of 0.1 explain on a radius of 0.5: they are 0.0025 off the arc, and twice that where
 #: the vertex of one stands between the ends of another.
@@ -120,14 +121,21 @@ def said_before(results, caught):
     ids=str,
 )
 def test_no_overlap_is_passed_over(way, turn):
-    """Nobody asks for `validity`: all overlaps beyond what chords explain are warned of, once."""
+    """Nobody asks for `validity`: all overlaps beyond its bound are warned of, once."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", sc.ContactWarning)
         results = taken_over(*way, steps=6 if way == SIDE and not turn else 12, turn=turn)
     first, words = said_before(results, caught)
-    # whole bodies only where something seems to overlap
-    assert not any("u" in vars(answer_of(r)) for r in results if not answer_of(r).watched.intrusions)
-    assert max((overlap(r) for r in results[:first]), default=0) < EXPLAINED
+    # whole bodies only where something seems to overlap, to be strained or to have turned
+    for seen in map(answer_of, results):
+        turn = max(map(abs, seen.watched.turns.values()))
+        if not seen.watched.intrusions and seen.watched.drifts[0].strain < 0.05 and turn < 0.025:
+            assert "u" not in vars(seen)
+    for r in results[:first]:
+        # the one bound, of steps and of `validity`: a third of the elastic approach more than chords;
+        # the last step on a side that "top" does not have is within it, at twice the chords
+        part = r.validity.contacts["c"]
+        assert overlap(r) < max(EXPLAINED, part.chords + OVERLAP * part.drift.approach)
     if way[4] == "both":  # which covers all that touches
         assert not words
     if way == SIDE:

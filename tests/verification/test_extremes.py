@@ -515,7 +515,11 @@ def junction(*, mu=None, order=(0, 1, 2), linear="auto", n=3):
 @pytest.mark.parametrize("linear", LINEAR)
 @pytest.mark.parametrize("mu", [None, 0.3])
 def test_X19_junction_of_three_blocks(mu, linear):
-    """Where three blocks meet a node is in two pairs, primary in one of them: stress stays uniform."""
+    """Where three blocks meet a node is in two pairs, primary in one of them: stress stays uniform.
+
+    At the node that all share three forces along x, one normal and two of friction, do the work of one:
+    friction is not needed.
+    """
     solver, (ex, ey) = junction(mu=mu, linear=LINEAR[linear])
     result = solver.solve()
     lam, G = 0.3 / (1.3 * 0.4), 1 / 2.6
@@ -523,6 +527,9 @@ def test_X19_junction_of_three_blocks(mu, linear):
     assert_allclose(result["west on base"].pressure, p_y, rtol=EXACT)
     assert_allclose(result["east on base"].pressure, p_y, rtol=EXACT)
     assert_allclose(result["west on east"].pressure, p_x, rtol=EXACT)
+    assert bool(result.undetermined) == (mu is not None)
+    for values in result.values:
+        assert_allclose(values.tangential_force, 0.0, rtol=0, atol=EXACT * p_y)
     for body in result.system.bodies:
         u = field(body.basis, lambda x: [-ex * x[0], -ey * x[1]])
         assert_allclose(result.displacement(body), u, rtol=0, atol=EXACT * ey)

@@ -21,6 +21,7 @@ from skfem_contact.loops.rules import propose
 from skfem_contact.loops.starts import admissible, as_guess
 from skfem_contact.loops.step import Guess
 from skfem_contact.loops.tangent import linear_conditions
+from skfem_contact.problem.thresholds import SKEW
 
 SHIFTS = ((0, 0, -0.012), (0.008, 0.003, -0.012), (0.012, 0.014, -0.01), (-0.004, 0.014, -0.006))
 
@@ -107,7 +108,7 @@ def test_points_that_slipped_and_now_rest(mu):
     assert len(outcome.trace) <= 3
 
 
-@pytest.mark.parametrize("route", ["points", "surface", "full", "iterated", "multigrid"])
+@pytest.mark.parametrize("route", ["points", "full", "iterated", "multigrid"])
 def test_nothing_depends_on_the_frames(route):
     """Tangents turned at random point by point: as many iterations, and the same forces in space.
 
@@ -276,7 +277,7 @@ def test_every_law(name, loop):
         assert blocks.residual(case, last, state, checked) < 1e-10
 
 
-@pytest.mark.parametrize("route", ["points", "surface", "full", "iterated"])
+@pytest.mark.parametrize("route", ["points", "full", "iterated"])
 def test_springs_that_are_not_symmetric(route):
     """Friction along one direction, its bound made by slip along others."""
     blocks, law = Blocks(Scene(nodes=5, below=4), route), Stiffening()
@@ -285,6 +286,11 @@ def test_springs_that_are_not_symmetric(route):
     for case, (_, last, state, outcome) in zip(cases, run(blocks, cases, law=law), strict=True):
         assert blocks.residual(case, last, state, checked) < 1e-10
         assert not outcome.iterate.conditions.coupling.any()
+        spring = outcome.iterate.conditions.spring
+        odd = np.abs(spring - spring.swapaxes(1, 2)).max(axis=(1, 2))
+        size = np.abs(spring).max(axis=(1, 2))
+        # a solver that takes them for symmetric reads one of two halves
+        assert np.all((odd > SKEW * size) | (odd <= np.finfo(float).eps * size))
     assert not outcome.iterate.conditions.even_springs
 
 

@@ -128,7 +128,7 @@ def test_ten_times_too_large():
         result.validity.contacts["contact 1"].drift.sagitta_share / SAGITTA
     )
     assert "of the elastic approach (up to 20 %)" in str(result.validity)
-    assert "beyond its bounds in this history: facets of 'contact 1'" in str(result)
+    assert "DOES NOT HOLD (facets of 'contact 1')" in str(result)
     # refined, it is right and silent
     ratio, warned, _ = said(0.1, (0.006, 0.012))
     assert ratio == pytest.approx(1.0, abs=0.05) and not warned

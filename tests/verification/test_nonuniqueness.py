@@ -15,7 +15,9 @@ from scenes import elastic
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers.one_answer import Form
 from skfem_contact.answers.pieces import orientation
+from skfem_contact.answers.thresholds import CLOSE, SHOWN
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.reference import (
     ONE_NODE_TRIANGLE,
@@ -24,6 +26,9 @@ from skfem_contact.reference import (
     taper_force,
     triangle_stiffness,
 )
+
+# a few elements of any Poisson's ratio up to .48: discrete conditions, also where these lock
+pytestmark = pytest.mark.filterwarnings("ignore:.*locks:skfem_contact.ContactWarning")
 
 LOOPS = ("newton", "direct")
 LOADS = {"newton": 100, "direct": 25}  # random loads; `direct` takes its 150 iterations on some
@@ -446,6 +451,38 @@ def test_what_is_shown_of_one_answer_holds(seeds, G) -> None:
         factors.append(factor)
     # the proof gives away some: by less than 2 in half of the problems
     assert np.median(factors) <= 2.0
+
+
+@pytest.mark.parametrize("G", [np.inf, 3.0])
+@pytest.mark.parametrize("points", [5, 60])
+def test_the_form_is_inverted_by_eliminating_slips(points: int, G: float) -> None:
+    """Against its own matrix, for few points by all eigenvalues and for many by iteration."""
+    rng = np.random.default_rng(points)
+    A = rng.normal(size=(3 * points, 3 * points))
+    n, t = np.arange(points), np.arange(points, 3 * points)
+    # coupled by so little that the form is positive definite whatever the share below
+    space = PointSpace(0.1 * A @ A.T + points * np.eye(3 * points), n, t.reshape(-1, 2))
+    form = Form(space, n, t, np.full(len(t), G))
+    of_forces, of_slips = rng.uniform(0.5, 1, points), rng.uniform(0.5, 1, 2 * points)
+    c = [
+        np.linalg.eigvals(np.linalg.solve(M, np.diag(d))).real.max()
+        for M, d in ((form.N, of_forces), (form.K, of_slips))
+    ]
+    even = form.balance(of_forces, of_slips)
+    np.testing.assert_allclose(even[:points], 0.5 * np.sqrt(c[1] / c[0]) * of_forces, rtol=1e-4)
+    np.testing.assert_allclose(even[points:], 0.5 * np.sqrt(c[0] / c[1]) * of_slips, rtol=1e-4)
+    for share in (0.0, 0.5, 8.0):
+        M, b = form._matrix(share), rng.normal(size=(3 * points, 2))
+        scale = np.linalg.cond(M) * EXACT
+        for columns in (b, b[:, 0]):
+            expected = np.linalg.solve(M, columns)
+            found = form._solve(share)(columns)
+            assert np.linalg.norm(found - expected) <= scale * np.linalg.norm(expected)
+        factor, diagonal = form.estimate(share, even)
+        least = np.linalg.eigvals(np.linalg.solve(np.diag(diagonal), M)).real.min()
+        assert factor == pytest.approx((1 - SHOWN) * least, rel=CLOSE)
+        assert form.exceeds(share, factor * diagonal)
+        assert not form.exceeds(share, (1 + 2 * SHOWN) * factor * diagonal)
 
 
 @pytest.mark.parametrize("G", [np.inf, 3.0])

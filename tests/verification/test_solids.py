@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from solid_meshes import KINDS, at, cube, elastic, in_tetrahedra, onto_ball, shuffled
+from solid_meshes import KINDS, at, cube, elastic, in_tetrahedra, octant_shell, onto_ball, shuffled
 
 import skfem_contact as sc
 from skfem_contact.errors import InputError
@@ -207,7 +207,8 @@ def test_bodies_turned_in_space_have_the_same_answer(kind, rigid):
     force = first["joint"].forces
     np.testing.assert_allclose(second["joint"].forces @ turn, force, atol=1e-9 * np.abs(force).max())
     assert np.array_equal(second["joint"].status, first["joint"].status)
-    assert second.iterations == first.iterations
+    # a point that closes with next to no force does so by the round-off of the smooth boundary
+    assert abs(second.iterations - first.iterations) <= 1
     np.testing.assert_allclose(
         turn.T @ second["joint"].moment(), first["joint"].moment(), atol=1e-9 * np.abs(force).max()
     )
@@ -326,7 +327,7 @@ def test_mixed_dimensions_are_refused():
 
 @pytest.mark.parametrize("kind", ["quad4", "quad9"])
 def test_error_estimates_say_what_is_missing(kind):
-    """The bodies' part falls with the mesh; on quadratic faces the surface's part has no number."""
+    """The bodies' part falls with the mesh; on second-order faces all parts have a number, too."""
     found = []
     for n in (4, 8) if kind == "quad4" else (2,):
         block = half_space(kind, n, 1.0, 0.9 / n, E=1.0)
@@ -338,31 +339,31 @@ def test_error_estimates_say_what_is_missing(kind):
         shares = estimate.elements["block"][1]
         np.testing.assert_allclose(shares.sum(), 1.0)
         found.append(estimate.traction.bodies)
-        if kind == "quad4":
-            assert (
-                estimate.traction.missing == () and estimate.traction.total > estimate.traction.bodies
-            )
-            np.testing.assert_allclose(estimate.indicator.sum(), 1.0)
-            assert "refine block/top" in str(estimate)
-            continue
-        for part in (estimate.pressure, estimate.traction):
-            assert part.missing == ("edges", "facets", "scatter") and np.isnan(part.total)
-            assert part.at_least == part.bodies > 0
-        assert np.all(np.isnan(estimate.indicator))
-        assert "at least" in str(estimate) and "edges not known" in str(estimate)
-        assert "estimated error          at least" in result.report()
-        assert "not estimated in 3-D: what quadratic faces lose" in result.report()
+        assert estimate.traction.missing == () and not estimate.unrated
+        assert estimate.traction.total > estimate.traction.bodies
+        np.testing.assert_allclose(estimate.indicator.sum(), 1.0)
+        assert "refine block/top" in str(estimate)
     # the square of an energy error of order one: a fourth, in the end
     assert kind != "quad4" or found[1] < 0.5 * found[0]
 
 
-def test_straight_faces_on_curved_sides_are_an_unknown_part():
-    """Of linear faces on a ball; not of the flat block, nor of quadratic faces."""
-    for kind, unknown in (("quad4", True), ("tri6", False)):
-        _, result = pressed_dome(kind, np.eye(3))
+def test_straight_faces_of_curved_sides():
+    """Of second order they are not rated, and it says why; linear ones are, and curved ones."""
+    for kind, bent, rated in (("quad4", True, True), ("quad9", True, True), ("quad9", False, False)):
+        mesh = octant_shell(kind, 3, 2, 1.0, 2.0)
+        if not bent:
+            mesh = type(mesh).from_mesh(fem.MeshHex(mesh.doflocs[:, : mesh.nvertices], mesh.t))
+        rollers = tuple((at(i, 0.0), (i,)) for i in range(3))
+        shell = elastic(mesh, kind, "shell", held=rollers)
+        facets = mesh.boundary_facets()
+        inner = facets[(np.linalg.norm(mesh.p[:, mesh.facets[:, facets]], axis=0) < 1.01).all(axis=0)]
+        ball = sc.RigidSphere((0, 0, 0), 1.0, name="ball")
+        contact = sc.Contact(shell.surface(inner, name="inside"), ball, gap=0.0, interference=1e-3)
+        result = sc.ContactSolver(shell, contact).solve()
         estimate = result.error_estimate
-        assert ("chords" in estimate.traction.missing) is unknown
-        assert ("curved sides" in estimate.advice) is unknown
+        assert np.isfinite(estimate.pressure.total) == rated == (not estimate.unrated)
+        text = " ".join(result.report().split())
+        assert ("not rated" in text and "move their middle nodes" in text) is not rated
 
 
 def test_results_of_solids():
@@ -370,7 +371,7 @@ def test_results_of_solids():
     _, result = pressed_dome("quad4", np.eye(3))
     assert set(result.validity.problems) == {("facets", "joint")}
     assert result.validity.strain["slab"] > 0
-    assert "beyond its bounds in this history: facets of 'joint'" in str(result)
+    assert "DOES NOT HOLD (facets of 'joint')" in str(result)
     assert "Validity of the model: DOES NOT HOLD" in str(result.report())
     values = result["joint"]
     assert values.moment().shape == (3,)

@@ -272,17 +272,18 @@ def test_half_a_model_is_half_of_the_whole(kind, facets, law):
 @pytest.mark.parametrize("slope", [0.1, 1.0])
 @pytest.mark.parametrize("kind", ["Q1", "S2"])
 def test_inclined_interface_on_a_line_of_symmetry(kind, slope, law):
-    """Across the line of symmetry one row is left, so there is no friction, and pressure is smooth.
+    """Across the line of symmetry one DOF is left for both rows, and pressure and friction are smooth.
 
-    With both rows the second would be closed by the few free nodes of the primary that have some
+    With rows of mortar the second would be closed by the few free nodes of the primary that have some
     weight in it: forces 20 times as large, of either sign.
     """
     same, first = solved(*layers(kind, (8, 8), slope=slope), method="node", **LAWS[law])
     for facets in ((8, 9), (8, 10)):
         found, order = solved(*layers(kind, facets, slope=slope), method="mortar", **LAWS[law])
-        assert np.abs(found.friction_stress[order[0]]).max() <= 1e-10 * np.abs(found.pressure).max()
         # the primary mesh is finer by a fifth at most, next to a concentration of stress
         assert found.pressure[order[0]] == pytest.approx(same.pressure[first[0]], rel=0.04)
+        friction, alike = found.friction_stress[order[0]], same.friction_stress[first[0]]
+        assert_allclose(friction, alike, rtol=0, atol=0.04 * same.pressure[first[0]])
 
 
 # --- what has to stay exact ---------------------------------------------------------------------

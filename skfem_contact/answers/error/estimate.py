@@ -19,9 +19,10 @@ from that of the continuous problem, in the L2 norm over the contact, from six s
     On curves of straight facets nodal forces act along normals of the curve, pressures along the
     facets'.
 
-The first three are in `surface`, in 3-D in `faces`, the last in `chords`, the others in `body`. In 3-D
-the first three are estimated on linear faces only, and `chords` only where there are none: then the
-total is NaN, and the advice names what is missing.
+The first three are in `surface`, in 3-D in `faces` and `second_order`, the last in `chords`, the others
+in `body`. An answer is not rated, and its total NaN, where one of them is not known: `chords` of
+second-order faces that stand straight for a curve, `scatter` where all points are near ends of the
+surface; and where a body locks (`validity.locking`), since its answer shows nothing of that error.
 
 What no answer shows of itself is not in it: what else curved bodies lose with straight facets, load
 steps too long for a history that depends on the path, the limits of the linear theory.
@@ -29,30 +30,72 @@ steps too long for a history that depends on the path, the limits of the linear 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.error.body import bodies_error, stiffness_error
 from skfem_contact.answers.error.chords import chords_error, net
-from skfem_contact.answers.error.faces import faces_error
+from skfem_contact.answers.error.faces import FacesError
 from skfem_contact.answers.error.misfit import Line
 from skfem_contact.answers.error.sources import Elements, ErrorEstimate, ErrorSources
 from skfem_contact.answers.error.surface import points_across, surface_error
-from skfem_contact.answers.thresholds import FLAT, NO_MISFIT
+from skfem_contact.answers.thresholds import LOCKED
+from skfem_contact.answers.validity.locking import lockable, locked_share
 from skfem_contact.answers.values import ContactValues
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.faces.joints import rim_points
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
+#: The parts of an answer that is not rated.
+UNKNOWN = ErrorSources(*[np.nan] * 6)
+
 
 def estimate(result: Answer, values: ContactValues) -> ErrorEstimate:
     """Estimate the error of one contact; needs the displacements of its bodies."""
+    found = _estimated(result, values)
+    why = _unrated(result, values, found)
+    if not why:
+        return found
+    return replace(found, pressure=UNKNOWN, traction=UNKNOWN, advice=why, unrated=why)
+
+
+def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str:
+    """Why an answer can not be rated, and what to do; empty where it can."""
+    contact = result.contacts[result.names.index(values.name)]
+    sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
+    for side in sides:
+        name = result.system.names[result.system.index(side.body)]
+        if name in lockable(result) and _locks(result, side.body):
+            return f"body {name!r} locks (result.validity), and its answer shows little of that error"
+        if isinstance(side, FaceSurface) and _straight(side):
+            return (
+                f"second-order faces of {side.label!r} stand straight for a curve; move their middle "
+                "nodes to it, or take linear elements"
+            )
+    if "scatter" in found.traction.missing:
+        return (
+            "all points are near an end of the surface, and none tells how values scatter from node to "
+            "node; compare with a finer mesh"
+        )
+    return ""
+
+
+def _locks(result: Answer, body: Body) -> bool:
+    return locked_share(body, result.displacement(body)) > LOCKED
+
+
+def _estimated(result: Answer, values: ContactValues) -> ErrorEstimate:
+    """The six parts, and what would improve the answer."""
     contact = result.contacts[result.names.index(values.name)]
     surface, closed = values.surface, values.status != OPEN
     if not closed.any():
@@ -77,22 +120,18 @@ def estimate(result: Answer, values: ContactValues) -> ErrorEstimate:
 
 
 def _of_faces(result: Answer, values: ContactValues, contact: Contact) -> ErrorEstimate:
-    """The same in 3-D; what is not known there is NaN."""
-    surface, sides = values.surface, (contact.secondary, contact.primary)
+    """The same in 3-D."""
+    surface = values.surface
     assert isinstance(surface, FaceSurface)
     # as vectors: tangents may be another choice from one node to the next
     friction = values.traction - values.pressure[:, None] * values.normal
     both = np.hstack([values.pressure[:, None], friction])
     bodies, elements = bodies_error(result, values)
     stiffness = stiffness_error(result, contact, values, both)
-    of_pressure = of_both = np.nan, np.nan, np.nan
-    share = np.full(len(values.points), np.nan)
-    if surface.kind.corners == surface.kind.nodes:
-        unlike = _between_nodes(result, values, contact)
-        of_pressure, _ = faces_error(values, values.pressure[:, None], unlike)
-        of_both, share = faces_error(values, both, unlike)
-    straight = [side for side in sides if isinstance(side, FaceSurface) and not side.kind.quadratic]
-    chords = np.nan if any(map(_bends, straight)) else 0.0
+    error = FacesError(values, _between_nodes(result, values, contact))
+    of_pressure, _ = error(values.pressure[:, None])
+    of_both, share = error(both)
+    bodies, chords = net(result, bodies, chords_error(result, values))
     pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
     traction = ErrorSources(*of_both, bodies, stiffness, chords)
     ends = rim_points(surface, mirrored=False)
@@ -112,10 +151,9 @@ def _between_nodes(result: Answer, values: ContactValues, contact: Contact) -> b
     return bool(most > own * body.components)
 
 
-def _bends(side: FaceSurface) -> bool:
-    """Whether normals at nodes are not those of the faces: whether the surface is a curved one."""
-    turn = side.facet_node_normals - side.facet_normals[:, None]
-    return bool(np.max(np.abs(turn)) > FLAT)
+def _straight(side: FaceSurface) -> bool:
+    """Whether second-order faces of a curved side have their middle nodes on straight edges."""
+    return bool(side.quadratic and np.any(side.quadrics.curved & ~side.quadrics.bowed))
 
 
 def _advice(
@@ -127,32 +165,42 @@ def _advice(
     elements: dict[str, Elements],
     across: int | None,
 ) -> str:
-    """The largest part in words, and what makes it smaller; what is not known."""
-    left_out = []
-    if "edges" in sources.missing:
-        left_out.append(
-            "what quadratic faces lose where contact or sticking ends, between points and by scatter"
-        )
-    elif "scatter" in sources.missing:
-        left_out.append("scatter from node to node, as all points are near an end of the surface")
-    if "chords" in sources.missing:
-        left_out.append("what straight faces lose on curved sides")
-    if left_out:
-        words = f"not estimated in 3-D: {', and '.join(left_out)}; compare with a finer mesh"
-        known = {name: size for name, size in vars(sources).items() if name not in sources.missing}
-        if max(known.values(), default=0.0) <= NO_MISFIT:
-            return words
-        largest = max(known, key=lambda name: known[name])
-    else:
-        words, largest = "", sources.largest
-        if sources.total <= NO_MISFIT:
-            return "nothing to improve: exact, as far as the answer tells"
+    """The largest part in words, and what makes it smaller."""
+    if "scatter" in sources.missing:
+        return ""  # see `_unrated`
+    largest = sources.largest
+    if sources.total <= SOLVED:
+        return "nothing to improve: exact, as far as the answer tells"
     said = _of_largest(contact, values, ends, largest, share, elements, across)
-    if words:
-        said = f"{words}. Of what is known, {said}"
     if not np.isnan(sources.bodies):
         return said
     return f"{said}. What the meshes of the bodies lose is not in it: a K was given as a matrix"
+
+
+def _sharp_edge(contact: Contact, values: ContactValues, ends: Mask, point: int) -> str:
+    """Where contact reaches an end of either side at a point or beside it, in words; else nothing.
+
+    An end that does not touch only lies beside the edge of contact. The primary surface ends where
+    points beside those that touch have no partner; the last that touch may be partly beyond, and what
+    stress does there is felt one node on.
+    """
+    touches = values.status != OPEN
+    lonely = ~np.isfinite(values.gap)
+    sides = (
+        (f"at the end of {contact.secondary.label}", ends & touches),
+        (f"where {contact.primary.label} ends", _beside(values.surface, lonely) & touches),
+    )
+    for words, reached in sides:
+        if _beside(values.surface, reached)[point]:
+            return words
+    return ""
+
+
+def _beside(surface: ContactSurface, points: Mask) -> Mask:
+    """These points and all that share a facet with one of them, (m,)."""
+    out = points.copy()
+    out[surface.facets[points[surface.facets].any(axis=1)]] = True
+    return out
 
 
 def _of_largest(
@@ -167,12 +215,13 @@ def _of_largest(
     worst = int(np.argmax(share))
     name = contact.secondary.label
     at = "(" + ", ".join(f"{x:.3g}" for x in values.points[worst]) + ")"
-    # where an end does not touch, it only lies beside the edge of contact
-    if largest == "edges" and ends[worst] and values.status[worst] != OPEN:
-        return (
-            f"most of it at the end of {name} near {at}: at a sharp edge stress has no bound, which no "
-            "mesh resolves; round the edge, or use resultants only"
-        )
+    if largest == "edges":
+        there = _sharp_edge(contact, values, ends, worst)
+        if there:
+            return (
+                f"most of it {there} near {at}: at a sharp edge stress has no bound, which no mesh "
+                "resolves; round the edge, or use resultants only"
+            )
     if largest == "edges":
         narrow = "" if across is None else f" ({across} points across the narrowest zone)"
         return (

@@ -1,7 +1,6 @@
 r"""Error of tractions on faces of solids: at edges, between nodes, and what scatters from node to node.
 
-As on curves (`surface`), with what neighbours tell in the tangent plane. For linear faces only: on
-quadratic ones the multipliers are others than the shape functions (`pairing.faces.dual`).
+As on curves (`surface`), with what neighbours tell in the tangent plane.
 
 * *Edges of contact.* Around the edge (`contours`) the nodal field is compared with the square root of
   the distance from the edge that goes through the values of the second nodes inside.
@@ -10,6 +9,10 @@ quadratic ones the multipliers are others than the shape functions (`pairing.fac
 * *Ends of stick, ends of the surface*: a node less the plane through its neighbours, where that is much
   more than beside it. Of first order it is the error itself.
 * *Scatter*: that misfit taken once and twice more, which leaves what jumps from node to node.
+
+Second-order faces are cut into linear ones where contact, stick and the surface end. Elsewhere they
+have one part in place of the second and the last: what their nodal values are off smooth ones, see
+`second_order`.
 """
 
 from __future__ import annotations
@@ -23,24 +26,56 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.contours import (
     TRIANGLES,
-    heights,
-    least_squares,
+    Contour,
+    NormalEquations,
     triangle_areas,
     with_centres,
 )
-from skfem_contact.answers.thresholds import NO_MISFIT, SEGMENTS_NEAR, SHARPER
+from skfem_contact.answers.contours import contour as contour_of
+from skfem_contact.answers.error.second_order import cut, ripple
+from skfem_contact.answers.fields import displaced
+from skfem_contact.answers.thresholds import SEGMENTS_NEAR, SHARPER
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.facet_kinds import KINDS
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.conditions.state import OPEN, STICK
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.faces.joints import rim_points
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Three = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """Polynomials around every node, by least squares.
+
+    Attributes
+    ----------
+    normal : NormalEquations
+    node : ndarray of int, shape (p,)
+        Whose value stands in each row of these.
+    scale : ndarray, shape (terms,)
+        From coefficients of coordinates without a unit to derivatives.
+    """
+
+    normal: NormalEquations
+    node: Index
+    scale: Array
+
+    @property
+    def there(self) -> Mask:
+        """Nodes around which values determine the polynomial, (m,)."""
+        return self.normal.enough
+
+    def __call__(self, values: Array) -> Array:
+        """Coefficients (m, terms, k) by values (m, k)."""
+        fits = [self.normal.fit(value[self.node]) for value in values.T]
+        return np.stack(fits, axis=2) * self.scale[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +87,13 @@ class Net:
     surface : FaceSurface
     known : ndarray of bool, shape (m,)
         Nodes with a value; the others are no neighbours.
+    weight : ndarray, shape (m,), optional
+        How much each node counts in parabolas.
     """
 
     surface: FaceSurface
     known: Mask
+    weight: Array | None = None
 
     @cached_property
     def joined(self) -> csr_matrix:
@@ -72,8 +110,18 @@ class Net:
         """The marked nodes and their neighbours."""
         return np.asarray(marked | (self.joined @ marked.astype(float) > 0))
 
-    def fit(self, values: Array, pairs: csr_matrix, quadratic: bool) -> tuple[Array, Mask]:
-        """Polynomials (m, terms, k) by the values (m, k) of the nodes that each is paired with."""
+    @cached_property
+    def planes(self) -> Fits:
+        """Through the values of the neighbours."""
+        return self._fits(self.joined, quadratic=False)
+
+    @cached_property
+    def parabolas(self) -> Fits:
+        """Through the values of a node, its neighbours and theirs."""
+        pairs = self.joined @ self.joined + self.joined  # each with itself
+        return self._fits(csr_matrix(pairs), quadratic=True)
+
+    def _fits(self, pairs: csr_matrix, quadratic: bool) -> Fits:
         entries = pairs.tocoo()
         row, node = entries.row, entries.col
         x, t = self.surface.points, tangents(self.surface.normals)
@@ -81,22 +129,19 @@ class Net:
         u, v = np.einsum("pd,pkd->kp", x[node] - x[row], t[row]) / size
         terms = [np.ones(len(u)), u, v]
         terms += [0.5 * u**2, 0.5 * v**2, u * v] if quadratic else []
-        columns = np.column_stack(terms)
-        fits = [
-            least_squares(columns, np.ones(len(row)), value[node], row, len(x)) for value in values.T
-        ]
         scale = size ** -np.array([0.0, 1, 1, 2, 2, 2][: len(terms)])
-        return np.stack([f for f, _ in fits], axis=2) * scale[:, None], fits[0][1]
+        weight = self.weight[node] if quadratic and self.weight is not None else np.ones(len(row))
+        normal = NormalEquations(np.column_stack(terms), weight, row, len(x))
+        return Fits(normal, node, scale)
 
     def misfit(self, values: Array) -> Array:
         """Values (m, k) less the plane through the neighbours; zero where these are no plane."""
-        plane, there = self.fit(values, self.joined, quadratic=False)
-        return np.where((there & self.known)[:, None], values - plane[:, 0], 0.0)
+        plane = self.planes(values)[:, 0]
+        return np.where((self.planes.there & self.known)[:, None], values - plane, 0.0)
 
     def curvatures(self, values: Array) -> Array:
         """Second derivatives (m, 3, 3, k) of the values in space, across the normals."""
-        pairs = self.joined @ self.joined + self.joined  # each with itself
-        parabola, there = self.fit(values, csr_matrix(pairs), quadratic=True)
+        parabola, there = self.parabolas(values), self.parabolas.there
         t = tangents(self.surface.normals)
         uu, vv, uv = np.moveaxis(parabola[:, 3:], 1, 0)
         first, second = t[:, 0], t[:, 1]
@@ -107,35 +152,76 @@ class Net:
         return np.where(there[:, None, None, None], H, 0.0)
 
 
-def faces_error(values: ContactValues, traction: Array, unlike: bool) -> tuple[Three, Array]:
-    """Errors by edges, facets and scatter over the norm of the traction; the share of each point.
+class FacesError:
+    """Errors of tractions on the faces of one contact.
 
-    `unlike`: whether nodes press between others, so that values scatter; the part is NaN where all
-    points are so near to an end that none tells by how much.
+    Parameters
+    ----------
+    values : ContactValues
+    unlike : bool
+        Whether nodes press between others, so that values scatter; this part is NaN where all points
+        are so near to an end that none tells by how much.
     """
-    surface = values.surface
-    assert isinstance(surface, FaceSurface)
-    net = Net(surface, np.asarray(~surface.held.all(axis=1)))
-    area, closed = surface.area, values.status != OPEN
-    size = float(np.sum(area[:, None] * traction**2))
-    rim = closed & net.beside(~closed)
-    at_rim = rim[surface.facets].any(axis=1)
-    first = net.misfit(traction)
-    sharp = _sharp(net, values.status, first)
-    of_edges = area / 3.0 * np.sum(first**2, axis=1) * (sharp & ~rim)
-    of_edges += _at_rim(surface, values, closed, rim, at_rim, traction)
-    smooth = ~at_rim & ~sharp[surface.facets].any(axis=1) & closed[surface.facets].any(axis=1)
-    of_facets = _between(surface, net, smooth, traction)
-    left_out = _near_ends(net, sharp | rim)
-    scatter = area * _scatter(net, first, left_out)
-    total = of_edges + of_facets + scatter
-    share = total / total.sum() if total.sum() > NO_MISFIT**2 * size else np.zeros(len(total))
 
-    def norm(part: Array) -> float:
-        return float(np.sqrt(part.sum() / size)) if size > 0 else 0.0
+    def __init__(self, values: ContactValues, unlike: bool) -> None:
+        assert isinstance(values.surface, FaceSurface)
+        self.whole, surface = values.surface, cut(values.surface)
+        self.values, self.surface, self.unlike = values, surface, unlike
+        self.net = Net(surface, np.asarray(~surface.held.all(axis=1)))
+        self.closed = np.asarray(values.status != OPEN)
+        self.rim = self.closed & self.net.beside(~self.closed)
+        self.at_rim = np.asarray(self.rim[surface.facets].any(axis=1))
 
-    untold = unlike and bool(left_out[closed].all())
-    return (norm(of_edges), norm(of_facets), np.nan if untold else norm(scatter)), share
+    def __call__(self, traction: Array) -> tuple[Three, Array]:
+        """By edges, facets and scatter over the norm of a traction (m, k); the share of each point."""
+        surface, net, closed, rim = self.surface, self.net, self.closed, self.rim
+        area = surface.area
+        size = float(np.sum(area[:, None] * traction**2))
+        first = net.misfit(traction)
+        sharp = _sharp(net, self.values.status, first)
+        of_edges = area / 3.0 * np.sum(first**2, axis=1) * (sharp & ~rim)
+        if self.edge is not None:
+            of_edges += self.edge.misfit(traction)
+        if self.whole.kind.quadratic:
+            of_facets, (scatter, told) = np.zeros(len(area)), self._ripple(traction, sharp)
+        else:
+            smooth = ~self.at_rim & ~sharp[surface.facets].any(axis=1)
+            of_facets = _between(surface, net, smooth & closed[surface.facets].any(axis=1), traction)
+            left_out = _near_ends(net, sharp | rim)
+            scatter, told = area * _scatter(net, first, left_out), not left_out[closed].all()
+        total = of_edges + of_facets + scatter
+        share = total / total.sum() if total.sum() > SOLVED**2 * size else np.zeros(len(total))
+
+        def norm(part: Array) -> float:
+            return float(np.sqrt(part.sum() / size)) if size > 0 else 0.0
+
+        untold = self.unlike and not told
+        return (norm(of_edges), norm(of_facets), np.nan if untold else norm(scatter)), share
+
+    def _ripple(self, traction: Array, sharp: Mask) -> tuple[Array, bool]:
+        """Of second-order faces, by nodes: what values are off smooth ones; whether any face tells."""
+        known = self.net.known & self.closed & ~self.rim & ~sharp
+        net = Net(self.surface, known, np.maximum(self.values.area, 0.0))
+        known &= net.parabolas.there
+        faces = np.asarray(known[self.whole.facets].all(axis=1))
+        off = np.where(known[:, None], traction - net.parabolas(traction)[:, 0], 0.0)
+        return ripple(self.whole, faces, off), bool(faces.any())
+
+    @cached_property
+    def edge(self) -> Edge | None:
+        """The edge of contact on the faces around it; None where there is none."""
+        contour = self.values._contour
+        if self.whole.kind.quadratic:
+            placed = displaced(self.surface, self.values.points)
+            assert isinstance(placed, FaceSurface)
+            contour = contour_of(placed, self.closed, self.values.gap)
+        if not (self.at_rim.any() and len(contour.segments)):
+            return None
+        # how steep the root is at the nodes of the edge, by the values of those behind them
+        behind = np.flatnonzero(self.closed & ~self.rim)
+        if not len(behind):
+            behind = np.flatnonzero(self.rim)
+        return Edge(self.surface, contour, self.rim, np.flatnonzero(self.at_rim), behind)
 
 
 def _between(surface: FaceSurface, net: Net, smooth: Mask, traction: Array) -> Array:
@@ -158,46 +244,59 @@ def _between(surface: FaceSurface, net: Net, smooth: Mask, traction: Array) -> A
     return out
 
 
-def _at_rim(
-    surface: FaceSurface, values: ContactValues, closed: Mask, rim: Mask, at_rim: Mask, traction: Array
-) -> Array:
-    """Squares of the nodal field less a root of the distance from the edge, by nodes, (m,)."""
-    out, segments = np.zeros(len(surface.points)), values.contact_edges
-    if not (at_rim.any() and len(segments)):
+class Edge:
+    """The edge of contact as the faces around it see it, whatever the traction.
+
+    Parameters
+    ----------
+    surface : FaceSurface
+    contour : Contour
+    rim : ndarray of bool, shape (m,)
+        Closed nodes beside open ones.
+    faces, behind : ndarray of int
+        The faces with such nodes, and the closed nodes behind these.
+    """
+
+    def __init__(
+        self, surface: FaceSurface, contour: Contour, rim: Mask, faces: Index, behind: Index
+    ) -> None:
+        self.surface, self.faces, self.behind = surface, faces, behind
+        self.corners = np.array(TRIANGLES[surface.kind.name])
+        x = with_centres(surface, surface.points)[:, self.corners]
+        area = triangle_areas(surface, x.reshape(-1, 3, 3))
+        self.area = area.reshape(len(surface.facets), -1)[faces]
+        xi, self.weight = KINDS["tri3"].quadrature(8)
+        self.N = KINDS["tri3"].shapes(xi)[0]
+        h = with_centres(surface, contour.heights)[faces][:, self.corners]
+        h = np.where(np.isfinite(h), h, np.abs(h[np.isfinite(h)]).max(initial=1.0))
+        inside = (np.einsum("qa,fta->ftq", self.N, h) < 0).ravel()
+        places = np.einsum("qa,ftad->ftqd", self.N, x[faces])
+        self.shape, places = places.shape[:3], places.reshape(-1, 3)
+        self.depth = _distance(contour.segments, surface.points[behind])
+        self.near = Tree(surface.points[behind]).query(places)[1]
+        self.root = np.zeros((len(places), 1))
+        self.root[inside, 0] = np.sqrt(_distance(contour.segments, places[inside]))
+        self.mine = rim[surface.facets[faces]]
+
+    def misfit(self, traction: Array) -> Array:
+        """Squares of the nodal field less a root of the distance from the edge, by nodes, (m,)."""
+        out = np.zeros(len(self.surface.points))
+        t = with_centres(self.surface, traction)[self.faces][:, self.corners]
+        steep = np.sqrt(np.maximum(self.depth, np.finfo(float).tiny))[:, None]
+        slope = (traction[self.behind] / steep)[self.near]
+        root = (slope * self.root).reshape(*self.shape, -1)
+        nodal = np.einsum("qa,ftak->ftqk", self.N, t)
+        weight = self.weight / self.weight.sum()
+        square = np.einsum("q,ftqk,ft->f", weight, (nodal - root) ** 2, self.area)
+        part = np.where(self.mine, (square / self.mine.sum(axis=1))[:, None], 0.0)
+        np.add.at(out, self.surface.facets[self.faces], part)
         return out
-    faces = np.flatnonzero(at_rim)
-    corners = np.array(TRIANGLES[surface.kind.name])
-    h = with_centres(surface, heights(surface, closed, values.gap))[faces][:, corners]
-    x = with_centres(surface, surface.points)[faces][:, corners]
-    t = with_centres(surface, traction)[faces][:, corners]
-    area = triangle_areas(surface, with_centres(surface, surface.points)[:, corners].reshape(-1, 3, 3))
-    area = area.reshape(len(surface.facets), -1)[faces]
-    xi, weight = KINDS["tri3"].quadrature(8)
-    N = KINDS["tri3"].shapes(xi)[0]
-    h = np.where(np.isfinite(h), h, np.abs(h[np.isfinite(h)]).max(initial=1.0))
-    inside = np.einsum("qa,fta->ftq", N, h) < 0
-    places = np.einsum("qa,ftad->ftqd", N, x)
-    # how steep the root is at the nodes of the edge, by the values of those behind them
-    behind = np.flatnonzero(closed & ~rim)
-    if not len(behind):
-        behind = np.flatnonzero(rim)
-    depth = _distance(segments, surface.points[behind])
-    near = kd_tree(surface.points[behind]).query(places.reshape(-1, 3))[1]
-    slope = (traction[behind] / np.sqrt(np.maximum(depth, np.finfo(float).tiny))[:, None])[near]
-    d = np.where(inside.ravel(), _distance(segments, places.reshape(-1, 3)), 0.0)
-    root = (slope * np.sqrt(d)[:, None]).reshape(*places.shape[:3], -1)
-    nodal = np.einsum("qa,ftak->ftqk", N, t)
-    square = np.einsum("q,ftqk,ft->f", weight / weight.sum(), (nodal - root) ** 2, area)
-    mine = rim[surface.facets[faces]]
-    part = np.where(mine, (square / mine.sum(axis=1))[:, None], 0.0)
-    np.add.at(out, surface.facets[faces], part)
-    return out
 
 
 def _distance(segments: Array, points: Array) -> Array:
     """Distances of points (p, 3) from the nearest of segments (s, 2, 3), (p,)."""
     few = min(SEGMENTS_NEAR, len(segments))
-    near = kd_tree(segments.mean(axis=1)).query(points, k=few)[1].reshape(len(points), few)
+    near = Tree(segments.mean(axis=1)).query(points, k=few)[1].reshape(len(points), few)
     start, along = segments[near, 0], segments[near, 1] - segments[near, 0]
     away = points[:, None] - start
     part = np.sum(away * along, axis=2) / np.sum(along**2, axis=2)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import NO_MISFIT
+from skfem_contact.answers.thresholds import ESTIMATED
+from skfem_contact.digits import SOLVED
 
 Array = NDArray[np.float64]
 Elements = tuple[NDArray[np.intp], Array]
@@ -21,9 +22,8 @@ class ErrorSources:
     ----------
     edges, facets, scatter, bodies, stiffness, chords : float
         See the top of the module `estimate`. `bodies` is NaN where a body was given a matrix instead
-        of a `BilinearForm`: then there is no measure of energy, and it is left out. In 3-D `edges`,
-        `facets` and `scatter` are NaN on quadratic faces, `chords` on linear faces of curved sides;
-        then `total` is NaN, too.
+        of a `BilinearForm`: then there is no measure of energy, and it is left out. Where another one
+        is NaN the answer is not rated, and `total` is NaN, too.
 
     Examples
     --------
@@ -59,13 +59,6 @@ class ErrorSources:
         return tuple(f.name for f in fields(self) if np.isnan(getattr(self, f.name)))
 
     @property
-    def at_least(self) -> float:
-        """Root of the sum of the squares that are known; NaN where none is."""
-        found = [getattr(self, f.name) for f in fields(self) if f.name not in self.missing]
-        known = "bodies" not in self.missing or any(found)
-        return float(np.sqrt(sum(size**2 for size in found))) if known else np.nan
-
-    @property
     def largest(self) -> str:
         """Name of the largest part."""
         known = self._known()
@@ -87,7 +80,7 @@ class ErrorEstimate:
         Of the pressure, over the L2 norm of the pressure; and of pressure and friction together.
     indicator : ndarray, shape (m,)
         Share of every point in the squared error of the traction that comes from the surface (edges,
-        facets, scatter); adds up to one where there is any. NaN on quadratic faces of solids.
+        facets, scatter); adds up to one where there is any.
     elements : dict of (ndarray of int, ndarray)
         By name of the body: elements around the contact, and the share of each in the energy error.
     points_across : int or None
@@ -95,6 +88,8 @@ class ErrorEstimate:
         None in 3-D.
     advice : str
         What would improve the answer most.
+    unrated : str
+        Why the answer can not be rated; empty where it is. Then the totals are NaN.
 
     Examples
     --------
@@ -118,26 +113,30 @@ class ErrorEstimate:
     elements: dict[str, Elements] = field(repr=False)
     points_across: int | None
     advice: str
+    unrated: str = ""
 
     def __str__(self) -> str:
+        if self.unrated:
+            return f"not rated: {self.unrated}"
         parts = ", ".join(
             f"{f.name} {percent(getattr(self.traction, f.name))}"
             for f in fields(self.traction)
             if getattr(self.traction, f.name) != 0
         )
-        if np.isnan(self.traction.total):
-            return (
-                f"at least {percent(self.traction.at_least)} of the L2 norm of the traction ({parts}); "
-                f"{self.advice}"
-            )
-        return (
-            f"pressure {percent(self.pressure.total)}, traction {percent(self.traction.total)} "
-            f"of its L2 norm ({parts or 'no part'}); {self.advice}"
-        )
+        return f"{self.words} of the L2 norm ({parts or 'no part'}); {self.advice}"
+
+    @property
+    def words(self) -> str:
+        """The totals of pressure and traction, in percent up to what can be estimated."""
+        if self.unrated:
+            return "not rated"
+        if max(self.pressure.total, self.traction.total) > ESTIMATED:
+            return f"more than {percent(ESTIMATED)}, beyond what can be estimated"
+        return f"pressure {percent(self.pressure.total)}, traction {percent(self.traction.total)}"
 
 
 def percent(share: float) -> str:
     """A share in percent, with two digits."""
     if np.isnan(share):
         return "not known"
-    return f"{100 * share:.2g} %" if share > NO_MISFIT else "0 %"
+    return f"{100 * share:.2g} %" if share > SOLVED else "0 %"

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.error.misfit import Line, edge_misfit, misfit
-from skfem_contact.answers.thresholds import NO_MISFIT, SHARPER
+from skfem_contact.answers.thresholds import SHARPER
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
+from skfem_contact.digits import SOLVED
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -39,7 +40,7 @@ def surface_error(values: ContactValues, line: Line, traction: Array) -> tuple[T
     sharp[edges.inside] = True
     scatter = area / 3.0 * _scatter(line, first, sharp, quadratic)
     total = (squares + scatter).sum(axis=1)
-    share = total / total.sum() if total.sum() > NO_MISFIT**2 * size else np.zeros(len(total))
+    share = total / total.sum() if total.sum() > SOLVED**2 * size else np.zeros(len(total))
 
     def norm(part: Array) -> float:
         return float(np.sqrt(part.sum() / size)) if size > 0 else 0.0

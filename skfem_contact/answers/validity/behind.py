@@ -12,9 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import NO_OVERLAP
 from skfem_contact.answers.validity.meeting import signed_distance
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.node import Pairing
@@ -40,7 +40,7 @@ def depth_behind(contact: Contact, pairing: Pairing) -> float:
     if paired.any() and (outline is None or known or np.any(pairing.gap[paired] <= 0)):
         return 0.0  # what overlaps is seen
     distance = signed_distance(obstacle, surface, surface.points)
-    noise = NO_OVERLAP * float(np.max(np.ptp(surface.points, axis=0)))
+    noise = SOLVED * float(np.max(np.ptp(surface.points, axis=0)))
     deepest = -float(distance.min())
     return deepest if deepest > noise and np.all(distance <= noise) else 0.0
 

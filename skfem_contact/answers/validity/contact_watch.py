@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +79,6 @@ class ContactWatch:
         own = geometry.interference[i]
         self.track = make(contact, pairing, geometry.kin.gap0[self.part], own)
         self.on_obstacle = looked_at(contact)
-        self._behind: float | None = None  # see `untouched`
         sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
         bodies = [self.system.index(side.body) for side in sides]
         # the diagonal of K at a surface is of the order of the modulus, whatever the mesh; in 3-D
@@ -121,15 +121,23 @@ class ContactWatch:
         self.inside = True
         return Support.of(body, int(start), np.arange(body.n), self.system.extent)
 
-    def follow(self, motions: Sequence[Array]) -> None:
-        """See how the supports of all bodies have moved."""
-        if self.contact.sliding == "small":
-            moved = [motions[b] for b in self.bodies]
-            self._lifted = relative(self.normal_rows, moved)
-            self._dragged = self.track.tangential(relative(self.tangential_rows, moved))
+    def followed(self, motions: Sequence[Array]) -> tuple[Array, Array] | None:
+        """How far supports of all bodies lift and drag the points; None where contact slides far."""
+        if self.contact.sliding != "small":
+            return None
+        moved = [motions[b] for b in self.bodies]
+        lifted = relative(self.normal_rows, moved)
+        return lifted, self.track.tangential(relative(self.tangential_rows, moved))
 
-    def drift(self, state: State, gap: Array, case: LoadCase, u: Array) -> Drift:
-        """How far the contact has drifted at an answer, under the motions that it was told to follow.
+    def drift(
+        self,
+        state: State,
+        gap: Array,
+        case: LoadCase,
+        u: Array,
+        followed: tuple[Array, Array] | None,
+    ) -> Drift:
+        """How far the contact has drifted at an answer.
 
         Parameters
         ----------
@@ -137,6 +145,8 @@ class ContactWatch:
             Of the answer.
         u : ndarray, shape (n,)
             Displacements, where `Watch.look` asks for them.
+        followed : tuple or None
+            From `followed`.
         """
         contact, part, track = self.contact, self.part, self.track
         small = contact.sliding == "small"
@@ -148,22 +158,23 @@ class ContactWatch:
         if not count and not (small and contact.rigid):
             return Drift(sagitta=sagitta)
         approach, strain = self._pressed(closed, state.normal_force[part])
-        if not small:
+        if followed is None:
             approach = beyond_round_off(approach, self.extent)
             return Drift(count, approach=approach, strain=strain, sagitta=sagitta)
+        by_supports, dragged = followed
         if self.held and count:
             lifted = case.gap0[part][closed] - gap[part][closed]
-            lifted += self._lifted[closed]
+            lifted += by_supports[closed]
             elastic = largest(np.abs(lifted))
             approach, strain = max(approach, elastic), max(strain, elastic / self.extent)
         if contact.friction is not None or contact.tied:
             given = self.geometry.kin.slip_along(case.slip0[part], part)
             slip = track.slip(state.slip[part], given)
             # a belt is pressed in by its stretch along the drum
-            stretch = slip - self._dragged
+            stretch = slip - dragged
             approach = max(approach, track.spread(stretch[closed]) if count else 0.0)
         else:
-            slip = self._dragged
+            slip = dragged
             if self.loose is not None:
                 moved = [body.motion(u) for body in self.loose]
                 slip = track.tangential(relative(self.tangential_rows, moved))
@@ -211,8 +222,6 @@ class ContactWatch:
         contact, track = self.contact, self.track
         if not isinstance(contact.primary, Obstacle) or contact.bilateral:
             return ""
-        if self._behind is None:
-            self._behind = depth_behind(contact, self.geometry.pairings[self.i])
         # what finds partners that it did not have has come to another place
         if self._behind and (self.track.paired.any() or not np.isfinite(gap[self.part]).any()):
             return behind_words(contact, self._behind)
@@ -221,15 +230,19 @@ class ContactWatch:
         found = pierced(track.secondary, track.bend, gap[self.part])
         return pierced_words(track.secondary, *found, contact.primary.label) if found else ""
 
-    def sure(self, result: Answer, drift: Drift) -> Drift:
-        """Where points slide far and facets seem too long: with the approach since the beginning."""
+    @cached_property
+    def _behind(self) -> float:
+        return depth_behind(self.contact, self.geometry.pairings[self.i])
+
+    def seems_coarse(self, result: Answer, drift: Drift) -> bool:
+        """Whether facets seem too long: where points slide far, by the approach since the beginning."""
         if self.contact.sliding == "small" or not drift.facets_too_long:
-            return drift
+            return drift.facets_too_long
         closed = (result.state.status[self.part] != OPEN) & result.kin.paired[self.part]
         u = self.geometry.spread(result.state.surface)
         u[self.system.D] = result.case.x[self.system.D]
         elastic = beyond_round_off(elastic_approach(result, self.i, closed, u), self.extent)
-        return replace(drift, approach=max(drift.approach, elastic))
+        return replace(drift, approach=max(drift.approach, elastic)).facets_too_long
 
 
 def relative(rows: Sequence[Array], motions: Sequence[Array]) -> Array:

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import NO_LENGTH
-from skfem_contact.answers.validity.curvature import chord_gaps, curvatures
+from skfem_contact.answers.validity.curvature import curvatures
 from skfem_contact.answers.validity.ends import ways_to_ends
 from skfem_contact.answers.validity.meeting import distances
 from skfem_contact.answers.validity.track import Track, gaps_at_obstacle
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.loads import LoadCase, Motion
+from skfem_contact.digits import COMPUTED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.obstacles.shapes import RigidPlane
@@ -59,11 +59,9 @@ class CurveTrack(Track):
     def _spacing(self, pairing: Pairing) -> Array:
         return node_lengths(self.secondary)
 
-    def _look_at_primary(self, primary: ContactSurface, facet: Index, straight: bool) -> None:
+    def _look_at_primary(self, primary: ContactSurface, facet: Index) -> None:
         self.curvature = np.where(self.follows, curvatures(primary)[facet], 0.0)
         self.turns = bool(self.curvature.any())
-        if straight:
-            self.chord = np.where(self.paired, chord_gaps(primary, facet, self.points), 0.0)
         # of a node beyond the end at the start, the facet before it is in contact
         behind, ahead = ways_to_ends(primary, facet, self.points)
         self.behind, self.ahead = np.maximum(behind, 0.0), np.maximum(ahead, 0.0)
@@ -130,7 +128,7 @@ class CurveTrack(Track):
         cross = self.normal[:, 0] * normal[:, 1] - self.normal[:, 1] * normal[:, 0]
         angle = np.arctan2(np.abs(cross), np.einsum("md,md->m", self.normal, normal))
         found["tilt"] = float(np.max(angle[closed & self.by_node], initial=0.0))
-        sunk, noise = ~closed & facing & self.paired, NO_LENGTH * float(np.max(np.abs(at.points)))
+        sunk, noise = ~closed & facing & self.paired, COMPUTED * float(np.max(np.abs(at.points)))
         return found | gaps_at_obstacle(true, gap, closed & self.by_node, sunk, approach, noise)
 
 

@@ -63,7 +63,8 @@ class Drift:
         What the bodies take up elastically between their supports and the contact; zero where that is
         round-off of their places [length].
     strain : float
-        The approach over the extent of the bodies, or the mean pressure over the modulus.
+        The approach over the extent of the bodies, or the mean pressure over the modulus: a sign of
+        the strain of the bodies, which `Validity.strain` measures.
     sagitta : float
         Height of the curves over one facet, the mean over the normal forces (`chords`) [length].
 

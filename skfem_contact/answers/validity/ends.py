@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import EQUALLY_FAR
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
-from skfem_contact.trees import kd_tree
+from skfem_contact.digits import SOLVED
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -56,7 +56,7 @@ class Rim:
         self.start, self.end = start, end
         outward = np.cross(end - start, normal)
         self.outward = outward / np.linalg.norm(outward, axis=1, keepdims=True)
-        self.tree = kd_tree(0.5 * (start + end)) if len(start) else None
+        self.tree = Tree(0.5 * (start + end)) if len(start) else None
         self.half = 0.5 * float(np.max(np.linalg.norm(end - start, axis=1), initial=0.0))
 
     @classmethod
@@ -72,7 +72,7 @@ class Rim:
         """What points are away from the rim at least, (m,); ``inf`` where there is none [length]."""
         if self.tree is None:
             return np.full(len(points), np.inf)
-        return np.maximum(self.tree.query(points)[0] - self.half, 0.0)
+        return np.maximum(self.tree.distances(points) - self.half, 0.0)
 
     def beyond(self, points: Array) -> Array:
         """How far points lie beyond the rim along the surface, negative above it, (p,) [length]."""
@@ -86,6 +86,6 @@ class Rim:
         distance = np.linalg.norm(away, axis=2)
         # of two edges that meet at the nearest corner the one that the point is farther out of
         out = np.sum(away * self.outward[near], axis=2)
-        nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + EQUALLY_FAR)
+        nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + SOLVED)
         out = np.where(nearest, out, -np.inf).max(axis=1)
         return np.where(out > 0, 1.0, -1.0) * distance.min(axis=1)

@@ -19,10 +19,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import CURVED, FLAT, NO_LENGTH, TWIST
+from skfem_contact.answers.thresholds import CURVED, FLAT, TWIST
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.bodies.thresholds import ALIKE, STEEPEST
+from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.thresholds import FACING
 from skfem_contact.pairing.vectors import dot
 
@@ -59,7 +60,7 @@ def face_sagittas(secondary: FaceSurface, primary: FaceSurface, facet: Index, by
         around = _heights(edges[:, None], bend[faces])
     np.maximum.at(out, faces, around)
     # what normals of plane faces differ by
-    return np.where(out > 8 * NO_LENGTH * np.abs(secondary.points).max(), out / 8, 0.0)
+    return np.where(out > 8 * COMPUTED * np.abs(secondary.points).max(), out / 8, 0.0)
 
 
 def heights_over(edges: Array, bend: Array, of_primary: Array, triangle: bool) -> Array:

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import NO_LENGTH
-from skfem_contact.answers.validity.curvature import curvature_tensors, face_gaps
+from skfem_contact.answers.validity.curvature import curvature_tensors
 from skfem_contact.answers.validity.ends import Rim
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.vectors import dot
 
@@ -48,12 +48,10 @@ class FaceTrack(Track):
     def _spacing(self, pairing: Pairing) -> Array:
         return np.sqrt(np.maximum(pairing.area, 0.0))
 
-    def _look_at_primary(self, primary: ContactSurface, facet: Index, straight: bool) -> None:
+    def _look_at_primary(self, primary: ContactSurface, facet: Index) -> None:
         assert isinstance(primary, FaceSurface)
         self.bends = curvature_tensors(primary)[facet] * float(self.follows)
         self.turns = bool(self.bends.any())
-        if straight and self.turns:
-            self.chord = np.where(self.paired, face_gaps(primary, facet, self.feet, self.bends), 0.0)
         self.rim = Rim.of(primary)
         self.room = self.rim.at_least(self.feet)
 
@@ -63,7 +61,7 @@ class FaceTrack(Track):
         Node by node that is all that contact asks. Faces of other kinds between the same nodes seem to
         bend in other ways. Two by two faces say how a surface bends, less do not.
         """
-        away = np.abs(gap) > NO_LENGTH * np.abs(self.points).max()
+        away = np.abs(gap) > COMPUTED * np.abs(self.points).max()
         if not self.nodal or len(gap) < 9:
             return np.zeros(len(gap), dtype=bool)
         away |= ~self.paired

@@ -54,8 +54,9 @@ class Flanks:
         if not len(asked):
             return None
         whole = self.whole.moved(u)
-        mine = np.isin(self.near.node, asked)
-        node, face = self.near.node[mine], self.near.face[mine]
+        node, face = self.near.around(places, points)
+        mine = np.isin(node, asked)
+        node, face = node[mine], face[mine]
         feet = project(whole, face, points[node])
         away = points[node] - feet.foot
         depth = -dot(away, feet.own)

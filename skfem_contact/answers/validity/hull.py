@@ -16,8 +16,13 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.contours import TRIANGLES
 from skfem_contact.answers.thresholds import PAIRS_AT_ONCE
+from skfem_contact.answers.validity.overlap import within
 from skfem_contact.bodies.body import Body
-from skfem_contact.trees import kd_tree
+from skfem_contact.bodies.faces import seen_from_outside
+from skfem_contact.bodies.facet_kinds import kind_of
+from skfem_contact.bodies.nodes import face_nodes, node_dofs
+from skfem_contact.pairing.vectors import ragged
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -49,43 +54,64 @@ class Hull:
 
     corners: Array
 
-    @property
-    def samples(self) -> Array:
-        """Corners, middles of edges and of all triangles, each once, (p, 3)."""
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Least and largest coordinates, (3,) each [length]."""
+        return self.corners.min(axis=(0, 1)), self.corners.max(axis=(0, 1))
+
+    def samples(self, box: tuple[Array, Array]) -> Array:
+        """Corners, middles of edges and of all triangles that lie in a box, each once, (p, 3)."""
         x = self.corners
         edges = 0.5 * (x + np.roll(x, -1, axis=1))
         points = np.concatenate([x.reshape(-1, 3), edges.reshape(-1, 3), x.mean(axis=1)])
-        return np.unique(points, axis=0)
+        return np.unique(points[within(points, box)], axis=0)
 
     def inside(self, points: Array) -> Mask:
-        """Which points lie inside, shape (p,)."""
+        """Which points lie inside, shape (p,).
+
+        A triangle is compared only with the points that lie beside it along one axis across the ray:
+        among points that are sorted along it these follow each other.
+        """
         out = np.zeros(len(points), dtype=bool)
-        low, high = self.corners.min(axis=(0, 1)), self.corners.max(axis=(0, 1))
-        near = np.flatnonzero(np.all((points >= low) & (points <= high), axis=1))
-        x = self.corners @ ACROSS.T  # (t, 3, 2)
-        start, rise = x, np.roll(x, -1, axis=1) - x
-        lowest, highest = x.min(axis=1), x.max(axis=1)
-        normal = np.cross(
-            self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0]
-        )
-        for some in _blocks(near, len(x)):
-            p = points[some] @ ACROSS.T
-            row, t = np.nonzero(np.all((p[:, None] >= lowest) & (p[:, None] <= highest), axis=2))
+        near = np.flatnonzero(within(points, self.box))
+        if not len(near):
+            return out
+        start, rise, lowest, highest, normal = self._across
+        p = points[near] @ ACROSS.T
+        order = np.argsort(p[:, 0])
+        near, p = near[order], p[order]
+        first = np.searchsorted(p[:, 0], lowest[:, 0], side="left")
+        count = np.searchsorted(p[:, 0], highest[:, 0], side="right") - first
+        met = np.zeros(len(near), dtype=np.intp)
+        for some in _blocks(count):
+            t = np.repeat(some, count[some])
+            row = ragged(first[some], count[some])
+            beside = (p[row, 1] >= lowest[t, 1]) & (p[row, 1] <= highest[t, 1])
+            row, t = row[beside], t[beside]
             away = p[row, None] - start[t]
             side = rise[t, :, 0] * away[..., 1] - rise[t, :, 1] * away[..., 0]
             hit = np.all(side > 0, axis=1) | np.all(side < 0, axis=1)
             row, t = row[hit], t[hit]
             # where the ray meets the plane of the triangle: ahead or behind
-            height = np.einsum("pd,pd->p", self.corners[t, 0] - points[some][row], normal[t])
+            height = np.einsum("pd,pd->p", self.corners[t, 0] - points[near[row]], normal[t])
             ahead = height * (normal[t] @ RAY) > 0
-            out[some] = np.bincount(row[ahead], minlength=len(some)) % 2 == 1
+            met += np.bincount(row[ahead], minlength=len(near))
+        out[near] = met % 2 == 1
         return out
+
+    @cached_property
+    def _across(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Seen along the ray: corners, edges and bounds of the triangles; and their normals."""
+        x = self.corners @ ACROSS.T  # (t, 3, 2)
+        edges = self.corners[:, 1:] - self.corners[:, :1]
+        rise = np.roll(x, -1, axis=1) - x
+        return x, rise, x.min(axis=1), x.max(axis=1), np.cross(edges[:, 0], edges[:, 1])
 
     @cached_property
     def _tree(self) -> tuple[Any, float]:
         """Middles of the triangles, and how far their corners are from these at most."""
         middle = self.corners.mean(axis=1)
-        return kd_tree(middle), float(np.linalg.norm(self.corners - middle[:, None], axis=2).max())
+        return Tree(middle), float(np.linalg.norm(self.corners - middle[:, None], axis=2).max())
 
     def distance(self, points: Array) -> Array:
         """Distances of points from the boundary, shape (p,) [length]."""
@@ -124,9 +150,13 @@ def hull(body: Body, u: Array) -> Hull:
     u : ndarray, shape (n_body,)
         Displacement of the body [length].
     """
-    surface = body.surface(None)
-    x = (surface.points + u[surface.dofs])[surface.facets]
-    kind = surface.kind
+    # no surface that can touch: of this boundary nobody asks normals or areas
+    basis = body.basis
+    numbers, vertices = seen_from_outside(basis.mesh, basis.mesh.boundary_facets())
+    nodes = face_nodes(basis, numbers, vertices)
+    dofs = node_dofs(basis, nodes.ravel(), body.components)
+    x = (basis.doflocs[:, dofs[:, 0]].T + u[dofs]).reshape(*nodes.shape, -1)
+    kind = kind_of(3, nodes.shape[1])
     if kind.name in ("quad4", "quad8"):
         N, _ = kind.shapes(kind.middle)
         x = np.concatenate([x, np.einsum("k,fkd->fd", N, x)[:, None]], axis=1)
@@ -148,6 +178,8 @@ def _to_triangles(points: Array, corners: Array) -> Array:
     return np.asarray(np.where(above, np.minimum(height, to_edges), to_edges))
 
 
-def _blocks(numbers: Index, pieces: int) -> list[Index]:
-    count = -(-len(numbers) * pieces // PAIRS_AT_ONCE)
-    return np.array_split(numbers, count) if count else []
+def _blocks(count: Index) -> list[Index]:
+    """Triangles in parts that have not too many pairs, from how many each has."""
+    ends = np.cumsum(count)
+    parts = np.arange(PAIRS_AT_ONCE, ends[-1], PAIRS_AT_ONCE)
+    return np.split(np.arange(len(count)), np.searchsorted(ends, parts))

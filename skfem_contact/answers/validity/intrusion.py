@@ -2,22 +2,20 @@
 
 The points of both surfaces, and the middles between them, are looked for in the whole body on the
 other side after every step: polygons in polygons (`overlap`), with boundaries from what a load step
-knows (`skin`). Only where that shows an overlap, which has not been said yet, are the displacements of
-the bodies recovered, and the search is repeated with them.
+knows (`skin`). That is a suspicion: the verdict is that of `assess`, with all displacements.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import GAP, NO_OVERLAP
-from skfem_contact.answers.validity.give import elastic_approach
-from skfem_contact.answers.validity.meeting import sagitta
+from skfem_contact.answers.thresholds import OVERLAP
+from skfem_contact.answers.validity.drift import Drift
+from skfem_contact.answers.validity.meeting import drawn_off
 from skfem_contact.answers.validity.overlap import Outline
 from skfem_contact.answers.validity.skin import Skin
 from skfem_contact.answers.validity.track import Track
@@ -29,9 +27,10 @@ from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.conditions.state import State
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.corners import unselected_sides
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -60,23 +59,15 @@ class Intrusions:
         self.chords = {i: _chords(_sides(contacts[i])) for i in self.looked}
 
     def look(
-        self,
-        state: State,
-        case: LoadCase,
-        tracks: Sequence[Track],
-        soft: Sequence[float],
-        mismatch: float,
+        self, state: State, case: LoadCase, tracks: Sequence[Track], drifts: Sequence[Drift]
     ) -> dict[int, Intrusion]:
         """Overlaps that seem to be beyond their bounds, by the number of the contact.
 
         Parameters
         ----------
         state, case : State, LoadCase
-        tracks : sequence of Track
-        soft : sequence of float
-            Of every contact, what a force on a point presses it in [length/force].
-        mismatch : float
-            Of the pairing, over the extent of the bodies.
+        tracks, drifts : sequence of Track and Drift
+            Of every contact.
         """
         if not self.looked:
             return {}
@@ -84,53 +75,46 @@ class Intrusions:
         u[self.held] = case.x[self.held]
         parts = {b: u[self.system.slice(self.system.bodies[b])] for b in self.skins}
         places = {b: skin.moved(parts[b]) for b, skin in self.skins.items()}
-        found = self._found(self.looked, parts, places, state, case, tracks, soft, mismatch)
-        return {i: overlap for i, overlap in found.items() if overlap.excessive}
+        found = {i: self._found(i, parts, places, case, tracks) for i in self.looked}
+        # the bound of `ContactValidity.excess`, with what is known of the approach
+        least = {i: self.chords[i] + OVERLAP * drifts[i].approach for i in self.looked}
+        return {i: one for i, one in found.items() if one is not None and one.depth > least[i]}
 
-    def sure(self, i: int, result: Answer, soft: Sequence[float]) -> Intrusion | None:
-        """The deepest overlap of one contact, with the displacements of whole bodies."""
+    def sure(self, i: int, result: Answer) -> tuple[str, str] | None:
+        """Where the deepest overlap of one contact is, and what to do, in words; None without one.
+
+        With the displacements of whole bodies.
+        """
         parts = {
             self.system.index(s.body): result.displacement(s.body) for s in _sides(self.contacts[i])
         }
         places = {b: self.skins[b].placed(u) for b, u in parts.items()}
-        given = result.state, result.worn_case, result.watched.tracks, soft, result.mismatch
-        found = self._found([i], parts, places, *given).get(i)
-        if found is None or not found.excessive:
-            return found
-        closed = (result.state.status[result.slices()[i]] != OPEN) & result.kin.paired[
-            result.slices()[i]
-        ]
-        # less than what changes forces by a tenth, see `answers.thresholds.GAP`
-        return replace(found, left=max(found.left, GAP * elastic_approach(result, i, closed)))
+        found = self._found(i, parts, places, result.worn_case, result.watched.tracks)
+        if found is None:
+            return None
+        place = (
+            f", at {written(np.array(found.at))}, where {found.surface!r} lies in the body of "
+            f"{found.body!r}"
+        )
+        return place, " ".join(self.reasons(i, result.state))
 
     def _found(
         self,
-        some: Sequence[int],
+        i: int,
         parts: dict[int, Array],
         places: dict[int, Array],
-        state: State,
         case: LoadCase,
         tracks: Sequence[Track],
-        soft: Sequence[float],
-        mismatch: float,
-    ) -> dict[int, Intrusion]:
-        found = {}
-        for i in some:
-            sides = _sides(self.contacts[i])
-            numbers = [self.system.index(side.body) for side in sides]
-            nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
-            part = self.geometry.point_slices[i]
-            added = tracks[i].added - case.interference[part]
-            closed = state.status[part] != OPEN
-            deepest = self._deepest(sides, numbers, nodes, places, np.nan_to_num(added))
-            if deepest is None:
-                continue
-            depth, at, k = deepest
-            force = np.max(np.abs(state.normal_force[part][closed]), initial=0.0)
-            bulge, left = float(force) * soft[i], mismatch * self.system.extent
-            labels = sides[k].label, sides[1 - k].label
-            found[i] = Intrusion(depth, at, *labels, self.chords[i], bulge, left)
-        return found
+    ) -> Intrusion | None:
+        sides = _sides(self.contacts[i])
+        numbers = [self.system.index(side.body) for side in sides]
+        nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
+        added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
+        deepest = self._deepest(sides, numbers, nodes, places, np.nan_to_num(added))
+        if deepest is None:
+            return None
+        depth, at, k = deepest
+        return Intrusion(depth, at, sides[k].label, sides[1 - k].label)
 
     def _deepest(
         self,
@@ -141,7 +125,7 @@ class Intrusions:
         added: Array,
     ) -> tuple[float, tuple[float, ...], int] | None:
         """Depth, place, and the side whose point it is; None where nothing overlaps."""
-        noise = NO_OVERLAP * self.system.extent
+        noise = SOLVED * self.system.extent
         best = None
         for k in range(2):
             # what supports hold in the other body is warned of as that
@@ -159,7 +143,7 @@ class Intrusions:
                 continue
             depth = _near(outline, points).distance(points)
             if added.any():
-                depth = depth - added[kd_tree(nodes[0]).query(points)[1]]
+                depth = depth - added[Tree(nodes[0]).query(points)[1]]
             deepest = int(np.argmax(depth))
             if depth[deepest] > max(noise, best[0] if best else 0.0):
                 best = float(depth[deepest]), tuple(map(float, points[deepest])), k
@@ -206,12 +190,12 @@ def _sides(contact: Contact) -> tuple[ContactSurface, ContactSurface]:
 
 
 def _chords(sides: Sequence[ContactSurface]) -> float:
-    return sum(sagitta(side, side.facet_node_normals) for side in sides)
+    return sum(drawn_off(side) for side in sides)
 
 
 def _near(outline: Outline, points: Array) -> Outline:
     """The pieces among which the closest to each of these points are."""
-    far = kd_tree(outline.start).query(points)[0].max()
+    far = Tree(outline.start).distances(points).max()
     low, high = points.min(axis=0) - far, points.max(axis=0) + far
     a, b = np.minimum(outline.start, outline.end), np.maximum(outline.start, outline.end)
     some = ((b >= low) & (a <= high)).all(axis=1)

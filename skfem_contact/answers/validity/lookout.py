@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import ALONE, CHORDS, NO_OVERLAP, STANDING, TILT
+from skfem_contact.answers.thresholds import ALONE, CHORDS, STANDING, TILT
 from skfem_contact.answers.validity.drift import Drift
 from skfem_contact.answers.validity.face_chords import face_bends
 from skfem_contact.answers.validity.flanks import Flanks, boundary
@@ -30,8 +30,9 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.faces.edges import crossings, sharp_edges_of
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -180,7 +181,7 @@ class Missing:
         self.support = Support.of(side.body, start, known)
         self.beside = known_nodes[:0]
         if len(known_nodes):
-            nearest = kd_tree(side.points[known_nodes]).query(side.points[self.nodes])[1]
+            nearest = Tree(side.points[known_nodes]).query(side.points[self.nodes])[1]
             self.beside = known_nodes[nearest]
 
     def filled(self, part: Array, u: Array) -> Array:
@@ -204,7 +205,7 @@ class Lookout:
         assert isinstance(contact.secondary, FaceSurface)
         assert isinstance(contact.primary, FaceSurface)
         self.contact, self.secondary, self.primary = contact, contact.secondary, contact.primary
-        self.noise = NO_OVERLAP * extent
+        self.noise = SOLVED * extent
         self.chords = [CHORDS * _heights(side) for side in (self.secondary, self.primary)]
         self.near = [Nearby(self.secondary), Nearby(self.primary)]
         self.edges = [sharp_edges_of(side) for side in (self.secondary, self.primary)]
@@ -281,7 +282,7 @@ class Lookout:
         ):
             node, face, depth = standing_nodes(other, own, *pair, least)
             if added.any() and len(node):
-                nearest = kd_tree(secondary.points).query(own.points[node])[1]
+                nearest = Tree(secondary.points).query(own.points[node])[1]
                 depth = depth - added[nearest]
             between = np.flatnonzero((depth > least + chords[face]) & (depth <= most + chords[face]))
             alone = falls_away(meshed, node[between], other.facet_normals[face[between]], approach)
@@ -302,7 +303,7 @@ class Lookout:
         # what touches has been moved aside by no more than the approach, twice what is allowed
         depth, place, across = crossings(one, other, apart=least / STANDING)
         if added.any() and len(depth):
-            depth = depth - added[kd_tree(points[0]).query(place)[1]]
+            depth = depth - added[Tree(points[0]).query(place)[1]]
         if not len(depth):
             return None
         i, count = int(np.argmax(depth)), int(np.count_nonzero(depth > least))

@@ -7,15 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import NO_OVERLAP
+from skfem_contact.answers.thresholds import PIECES
 from skfem_contact.answers.validity.hull import Hull
 from skfem_contact.answers.validity.overlap import Outline
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.faces.distance import signed_distances as distances_from_faces
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -63,13 +64,14 @@ def between(
         What the user has the gaps be larger than the meshes say [length].
     closed, paired : ndarray of bool, shape (m,)
     """
-    noise = NO_OVERLAP * extent
+    noise = SOLVED * extent
     deepest = 0.0
-    for points, other in ((secondary.samples, primary), (primary.samples, secondary)):
+    for one, other in ((secondary, primary), (primary, secondary)):
+        points = one.samples(other.box)  # the others lie outside
         depth = other.depth(points)
         inside = depth > noise
-        if inside.any() and paired.any():
-            depth[inside] -= added[paired][kd_tree(nodes[paired]).query(points[inside])[1]]
+        if inside.any() and added[paired].any():
+            depth[inside] -= added[paired][Tree(nodes[paired]).query(points[inside])[1]]
         deepest = max(deepest, float(np.max(depth[inside], initial=0.0)))
     lonely = primary.depth(nodes[~paired]) > max(chords, noise)
     # with an interference bodies may overlap before their meshes do: this shows at the nodes
@@ -90,7 +92,7 @@ def at_obstacle(
     paired: Mask,
 ) -> Meeting:
     """A deformed surface, its nodes and points between them, against an obstacle at its place."""
-    noise = NO_OVERLAP * float(np.max(np.ptp(surface.points, axis=0)))
+    noise = SOLVED * float(np.max(np.ptp(surface.points, axis=0)))
     at_nodes = signed_distance(obstacle, surface, nodes) + added
     ends = surface.facets
     between = [
@@ -131,6 +133,42 @@ def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array
     if not isinstance(obstacle, LevelSet):
         return obstacle.distance(surface)
     return obstacle.first_order(surface)
+
+
+def drawn_off(surface: ContactSurface) -> float:
+    """Largest distance between a surface and the straight pieces that stand for it where it is drawn.
+
+    Second-order facets are parabolas: over one of n pieces by the nth part squared as high as over
+    the whole. Straight ones on a curve are off it by the height of their chords.
+    """
+    if not surface.quadratic:
+        return sagitta(surface, surface.facet_node_normals)
+    x = surface.points[surface.facets]
+    if surface.dim == 2:
+        ends, middle, parts = [(0, 1)], [2], PIECES
+    else:
+        corners = surface.kind.corners
+        ends = [(i, (i + 1) % corners) for i in range(corners)]
+        middle, parts = list(range(corners, 2 * corners)), 2
+    heights = [
+        np.linalg.norm(x[:, k] - 0.5 * (x[:, i] + x[:, j]), axis=1)
+        for (i, j), k in zip(ends, middle, strict=True)
+    ]
+    return max(float(np.max(heights) / parts**2), _chord_height(surface))
+
+
+def _chord_height(surface: ContactSurface) -> float:
+    """Height of the smooth boundary over straight facets, by the curvature at their corners."""
+    quadrics = surface.quadrics
+    corners = surface.facets[quadrics.curved & ~quadrics.bowed, : surface.kind.corners]
+    if not len(corners):
+        return 0.0
+    edges = surface.points[np.roll(corners, -1, axis=1)] - surface.points[corners]
+    heights = [
+        np.abs(np.einsum("fed,fedc,fec->fe", edges, quadrics.tensor[ends], edges)) / 8
+        for ends in (corners, np.roll(corners, -1, axis=1))
+    ]
+    return float(np.max(heights))
 
 
 def sagitta(surface: ContactSurface, normals: Array) -> float:

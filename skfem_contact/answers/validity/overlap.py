@@ -8,6 +8,7 @@ partner or normal of the contact modules, and shares no code with them: what the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,18 +42,22 @@ class Outline:
     start: Array
     end: Array
 
-    @property
-    def samples(self) -> Array:
-        """Ends and middles of all pieces, each once, (p, 2)."""
-        return np.unique(np.concatenate([self.start, 0.5 * (self.start + self.end)]), axis=0)
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Least and largest coordinates, (2,) each [length]."""
+        ends = np.concatenate([self.start, self.end])
+        return ends.min(axis=0), ends.max(axis=0)
+
+    def samples(self, box: tuple[Array, Array]) -> Array:
+        """Ends and middles of all pieces that lie in a box, each once, (p, 2)."""
+        points = np.concatenate([self.start, 0.5 * (self.start + self.end)])
+        return np.unique(points[within(points, box)], axis=0)
 
     def inside(self, points: Array) -> Mask:
         """Which points lie inside, shape (p,)."""
         out = np.zeros(len(points), dtype=bool)
-        low, high = np.minimum(self.start, self.end), np.maximum(self.start, self.end)
-        near = np.all((points >= low.min(axis=0)) & (points <= high.max(axis=0)), axis=1)
         rise = self.end - self.start
-        for some in _blocks(np.flatnonzero(near), len(self.start)):
+        for some in _blocks(np.flatnonzero(within(points, self.box)), len(self.start)):
             x, y = points[some, 0][:, None], points[some, 1][:, None]
             crossed = (self.start[:, 1] > y) != (self.end[:, 1] > y)
             row, piece = np.nonzero(crossed)
@@ -82,6 +87,12 @@ class Outline:
     def signed(self, points: Array) -> Array:
         """Distances of points, negative inside, shape (p,) [length]."""
         return np.where(self.inside(points), -1.0, 1.0) * self.distance(points)
+
+
+def within(points: Array, box: tuple[Array, Array]) -> Mask:
+    """Which points (p, d) lie in a box of least and largest coordinates, its sides included."""
+    low, high = box
+    return np.asarray(np.all((points >= low) & (points <= high), axis=1))
 
 
 def outline(body: Body, u: Array) -> Outline:

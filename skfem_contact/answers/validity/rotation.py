@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.thresholds import SECOND_ORDER
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
@@ -75,6 +76,12 @@ def _angle(x: Array, y: Array) -> float:
     return float(np.arctan2(np.linalg.norm(vector), np.trace(turn) - 1))
 
 
+def leaning(shares: dict[str, float]) -> dict[tuple[str, str], str]:
+    """What moments of second order change of rigid bodies' motion, beyond its bound, in words."""
+    far = {name: share for name, share in shares.items() if share > SECOND_ORDER}
+    return {("second order", name): leaning_words({name: share}) for name, share in far.items()}
+
+
 def leaning_words(far: dict[str, float]) -> str:
     """That the loads of rigid bodies go along with them further than small sliding has it."""
     listed = " and ".join(f"{name!r} by {100 * share:.3g} %" for name, share in far.items())
@@ -101,7 +108,7 @@ def rotation_words(far: dict[str, float]) -> str:
     )
     strain = 1 - np.cos(worst)
     return (
-        f"Body {listed}, by the displacements of its contact surface or supports. Bodies are linear: "
+        f"Body {listed}, on the whole. Bodies are linear: "
         f"their stiffness and loads do not turn with them, so a rotation is a strain of {strain:.1g} "
         f"to them, and contact forces, whose directions do turn, are off by about {100 * worst:.0f} %. "
         "Sliding may be large, rotations of deformable bodies may not. Turn the rigid obstacle "

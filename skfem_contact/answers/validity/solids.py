@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import GAP, NO_LENGTH
+from skfem_contact.answers.thresholds import GAP
 from skfem_contact.answers.validity.flats import leaning_faces, leaning_words
 from skfem_contact.answers.validity.meeting import distances
 from skfem_contact.answers.validity.track import gaps_at_obstacle
@@ -18,6 +18,8 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.digits import COMPUTED
+from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.faces.unseen import past_ends, unseen_overlaps
 
@@ -68,7 +70,7 @@ def obstacle_drift(
     true = distance + added
     known = np.where(pairing.paired, gap[part], 0.0)
     sunk = ~closed & facing & pairing.paired & rows  # where nothing presses
-    noise = NO_LENGTH * float(np.max(np.abs(at.points)))
+    noise = COMPUTED * float(np.max(np.abs(at.points)))
     cosine = np.einsum("md,md->m", pairing.normal, normal)
     across = np.linalg.norm(np.cross(pairing.normal, normal), axis=1)
     shift = np.linalg.norm(case.motion[i].shift(surface.points)[closed], axis=1)
@@ -146,7 +148,7 @@ def past_words(
     paired = np.isfinite(gap[part])
     if paired.all() or case.interference[part].any():
         return ""
-    least = max(GAP * approach, NO_LENGTH * float(np.abs(one.points).max()))
+    least = max(GAP * approach, COMPUTED * float(np.abs(one.points).max()))
     at, end = (side.moved(u[geometry.system.slice(side.body)]) for side in (one, other))
     found = past_ends(at, end, paired, least)
     if found is None:
@@ -160,7 +162,7 @@ def past_words(
     )
 
 
-def _motion(geometry: Geometry, i: int, case: LoadCase, u: Array) -> object:
+def _motion(geometry: Geometry, i: int, case: LoadCase, u: Array) -> MotionLike:
     """Where the obstacle of a contact is, as obstacles take it."""
     body = geometry.contacts[i].rigid_body
     return case.motion[i].as_argument() if body is None else as_motion(geometry.system, body, u)

@@ -24,7 +24,7 @@ from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.faces.projection import project
 from skfem_contact.pairing.thresholds import COINCIDENT
 from skfem_contact.pairing.vectors import dot
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -112,48 +112,47 @@ class Nearby:
         # to the corners, and so much more that a node below one of them is found
         self.reach = 1.5 * np.linalg.norm(x - middle, axis=2).max(axis=1)
         self.slack = 0.1 * float(self.reach.min())
-        self.at: tuple[Array, Array] | None = None
-        self.node = self.face = np.zeros(0, dtype=np.intp)
+        # where both surfaces were, and which nodes were near which faces there
+        self._found: tuple[Array, Array, Index, Index] | None = None
+
+    def around(self, other: Array, own: Array) -> tuple[Index, Index]:
+        """Pairs (node, face) of nodes near faces, by the places of all nodes of both, (m, 3)."""
+        found = self._found
+        if found is None or max(_farthest(other, found[0]), _farthest(own, found[1])) > self.slack:
+            found = self._found = other, own, *self._search(other, own)
+        return found[2:]
 
     def under(self, other: Array, own: Array, least: float) -> tuple[Index, Index]:
-        """Pairs (node, face) of nodes that are deeper than `least` under the plane of a face.
+        """Those of the pairs `around` whose node is deeper than `least` under the plane of the face.
 
-        By the places of the nodes of both surfaces, (m, 3). What is curved or warped stands off its
-        plane by a part of its size.
+        What is curved or warped stands off its plane by a part of its size.
         """
-        if (
-            self.at is None
-            or max(_farthest(other, self.at[0]), _farthest(own, self.at[1])) > self.slack
-        ):
-            self._search(other, own)
+        node, face = self.around(other, own)
         x = other[self.facets]
         middle = x[:, : self.corners.shape[1]].mean(axis=1)
         across = area_vectors(other[self.corners])
         across /= np.linalg.norm(across, axis=1, keepdims=True)
         highest = dot(x - middle[:, None], across[:, None]).max(axis=1)
-        away = own[self.node] - middle[self.face]
-        under = dot(away, across[self.face]) < highest[self.face] - least
-        node, face = self.node[under], self.face[under]
-        near = np.linalg.norm(away[under], axis=1) <= self.reach[face]
-        return node[near], face[near]
+        away = own[node] - middle[face]
+        under = dot(away, across[face]) < highest[face] - least
+        node, face = node[under], face[under]
+        reached = np.linalg.norm(away[under], axis=1) <= self.reach[face]
+        return node[reached], face[reached]
 
     def __getstate__(self) -> dict[str, object]:
-        none = np.zeros(0, dtype=np.intp)  # what was found is found again
-        return {**vars(self), "at": None, "node": none, "face": none}
+        return {**vars(self), "_found": None}  # it is found again
 
-    def _search(self, other: Array, own: Array) -> None:
-        self.at = other, own
+    def _search(self, other: Array, own: Array) -> tuple[Index, Index]:
         x = other[self.facets]
         middle, reach = x[:, : self.corners.shape[1]].mean(axis=1), self.reach + 2 * self.slack
         low, high = middle.min(axis=0) - reach.max(), middle.max(axis=0) + reach.max()
         near = np.flatnonzero(((own >= low) & (own <= high)).all(axis=1))
-        self.node = self.face = near[:0]
         if not len(near):
-            return
-        found = kd_tree(own[near]).query_ball_point(middle, reach)
+            return near, near
+        found = Tree(own[near]).query_ball_point(middle, reach)
         count = np.array([len(some) for some in found])
-        self.face = np.repeat(np.arange(len(middle)), count)
-        self.node = near[np.concatenate([np.asarray(some, dtype=np.intp) for some in found])]
+        node = near[np.concatenate([np.asarray(some, dtype=np.intp) for some in found])]
+        return node, np.repeat(np.arange(len(middle)), count)
 
 
 def standing_nodes(

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import skfem
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import ELEMENTS_AT_ONCE
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.quadrature import (
+    DeferredBasis,
+    chunks,
+    integrates,
+    scalar_element,
+    shape_gradients,
+)
 
 Array = NDArray[np.float64]
 
@@ -34,8 +38,11 @@ def strains(body: Body, u: Array) -> tuple[float, float, float]:
         Root of the mean square over the body [rad].
     """
     square = cubed = turned = whole = largest = 0.0
-    for basis in _integrating(body.basis):
-        size, turn, volume = _strained(body, basis, u)
+    basis = body.basis
+    if not integrates(basis):  # it has the numbering alone
+        basis = DeferredBasis(basis.mesh, basis.elem, mapping=basis.mapping, dofs=basis.dofs)
+    for elements in chunks(basis, 8 * basis.Nbfun * basis.X.shape[1]):
+        size, turn, volume = _strained(body, basis, u, elements)
         square += float(np.sum(size**2 * volume))
         cubed += float(np.sum(size**3 * volume))
         turned += float(np.sum(turn * volume))
@@ -44,31 +51,28 @@ def strains(body: Body, u: Array) -> tuple[float, float, float]:
     return (cubed / square if square > 0 else 0.0), largest, float(np.sqrt(turned / whole))
 
 
-def _integrating(basis: Any) -> Iterator[Any]:
-    """The basis itself; of one that has the numbering alone, others with points on some elements."""
-    if basis.X.shape[1]:
-        yield basis
-        return
-    for first in range(0, basis.nelems, ELEMENTS_AT_ONCE):
-        some = np.arange(first, min(first + ELEMENTS_AT_ONCE, basis.nelems))
-        mapping = basis.mapping
-        yield skfem.Basis(basis.mesh, basis.elem, mapping=mapping, intorder=2, elements=some)
-
-
-def _strained(body: Body, basis: Any, u: Array) -> tuple[Array, Array, Array]:
-    """Largest principal strain, squared rotation and volume at all points of a basis."""
-    gradient, volume = np.asarray(basis.interpolate(u).grad), basis.dx
-    if body.dim == 3:
-        G = np.moveaxis(gradient, (0, 1), (2, 3))
+def _strained(body: Body, basis: Any, u: Array, elements: Any) -> tuple[Array, Array, Array]:
+    """Largest principal strain, squared rotation and volume at the points of some elements, (e, q)."""
+    d, X = body.dim, basis.X
+    dofs = basis.dofs.element_dofs if elements is None else basis.dofs.element_dofs[:, elements]
+    moved = u[dofs].reshape(-1, d, dofs.shape[1])  # (functions, components, elements)
+    # (e, c, k) @ (e, k, q) for each coordinate j: derivatives by j of component c
+    G = shape_gradients(basis, elements)
+    moved_by = np.ascontiguousarray(np.moveaxis(moved, 2, 0).swapaxes(1, 2))
+    gradient = np.stack([moved_by @ G[:, j] for j in range(d)], axis=2)  # (e, c, j, q)
+    volume = np.abs(basis.mapping.detDF(X, elements)) * basis.W
+    if d == 3:
+        G = np.moveaxis(gradient, 3, 1)
         other = np.swapaxes(G, 2, 3)
         size = np.abs(np.linalg.eigvalsh(0.5 * (G + other))).max(axis=2)
         # half of the squares of a skew matrix are those of its vector
         return size, np.sum((0.5 * (G - other)) ** 2, axis=(2, 3)) / 2, volume
-    (a, b), (c, d) = gradient
-    middle, radius = 0.5 * (a + d), np.sqrt(0.25 * (a - d) ** 2 + 0.25 * (b + c) ** 2)
+    (a, b), (c, e) = np.moveaxis(gradient, 0, 2)
+    middle, radius = 0.5 * (a + e), np.sqrt(0.25 * (a - e) ** 2 + 0.25 * (b + c) ** 2)
     size = np.abs(middle) + radius
     if body.axisymmetric:
-        x = np.asarray(basis.global_coordinates())
-        hoop = np.asarray(basis.interpolate(u))[0] / np.maximum(x[0], np.finfo(float).tiny)
-        size, volume = np.maximum(size, np.abs(hoop)), volume * x[0]
+        x = basis.mapping.F(X, elements)[0]
+        values = np.stack([scalar_element(basis.elem).lbasis(X, i)[0] for i in range(len(moved))])
+        hoop = moved[:, 0].T @ values / np.maximum(x, np.finfo(float).tiny)
+        size, volume = np.maximum(size, np.abs(hoop)), volume * x
     return size, 0.25 * (c - b) ** 2, volume

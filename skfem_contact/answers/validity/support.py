@@ -33,6 +33,8 @@ class Support:
         Extent of the body [length].
     free : ndarray, shape (r, j)
         Motions that the prescribed DOFs leave open.
+    unit : ndarray, shape (k, r)
+        Displacements of the DOFs by each motion.
 
     Examples
     --------
@@ -54,6 +56,7 @@ class Support:
     centre: Array
     arm: float
     free: Array
+    unit: Array
 
     @classmethod
     def of(cls, body: Member, start: int, known: Index | None = None, arm: float = 0.0) -> Support:
@@ -65,7 +68,8 @@ class Support:
         D = body.D if known is None else known
         if not isinstance(body, Body):
             one = np.eye(body.n)
-            return cls(D + start, one[:, D], body.dof_points[0], arm, np.delete(one, D, axis=1))
+            free = np.delete(one, D, axis=1)
+            return cls(D + start, one[:, D], body.dof_points[0], arm, free, one[D])
         box = body.basis.mesh.p
         centre = 0.5 * (box.min(axis=1) + box.max(axis=1))
         arm = float(np.ptp(box, axis=1).max())
@@ -78,7 +82,7 @@ class Support:
         held = values > SUPPORTED**2
         known = motions @ vectors[:, held]
         fit = (known / values[held]) @ (modes @ known).T
-        return cls(D + start, fit, centre, arm, motions @ vectors[:, ~held])
+        return cls(D + start, fit, centre, arm, motions @ vectors[:, ~held], modes)
 
     def motion(self, x: Array) -> Array:
         """The motion under prescribed values x (n,), shape (r,)."""

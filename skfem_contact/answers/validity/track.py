@@ -21,7 +21,7 @@ from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -60,8 +60,10 @@ class Track(ABC):
         Length of the facet that each point meets.
     turns : bool
         Whether the primary curves.
-    chord, sagittas : ndarray, shape (m,)
-        By how much gaps to straight facets are off; heights of curves over one facet [length].
+    sagittas : ndarray, shape (m,)
+        Heights of curves over one facet [length].
+    unlike : ndarray, shape (m,), or float
+        The part of these heights that gaps do not know, see `Pairing.smooth`.
     curved : bool
         Whether there are such heights.
     bend : ndarray, shape (d, d), or None
@@ -74,6 +76,7 @@ class Track(ABC):
     room: Array
     turns: bool
     sagittas: Array
+    unlike: Array | float
 
     def __init__(
         self, contact: Contact, pairing: Pairing, gap0: Array, own: Array | float = 0.0
@@ -86,7 +89,7 @@ class Track(ABC):
         self.spacing = self._spacing(pairing)
         self.added = np.where(self.paired, gap0 + own - gap, 0.0)
         self.follows, self.nodal = not contact.tied, contact.method == "node"
-        self.chord, self.curved = np.zeros(len(self.points)), False
+        self.curved = False
         # a gap that is given, or zero as meshed, knows the curves
         measured = contact.gap is None and not contact.adjust and not contact.bilateral
         self.bend = None
@@ -98,11 +101,12 @@ class Track(ABC):
         if isinstance(self.primary, ContactSurface):
             facet = np.where(self.paired, pairing.facet, 0)
             self.facet = self.primary.lengths[facet]
-            straight = measured and self.nodal and contact.sliding == "small"
-            self._look_at_primary(self.primary, facet, straight)
-            self.sagittas = self.chord
+            self._look_at_primary(self.primary, facet)
+            # gaps of boundaries that fit are those of the curves, whatever the facets
+            self.unlike = 1.0 if pairing.smooth is None else 1.0 - pairing.smooth
+            self.sagittas = np.zeros(len(self.points))
             if measured:
-                self.sagittas = sagittas(self.secondary, self.primary, facet, self.nodal)
+                self.sagittas = sagittas(self.secondary, self.primary, facet, self.nodal) * self.unlike
                 self.sagittas[self._on_one_surface(gap)] = 0.0
             self.curved = measured and bool(self.sagittas.any())
 
@@ -128,8 +132,8 @@ class Track(ABC):
         if moved is not None and isinstance(self.primary, ContactSurface):
             corners = self.primary.facets[:, : self.primary.kind.corners]
             middles = moved[1][corners].mean(axis=1)
-            there = kd_tree(middles).query(moved[0])[1]
-            heights = sagittas(self.secondary, self.primary, there, self.nodal)
+            there = Tree(middles).query(moved[0])[1]
+            heights = sagittas(self.secondary, self.primary, there, self.nodal) * self.unlike
         return float(force @ heights / total)
 
     def drift(
@@ -208,8 +212,8 @@ class Track(ABC):
         """`spacing`."""
 
     @abstractmethod
-    def _look_at_primary(self, primary: ContactSurface, facet: Index, straight: bool) -> None:
-        """Curvature and ends where points meet these facets; `chord` if gaps are to `straight` ones."""
+    def _look_at_primary(self, primary: ContactSurface, facet: Index) -> None:
+        """Curvature and ends where points meet these facets."""
 
     @abstractmethod
     def _along_tangents(self, vectors: Array) -> Array:

@@ -3,8 +3,8 @@ r"""Is the model valid here? What an answer says of the assumptions it was made 
 The certificate says how well the discrete problem is solved, the estimate how fine the mesh is. This
 says whether the *model* holds at the answer: small sliding, contact conditions that see every overlap,
 linear bodies. The bounds stand in `answers.thresholds`, each with what it lets through, and on the page
-docs/validity.md. What is nearly free is looked at in every step (`watch`), the rest when somebody asks
-(`assess`).
+docs/validity.md. Every step looks for signs at nearly no cost (`watch`); what it suspects is measured
+as it is when somebody asks (`assess`).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from skfem_contact.answers.thresholds import (
     FACETS,
     GAP,
     LARGE,
+    LOCKED,
     OVERLAP,
     SAGITTA,
     SECOND_ORDER,
@@ -41,9 +42,6 @@ class ContactValidity:
         for two surfaces of one body, where inside and outside are the same.
     chords : float
         What straight facets on curved sides explain of it [length].
-    chord_gaps : float
-        By how much gaps of closed points are off that node-to-segment contact measures to straight
-        facets on a curved primary [length].
     unseen : int
         Points without a partner that overlap by more than that.
     opening : float
@@ -81,13 +79,6 @@ class ContactValidity:
     opening: float
     angle: float
     angle_over_mu: float
-    chord_gaps: float = 0.0
-
-    @property
-    def chord_share(self) -> float:
-        """That error of gaps over the elastic approach."""
-        approach = self.drift.approach
-        return self.chord_gaps / approach if approach > 0 else 0.0
 
     @property
     def excess(self) -> float:
@@ -114,11 +105,16 @@ class Validity:
     rotation : dict of float
         Root of the mean square of the rotation over every body [rad].
     problems : dict
-        Sentences, by kind ("sliding", "overlap", "facets", "chords", "strain", "rotation",
+        Sentences, by kind ("sliding", "overlap", "facets", "strain", "rotation", "locking",
         "second order") and name of the contact or body.
     second_order : dict of float
         What the moments of second order that small sliding leaves out would change of the motion of
         rigid bodies that may turn, over that motion.
+    locking : dict of float
+        Of bodies that are nearly incompressible, the share of the energy that neighbouring elements
+        take back, see `locking`.
+    before : tuple of (str, str)
+        Kind and name of what this history has warned of before and what is within its bound now.
 
     Examples
     --------
@@ -153,6 +149,8 @@ class Validity:
     rotation: dict[str, float]
     problems: dict[tuple[str, str], str]
     second_order: dict[str, float] = field(default_factory=dict)
+    locking: dict[str, float] = field(default_factory=dict)
+    before: tuple[tuple[str, str], ...] = ()
 
     @property
     def holds(self) -> bool:
@@ -166,10 +164,11 @@ class Validity:
         for part in self.contacts.values():
             drift = part.drift
             found += [min(drift.facets / FACETS, drift.widths / WIDTH), drift.tilt / TILT]
-            found += [drift.off_arc / TILT, drift.gap_share / GAP, drift.strain / LARGE, part.excess]
-            found += [part.chord_share / GAP, drift.sagitta_share / SAGITTA]
+            found += [drift.off_arc / TILT, drift.gap_share / GAP, part.excess]
+            found.append(drift.sagitta_share / SAGITTA)
         found += [strain / LARGE for strain in self.strain.values()]
-        found += [rotation / LARGE for rotation in self.rotation.values()]
+        found += [turn / LARGE for name, turn in self.rotation.items() if turn > self.strain[name]]
+        found += [share / LOCKED for share in self.locking.values()]
         found += [share / SECOND_ORDER for share in self.second_order.values()]
         return float(np.nanmax(found))
 
@@ -181,6 +180,11 @@ class Validity:
             lines.append(
                 f"  {name}: strain {strain:.2g} where its energy is, rotation "
                 f"{self.rotation[name]:.2g} (up to {LARGE:g})"
+            )
+        for name, share in self.locking.items():
+            lines.append(
+                f"  {name}: neighbouring elements take back {100 * share:.2g} % of the energy (up to "
+                f"{100 * LOCKED:g} %)"
             )
         for name, share in self.second_order.items():
             lines.append(
@@ -211,11 +215,6 @@ def _contact_lines(part: ContactValidity) -> list[str]:
         words.append(
             f"overlap {part.overlap:.3g}, of which chords explain {part.chords:.2g}{unseen}; elastic "
             f"approach {drift.approach:.3g}"
-        )
-    if part.chord_gaps:
-        words.append(
-            f"gaps to chords are off by {part.chord_gaps:.2g}, {100 * part.chord_share:.2g} % of the "
-            f"elastic approach (up to {100 * GAP:g} %)"
         )
     if drift.sagitta:
         words.append(

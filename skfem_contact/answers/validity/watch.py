@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import LARGE, SECOND_ORDER
+from skfem_contact.answers.thresholds import LARGE, PRESSED, SUSPECTED
+from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
-from skfem_contact.answers.validity.drift import Drift
 from skfem_contact.answers.validity.intrusion import Intrusions
+from skfem_contact.answers.validity.locking import lockable
 from skfem_contact.answers.validity.lookout import Lookouts
-from skfem_contact.answers.validity.rotation import leaning_words, rigid_rotations, rotation_words
+from skfem_contact.answers.validity.rotation import leaning, rigid_rotations
 from skfem_contact.answers.validity.solids import of_triangles, past_words, slides_off, triangle_words
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.watched import Said, Watched
-from skfem_contact.answers.validity.words import facet_words, sliding_words, strain_words
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
@@ -73,7 +75,7 @@ class Watch:
         self.watches = [
             ContactWatch(geometry, i, self.supports, diagonals, known) for i in range(count)
         ]
-        self.tracks, self.soft = [w.track for w in self.watches], [w.soft for w in self.watches]
+        self.tracks = [w.track for w in self.watches]
         # whether motions of bodies that slide freely show in the interior alone
         self.inside = any(watch.inside for watch in self.watches)
         # whether displacements at the contact DOFs are asked for
@@ -81,6 +83,17 @@ class Watch:
         self.asks |= bool(self.of_triangles | self.slides_off)
         self.asks |= any(watch.on_obstacle or watch.loose is not None for watch in self.watches)
         self.asks |= self.lookouts is not None and self.lookouts.asks
+        self.solids = [n for n, body in self.system.solids.items() if body.components > 1]
+        # where supports do not hold a body against contact, only its surfaces tell how it is strained
+        loose = {b for watch in self.watches if not watch.held for b in watch.bodies}
+        self.floating = {
+            self.system.names[b]: Support.of(
+                self.system.bodies[b], int(self.system.offsets[b]), self._known(b)
+            )
+            for b in sorted(loose)
+            if self.system.names[b] in self.solids and self.supports[b].free.shape[1]
+        }
+        self.asks |= bool(self.floating)
         # the supports of bodies that turn as their prescribed DOFs say; rigid ones may turn
         solids = self.system.solids
         self.turning = [
@@ -88,7 +101,7 @@ class Watch:
             for b, (name, support) in enumerate(zip(self.system.names, self.supports, strict=True))
             if len(support.dofs) and name in solids
         ]
-        self._moved: tuple[Array, list[Array]] | None = None  # see `_followed`
+        self._moved: tuple[Array, list[Array], list[Any]] | None = None  # see `_followed`
 
     def look(
         self,
@@ -98,7 +111,6 @@ class Watch:
         said: Said,
         displacement: Callable[[], Array],
         everywhere: Callable[[], Array],
-        mismatch: float = 0.0,
     ) -> Watched:
         """See an answer.
 
@@ -114,20 +126,25 @@ class Watch:
         everywhere : callable
             Gives displacements (n,) that are right at all DOFs; called where such bodies slide along an
             axis, so that their contact DOFs do not tell.
-        mismatch : float
-            Of the pairing, see `intrusion`.
         """
         if not self.moves:
             return Watched(said=said)
         u = (everywhere if self.inside else displacement)() if self.asks else np.zeros(0)
-        motions = self._followed(case.x)
-        drifts = tuple([watch.drift(state, gap, case, u) for watch in self.watches])
-        turns = {}
+        motions, followed = self._followed(case.x)
+        drifts = tuple(
+            [
+                watch.drift(state, gap, case, u, moved)
+                for watch, moved in zip(self.watches, followed, strict=True)
+            ]
+        )
+        turns, stretches = {}, {}
         for name, b in self.turning:
             turn = motions[b][2] if self.dim == 2 else np.linalg.norm(motions[b][3:])
             turns[name] = float(turn) / self.supports[b].arm
+            stretches[name] = self._stretch(self.supports[b], case.x)
+        stretches |= {name: self._stretch(known, u) for name, known in self.floating.items()}
         turns |= rigid_rotations(self.system, self.contacts, state.surface)
-        overlaps = self.intrusions.look(state, case, self.tracks, self.soft, mismatch)
+        overlaps = self.intrusions.look(state, case, self.tracks, drifts)
         unseen = {}
         if self.of_triangles or self.slides_off:
             words = {
@@ -140,22 +157,41 @@ class Watch:
             if not drifts[i].closed and i not in unseen:
                 text = watch.untouched(gap)
                 unseen |= {i: text} if text else {}
-        found = Watched(drifts, turns, said, tuple(self.tracks), overlaps, unseen)
+        found = Watched(drifts, turns, said, tuple(self.tracks), overlaps, unseen, stretches=stretches)
         if self.lookouts is None:
             return found
         return replace(found, standing=self.lookouts.look(state, case, u, self.tracks, drifts))
 
-    def _followed(self, x: Array) -> list[Array]:
-        """The motions of the supports under prescribed values x (n,); those of the last x are known."""
-        if self._moved is None or self._moved[0] is not x:
+    def _known(self, b: int) -> Index:
+        """DOFs of a body at its supports and contacts."""
+        body = self.system.bodies[b]
+        sides = [side for c in self.contacts for side in (c.secondary, c.primary)]
+        own = [s.dofs.ravel() for s in sides if isinstance(s, ContactSurface) and s.body is body]
+        return np.unique(np.concatenate([body.D, *own])).astype(np.intp)
+
+    def _stretch(self, known: Support, u: Array) -> float:
+        """How far known displacements are off a rigid motion, over the extent of their body."""
+        if not len(known.dofs):
+            return 0.0
+        rigid = known.unit @ known.motion(u)
+        return float(np.max(np.abs(u[known.dofs] - rigid))) / known.arm
+
+    def _followed(self, x: Array) -> tuple[list[Array], list[Any]]:
+        """The motions of the supports under prescribed values x (n,), and what every watch follows.
+
+        Those of the last x are known.
+        """
+        known = self._moved
+        if known is None or known[0] is not x:
             motions = [support.motion(x) for support in self.supports]
-            for watch in self.watches:
-                watch.follow(motions)
-            self._moved = x, motions
-        return self._moved[1]
+            followed = [watch.followed(motions) for watch in self.watches]
+            known = self._moved = x, motions, followed
+        return known[1:]
 
     def warn(self, result: Answer) -> Watched:
         """Say what is beyond the bounds and has not been said in this history.
+
+        What a step suspects is measured by `assess`, which has the last word.
 
         Warns
         -----
@@ -163,73 +199,89 @@ class Watch:
             One for each contact and body, with the numbers and the setting to change.
         """
         watched = result.watched
+        suspected, bodies = self._suspected(result), self._strained(result)
+        measured = None
+        if suspected or bodies:
+            measured = Assessment(result, self.lookouts, self.intrusions)
         new: set[tuple[str, str]] = set()
-        for i, drift in enumerate(watched.drifts):
+        for i, (kinds, seen) in suspected.items():
+            assert measured is not None
             contact, name = self.contacts[i], self.interface.names[i]
-            seen = self._seen(i, name, drift, result)
-            found = self._beyond(i, name, drift, result, look=not seen & watched.said)
-            new |= seen | {(kind, name) for kind, _ in found}
+            found = measured.of_contact(i, kinds)
+            new |= seen | {(kind, name) for kind in found}
             if found:
-                text = f"Contact {name!r} ({contact.label}): " + " ".join(words for _, words in found)
+                text = f"Contact {name!r} ({contact.label}): " + " ".join(found.values())
                 warn(text + ONCE)
-        far = {
-            name: turn
-            for name, turn in watched.turns.items()
-            if abs(turn) > LARGE and ("rotation", name) not in watched.said
-        }
-        if far:
-            new |= {("rotation", name) for name in far}
-            warn(rotation_words(far) + ONCE)
-        leaning = {
-            name: share
-            for name, share in watched.leaning.items()
-            if share > SECOND_ORDER and ("second order", name) not in watched.said
-        }
-        if leaning:
-            new |= {("second order", name) for name in leaning}
-            warn(leaning_words(leaning) + ONCE)
+        problems = leaning(watched.leaning)
+        for name, seen in bodies.items():
+            assert measured is not None
+            new |= seen
+            problems |= {(kind, name): words for kind, words in measured.of_body(name).items()}
+        problems = {key: words for key, words in problems.items() if key not in watched.said}
+        for words in problems.values():
+            warn(words + ONCE)
+        new |= set(problems)
         return replace(watched, said=watched.said | new) if new else watched
 
-    def _seen(self, i: int, name: str, drift: Drift, result: Answer) -> Said:
-        """Vertices of which too little is known are looked at once each doubling of the approach."""
-        standing = result.watched.standing.get(i)
-        if self.lookouts is None or standing is None or standing.what != "unknown":
-            return frozenset()
-        return frozenset({("seen", f"{name} {np.floor(np.log2(drift.approach)):.0f}")})
+    def _suspected(self, result: Answer) -> dict[int, tuple[set[str], Said]]:
+        """What seems to be wrong with contacts and has not been said, by kind; what is to be kept.
 
-    def _beyond(
-        self, i: int, name: str, drift: Drift, result: Answer, look: bool
-    ) -> list[tuple[str, str]]:
-        """What of one contact is beyond its bounds and has not been said: kind and words of each.
-
-        `look`: whether vertices that seem to stand where no row sees it are looked at.
+        Vertices of which too little is known are looked at once each doubling of the approach.
         """
-        told = {kind for kind, of in result.watched.said if of == name}
-        found = []
-        if "overlap" not in told:
-            found += [("overlap", words) for words in self._overlaps(i, drift, result, look)]
-        if "sliding" not in told and not drift.small_sliding_holds:
-            found.append(("sliding", sliding_words(drift)))
-        if "facets" not in told:
-            sure = self.watches[i].sure(result, drift)
-            if sure.facets_too_long:
-                found.append(("facets", facet_words(sure, self.contacts[i].rigid)))
-        if drift.strain > LARGE and "strain" not in told:
-            found.append(("strain", strain_words(drift)))
+        watched = result.watched
+        found: dict[int, tuple[set[str], Said]] = {}
+        for i, drift in enumerate(watched.drifts):
+            name, standing, seen = self.interface.names[i], watched.standing.get(i), Said()
+            if standing is not None and standing.what == "unknown":
+                seen = _seen("vertices", name, drift.approach)
+            stands = standing is not None and not seen & watched.said
+            overlaps = i in watched.intrusions or i in watched.unseen or stands
+            beyond = {
+                "sliding": not drift.small_sliding_holds,
+                "facets": self.watches[i].seems_coarse(result, drift),
+                "overlap": overlaps and not watched.prescribed(name),
+            }
+            kinds = {
+                kind for kind, there in beyond.items() if there and (kind, name) not in watched.said
+            }
+            if kinds:
+                found[i] = kinds, seen
         return found
 
-    def _overlaps(self, i: int, drift: Drift, result: Answer, look: bool) -> list[str]:
-        """What contact conditions do not see of one contact, in words."""
-        watched, words = result.watched, []
-        if i in watched.intrusions:
-            overlap = self.intrusions.sure(i, result, self.soft)
-            if overlap and overlap.excessive:
-                words.append(overlap.words(self.intrusions.reasons(i, result.state)))
-        if i in watched.unseen:
-            words.append(watched.unseen[i])
-        asked = look and self.lookouts is not None and i in watched.standing and not words
-        # facets that are too long, and slips that are not followed, are the reason already
-        if asked and not drift.facets_too_long and drift.small_sliding_holds:
-            assert self.lookouts is not None
-            words += filter(None, [self.lookouts.sure(i, result, drift)])
-        return words
+    def _strained(self, result: Answer) -> dict[str, Said]:
+        """Bodies that seem to be strained, to turn or to lock, and have not been said to.
+
+        With what is to be kept: whether a body locks does not depend on the size of its load, and is
+        looked at once each doubling of its approach.
+        """
+        found: dict[str, Said] = {}
+        if not self.moves:
+            return found
+        watched, may_lock = result.watched, lockable(result)
+        size = dict.fromkeys(self.solids, (0.0, 0.0))
+        for drift, watch in zip(watched.drifts, self.watches, strict=True):
+            for name in {self.system.names[b] for b in watch.bodies} & set(size):
+                strain, approach = size[name]
+                size[name] = max(strain, drift.strain), max(approach, drift.approach)
+        for name, (strain, approach) in size.items():
+            turn, stretch = abs(watched.turns.get(name, 0.0)), watched.stretches.get(name, 0.0)
+            strained = strain > PRESSED * LARGE or stretch > SUSPECTED * LARGE
+            beyond = {
+                "strain": strained,
+                "rotation": strained or turn > SUSPECTED * LARGE,
+                "locking": name in may_lock,
+            }
+            beyond = {
+                kind: there and (kind, name) not in watched.said for kind, there in beyond.items()
+            }
+            seen = _seen("volumes", name, approach) if beyond["locking"] else Said()
+            beyond["locking"] &= not seen & watched.said
+            if any(beyond.values()):
+                found[name] = seen
+        return found
+
+
+def _seen(what: str, name: str, approach: float) -> Said:
+    """What is kept of a look that is taken once each doubling of an approach."""
+    doublings = np.floor(np.log2(approach)) if approach > 0 else None
+    return Said({(f"seen {what}", f"{name} {doublings}")})

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from skfem_contact.answers.thresholds import BULGE, CHORDS
 from skfem_contact.answers.validity.drift import Drift
 from skfem_contact.answers.validity.standing import Standing
 from skfem_contact.answers.validity.track import Track
-from skfem_contact.bodies.selection import written
 
-#: What has been warned of in a history: kind, and name of the contact or body. Or "seen", with the
-#: contact and the doublings of its approach at which a look with all displacements was taken.
+#: What has been warned of in a history: kind, and name of the contact or body. Or what
+#: has been seen, of whom, and the doublings of the approach at which whole bodies were looked at.
 Said = frozenset[tuple[str, str]]
 #: The kinds that are bounds of the model. Others are said once in a history as well, and are none:
 #: places that nothing decides, overlaps that supports prescribe.
-BOUNDS = ("facets", "overlap", "rotation", "second order", "sliding", "strain")
+BOUNDS = ("facets", "locking", "overlap", "rotation", "second order", "sliding", "strain")
 
 
 @dataclass(frozen=True)
 class Intrusion:
-    """The deepest overlap of one contact.
+    """The deepest overlap of one contact that slides far.
 
     Attributes
     ----------
@@ -33,46 +28,17 @@ class Intrusion:
         Where [length].
     surface, body : str
         Labels of the surface of the point, and of the one whose body it lies in.
-    chords, bulge : float
-        Sagitta of straight facets on curved sides; what the largest nodal force presses in [length].
-    left : float
-        What the pairing may be off in this step, or what hardly changes the forces [length].
     """
 
     depth: float
     at: tuple[float, ...]
     surface: str
     body: str
-    chords: float
-    bulge: float
-    left: float
-
-    @property
-    def explained(self) -> float:
-        """Beyond this the overlap is warned of [length]."""
-        return max(CHORDS * self.chords, BULGE * self.bulge, self.left)
-
-    @property
-    def excessive(self) -> bool:
-        """Whether it is to be warned of."""
-        return self.depth > self.explained
-
-    def words(self, reasons: Sequence[str]) -> str:
-        """What was found, and what to change."""
-        way = " ".join(reasons) or (
-            "Take smaller steps, or finer facets (quadratic elements) where the surfaces turn, and "
-            "take all sides that may touch into the surfaces."
-        )
-        return (
-            f"the deformed bodies overlap by {self.depth:.3g} at {written(np.array(self.at))}, where "
-            f"{self.surface!r} lies in the body of {self.body!r}; straight facets and the give between "
-            f"points explain {self.explained:.2g}. Contact conditions do not see it. {way}"
-        )
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What is known of the bounds of the model at an answer.
+    """What is known of the bounds of the model at an answer: what a step has measured and suspects.
 
     Attributes
     ----------
@@ -94,6 +60,8 @@ class Watched:
         Vertices and edges of solids that seem to overlap where no row sees it, by the contact's number.
     leaning : dict
         What moments of second order change of the motion of rigid bodies, over that motion, by name.
+    stretches : dict
+        How far supports move against each other, over the extent of their body, by name.
     """
 
     drifts: tuple[Drift, ...] = ()
@@ -104,8 +72,13 @@ class Watched:
     unseen: dict[int, str] = field(default_factory=dict)
     standing: dict[int, Standing] = field(default_factory=dict)
     leaning: dict[str, float] = field(default_factory=dict)
+    stretches: dict[str, float] = field(default_factory=dict)
 
     @property
     def beyond(self) -> list[tuple[str, str]]:
         """Bounds of the model that have been passed in this history: kind and name, sorted."""
         return sorted(key for key in self.said if key[0] in BOUNDS)
+
+    def prescribed(self, name: str) -> bool:
+        """Whether it was said that supports push the sides of a contact into each other."""
+        return any(kind == "prescribed" and of.startswith(f"{name} ") for kind, of in self.said)

@@ -70,33 +70,35 @@ def facet_words(drift: Drift, rigid: bool = False) -> str:
     )
 
 
-def strain_words(drift: Drift) -> str:
+def strain_words(name: str, strain: float) -> str:
     """What linear elasticity does wrong, and what to do."""
     return (
-        f"the bodies take up {drift.approach:.3g} elastically, a strain or rotation of about "
-        f"{drift.strain:.2g}. Bodies are linear: errors are of that order, {100 * drift.strain:.0f} %. "
-        "Check units, load and modulus; large strains need a body that is linearised in each step "
-        "(solver.update)."
+        f"Body {name!r} is strained by about {strain:.2g} where most of its energy is. Bodies are "
+        f"linear: errors are of that order, {100 * strain:.0f} %. Check units, load and modulus; large "
+        "strains need a body that is linearised in each step (solver.update)."
     )
 
 
-def chord_words(part: ContactValidity) -> str:
-    """What straight facets do to gaps of node-to-segment contact, and what to do."""
-    return (
-        f"gaps are measured to the straight facets of a curved surface, and so are off by up to "
-        f"{part.chord_gaps:.3g}, {100 * part.chord_share:.3g} % of the elastic approach of "
-        f"{part.drift.approach:.3g}; forces are off by as much. Take method='mortar', quadratic "
-        "elements or a finer mesh, or give the gap that you know, gap=."
-    )
+def overlap_words(part: ContactValidity, contact: Contact, found: tuple[str, str] | None) -> str:
+    """That bodies overlap where contact conditions do not see it, and what to do.
 
-
-def overlap_words(part: ContactValidity, contact: Contact) -> str:
-    """That bodies overlap where contact conditions do not see it, and what to do."""
+    `found`: where the deepest point lies, and what to do about it, where that is known.
+    """
+    place, way = found or ("", "")
     lonely = f", {part.unseen} points without partner among them" if part.unseen else ""
     return (
-        f"the deformed bodies overlap by up to {part.overlap:.3g}{lonely}, where chords explain "
-        f"{part.chords:.2g} and the bodies take up {part.drift.approach:.3g}: contact conditions do "
-        f"not see it. {_way_out(part, contact)}."
+        f"the deformed bodies overlap by up to {part.overlap:.3g}{place}{lonely}, where chords explain "
+        f"{part.chords:.2g} and the bodies take up {part.drift.approach:.3g}. Contact conditions do "
+        f"not see it. {way or _way_out(part, contact) + '.'}"
+    )
+
+
+def prescribed_words(part: ContactValidity) -> str:
+    """That supports push bodies into each other."""
+    return (
+        f"the deformed bodies overlap by up to {part.overlap:.3g}: prescribed displacements push them "
+        "into each other, where contact can do nothing. Change the supports, or take their points out "
+        "of the contact."
     )
 
 

@@ -28,6 +28,7 @@ from scipy.linalg.blas import dsymv
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.member import Member
+from skfem_contact.digits import GIVEN
 from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.distributed.body_share import BodyShare
 from skfem_contact.linalg.distributed.layout import Layout
@@ -36,7 +37,7 @@ from skfem_contact.linalg.distributed.record import LinearSolve, not_solved
 from skfem_contact.linalg.distributed.share import Settings, Solved
 from skfem_contact.linalg.distributed.stacked import StackedStiffness
 from skfem_contact.linalg.distributed.stiffness import RankedStiffness
-from skfem_contact.linalg.distributed.thresholds import COLUMNS_AT_ONCE, SAME_COMPLEMENT
+from skfem_contact.linalg.distributed.thresholds import COLUMNS_AT_ONCE
 from skfem_contact.linalg.in_place import symmetrise
 from skfem_contact.linalg.multifrontal.assembly import mirror
 from skfem_contact.linalg.singular import (
@@ -181,7 +182,7 @@ class DistributedFactor:
         expected = self._coupled(u[:, None], False)[1][:, 0]
         for triangle in (S, S.T):  # the upper one, which LAPACK takes for the lower one
             found = dsymv(1.0, triangle.T, u, lower=1)
-            if np.linalg.norm(found - expected) <= SAME_COMPLEMENT * np.linalg.norm(expected):
+            if np.linalg.norm(found - expected) <= GIVEN * np.linalg.norm(expected):
                 mirror(triangle)
                 return S
         raise LinearSolveError("what MUMPS leaves of the kept rows is not their Schur complement")

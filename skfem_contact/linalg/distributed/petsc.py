@@ -17,6 +17,7 @@ from skfem.assembly import CellBasis
 from skfem_contact.arguments import number, shown, with_known_keywords
 from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.member import Member
+from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend, Factorisation, by_column
 from skfem_contact.linalg.body_factor import BodyFactor
@@ -36,7 +37,6 @@ from skfem_contact.linalg.distributed.share import (
     direct_package,
 )
 from skfem_contact.linalg.distributed.stacked import StackedStiffness
-from skfem_contact.linalg.distributed.thresholds import MOST_MOVED
 from skfem_contact.linalg.singular import check_diagonal, check_eigenvalue, singular
 from skfem_contact.linalg.thresholds import ACCEPTED
 
@@ -263,7 +263,7 @@ class PETSc(Backend):
         direct = self.method == "direct"
         if direct and (how.reason < 0 or not how.residual <= ACCEPTED):
             raise singular(-1, 0.0)
-        if direct or (how.residual <= self.tol and how.local <= MOST_MOVED):
+        if direct or (how.residual <= self.tol and how.local <= GIVEN):
             return
         raise not_solved(name, how, self.tol)
 

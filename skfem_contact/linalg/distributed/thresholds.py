@@ -40,18 +40,9 @@ SAME_SUM = 1e-10
 # again from where it ended so many times, asked for this part of what it has to gain.
 AGAIN, SURPLUS = 3, 0.5
 
-# What the residual may move a point by that alone gives way, over the largest displacement. It is asked
-# for the tolerance; where it ends in the round-off of a stiff body, more may be left on a soft one, and
-# above this the answer is refused.
-MOST_MOVED = 1e-6
-
 # -- body_share, condensation ------------------------------------
 
 # Right-hand sides that go through the factors together: 16 take 0.6 to 0.7 of the time that each takes
 # alone, 64 take 0.55, 256 as much (16 000 and 49 000 DOFs of a solid, one rank; two of them 0.5).
 # As many kept DOFs are few: what follows from each is kept, and no complement asked for.
 COLUMNS_AT_ONCE = 64
-
-# Difference of a product with the Schur complement from the same by a solve, over its size: both have
-# the round-off of the factors, and the wrong triangle has no digit in common.
-SAME_COMPLEMENT = 1e-6

@@ -29,8 +29,9 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
 from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.pairing.faces.clipping import signed_areas
-from skfem_contact.pairing.thresholds import FACING, IMAGE_STEPS, PARALLEL, PLANE_FACE, SETTLED
+from skfem_contact.pairing.thresholds import FACING, IMAGE_STEPS, SETTLED
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -97,7 +98,7 @@ class Cells:
         origin, axes = _planes(x)
         turn = np.swapaxes(axes, 1, 2)
         corners = (x - origin[:, None]) @ turn
-        round_off = PLANE_FACE * np.linalg.norm(corners, axis=2).max(axis=1)
+        round_off = SOLVED * np.linalg.norm(corners, axis=2).max(axis=1)
         plane = straight[facet] & (np.abs(corners[:, :, 2]).max(axis=1) <= round_off)
         shape = np.where(straight[facet], AFFINE, PART)
         if kind.corners == 4:
@@ -125,7 +126,7 @@ class Cells:
     @cached_property
     def parallel(self) -> Mask:
         """Cells whose normals are all that of their plane, shape (nc,)."""
-        return np.asarray(np.abs(self.normals[..., :2]).max(axis=(1, 2)) <= PARALLEL)
+        return np.asarray(np.abs(self.normals[..., :2]).max(axis=(1, 2)) <= COMPUTED)
 
     @cached_property
     def _fields(self) -> tuple[Array, Array]:
@@ -158,7 +159,7 @@ class Cells:
         at_zero, slope = linear[:, None, 0], linear[:, None, 1:]
         least, most = self._limits[cell, None, 0], self._limits[cell, None, 1]
         size = np.sqrt(self.areas[cell, None])
-        bent = self.kind.corners == 4 and np.abs(more).max(initial=0.0) > PARALLEL
+        bent = self.kind.corners == 4 and np.abs(more).max(initial=0.0) > COMPUTED
         alpha, X = H, Y
         for _ in range(IMAGE_STEPS):
             field = at_zero
@@ -198,7 +199,7 @@ def _straight(surface: FaceSurface) -> Mask:
     mean = N @ normals[:, : kind.corners]
     mean /= np.linalg.norm(mean, axis=2, keepdims=True)
     bend = np.linalg.norm(normals - mean, axis=2).max(axis=1)
-    return np.asarray((off <= PLANE_FACE * surface.lengths) & (bend <= PLANE_FACE))
+    return np.asarray((off <= SOLVED * surface.lengths) & (bend <= SOLVED))
 
 
 def quarters(kind: FacetKind) -> Array:

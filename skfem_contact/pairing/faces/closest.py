@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.bodies.thresholds import CORNER
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.faces.joints import Joints, across_edges
 from skfem_contact.pairing.faces.projection import Feet, interpolated_normals, project
 from skfem_contact.pairing.faces.search import FaceTree, closest_candidates
-from skfem_contact.pairing.thresholds import COINCIDENT, FACING, TIE
+from skfem_contact.pairing.thresholds import COINCIDENT, FACING
 from skfem_contact.pairing.vectors import dot
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -75,7 +76,8 @@ class Side:
     def _on_a_joint(self, facet: Index, feet: Feet, apart: Array) -> Mask:
         """Whether a foot at the rim of its face is the closest point of the whole surface.
 
-        It is that of the faces across the edge or round the corner too, and the surface goes on there.
+        It is that of the faces across the edge or round the corner too, and the surface goes on there,
+        on a plane of symmetry as its mirror image.
         Beyond a sharp edge the node lies at most 45 degrees off the normal of its face.
         """
         primary, c = self.primary, self.primary.kind.corners
@@ -87,6 +89,9 @@ class Side:
 
         at = np.flatnonzero(on_edge)
         twin = primary.twins[facet[at], local[at]]
+        across = np.where(primary.mirror_edges[facet[at], local[at]], np.abs(apart[at]), 0.0)
+        mirrored = primary.mirror_edges[facet[at], local[at]].any(axis=1)
+        good[at] = mirrored & (across.max(axis=1) <= least[at])
         at, twin = at[twin >= 0], twin[twin >= 0]
         part = _part_of_edge(primary, feet.xi[at], local[at])
         outward, normal = across_edges(primary, twin, 1.0 - part)
@@ -97,7 +102,9 @@ class Side:
         at = np.flatnonzero(~on_edge)
         corner = primary.facets[facet[at], local[at]]
         smooth = ~primary.sharp_points[corner]
-        good[at] = ~self.joints.leads_off(corner, apart[at], least[at]) & (smooth | in_cone[at])
+        across = np.where(primary.mirrored[corner], np.abs(apart[at]), 0.0).max(axis=1)
+        leads = self.joints.leads_off(corner, apart[at], least[at]) | (across > least[at])
+        good[at] = ~leads & (smooth | in_cone[at])
         return good
 
 
@@ -128,12 +135,12 @@ def closest_faces(
     bound, found = np.full(m, np.inf), []
     few = min(2, len(primary.facets))
     centres = node_positions(primary.points, primary.facets).mean(axis=1)
-    _, guess = kd_tree(centres).query(secondary.points, k=np.arange(1, few + 1))
+    _, guess = Tree(centres).query(secondary.points, k=np.arange(1, few + 1))
     for nearest in guess.T:
         left = np.flatnonzero(np.isinf(bound))
         found.append(valid_pairs(left, nearest[left]))
         point, facet, distance = found[-1]
-        bound[point] = distance + 2 * TIE * primary.lengths[facet]
+        bound[point] = distance + 2 * SOLVED * primary.lengths[facet]
 
     blocks = closest_candidates(
         FaceTree.build(primary),
@@ -148,7 +155,7 @@ def closest_faces(
     point, facet, distance = (np.concatenate(column) for column in zip(*found, strict=True))
     nearest = np.full(m, np.inf)
     np.minimum.at(nearest, point, distance)
-    near = distance <= nearest[point] + TIE * primary.lengths[facet]
+    near = distance <= nearest[point] + SOLVED * primary.lengths[facet]
     return _most_opposite(secondary, primary, point[near], facet[near])
 
 
@@ -194,7 +201,7 @@ def overhang(
         + primary.points[primary.facets[facet, (edge + 1) % c]]
     )
     few = min(8, len(facet))
-    _, near = kd_tree(middle).query(secondary.points[point], k=few)
+    _, near = Tree(middle).query(secondary.points[point], k=few)
     item = np.repeat(point, few)
     face = facet[near.reshape(-1)]
     feet = project(primary, face, secondary.points[item])

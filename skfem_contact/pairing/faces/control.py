@@ -52,7 +52,9 @@ def at_control_points(surface: FaceSurface, pairing: Pairing, away: Array) -> Pa
     if surface.kind.name not in ("tri6", "quad8"):
         return pairing
     W = control_weights(surface, pairing.paired)
-    away = np.where(pairing.paired[:, None], away, 0.0)
+    # the gap of a node is that to the smooth boundary
+    rest = np.where(pairing.paired, pairing.gap, 0.0) - dot(pairing.normal, away)
+    away = np.where(pairing.paired[:, None], away + rest[:, None] * pairing.normal, 0.0)
     gap = dot(pairing.normal, W @ away)
     # unit pressure has the nodal forces W' area = int N
     share = abs(diags(W.diagonal()) - W)

@@ -9,7 +9,7 @@ from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.faces.projection import Feet, project
 from skfem_contact.pairing.faces.search import FaceNodes, FaceTree
 from skfem_contact.pairing.vectors import dot
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -22,7 +22,7 @@ def signed_distances(surface: FaceSurface, points: Array) -> Array:
     weighted by their angles: J. A. Baerentzen, H. Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005)
     243-253.
     """
-    middles = kd_tree(surface.points[surface.facets].mean(axis=1))
+    middles = Tree(surface.points[surface.facets].mean(axis=1))
     guess = np.asarray(middles.query(points)[1])
     bound = np.linalg.norm(points - project(surface, guess, points).foot, axis=1)
 

@@ -47,7 +47,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.pairing.thresholds import EQUAL_SHARE, SHARE_KEPT, WEIGHTS_KEPT, WORST_CONDITION
+from skfem_contact.digits import GIVEN
+from skfem_contact.pairing.thresholds import SHARE_KEPT, WEIGHTS_KEPT, WORST_CONDITION
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -108,7 +109,7 @@ def dual_basis(
     share = mass.sum(axis=2) @ positive_functions(kind).T  # int P_i, as the N_j sum to 1
     without = np.zeros(share.shape, dtype=bool) if without is None else without
     relative = np.where(without, -np.inf, share / whole)
-    kept = relative >= SHARE_KEPT * (1 - EQUAL_SHARE)
+    kept = relative >= SHARE_KEPT * (1 - GIVEN)
     best = relative >= 0.5 * relative.max(axis=1, keepdims=True)
     kept = np.where(kept.any(axis=1, keepdims=True), kept, best)
     edges = [np.isin(np.arange(kind.nodes), edge) & best for edge in kind.edges]
@@ -118,7 +119,7 @@ def dual_basis(
     least, most = np.linalg.eigvalsh(mass)[:, [0, -1]].T
     left = np.flatnonzero(~single & (least > most / WORST_CONDITION))
     for choices in ([kept], edges):
-        size = share[left] + EQUAL_SHARE * total[left]
+        size = share[left] + GIVEN * total[left]
         A_left, S_left, good = _least(kind, mass[left], share[left], size, [c[left] for c in choices])
         A[left[good]], S[left[good]] = A_left[good], S_left[good]
         left = left[~good]
@@ -128,7 +129,7 @@ def dual_basis(
 def _constants(share: Array, total: Array, possible: Mask) -> tuple[Array, Array]:
     """A and S with one multiplier: the constant 1, known without an inverse."""
     most = np.where(possible, share, -np.inf)
-    ties = most >= most.max(axis=1, keepdims=True) * (1 - EQUAL_SHARE)
+    ties = most >= most.max(axis=1, keepdims=True) * (1 - GIVEN)
     S = np.zeros((*share.shape, share.shape[1]))
     S[np.arange(len(S)), np.where(ties, total, -np.inf).argmax(axis=1)] = 1.0
     return S.copy(), S
@@ -146,8 +147,8 @@ def _least(
     for kept in choices:
         A_kept, S_kept, weights = _with_weights(kind, mass, share, kept)
         mine = np.where(kept, size, 0.0).sum(axis=1)
-        equal = (weights <= least * (1 + EQUAL_SHARE)) & (mine > most)
-        better = (kept.sum(axis=1) > 1) & ((weights < least * (1 - EQUAL_SHARE)) | equal)
+        equal = (weights <= least * (1 + GIVEN)) & (mine > most)
+        better = (kept.sum(axis=1) > 1) & ((weights < least * (1 - GIVEN)) | equal)
         A[better], S[better] = A_kept[better], S_kept[better]
         least[better], most[better] = weights[better], mine[better]
     return A, S, most > 0
@@ -179,7 +180,7 @@ def _whole_weights(kind: FacetKind) -> float:
 def _handed(kind: FacetKind, share: Array, kept: Mask) -> Array:
     """S (nf, k, k): multipliers that are kept, and the others in parts those of the nearest kept."""
     distance = np.where(kept[:, :, None], _distances(kind), np.inf)
-    nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + EQUAL_SHARE)
+    nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + GIVEN)
     part = np.where(nearest & kept[:, :, None], share[:, :, None], 0.0)
     own = kept[:, None, :] & np.eye(kind.nodes, dtype=bool)
     part = np.where(kept[:, None, :], own, part)

@@ -11,7 +11,7 @@ from skfem_contact.bodies.faces import area_vectors, seen_from_outside, twin_edg
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.thresholds import BEYOND, LEAN, SHARP
 from skfem_contact.pairing.vectors import dot
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -126,10 +126,7 @@ def crossings(one: Edges, other: Edges, apart: float = 0.0) -> tuple[Array, Arra
         return empty
     a, b = one.points, other.points
     half = [0.5 * np.linalg.norm(x[:, 1] - x[:, 0], axis=1).max() for x in (a, b)]
-    near = kd_tree(a.mean(axis=1)).sparse_distance_matrix(
-        kd_tree(b.mean(axis=1)), half[0] + half[1], output_type="ndarray"
-    )
-    i, j = near["i"], near["j"]
+    i, j = Tree(a.mean(axis=1)).pairs(b.mean(axis=1), half[0] + half[1])
     way = a[i, 1] - a[i, 0], b[j, 1] - b[j, 0]
     length = [np.linalg.norm(w, axis=1) for w in way]
     across = np.cross(*way)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.normals import cross
 from skfem_contact.bodies.surface import FaceSurface
-from skfem_contact.pairing.thresholds import COINCIDENT, SAME_NORMAL
 from skfem_contact.pairing.vectors import dot, ragged
 
 Array = NDArray[np.float64]
@@ -26,10 +25,7 @@ def rim_points(surface: FaceSurface, mirrored: bool = True) -> Mask:
     """
     edges = surface.facets[:, surface.kind.edges][surface.twins < 0]
     if not mirrored:
-        square = surface.held & (np.abs(surface.normals) <= SAME_NORMAL)
-        way = np.abs(surface.points[edges[:, 1]] - surface.points[edges[:, 0]])
-        in_plane = way <= COINCIDENT * np.linalg.norm(way, axis=1, keepdims=True)
-        edges = edges[~(square[edges].all(axis=1) & in_plane).any(axis=1)]
+        edges = edges[~surface.mirrored_rim.any(axis=1)]
     rim = np.zeros(len(surface.points), dtype=bool)
     rim[edges] = True
     return rim
@@ -48,7 +44,8 @@ class Joints:
     leaving, arriving : ndarray, shape (nf c, 3)
         Unit vectors from the corner along the edges that start and that end there.
     outward : ndarray, shape (nf c, 2, 3)
-        Across the edges that start and end there, out of the surface where it ends; else zero.
+        Across the edges that start and end there, out of the surface where it ends, and not on a plane
+        of symmetry; else zero.
     """
 
     first: Index
@@ -67,7 +64,7 @@ class Joints:
         start, end = edge_tangents(surface)
         leaving, arriving = start, -np.roll(end, 1, axis=1)
         normal = surface.own_normals[:, :c]
-        rim = (surface.twins < 0)[..., None]
+        rim = ((surface.twins < 0) & ~surface.mirror_edges.any(axis=2))[..., None]
         before = np.where(np.roll(rim, 1, axis=1), cross(-arriving, normal), 0.0)
         outward = np.stack([np.where(rim, cross(leaving, normal), 0.0), before], axis=2)
         return cls(

@@ -18,7 +18,7 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
-def least_gaps(parts: Segmentation, acts: Mask) -> Array | None:
+def least_gaps(parts: Segmentation, acts: Mask, smooth: Array | None = None) -> Array | None:
     """Least distance in the support of each mortar row that reaches over a kink, shape (m,) [length].
 
     Parameters
@@ -26,6 +26,8 @@ def least_gaps(parts: Segmentation, acts: Mask) -> Array | None:
     parts : Segmentation
     acts : ndarray of bool, shape (nf, k)
         Nodes that have a multiplier on each face of the secondary.
+    smooth : ndarray, shape (p,), optional
+        Least gaps of the pieces between smooth boundaries; infinite where there are none [length].
 
     Returns
     -------
@@ -47,6 +49,8 @@ def least_gaps(parts: Segmentation, acts: Mask) -> Array | None:
     # linear on plane faces: least at the corners of a piece
     X = parts.pieces.corners[mine]
     gap = meet(*surfaces, parts.cells, parts.e[mine], parts.f[mine], X).gap.min(axis=1)
+    if smooth is not None:
+        gap = np.where(np.isfinite(smooth[mine]), smooth[mine], gap)
     least = np.full(m, np.inf)
     on = acts[face[0]][mine]
     np.minimum.at(least, node[mine][on], np.broadcast_to(gap[:, None], on.shape)[on])

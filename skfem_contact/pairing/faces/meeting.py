@@ -32,6 +32,8 @@ class Meeting:
         The normal field of the secondary, not of unit length, in the coordinates of its cells.
     nodes : (ndarray, ndarray), shapes (p, k, 3) and (p, k', 3)
         Positions of the nodes of both in these coordinates [length].
+    at : (ndarray, ndarray), shapes (p, n, c) and (p, n, c, 2)
+        Shape functions of the corners of the secondary's cells, and their derivatives.
     """
 
     e: Index
@@ -40,6 +42,7 @@ class Meeting:
     M: Array
     normal: Array
     nodes: tuple[Array, Array]
+    at: tuple[Array, Array]
 
     @property
     def gap(self) -> Array:
@@ -69,7 +72,7 @@ def meet(
         own.local(e, surface.points[surface.facets[face]])
         for surface, face in zip((secondary, primary), faces, strict=True)
     )
-    at = own.kind.shapes(local_coordinates(own.corners[e, None, :, :2], X))[0]
+    at, slopes = own.kind.shapes(local_coordinates(own.corners[e, None, :, :2], X))
     N, x = at, X
     if secondary.kind.quadratic:
         N = secondary.kind.shapes(at @ own.reference[e])[0]
@@ -87,7 +90,7 @@ def meet(
     if primary.kind.quadratic:
         eta = _solve(primary.kind, seen, x[..., :2], M @ other.reference[f])
         M = primary.kind.shapes(eta)[0]
-    return Meeting(*faces, N, M, normal, (nodes, opposite))
+    return Meeting(*faces, N, M, normal, (nodes, opposite), (at, slopes))
 
 
 def _seen(points: Array, slope: Array | None) -> Array:
@@ -112,7 +115,7 @@ def _solve(kind: FacetKind, seen: Array, target: Array, eta: Array) -> Array:
     return eta
 
 
-def stretch(surface: FaceSurface, cells: Cells, cell: Index, X: Array) -> Array:
+def stretch(surface: FaceSurface, cells: Cells, cell: Index, points: Meeting) -> Array:
     """Area of faces, times the body's ``measure``, for the area in the planes of cells, (p, n).
 
     Parameters
@@ -121,26 +124,23 @@ def stretch(surface: FaceSurface, cells: Cells, cell: Index, X: Array) -> Array:
     cells : Cells
         Of the surface.
     cell : ndarray of int, shape (p,)
-    X : ndarray, shape (p, n, 2)
-        Places in the planes of these cells.
+    points : Meeting
+        Of points on these cells.
     """
-    out = np.ones(X.shape[:2])
+    out = np.ones(points.N.shape[:2])
     bent, measure = np.flatnonzero(~cells.plane[cell]), surface.body.measure
+    if len(bent):
+        of, (at, slopes) = cell[bent], (part[bent] for part in points.at)
+        dN, nodes = slopes, surface.points[surface.facets[cells.facet[of]]]
+        if surface.kind.quadratic:
+            dN = surface.kind.shapes(at @ cells.reference[of])[1]
+        first, second = np.moveaxis(np.swapaxes(dN, -1, -2) @ nodes[:, None], -2, 0)
+        reference, plane = (
+            cross(*np.moveaxis(np.swapaxes(slopes, -1, -2) @ corners[of, None], -2, 0))
+            for corners in (cells.reference, cells.corners[..., :2])
+        )
+        out[bent] = np.linalg.norm(np.cross(first, second), axis=-1) * reference / plane
     if measure is not None:
-        bent = np.arange(len(cell))
-    if not len(bent):
-        return out
-    of = cell[bent]
-    at, slopes = cells.kind.shapes(local_coordinates(cells.corners[of, None, :, :2], X[bent]))
-    N, dN = surface.kind.shapes(at @ cells.reference[of])
-    nodes = surface.points[surface.facets[cells.facet[of]]]
-    along = np.swapaxes(dN, -1, -2) @ nodes[:, None]
-    area = np.linalg.norm(np.cross(along[..., 0, :], along[..., 1, :]), axis=-1)
-    reference, plane = (
-        cross(*np.moveaxis(np.swapaxes(slopes, -1, -2) @ corners[of, None], -2, 0))
-        for corners in (cells.reference, cells.corners[..., :2])
-    )
-    out[bent] = area * reference / plane
-    if measure is not None:
-        out *= measure(np.moveaxis(N @ nodes, -1, 0))
+        nodes = surface.points[surface.facets[cells.facet[cell]]]
+        out *= measure(np.moveaxis(points.N @ nodes, -1, 0))
     return out

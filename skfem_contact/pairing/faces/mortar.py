@@ -17,10 +17,12 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.normals import angle_between, tangents, unit
 from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.bulges import Bulges, Parts, bulged
 from skfem_contact.pairing.faces.dual import DualBasis, dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.faces.kinks import least_gaps
-from skfem_contact.pairing.faces.segmentation import Segmentation, segment
+from skfem_contact.pairing.faces.segmentation import HEIGHTS, Segmentation, segment
 from skfem_contact.pairing.faces.supports import Supports, find_supports, slip_rows
 from skfem_contact.pairing.mortar_rows import (
     divided,
@@ -31,16 +33,9 @@ from skfem_contact.pairing.mortar_rows import (
     weighted_gaps,
 )
 from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.smooth import Place, curved_pairs
 from skfem_contact.pairing.supports import FREE, MET, without_multiplier
-from skfem_contact.pairing.thresholds import (
-    EQUAL_SHARE,
-    KINK,
-    NO_DIRECTION,
-    NO_WEIGHT,
-    SAME_NORMAL,
-    SHARE_KEPT,
-    SPREAD,
-)
+from skfem_contact.pairing.thresholds import KINK, NO_WEIGHT, SAME_NORMAL, SHARE_KEPT, SPREAD
 from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
@@ -58,6 +53,8 @@ class Moments:
         Faces of the secondary and of the primary that each piece is part of.
     own : ndarray, shape (nf, k, k)
         ``int N_i N_j`` over the covered part of each face of the secondary [area].
+    inside : ndarray, shape (p, k, k)
+        The same over each piece [area].
     cross : ndarray, shape (p, k, k')
         ``int N_i N_j^primary`` over each piece [area].
     """
@@ -65,6 +62,7 @@ class Moments:
     e: Index
     f: Index
     own: Array
+    inside: Array
     cross: Array
 
     @classmethod
@@ -82,8 +80,8 @@ class Moments:
             own += add @ (weighted @ points.N).reshape(len(piece), -1)
             across += add @ (weighted @ points.M).reshape(len(piece), -1)
         of_face = csr_matrix((np.ones(p), (e, np.arange(p))), shape=(nf, p))
-        own = np.asarray(of_face @ own).reshape(nf, k, k)
-        return cls(e, f, own, across.reshape(p, k, k_other))
+        whole = np.asarray(of_face @ own).reshape(nf, k, k)
+        return cls(e, f, whole, own.reshape(p, k, k), across.reshape(p, k, k_other))
 
 
 def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | None = None) -> Pairing:
@@ -116,12 +114,15 @@ def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | 
     M = M + exchange
     paired = (area > 0) & ~shared_nodes(secondary, primary)
     W_s = divided(D, area, paired)
-    W_m = divided(M, np.asarray(M.sum(axis=1), dtype=float).ravel(), paired)
+    sums = np.asarray(M.sum(axis=1), dtype=float).ravel()
+    W_m = divided(M, sums, paired)
     for W in (W_s, W_m):
         W.data[np.abs(W.data) < NO_WEIGHT] = 0.0
     W_m.eliminate_zeros()
-    least = least_gaps(parts, np.asarray(basis.A.any(axis=2)))
-    gap = weighted_gaps(secondary, primary, normal, (W_s, W_m, None), least)
+    bulges, apart, nearest_parts = _bulges(parts, moments)
+    change, smooth, bulge = bulged(secondary, primary, bulges, apart, basis.A, normal, (sums, paired))
+    least = least_gaps(parts, np.asarray(basis.A.any(axis=2)), nearest_parts)
+    gap = weighted_gaps(secondary, primary, normal, (W_s, W_m), change, least)
     handed = np.zeros(len(paired), dtype=bool)
     if supports is not None:
         handed[secondary.facets[supports.rank != FREE]] = True
@@ -140,9 +141,35 @@ def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | 
         facet=np.where(paired, facet, nearest),
         secondary_normal=of_secondary,
         primary_normal=of_primary,
+        primary_bulge=bulge,
+        smooth=smooth,
         least_gap=least,
         slip_weights=None if supports is None else slip_rows(parts, supports),
     )
+
+
+def _bulges(parts: Segmentation, moments: Moments) -> tuple[Parts, tuple[Index, Array], Array]:
+    """What smooth boundaries change on the pieces that have some, see `bulges.bulged`.
+
+    The last are the least gaps of the pieces, infinite where faces are all there is, (p,).
+    """
+    secondary, primary, cells = parts.secondary, parts.primary, parts.cells[0]
+    some = np.flatnonzero(curved_pairs(secondary, primary, moments.e, moments.f))
+    e, f = moments.e[some], moments.f[some]
+    apart = moments.inside[some] @ secondary.points[secondary.facets[e]]
+    apart -= moments.cross[some] @ primary.points[primary.facets[f]]
+    found, least = [], np.full(len(parts.e), np.inf)
+    place = np.zeros(len(parts.e), dtype=np.intp)
+    place[some] = np.arange(len(some))
+    for piece, met, weight in parts.points(some, HEIGHTS):
+        turn = cells.axes[parts.e[piece]]
+        v = np.broadcast_to(met.normal, (*met.N.shape[:2], 3)) @ turn
+        v = v / np.linalg.norm(v, axis=2, keepdims=True)
+        places = Place(secondary, met.e, met.N), Place(primary, met.f, met.M)
+        pieces, part = Bulges.of(piece, places, v, met.gap, weight)
+        found.append((place[pieces], part))
+        least[pieces] = np.minimum(least[pieces], part.least)
+    return found, (e, apart), least
 
 
 def normals_of_sides(
@@ -174,7 +201,7 @@ def normals_of_sides(
     total = np.zeros_like(own)
     np.add.at(total, node, A[moments.e] @ moments.cross @ field)
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    there = length > NO_DIRECTION * length.max(initial=0.0)
+    there = length > SOLVED * length.max(initial=0.0)
     of_primary = np.where(there, total / np.where(there, length, 1.0), own)
     # a corner of the primary, if the mean normals of its pieces spread about theirs
     mean = unit(moments.cross.sum(axis=1)[:, None] @ field)[:, 0]
@@ -238,7 +265,7 @@ def _own_rows(
     # what is left of the rows that lent it must be rows
     total = np.bincount(secondary.facets.ravel(), (basis.S @ basis.share[..., None]).ravel(), shape[0])
     given = np.bincount(faces.ravel(), lent.sum(axis=2).ravel(), shape[0])
-    poor = (total - given < SHARE_KEPT * (1 - EQUAL_SHARE) * given)[faces]
+    poor = (total - given < SHARE_KEPT * (1 - GIVEN) * given)[faces]
     back &= ~np.any((lent > 0) & poor[:, :, None], axis=1)
     lent = np.where(back[:, None, :], lent, 0.0)
     h, i = np.nonzero(back)

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.search import ball_of, children, descend
-from skfem_contact.pairing.thresholds import BULGE, MARGIN, NO_PLANE
+from skfem_contact.pairing.thresholds import BULGE, MARGIN
 from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
@@ -183,7 +184,7 @@ def _merge(axis: Array, spread: Array, other: Array, other_spread: Array) -> tup
     length = np.linalg.norm(across, axis=1, keepdims=True)
     # opposite or equal axes have no plane: any direction across does
     across = np.where(
-        length > NO_PLANE, across / np.where(length > NO_PLANE, length, 1.0), tangents(axis)[:, 0]
+        length > COMPUTED, across / np.where(length > COMPUTED, length, 1.0), tangents(axis)[:, 0]
     )
     turn = 0.5 * (first + last)[:, None]
     merged = np.cos(turn) * axis + np.sin(turn) * across

@@ -42,13 +42,14 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import KINDS
 from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.faces.candidates import cells_along_normals
 from skfem_contact.pairing.faces.cells import AFFINE, PART, SKEW, Cells
 from skfem_contact.pairing.faces.clipping import Polygons, clip, signed_areas
 from skfem_contact.pairing.faces.layers import nearest_parts, several_sheets
 from skfem_contact.pairing.faces.meeting import Meeting, meet, stretch
 from skfem_contact.pairing.segmentation import half_extent
-from skfem_contact.pairing.thresholds import FACING, POINTS_AT_ONCE, SLIVER_AREA
+from skfem_contact.pairing.thresholds import FACING, POINTS_AT_ONCE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -60,6 +61,9 @@ DEGREE = {"tri3": 1, "quad4": 2, "tri6": 2, "quad8": 3, "quad9": 4}
 # Degrees of the quadrature: at least, in parts of curved faces, and by how much more than for
 # polynomials on faces that are neither parallelograms nor triangles.
 LEAST, CURVED, ROOTS = 5, 10, 7
+
+# Of the quadrature of heights: squares of coordinates times bilinear functions.
+HEIGHTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +88,18 @@ class Segmentation:
     f: Index
     pieces: Polygons
 
-    def points(self) -> Iterator[tuple[Index, Meeting, Array]]:
+    def points(
+        self, some: Index | None = None, degree: int | None = None
+    ) -> Iterator[tuple[Index, Meeting, Array]]:
         """Yield quadrature points triangle by triangle, so many at a time that memory is bounded.
+
+        Parameters
+        ----------
+        some : ndarray of int, optional
+            Only of these pieces.
+        degree : int, optional
+            Of the quadrature, between quadrilaterals on triangles round the middles of pieces, which
+            do not depend on the corner that a piece begins at; else one for the integrals of rows.
 
         Yields
         ------
@@ -97,26 +111,29 @@ class Segmentation:
             Weights times area [area].
         """
         shape = np.maximum(self.cells[0].shape[self.e], self.cells[1].shape[self.f])
-        for kind in np.unique(shape):
-            mine = np.flatnonzero(shape == kind)
+        chosen = np.arange(len(shape)) if some is None else some
+        if degree is not None and not (self.secondary.kind.straight and self.primary.kind.straight):
+            shape = np.full_like(shape, SKEW)
+        for kind in np.unique(shape[chosen]):
+            mine = chosen[shape[chosen] == kind]
             whose, triangles = self.pieces.some(mine).fans(round_middle=kind == SKEW)
-            at, w = self._rule(kind)
+            at, w = self._rule(kind, degree)
             step = max(1, POINTS_AT_ONCE // len(w))
             for first in range(0, len(whose), step):
                 of, corners = mine[whose[first : first + step]], triangles[first : first + step]
                 e, f, X = self.e[of], self.f[of], at @ corners
+                points = meet(self.secondary, self.primary, self.cells, e, f, X)
                 weight = 2 * signed_areas(corners)[:, None] * w
-                weight = weight * stretch(self.secondary, self.cells[0], e, X)
-                yield of, meet(self.secondary, self.primary, self.cells, e, f, X), weight
+                yield of, points, weight * stretch(self.secondary, self.cells[0], e, points)
 
-    def _rule(self, shape: int) -> tuple[Array, Array]:
+    def _rule(self, shape: int, given: int | None) -> tuple[Array, Array]:
         """Barycentric coordinates (n, 3) and weights (n,) of Gauss points of a triangle."""
         own, other = (DEGREE[surface.kind.name] for surface in (self.secondary, self.primary))
         # products of two shape functions of the secondary, or of one and one of the primary, and a
         # `measure` linear in the position
         degree = max(LEAST, own + max(own, other) + 1)
         degree = {AFFINE: degree, PART: max(CURVED, degree), SKEW: degree + ROOTS}[shape]
-        xi, w = KINDS["tri3"].quadrature(degree)
+        xi, w = KINDS["tri3"].quadrature(degree if given is None else given)
         return KINDS["tri3"].shapes(xi)[0], w
 
 
@@ -142,7 +159,7 @@ def segment(secondary: FaceSurface, primary: FaceSurface, reach: float | None = 
         there &= images[..., axis].min(axis=1) < windows[..., axis].max(axis=1)
     e, f, images, windows = e[there], f[there], images[there], windows[there]
     pieces = clip(images, windows)
-    some = np.flatnonzero(pieces.areas > SLIVER_AREA * own.areas[e])
+    some = np.flatnonzero(pieces.areas > COMPUTED * own.areas[e])
     e, f, pieces = e[some], f[some], pieces.some(some)
     gaps = partial(_gaps, secondary, primary, cells)
     gap = gaps(e, f, pieces.middles)
@@ -153,7 +170,7 @@ def segment(secondary: FaceSurface, primary: FaceSurface, reach: float | None = 
     if rivals:
         of, pieces = nearest_parts(pieces, rivals, lambda i, X: gaps(e[i], f[i], X))
         e, f = e[of], f[of]
-        some = np.flatnonzero(pieces.areas > SLIVER_AREA * own.areas[e])
+        some = np.flatnonzero(pieces.areas > COMPUTED * own.areas[e])
         e, f, pieces = e[some], f[some], pieces.some(some)
     return Segmentation(secondary, primary, cells, e, f, pieces)
 

@@ -12,7 +12,7 @@ from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.thresholds import LEAN
 from skfem_contact.pairing.vectors import dot
-from skfem_contact.trees import kd_tree
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def unseen_overlaps(secondary: FaceSurface, primary: FaceSurface, pairing: Pairi
     An overlap counts where it is deeper than that interpolated between the nodes of the face by `LEAN`
     of the face's size, and by what the faces of curved sides stand off the curves between their nodes.
     """
-    _, near = kd_tree(secondary.points).query(primary.points)
+    _, near = Tree(secondary.points).query(primary.points)
     depth = dot(secondary.points[near] - primary.points, secondary.normals[near])
     least = np.zeros(len(secondary.points))
     np.maximum.at(least, secondary.facets, LEAN * secondary.lengths[:, None])

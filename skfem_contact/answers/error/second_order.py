@@ -1,0 +1,62 @@
+r"""Second-order faces: what their tractions leave between the nodes, and the linear faces within them.
+
+Multipliers of second-order faces scatter between corners and middles of edges, by some percent where
+both sides are curved. What a face makes of it depends on its shape functions: serendipity ones have the
+fourfold opposite of the corners' in the middle, corners of quadratic triangles count next to nothing.
+So the difference of the nodal values to parabolas through those around, by least squares with the areas
+of the nodes, is interpolated on each face as the traction is, and integrated.
+
+Where contact ends shape functions matter less: there the faces are cut into linear ones along their
+nodes, for `faces`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.face_normals import areas_and_normals, face_areas
+from skfem_contact.bodies.faces import twin_edges
+from skfem_contact.bodies.facet_kinds import KINDS
+from skfem_contact.bodies.surface import FaceSurface
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Linear faces by the nodes of a second-order one; without a node in the middle these are triangles.
+WITHIN: dict[str, list[tuple[int, ...]]] = {
+    "tri6": [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
+    "quad8": [(0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 6), (4, 6, 7)],
+    "quad9": [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)],
+}
+
+
+def cut(surface: FaceSurface) -> FaceSurface:
+    """The linear faces between the nodes of a second-order surface; a linear one as it is."""
+    if not surface.kind.quadratic:
+        return surface
+    parts = WITHIN[surface.kind.name]
+    facets = np.concatenate([surface.facets[:, part] for part in parts])
+    kind = KINDS[{3: "tri3", 4: "quad4"}[facets.shape[1]]]
+    points, twins = surface.points, twin_edges(facets)
+    return replace(
+        surface,
+        facets=facets,
+        twins=twins,
+        mesh_facets=np.tile(surface.mesh_facets, len(parts)),
+        area=face_areas(points, facets, kind, surface.body.measure, surface.label),
+        **areas_and_normals(points, facets, kind, surface.held, twins),
+    )
+
+
+def ripple(surface: FaceSurface, faces: Mask, off: Array) -> Array:
+    """Square integrals over faces of what nodal values (m, k) are off, by nodes, (m,)."""
+    out = np.zeros(len(surface.points))
+    at, weight = surface.kind.quadrature(4)
+    nodes = surface.facets[faces]
+    between = np.einsum("qa,fak->fqk", surface.kind.shapes(at)[0], off[nodes])
+    square = np.einsum("q,fqk->f", weight / weight.sum(), between**2) * surface.facet_areas[faces]
+    np.add.at(out, nodes, square[:, None] / nodes.shape[1])
+    return out

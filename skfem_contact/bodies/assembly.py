@@ -1,0 +1,287 @@
+r"""Assembly of forms that see gradients alone, all functions of an element at a time.
+
+A form that is bilinear in the gradients of u and v, with coefficients that are the same everywhere,
+
+    ``a(u, v) = ∫ A_cjek ∂_j v_c ∂_k u_e``,
+
+is known by its tensor A, and elasticity is of this kind. Calling the form once, with unit gradients,
+gives A. The stiffness is then a sum of matrices that depend on the mesh alone,
+
+    ``K_(ac)(be) = A_cjek L^jk_ab``,     ``L^jk_ab = ∫ ∂_j N_a ∂_k N_b``,
+
+with the scalar shape functions N: d (d + 1) / 2 assemblies of scalar matrices, in place of a call
+of the form for every two functions of an element, 576 for a linear hexahedron and 6561 for a quadratic
+one. Sums are in the same order on both sides of the diagonal: K is symmetric where A is, to the last
+digit.
+
+Other forms are found out by the call itself: the values of u and v are NaN, and the third argument
+raises when something is read from it. scikit-fem assembles those.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations_with_replacement
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from skfem.assembly import BilinearForm
+from skfem.assembly.form.form import FormExtraParams
+from skfem.element import DiscreteField
+
+from skfem_contact.bodies.quadrature import (
+    chunks,
+    parts,
+    scalar_element,
+    shape_gradients,
+    some_elements,
+)
+from skfem_contact.digits import COMPUTED
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+class NeedsMore(Exception):
+    """A form needs more than the gradients of u and v; the message says what."""
+
+
+class Assembled(NamedTuple):
+    """A stiffness that was assembled here.
+
+    Attributes
+    ----------
+    K : csr_matrix, shape (n, n)
+        What ``form.assemble(basis)`` gives, to round-off.
+    by_skfem : str
+        Why scikit-fem assembled it; empty if it was assembled from its tensor.
+    symmetric : bool
+        Whether it is known to be symmetric, to the last digit.
+    """
+
+    K: csr_matrix
+    by_skfem: str
+    symmetric: bool
+
+
+def assembled(form: BilinearForm, basis: Any) -> Assembled:
+    """Assemble a bilinear form on a basis.
+
+    Parameters
+    ----------
+    form : BilinearForm
+    basis : skfem.CellBasis
+
+    Returns
+    -------
+    Assembled
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> basis = fem.Basis(fem.MeshQuad().refined(2), fem.ElementVector(fem.ElementQuad1()))
+    >>> K, by_skfem, symmetric = assembled(linear_elasticity(), basis)
+    >>> bool(abs(K - linear_elasticity().assemble(basis)).max() < 1e-14), by_skfem, symmetric
+    (True, '', True)
+    >>> mass = fem.BilinearForm(lambda u, v, w: u[0] * v[0] + u[1] * v[1])
+    >>> assembled(mass, basis).by_skfem
+    'the form uses values of u or v, not their gradients alone'
+    """
+    try:
+        A = tensor(form, basis)
+        _check_numbering(basis)
+        _check(form, A, basis)
+    except NeedsMore as error:
+        first, *others = (form.assemble(part) for part in parts(basis))
+        return Assembled(sum(others, start=first), str(error), False)
+    return Assembled(_summed(A, basis), "", np.array_equal(A, A.transpose(2, 3, 0, 1)))
+
+
+def tensor(form: BilinearForm, basis: Any) -> Array:
+    """Return the tensor ``A[c, j, e, k]`` of a form, its value for ``∂_j v_c = 1`` and ``∂_k u_e = 1``.
+
+    Raises
+    ------
+    NeedsMore
+        If the form needs values, coordinates or parameters, or is not bilinear.
+    """
+    if type(form)._assemble is not BilinearForm._assemble or np.dtype(form.dtype) != np.float64:
+        raise NeedsMore("the form has an assembly or a type of numbers of its own")
+    c, d = _components(basis), basis.mesh.dim()
+    size = c * d
+    unit = np.eye(size)
+    # every pair of unit gradients, and some pairs of others, by which bilinear forms are told apart
+    other = np.cos(np.arange(1, 2 * size * size + 1)).reshape(2, size, size) * [[[2.0]], [[3.0]]]
+    U = np.concatenate([np.tile(unit, (size, 1)), other[0]])
+    V = np.concatenate([np.repeat(unit, size, axis=0), other[1]])
+    shape = (d,) if c == 1 else (c, d)
+    u, v = (
+        DiscreteField(np.full((*shape[:-1], len(G), 1), np.nan), G.T.reshape(*shape, len(G), 1))
+        for G in (U, V)
+    )
+    try:
+        with np.errstate(all="ignore"):
+            values = np.asarray(form.form(u, v, _NoParameters()), dtype=float)
+    except NeedsMore:
+        raise
+    except Exception as error:  # whatever a user's function does with arrays that are not a basis'
+        raise NeedsMore(
+            "the form depends on arrays of its own, or can not be evaluated for gradients alone"
+        ) from error
+    if values.shape != (len(U), 1):
+        raise NeedsMore("the form depends on arrays of its own")
+    if np.isnan(values).any():
+        raise NeedsMore("the form uses values of u or v, not their gradients alone")
+    A, found = values[: size * size, 0].reshape(size, size), values[size * size :, 0]
+    expected = np.einsum("pi,ij,pj->p", other[1], A, other[0])
+    scale = np.einsum("pi,ij,pj->p", abs(other[1]), abs(A), abs(other[0]))
+    if not np.all(np.abs(found - expected) <= COMPUTED * scale):
+        raise NeedsMore("the form is not bilinear in the gradients of u and v")
+    return np.asarray(A.reshape(c, d, c, d))
+
+
+class _NoParameters:
+    """The third argument of a form that may not use it."""
+
+    def _refuse(self, *_: Any) -> Any:
+        raise NeedsMore("the form uses its third argument: coordinates, sizes of elements, or fields")
+
+    __getattr__ = __getitem__ = __contains__ = __iter__ = __len__ = __bool__ = __eq__ = _refuse
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _components(basis: Any) -> int:
+    return 1 if basis.elem is scalar_element(basis.elem) else int(basis.elem.dim)
+
+
+def _check_numbering(basis: Any) -> None:
+    """Refuse a numbering in which the components of a node do not follow each other."""
+    c, dofs = _components(basis), basis.element_dofs
+    if c > 1 and not all(np.array_equal(dofs[i::c], dofs[::c] + i) for i in range(1, c)):
+        raise NeedsMore("the components of a node are not numbered one after the other")
+    if c > 1 and (dofs[::c] % c).any():
+        raise NeedsMore("the components of a node are not numbered one after the other")
+
+
+def _check(form: BilinearForm, A: Array, basis: Any) -> None:
+    """Compare a tensor with what scikit-fem integrates on two elements, with each function once.
+
+    A form may read arrays of its own, with a number for each element or point of integration.
+    """
+    elements = np.unique([0, basis.nelems - 1])
+    if basis.tind is not None:
+        elements = np.asarray(basis.tind)[elements]
+    some = some_elements(basis, elements)
+    G, count = shape_gradients(some, elements), some.Nbfun
+    local = np.einsum("cjfk,xjaq,xkbq,xq->xacbf", A, G, G, some.dx, optimize=True)
+    local = local.reshape(len(elements), count, count)
+    scale = np.abs(local).max(axis=(1, 2))
+    w = FormExtraParams(some.default_parameters())
+    for j in range(count):
+        i = (3 * j + 1) % count
+        try:
+            expected = form._kernel(some.basis[j], some.basis[i], w, some.dx)
+        except Exception as error:  # such as arrays that have the size of the whole basis
+            raise NeedsMore("the form depends on arrays of its own") from error
+        if not np.all(np.abs(local[:, i, j] - expected) <= COMPUTED * scale):
+            raise NeedsMore("the form is not the same on all elements")
+
+
+def _summed(A: Array, basis: Any) -> csr_matrix:
+    """Return ``K_(ac)(be) = A_cjek L^jk_ab``, summed over all elements."""
+    c = len(A)
+    indptr, indices, place = _pattern(basis.element_dofs[::c] // c, basis.N // c)
+    L = _gradient_products(basis, place, len(indices))
+    # the rows of a node's components follow each other, each with all blocks of the node; what is as
+    # large as K is made once: memory that is touched for the first time costs more than the sums
+    count = np.diff(indptr)
+    first = (c * (np.arange(len(indices)) + (c - 1) * np.repeat(indptr[:-1], count))).astype(
+        place.dtype
+    )
+    step = np.repeat(c * count, count).astype(place.dtype)
+    data, columns = np.empty(c * c * len(indices)), np.empty(c * c * len(indices), dtype=place.dtype)
+    for row, column in np.ndindex(c, c):
+        at = first + (row * step + column)
+        terms = (A[row, j, column, k] * L[j, k] for j, k in np.argwhere(A[row, :, column]))
+        data[at] = sum(terms, start=np.zeros(len(indices)))
+        columns[at] = c * indices + column
+    starts = np.concatenate([[0], np.cumsum(np.repeat(c * count, c))])
+    K = csr_matrix((data, columns, starts), shape=(basis.N, basis.N))
+    K.has_canonical_format = True
+    K.eliminate_zeros()  # as scikit-fem has it: regular grids have many
+    return K
+
+
+def _pattern(dofs: Index, n: int) -> tuple[Index, Index, Index]:
+    """Return the pattern of a scalar matrix, and where the entries of element matrices go in it.
+
+    Parameters
+    ----------
+    dofs : ndarray of int, shape (k, e)
+        Scalar DOFs of each element.
+    n : int
+        Number of scalar DOFs.
+
+    Returns
+    -------
+    indptr, indices : ndarray of int
+        Of a csr_matrix with sorted indices.
+    place : ndarray of int, shape (e, k, k)
+        Entry of the matrix that an entry of an element matrix belongs to.
+
+    Examples
+    --------
+    Two rods, 0 - 1 - 2:
+
+    >>> indptr, indices, place = _pattern(np.array([[0, 1], [1, 2]]), 3)
+    >>> indptr.tolist(), indices.tolist()
+    ([0, 2, 5, 7], [0, 1, 0, 1, 2, 1, 2])
+    >>> place.tolist()
+    [[[0, 1], [2, 3]], [[3, 4], [5, 6]]]
+    """
+    k, e = dofs.shape
+    nodes = np.ascontiguousarray(dofs.T)
+    by_node = np.argsort(nodes.ravel(), kind="stable").astype(
+        np.int32 if e * k * k < 2**31 else np.int64
+    )
+    # one row for each node, of all nodes of all its elements; the data say where each comes from
+    starts = np.concatenate([[0], np.cumsum(k * np.bincount(nodes.ravel(), minlength=n))])
+    origin = (k * by_node[:, None] + np.arange(k, dtype=by_node.dtype)).ravel()
+    met = csr_matrix((origin, nodes[by_node // k].ravel(), starts), shape=(n, n))
+    met.sort_indices()
+    first = np.empty(len(met.indices), dtype=bool)
+    first[:1] = True
+    np.not_equal(met.indices[1:], met.indices[:-1], out=first[1:])
+    first[starts[:-1][starts[:-1] < starts[1:]]] = True
+    group = np.cumsum(first, dtype=by_node.dtype)
+    place = np.empty(e * k * k, dtype=by_node.dtype)
+    place[met.data] = group - 1
+    ends = np.concatenate([[0], group])[starts]
+    return ends, met.indices[first], place.reshape(e, k, k)
+
+
+def _gradient_products(basis: Any, place: Index, count: int) -> Array:
+    """Return ``L^jk_ab = ∫ ∂_j N_a ∂_k N_b`` on a pattern of `count` entries, shape (d, d, count)."""
+    d, k = basis.mesh.dim(), place.shape[1]
+    L = np.zeros((d, d, count))
+    begin = 0
+    # gradients, weighted ones and the Jacobian's inverse; products, their transpose and places
+    for elements in chunks(basis, 8 * (3 * d * k * basis.X.shape[1] + 4 * k * k)):
+        G = shape_gradients(basis, elements)
+        dx = np.abs(basis.mapping.detDF(basis.X, elements)) * basis.W
+        weighted = G * dx[:, None, None]
+        where = place[begin : begin + len(G)].ravel()
+        begin += len(G)
+        low, high = int(where.min()), int(where.max()) + 1  # elements near each other are numbered so
+        where = where - low
+        for i, j in combinations_with_replacement(range(d), 2):
+            product = weighted[:, i] @ G[:, j].swapaxes(1, 2)
+            other = product.swapaxes(1, 2)
+            if i == j:  # symmetric, to the last digit
+                L[i, i, low:high] += np.bincount(where, (0.5 * (product + other)).ravel())
+            else:
+                L[i, j, low:high] += np.bincount(where, product.ravel())
+                L[j, i, low:high] += np.bincount(where, other.ravel())
+    return L

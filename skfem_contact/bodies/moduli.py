@@ -1,0 +1,90 @@
+"""Bulk and shear modulus of a body, read from its form.
+
+A form is asked for its values under unit gradients, as in `assembly`: an even expansion gives the bulk
+modulus, unit shears the shear modulus. In plane strain they are those of the plane, ``lambda + mu``
+and ``mu``, whose quotient ``1 / (1 - 2 nu)`` has no bound, as that of solids; in plane stress it has.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem.assembly import BilinearForm
+from skfem.assembly.form.form import FormExtraParams
+from skfem.element import DiscreteField
+
+from skfem_contact.bodies.assembly import tensor
+from skfem_contact.bodies.quadrature import parts
+
+Array = NDArray[np.float64]
+
+
+class Moduli(NamedTuple):
+    """Of every element, shape (e,), or of all of them, shape (1,) [stress]."""
+
+    bulk: Array
+    shear: Array
+
+    @property
+    def quotient(self) -> float:
+        """The largest bulk over shear modulus of an element; 0 where none resists shear."""
+        there = self.shear > 0
+        return float(np.max(self.bulk[there] / self.shear[there], initial=0.0))
+
+
+def moduli(form: BilinearForm, basis: Any, uniform: bool) -> Moduli | None:
+    """Return the moduli of the material of every element; None if the form does not tell.
+
+    Parameters
+    ----------
+    form : BilinearForm
+        Of displacements. Weights of the area, such as ``2 pi r``, are in both moduli.
+    basis : skfem.CellBasis
+    uniform : bool
+        Whether the form is known to be the same everywhere, and to see gradients alone.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> from skfem.models.elasticity import linear_elasticity, lame_parameters
+    >>> basis = fem.Basis(fem.MeshHex(), fem.ElementVector(fem.ElementHex1()))
+    >>> found = moduli(linear_elasticity(*lame_parameters(1.0, 0.49)), basis, uniform=True)
+    >>> found.bulk.round(3).tolist(), found.shear.round(3).tolist(), round(found.quotient, 3)
+    ([16.667], [0.336], 49.667)
+    """
+    d = basis.mesh.dim()
+    gradients = [np.eye(d), *(_shear(d, i, j) for i, j in combinations(range(d), 2))]
+    if uniform:
+        A = tensor(form, basis)
+        energies = np.array([[np.einsum("cj,cjek,ek", G, A, G)] for G in gradients])
+    else:
+        try:
+            some = [_energies(form, part, gradients) for part in parts(basis)]
+        except Exception:  # whatever a user's function does with fields that no basis has made
+            return None
+        energies = np.concatenate(some, axis=1)
+    if not np.isfinite(energies).all():
+        return None
+    return Moduli(energies[0] / d**2, energies[1:].mean(axis=0) / 4)
+
+
+def _shear(d: int, i: int, j: int) -> Array:
+    out = np.zeros((d, d))
+    out[i, j] = out[j, i] = 1.0
+    return out
+
+
+def _energies(form: BilinearForm, basis: Any, gradients: list[Array]) -> Array:
+    """Means of the form over every element under uniform gradients (d, d), shape (g, e)."""
+    d, dx = basis.mesh.dim(), np.asarray(basis.dx)
+    w = FormExtraParams(basis.default_parameters())
+    out = []
+    for gradient in gradients:
+        at = np.array(np.broadcast_to(gradient[:, :, None, None], (d, d, *dx.shape)))
+        field = DiscreteField(np.zeros((d, *dx.shape)), at)
+        values = np.broadcast_to(np.asarray(form.form(field, field, w), dtype=float), dx.shape)
+        out.append((values * dx).sum(axis=1) / dx.sum(axis=1))
+    return np.array(out)

@@ -1,0 +1,215 @@
+r"""Osculating quadrics: the smooth boundary that the nodes of a surface lie on, as far as they tell.
+
+A mesh knows a curved boundary by its nodes. Round each of them one quadric passes through it and, in
+the mean of least squares, through the nodes of its ring (`rings`),
+
+    f_k(x) = n_k . d + d' K_k d / 2 = 0,      d = x - x_k,      K_k = T' k T + kappa n n',
+
+with the tangents T, the curvatures k, positive where the boundary is convex, and kappa, the principal
+one of larger size. With it spheres and cylinders are met exactly by any mesh, and in the plane the
+quadric is the circle through three nodes. Over a facet they are blended by its shape functions,
+
+    f(x) = sum_k N_k f_k(x) = 0 :
+
+at the nodes this is the boundary's own point, and in between it is off by the third power of the size
+of the facet. At sharp edges and kinks (`face_kinks`) a node has no quadric: rings do not go beyond it,
+and the others are blended without it, whereby flats stay flat and fillets are exact.
+
+A second-order facet that is straight has the quadrics of its corners, blended by the linear functions;
+a curved one those of all its nodes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.facet_kinds import FacetKind
+from skfem_contact.bodies.normals import tangents, unit
+from skfem_contact.bodies.rings import around, rings
+from skfem_contact.bodies.thresholds import BOWED, FITS, FITTED, ROUND_OFF
+from skfem_contact.digits import SOLVED
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Quadrics:
+    """The quadrics of the nodes of an undeformed surface, summed up facet by facet.
+
+    Attributes
+    ----------
+    normal : ndarray, shape (m, d)
+        Outward unit normals of the quadrics at their nodes.
+    tensor : ndarray, shape (m, d, d)
+        K of each [1/length].
+    known : ndarray of bool, shape (m,)
+        Nodes that have a quadric.
+    bowed : ndarray of bool, shape (nf,)
+        Facets that are curved themselves.
+    curved : ndarray of bool, shape (nf,)
+        Facets that the smooth boundary leaves between their nodes.
+    """
+
+    normal: Array
+    tensor: Array
+    known: Mask
+    bowed: Mask
+    curved: Mask
+
+    @classmethod
+    def of(
+        cls, points: Array, facets: Index, kind: FacetKind, normals: Array, ends: Mask, mirrored: Mask
+    ) -> Quadrics:
+        """Fit the quadrics of a surface.
+
+        Parameters
+        ----------
+        points : ndarray, shape (m, d)
+        facets : ndarray of int, shape (nf, k)
+        kind : FacetKind
+        normals : ndarray, shape (m, d)
+            To start from: averaged over the facets at each node.
+        ends : ndarray of bool, shape (m,)
+            Nodes at sharp edges and kinks.
+        mirrored : ndarray of bool, shape (m, d)
+            Components across which the surface goes on as its mirror image at a node.
+        """
+        m, d = points.shape
+        bowed = bowed_facets(points, facets, kind)
+        used = np.zeros(m, dtype=bool)
+        used[facets[:, : kind.corners]] = True
+        used[facets[bowed]] = True
+        normal, tensor, known = normals.copy(), np.zeros((m, d, d)), used & ~ends
+        chosen = np.flatnonzero(known)
+        away, there = rings(points, around(facets, kind, bowed, m), ~ends, mirrored, chosen)
+        rise = np.abs(np.einsum("qrd,qd->qr", away, normals[chosen])).max(axis=1, initial=0.0)
+        size = np.abs(away).max(axis=(1, 2), initial=0.0)
+        some = np.flatnonzero(rise > ROUND_OFF * size)
+        if len(some):
+            at = chosen[some]
+            normal[at], tensor[at], known[at] = fitted(normals[at], away[some], there[some])
+        bent = np.zeros(m, dtype=bool)
+        bent[chosen[some]] = True
+        curved = np.any((bent & known)[facets], axis=1)
+        return cls(normal, tensor, known, bowed, curved)
+
+
+def bowed_facets(points: Array, facets: Index, kind: FacetKind) -> Mask:
+    """Facets whose middle nodes are off the straight or bilinear facet through the corners, (nf,)."""
+    if not kind.quadratic:
+        return np.zeros(len(facets), dtype=bool)
+    x = points[facets]
+    straight = corner_weights(kind) @ x[:, : kind.corners]
+    off = np.linalg.norm(x - straight, axis=2).max(axis=1)
+    size = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
+    return np.asarray(off > BOWED * size)
+
+
+def corner_weights(kind: FacetKind) -> Array:
+    """The functions of the corners alone at all nodes, (k, c): ``N @ it`` are they at any place."""
+    return np.asarray(kind.linear.shapes(kind.locations)[0])
+
+
+def fitted(normal: Array, away: Array, there: Mask) -> tuple[Array, Array, Mask]:
+    """Normals (q, d), tensors (q, d, d) and success of the fit of quadrics to rings.
+
+    Gauss-Newton steps for the tilt of the normal and the curvatures, with distances from the quadric
+    that count by one over the squared distance from the node: as errors of a curvature.
+
+    Parameters
+    ----------
+    normal : ndarray, shape (q, d)
+        To start from.
+    away : ndarray, shape (q, r, d)
+        The ring of each node, seen from there [length].
+    there : ndarray of bool, shape (q, r)
+
+    Examples
+    --------
+    Three nodes of a circle of radius 2:
+
+    >>> t = np.radians([10.0, -25.0])
+    >>> away = 2 * np.stack([np.sin(t), np.cos(t) - 1], axis=1)[None]
+    >>> n, K, _ = fitted(np.array([[0.1, 1.0]]) / np.sqrt(1.01), away, np.ones((1, 2), dtype=bool))
+    >>> bool(abs(n - [0, 1]).max() < 1e-14), bool(abs(K - np.eye(2) / 2).max() < 1e-13)
+    (True, True)
+    """
+    d, (one, other) = normal.shape[1], np.triu_indices(normal.shape[1] - 1)
+    distance = np.linalg.norm(away, axis=2)
+    weight = np.divide(1.0, distance**2, out=np.zeros_like(distance), where=there)
+    size = distance.max(axis=1)
+    n, T, k = normal.copy(), tangents(normal), np.zeros((len(normal), d - 1, d - 1))
+    left, before = np.arange(len(n)), np.zeros(len(n))
+    for _ in range(FITS):
+        change = _step(n[left], T[left], k[left], away[left], weight[left])
+        n[left] = unit(n[left] + np.einsum("qa,qad->qd", change[:, : d - 1], T[left]))
+        T[left] = _orthonormal(n[left], T[left])
+        k[left[:, None], one, other] += change[:, d - 1 :]
+        k[left[:, None], other, one] = k[left[:, None], one, other]
+        change[:, d - 1 :] *= size[left, None]
+        last, before[left] = before[left], np.abs(change).max(axis=1, initial=0.0)
+        # what steps that shrink like this one will still add
+        left = left[before[left] ** 2 > FITTED * np.maximum(last - before[left], FITTED)]
+        if not len(left):
+            break
+    kappa, _ = _largest(k)
+    K = np.swapaxes(T, 1, 2) @ k @ T + kappa[:, None, None] * n[:, :, None] * n[:, None, :]
+    good = np.isfinite(K).all(axis=(1, 2)) & (there.sum(axis=1) >= d - 1 + len(one))
+    good &= np.einsum("qd,qd->q", n, normal) > 0.5
+    return np.where(good[:, None], n, normal), np.where(good[:, None, None], K, 0.0), good
+
+
+def _step(n: Array, T: Array, k: Array, away: Array, weight: Array) -> Array:
+    """Changes of the tilts and of the curvatures (q, u)."""
+    one, other = np.triu_indices(k.shape[1])
+    kappa, axis = _largest(k)
+    s, z = away @ np.swapaxes(T, 1, 2), (away @ n[..., None])[..., 0]
+    off = z + 0.5 * np.sum((s @ k) * s, axis=2) + 0.5 * kappa[:, None] * z**2
+    square = s[..., one] * s[..., other] + (z**2)[..., None] * (axis[:, one] * axis[:, other])[:, None]
+    # of what the ring does not tell the least is taken: the norm of k, whatever the tangents
+    mixed = np.where(one == other, 1.0, np.sqrt(0.5))
+    columns = np.concatenate([s, np.where(one == other, 0.5, 1.0) * mixed * square], axis=2)
+    change = _least_squares(columns * weight[..., None], -off * weight, s.shape[2])
+    change[:, s.shape[2] :] *= mixed
+    return change
+
+
+def _least_squares(columns: Array, right: Array, tilts: int) -> Array:
+    """Least solutions (q, u), tilts and curvatures, of equations (q, r, u) by least squares."""
+    across = np.swapaxes(columns, 1, 2)
+    normal, right = across @ columns, (across @ right[..., None])[..., 0]
+    diagonal = np.einsum("quu->qu", normal)
+    parts = diagonal[:, :tilts], diagonal[:, tilts:]
+    means = [np.broadcast_to(part.mean(axis=1, keepdims=True), part.shape) for part in parts]
+    size = np.sqrt(np.concatenate(means, axis=1))
+    size = np.where(size > 0, size, 1.0)
+    normal, right = normal / size[:, None] / size[..., None], right / size
+    inverse = np.linalg.inv(normal + ROUND_OFF * np.eye(normal.shape[1]))
+    some = np.flatnonzero(np.abs(inverse).max(axis=(1, 2)) * SOLVED > 1)
+    inverse[some] = np.linalg.pinv(normal[some], rcond=SOLVED, hermitian=True)
+    return np.asarray((inverse @ right[..., None])[..., 0] / size)
+
+
+def _orthonormal(n: Array, T: Array) -> Array:
+    """Tangents (q, d-1, d) turned with the normal."""
+    T = T - np.einsum("qad,qd->qa", T, n)[..., None] * n[:, None]
+    first = unit(T[:, 0])
+    if T.shape[1] == 1:
+        return first[:, None]
+    return np.stack([first, np.cross(n, first)], axis=1)
+
+
+def _largest(k: Array) -> tuple[Array, Array]:
+    """The principal curvature of larger size (q,) and its direction (q, d-1)."""
+    if k.shape[1] == 1:
+        return k[:, 0, 0], np.ones((len(k), 1))
+    mean, half = 0.5 * (k[:, 0, 0] + k[:, 1, 1]), 0.5 * (k[:, 0, 0] - k[:, 1, 1])
+    radius = np.hypot(half, k[:, 0, 1])
+    sign = np.where(mean >= 0, 1.0, -1.0)
+    turn = 0.5 * np.arctan2(sign * k[:, 0, 1], sign * half)
+    return mean + sign * radius, np.stack([np.cos(turn), np.sin(turn)], axis=1)

@@ -1,0 +1,16 @@
+"""How many digits of a number count, by where it comes from: relative to the largest of its kind.
+
+What is smaller is zero, and what differs by less is equal. Most thresholds are one of these three; one
+that is not has a name and a reason of its own, in the ``thresholds`` of its package.
+"""
+
+from __future__ import annotations
+
+#: Of what users give: coordinates, materials and loads, often read from files, have six digits.
+GIVEN = 1e-6
+
+#: Of solutions of equations: 16 digits less those that a stiffness of condition 1e7 takes.
+SOLVED = 1e-9
+
+#: Of what is computed from given numbers by some sums and products.
+COMPUTED = 1e-12

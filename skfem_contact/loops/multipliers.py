@@ -1,0 +1,276 @@
+r"""Springs that lose their strain: contact forces where they are not unique (method of multipliers).
+
+Where contact rows depend on each other, points are seen through stiff springs
+(`skfem_contact.problem.springs`). A loop finds the answer with springs; then their rest forces p0 are
+moved to the forces p, until no spring has a strain, ``E (p - p0) = 0``: they are as good as not there.
+(Powell, 1969; Hestenes, 1969; as a proximal method, Rockafellar, 1976.) Under given conditions that is
+a linear fixed point, ``p = P(p0)``; where they do not change it is found without a loop. From
+``p0 = 0`` it is the one with the least ``p'E p``: what differs from it strains no spring, and is never
+made. Where points stick, friction that is not needed is taken out of it in the end.
+
+Rows that contradict each other leave a strain whatever the forces are, and these grow by the same
+``v`` from one time to the next, ``B'v = 0``. Points whose v pulls open then, those whose friction grows
+beyond its bound slip. Where v holds points together by their normal forces alone, ``v >= 0``,
+``v'gap0 < 0``, no displacement closes or opens all of them: that is proved, and `Collision` names them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.conditions.return_map import lengths
+from skfem_contact.conditions.state import OPEN, STICK
+from skfem_contact.digits import GIVEN, SOLVED
+from skfem_contact.linalg.krylov import gmres
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.rules import propose
+from skfem_contact.loops.step import Guess, Iterate, Step
+from skfem_contact.loops.thresholds import MOST_MOVES, NO_STRAIN, ROUNDED, SLOW
+from skfem_contact.loops.unneeded import with_least_friction
+from skfem_contact.problem.response import Response
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Loop = Callable[[Step, Guess, float], Iterator[Iterate]]
+
+
+class Collision(Exception):
+    """Points that can not all be closed, or glued, at once.
+
+    Attributes
+    ----------
+    points : ndarray of bool, shape (m,)
+    slips : ndarray of bool, shape (m, d-1)
+        Their glued tangents that take part.
+    """
+
+    def __init__(self, points: Mask, slips: Mask) -> None:
+        super().__init__("contact forces grow without end")
+        self.points, self.slips = points, slips
+
+
+@dataclass(frozen=True, eq=False)
+class Rested:
+    """Forces at which springs have as little strain as some conditions allow.
+
+    Attributes
+    ----------
+    response : Response
+    growth : ndarray, shape (m, d)
+        By what the normal and tangential forces of each point change from one time to the next [force].
+    strained : bool
+        Whether they do so without end.
+    """
+
+    response: Response
+    growth: Array
+    strained: bool
+
+
+def through_springs(loop: Loop, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+    """A loop, again and again, while springs have a strain; without springs, once.
+
+    Rest forces follow the forces of one answer after the other. What springs come to under the
+    conditions of the first is tried before: it is the answer unless points change then.
+    """
+    at, rest = step, None
+    if guess.near and step.problem.springs is not None:
+        rest = np.column_stack([guess.normal_force, guess.tangential_force])
+        at = _at_rest(step, rest)
+    change, least = np.zeros(0), np.inf
+    while True:
+        for iterate in loop(at, guess, tolerance):
+            if iterate.converged and step.problem.springs is not None:
+                break
+            yield iterate
+        p, before = _forces(iterate.response), change
+        change = p if rest is None else p - rest
+        slow = rest is not None and len(before) > 0 and _largest(change) > SLOW * _largest(before)
+        if rest is not None and _lost(step, iterate, change, slow):
+            yield with_least_friction(step, iterate)
+        nearer = _largest(change) < least  # strains that fall are progress
+        least = min(least, _largest(change))
+        yield replace(iterate, converged=False, note="springs have a strain", nearer=nearer)
+        if rest is None and not iterate.conditions.gives:  # which turn with the forces
+            trial = _trial(loop, step, iterate, tolerance)
+            if trial is not None:
+                yield with_least_friction(step, trial)
+        elif slow and _largest(change - before) <= GIVEN * _largest(change):
+            _check(step, change)
+            share = _until_one_changes(step, iterate, p, change)
+            if share >= 1.0 / GIVEN:
+                _check(step, _without_friction(step, iterate))
+            p = p + share * change
+        elif slow:
+            found = rested(step, iterate)
+            if not found.strained:  # at once to where they come to rest, or to where a point changes
+                way = _forces(found.response) - p
+                p = p + min(1.0, _until_one_changes(step, iterate, p, way)) * way
+        rest = p
+        at, guess = _moved_to(step, p, iterate)
+
+
+def _without_friction(step: Step, iterate: Iterate) -> Array:
+    """By what forces would grow without friction, (m, d); zero where they would not."""
+    it = iterate.conditions
+    none, stick = np.zeros_like(it.offset), it.stick & step.tied
+    smooth = replace(it, stick=stick, offset=none, coupling=none, spring=np.zeros_like(it.spring))
+    try:
+        found = rested(step, replace(iterate, conditions=smooth))
+    except SingularMatrix:  # bodies that friction alone holds
+        return np.zeros((len(none), 1 + none.shape[1]))
+    return found.growth if found.strained else np.zeros_like(found.growth)
+
+
+def _until_one_changes(step: Step, iterate: Iterate, p: Array, growth: Array) -> float:
+    """How often forces p grow, all (m, d), before a point opens, or slips."""
+    closed = iterate.status != OPEN
+    falls = closed & ~step.bilateral & (growth[:, 0] < 0)
+    most = float(np.min(p[falls, 0] / -growth[falls, 0], initial=1.0 / GIVEN))
+    sticks = (iterate.status == STICK) & step.frictional
+
+    def slips(share: float) -> bool:
+        force = p + share * growth
+        beyond = step.excess(force[:, 1:], force[:, 0], iterate.response.slip)
+        return bool(np.any(beyond[sticks] > GIVEN * lengths(force[:, 1:])[sticks]))
+
+    if most > 0 and sticks.any() and slips(most):
+        least = 0.0
+        while most - least > GIVEN * most:
+            middle = 0.5 * (least + most)
+            least, most = (least, middle) if slips(middle) else (middle, most)
+    return max(most, 0.0)
+
+
+def _trial(loop: Loop, step: Step, iterate: Iterate, tolerance: float) -> Iterate | None:
+    """The answer that springs come to under the conditions of an iterate, if they still hold then."""
+    found = rested(step, iterate)
+    if found.strained:
+        _check(step, found.growth)
+        return None
+    there = replace(iterate, response=found.response)
+    at, guess = _moved_to(step, _forces(found.response), there)
+    again = next(loop(at, guess, tolerance))
+    change = _forces(again.response) - _forces(found.response)
+    return again if again.converged and _lost(step, again, change, True) else None
+
+
+def _moved_to(step: Step, p: Array, iterate: Iterate) -> tuple[Step, Guess]:
+    """The step with springs at rest under forces (m, d), and where a loop begins there."""
+    n, t = p[:, 0], p[:, 1:]
+    at = _at_rest(step, p)
+    there = replace(iterate.response, normal_force=n, tangential_force=t)
+    return at, propose(at, Guess(iterate.status, iterate.direction, n, t, there.slip), there)
+
+
+def _at_rest(step: Step, p: Array) -> Step:
+    """The step with springs at rest under forces (m, d)."""
+    load = step.problem.at_forces(step.load, p[:, 0], p[:, 1:])
+    return step.under(load, step.last, step.noise, step.far)
+
+
+def _lost(step: Step, iterate: Iterate, change: Array, slow: bool) -> bool:
+    """Whether forces have changed by so little that no spring has a strain.
+
+    `slow`: the next change would hardly be smaller. Then what rows are known to is no strain.
+    """
+    assert step.problem.springs is not None
+    strain = _largest(step.problem.springs[:, None] * change)
+    known = NO_STRAIN * _extent(step) if slow else _round_off(step, iterate.response)
+    return strain <= known or _largest(change) <= SOLVED * iterate.response.largest_force
+
+
+def _forces(response: Response) -> Array:
+    """Normal and tangential forces of all points, (m, d)."""
+    return np.column_stack([response.normal_force, response.tangential_force])
+
+
+def rested(step: Step, iterate: Iterate) -> Rested:
+    """The forces that springs come to under the conditions of an iterate, the least of all."""
+    problem, conditions = step.problem, replace(iterate.conditions, rough=False)
+    assert problem.springs is not None
+    give = problem.springs[:, None]
+
+    def moved(p: Array) -> tuple[Response, Array]:
+        found = problem.solve(conditions, problem.at_forces(step.load, p[:, 0], p[:, 1:]))
+        return found, _forces(found)
+
+    last, p = moved(np.zeros((len(give), 1 + iterate.direction.shape[1])))
+    round_off, before, count, grows, iterated = (
+        _round_off(step, last),
+        np.zeros_like(p),
+        1,
+        False,
+        False,
+    )
+    bend = np.inf  # from one change to the next
+    while count < MOST_MOVES:
+        last, new = moved(p)
+        change, p, count = new - p, new, count + 1
+        strain, size = _largest(give * change), _largest(change)
+        if strain <= round_off or size <= SOLVED * _largest(p):
+            break
+        straighter, bend = bend, _largest(change - before)
+        grows = bend <= GIVEN * size
+        if grows:
+            break
+        if size > SLOW * _largest(before) and bend > SLOW * straighter:
+            if iterated:
+                break
+            p, iterated = _by_gmres(moved, p, np.sqrt(give), round_off), True
+        before = change
+    if grows:
+        p = p - count * change
+    response = replace(last, normal_force=p[:, 0], tangential_force=p[:, 1:])
+    return Rested(response, change, grows and strain > NO_STRAIN * _extent(step))
+
+
+def _by_gmres(
+    moved: Callable[[Array], tuple[Response, Array]], p: Array, root: Array, round_off: float
+) -> Array:
+    """Forces (m, d) that change no more, where rows that nearly depend on each other are slow."""
+    begin = moved(np.zeros_like(p))[1]
+
+    def left(x: Array) -> Array:
+        at = x.reshape(p.shape) / root
+        return np.asarray(x - (root * (moved(at)[1] - begin)).ravel())
+
+    goal = max(round_off / _largest(root), SOLVED * float(np.linalg.norm(root * p)))
+    x = (root * p).ravel()
+    found = gmres(left, (root * begin).ravel(), lambda r: r, x, goal, MOST_MOVES)
+    return np.asarray(found.x.reshape(p.shape) / root)
+
+
+def _round_off(step: Step, response: Response) -> float:
+    """Strain that is round-off of gaps and slips [length]."""
+    finite = np.isfinite(step.load.gap0)
+    gaps = step.load.gap0[finite], response.gap[finite]
+    return ROUNDED * max(_largest(a) for a in (*gaps, step.load.slip0, response.slip))
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max(initial=0.0))
+
+
+def _check(step: Step, growth: Array) -> None:
+    """Raise `Collision` where what grows shows that points can not all be closed."""
+    assert step.problem.springs is not None
+    strain = step.problem.springs[:, None] * growth
+    normal, tangential, most = strain[:, 0], strain[:, 1:], _largest(strain)
+    if most <= NO_STRAIN * _extent(step):
+        return
+    unglued = np.where(step.tied[:, None], 0.0, tangential)
+    pulled = np.where(step.bilateral, 0.0, normal) < -GIVEN * most
+    if not pulled.any() and not np.any(np.abs(unglued) > GIVEN * most):
+        part = np.abs(tangential) > GIVEN * most
+        raise Collision(np.abs(normal) > GIVEN * most, part)
+
+
+def _extent(step: Step) -> float:
+    """Size of the contact surfaces [length]."""
+    points = step.motions.kin.points[step.paired]
+    return float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0

@@ -1,0 +1,184 @@
+"""A load step pulled through a spring: the answer, or the largest share of it that contact carries.
+
+A load that contact can not carry leaves Newton's method no answer to go to, and steps that are halved
+come to the limit from below one by one. A loading machine goes past it: what it has come to is given,
+and the load follows (`problem.machine`). It goes on until the whole load is carried, and from there the
+step itself is solved; or until the bodies move on without carrying more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.conditions.state import OPEN
+from skfem_contact.digits import GIVEN
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.active_set import newton
+from skfem_contact.loops.driver import Outcome, drive
+from skfem_contact.loops.rules import propose
+from skfem_contact.loops.step import Guess, Record, Step
+from skfem_contact.loops.thresholds import FROM_NEAR, IN_SERIES, PEAK_HALVINGS, ROUND_OFF
+from skfem_contact.problem.machine import LoadingMachine
+from skfem_contact.problem.response import Load
+from skfem_contact.problem.seam import ContactProblem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Carried:
+    """How much of a load step is carried at most, on the way of a loading machine.
+
+    Attributes
+    ----------
+    share : float
+    limit : bool
+        Whether the bodies move on from there without carrying more. Else no more was found, or, with a
+        share of one, no way from there to the step itself.
+    """
+
+    share: float
+    limit: bool
+
+
+@dataclass(eq=False)
+class At:
+    """A state that the machine has come to, and the share of the load that the bodies carry there."""
+
+    pull: float
+    share: float
+    guess: Guess
+    gap: Array
+
+
+class Pull:
+    """A load step on a loading machine.
+
+    Parameters
+    ----------
+    step : Step
+    machine : LoadingMachine
+    tolerance : float
+    """
+
+    def __init__(self, step: Step, machine: LoadingMachine, tolerance: float) -> None:
+        self.step, self.machine, self.tolerance = step, machine, tolerance
+        self.motions = machine.leaves(step.motions)
+        self.trace: list[Record] = []
+
+    def to(self, pull: float, start: Guess) -> At | None:
+        """The state with the machine there; None where none is found."""
+        load = self.machine.at(pull)
+        step = replace(self.step, problem=self.machine, load=load, motions=self.motions)
+        found = self._drive(step, start, IN_SERIES, "pulled")
+        if found is None:
+            return None
+        there = found.iterate.response
+        return At(pull, self.machine.share(pull, there), after(step, found), there.gap)
+
+    def answer(self, start: Guess) -> Outcome | None:
+        """The step itself from a state that carries all of it; None where that is not found."""
+        return self._drive(self.step, start, FROM_NEAR, "")
+
+    def _drive(self, step: Step, start: Guess, most: int, note: str) -> Outcome | None:
+        try:
+            found = drive(newton, step, start, self.tolerance, most)
+        except SingularMatrix:
+            return None
+        self.trace += [replace(record, note=note or record.note) for record in found.trace]
+        return found if found.converged else None
+
+    def all_of_it(self, low: At, high: At) -> Outcome | None:
+        """The answer between a state that carries too little and one that carries enough."""
+        for _ in range(PEAK_HALVINGS):
+            found = self.answer(high.guess)
+            if found is not None or high.share <= 1.0 + self.tolerance:
+                return found
+            part = (1.0 - low.share) / (high.share - low.share)
+            at = self.to(low.pull + part * (high.pull - low.pull), low.guess)
+            if at is None:
+                return None
+            low, high = (low, at) if at.share >= 1.0 - self.tolerance else (at, high)
+        return None
+
+    def peak(self, low: At, top: At, high: At) -> At:
+        """The state that carries most, near one that carries more than those before and after it."""
+        for _ in range(PEAK_HALVINGS):
+            before = top.pull - low.pull > high.pull - top.pull  # the longer side
+            at = self.to(0.5 * (top.pull + (low if before else high).pull), top.guess)
+            if at is None:
+                break
+            if at.share > top.share:
+                low, top, high = (low, at, top) if before else (top, at, high)
+            else:
+                low, high = (at, high) if before else (low, at)
+        return top
+
+    def meets(self, last: At, at: At) -> float:
+        """How much farther the machine goes until an open point meets its partner, as things go."""
+        opened = (at.guess.status == OPEN) & np.isfinite(at.gap) & self.step.paired
+        nearer = (last.gap[opened] - at.gap[opened]) / (at.pull - last.pull)
+        comes = nearer > GIVEN * np.max(np.abs(nearer), initial=0.0)
+        return float(np.min(at.gap[opened][comes] / nearer[comes], initial=np.inf))
+
+
+def pulled(
+    step: Step, before: Load, guess: Guess, tolerance: float
+) -> tuple[Guess, Outcome | None, Carried | None]:
+    """Starting values that carry the whole load, how the step ended from there, or what is carried.
+
+    Parameters
+    ----------
+    step : Step
+        On gaps and slips, whose rows do not depend on each other; for others there is no machine.
+    before : Load
+        Where the step begins.
+    guess : Guess
+        Where the iterations begin.
+    tolerance : float
+    """
+    problem = cast(ContactProblem, step.problem)
+    if problem.points is None or problem.springs is not None:  # springs that have to lose their strain
+        return guess, None, None
+    machine = LoadingMachine(problem.points, before, step.load, problem.resistance)
+    if not machine.pulls:
+        return guess, None, None
+    machine.begin_at(step.last.gap, step.last.slip)
+    way = Pull(step, machine, tolerance)
+    found, carried = _go(way, At(0.0, 0.0, guess, before.gap0))
+    if found is None:
+        return guess, None, carried
+    return after(step, found), replace(found, trace=tuple(way.trace)), None
+
+
+def _go(way: Pull, start: At) -> tuple[Outcome | None, Carried | None]:
+    """Pull twice as far from state to state: the answer, or how much is carried."""
+    come, farther, best = [start], 1.0, start
+    while (at := way.to(come[-1].pull + farther, come[-1].guess)) is not None:
+        last, top = come[-1], at
+        if len(come) > 1 and at.share < last.share >= come[-2].share:
+            top = way.peak(come[-2], last, at)
+        best = max(best, top, key=lambda state: state.share)
+        if top.share >= 1.0 - way.tolerance:
+            found = way.all_of_it(come[-2] if top is not at else last, top)
+            return found, None if found else Carried(1.0, limit=False)
+        if abs(at.share - last.share) <= GIVEN * best.share + ROUND_OFF * at.pull:
+            meets = way.meets(last, at)
+            if meets == np.inf:
+                return None, Carried(best.share, limit=True)
+            farther = max(farther, meets)
+        come, farther = [last, at], 2.0 * farther
+    return None, Carried(best.share, limit=False)
+
+
+def after(step: Step, found: Outcome) -> Guess:
+    """Starting values from what was found; open points carry nothing."""
+    it, there = found.iterate, found.iterate.response
+    opened = it.status == OPEN
+    normal = np.where(opened, 0.0, there.normal_force)
+    tangential = np.where(opened[:, None], 0.0, there.tangential_force)
+    return propose(step, Guess(it.status, it.direction, normal, tangential, there.slip), there)

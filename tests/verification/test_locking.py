@@ -1,0 +1,214 @@
+"""Nearly incompressible bodies: where elements lock it is said, and what to do; elsewhere nothing is.
+
+A rigid cylinder or ball is pressed into a block of rubber; the same with elements of second order is
+the truth.
+"""
+
+from __future__ import annotations
+
+import pickle
+import warnings
+from functools import lru_cache
+
+import numpy as np
+import pytest
+import skfem as fem
+from skfem.helpers import ddot, dot, sym_grad, trace, transpose
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact.answers.answer import answer_of
+
+KINDS = {
+    "quadrilaterals": (fem.MeshQuad, fem.ElementQuad1),
+    "triangles": (fem.MeshTri, fem.ElementTriP1),
+    "hexahedra": (fem.MeshHex, fem.ElementHex1),
+    "tetrahedra": (fem.MeshTet, fem.ElementTetP1),
+    "9-node quadrilaterals": (fem.MeshQuad, fem.ElementQuad2),
+    "8-node quadrilaterals": (fem.MeshQuad, fem.ElementQuadS2),
+    "6-node triangles": (fem.MeshTri, fem.ElementTriP2),
+    "27-node hexahedra": (fem.MeshHex, fem.ElementHex2),
+    "20-node hexahedra": (fem.MeshHex, fem.ElementHexS2),
+    "10-node tetrahedra": (fem.MeshTet, fem.ElementTetP2),
+}
+TRUE = {2: "9-node quadrilaterals", 3: "27-node hexahedra"}
+
+
+def rubber(kind, n, nu, form=None):
+    """A block of 2 by 1 (2 by 2 by 1), 1 / n the size of its elements, held at its bottom."""
+    mesh, element = KINDS[kind]
+    side, height = np.linspace(-1, 1, 2 * n + 1), np.linspace(-1, 0, n + 1)
+    d = 3 if mesh in (fem.MeshHex, fem.MeshTet) else 2
+    basis = fem.Basis(mesh.init_tensor(*[side] * (d - 1), height), fem.ElementVector(element()))
+    stiffness = (form or (lambda _, *moduli: linear_elasticity(*moduli)))(
+        basis, *lame_parameters(1.0, nu)
+    )
+    bottom = lambda basis: basis.get_dofs(lambda x: np.isclose(x[-1], -1))  # noqa: E731
+    return sc.Body(basis, stiffness, D=bottom, name="rubber")
+
+
+def pressed(body, depth=0.04, R=4.0):
+    """A rigid cylinder or ball pressed into its top; the result, and what was warned of."""
+    d = body.dim
+    centre = (0.0,) * (d - 1) + (R - depth,)
+    tool = sc.RigidCylinder(centre, R) if d == 2 else sc.RigidSphere(centre, R)
+    top = body.surface(lambda x: np.isclose(x[-1], 0), name="top")
+    solver = sc.ContactSolver(body, sc.Contact(top, tool, name="joint"))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", sc.ContactWarning)
+        result = solver.solve()
+    return result, [str(w.message) for w in caught if w.category is sc.ContactWarning]
+
+
+@lru_cache
+def force(d, nu, n):
+    """The true force."""
+    return pressed(rubber(TRUE[d], n, nu))[0].force[-1]
+
+
+@pytest.mark.parametrize(
+    ("kind", "n", "nu", "least", "most"),
+    [
+        # several times the force
+        pytest.param("hexahedra", 4, 0.4999, 8, 20, marks=pytest.mark.slow),
+        ("quadrilaterals", 8, 0.4999, 5, 8),
+        ("triangles", 8, 0.4999, 8, 13),
+        pytest.param("tetrahedra", 4, 0.499, 4, 7, marks=pytest.mark.slow),
+        # and the least, from both sides of the bounds: 9 %, and what is just above nu = .46
+        ("quadrilaterals", 8, 0.49, 1.08, 1.11),
+        ("triangles", 4, 0.465, 1.14, 1.17),
+        pytest.param("tetrahedra", 4, 0.46, 1.1, 1.25, marks=pytest.mark.slow),
+    ],
+)
+def test_first_order_locks(kind, n, nu, least, most):
+    """Forces are too large by the factor that is said, or more: named in the step, once."""
+    body = rubber(kind, n, nu)
+    result, said = pressed(body)
+    factor = result.force[-1] / force(body.dim, nu, 4 if body.dim == 3 else 16)
+    assert least < factor < most
+    (words,) = (w for w in said if "locks" in w)
+    assert words.startswith("Body 'rubber' locks") and "elements of second order" in words
+    told = float(words.split("are about ")[1].split(" times")[0])
+    assert 0.45 * factor < told < 1.05 * factor  # "or more"
+    assert ("locking", "rubber") in result.validity.problems and not result.validity.holds
+    assert result.validity.worst >= result.validity.locking["rubber"] / 0.08 > 1
+    assert "locking of 'rubber'" in str(result)
+    # an error relative to an answer that is many times too large says nothing
+    estimate = result.error_estimate
+    assert np.isnan(estimate.pressure.total) and "locks" in estimate.unrated
+
+
+@pytest.mark.parametrize(("kind", "locks"), [("hexahedra", True), ("20-node hexahedra", False)])
+def test_coarse_solids(kind, locks):
+    """Two elements to the height of a block that is pressed as a whole."""
+    result, said = pressed(rubber(kind, 2, 0.4999), 0.02, 1e3)
+    assert any("locks" in words for words in said) == locks
+    assert (result.validity.locking["rubber"] > 0.5) == locks
+
+
+@pytest.mark.parametrize("nu", [0.49, 0.4999])
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(k, marks=pytest.mark.slow if "hedra" in k else ()) for k in list(KINDS)[4:]],
+)
+def test_second_order_does_not(kind, nu):
+    """Within 12 % of finer meshes with three elements to the height, and nothing is said."""
+    body = rubber(kind, 3 if "hedra" in kind else 6, nu)
+    result, said = pressed(body)
+    assert result.force[-1] == pytest.approx(force(body.dim, nu, 4 if body.dim == 3 else 16), rel=0.12)
+    assert not said and result.validity.holds
+    assert 0 < result.validity.locking["rubber"] < 0.05
+    assert np.isfinite(result.error_estimate.pressure.total)
+
+
+def one_point(basis, lam, mu):
+    """The stiffness with the part of the bulk modulus integrated at the middle of each element."""
+    shear = fem.BilinearForm(lambda u, v, w: 2 * mu * ddot(sym_grad(u), sym_grad(v)))
+    bulk = fem.BilinearForm(lambda u, v, w: lam * trace(sym_grad(u)) * trace(sym_grad(v)))
+    middle = np.full((basis.mesh.dim(), 1), 0.5), np.ones(1)
+    reduced = fem.Basis(basis.mesh, basis.elem, quadrature=middle)
+    return shear.assemble(basis) + bulk.assemble(reduced)
+
+
+@pytest.mark.parametrize("kind", ["quadrilaterals", pytest.param("hexahedra", marks=pytest.mark.slow)])
+def test_the_way_out_that_is_named(kind):
+    """Reduced integration of the bulk modulus: the force is right, and nothing is said.
+
+    As far as nodes see the ball: at nu .3, too, six hexahedra to the height have 4 % less.
+    """
+    body = rubber(kind, 8 if kind == "quadrilaterals" else 6, 0.4999, one_point)
+    result, said = pressed(body)
+    true = force(body.dim, 0.4999, 4 if body.dim == 3 else 16)
+    assert result.force[-1] == pytest.approx(true, rel=0.06 if body.dim == 2 else 0.12)
+    assert not said and result.validity.holds
+
+
+@pytest.mark.parametrize("kind", ["quadrilaterals", "triangles", "hexahedra", "tetrahedra"])
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45])
+def test_ordinary_materials_are_not_looked_at(kind, nu, monkeypatch):
+    """Nothing is measured, and nothing said."""
+    from skfem_contact.answers.validity import assess
+
+    monkeypatch.setattr(assess, "locked_share", None)
+    result, said = pressed(rubber(kind, 4, nu))
+    assert not said and result.validity.holds and not result.validity.locking
+
+
+def test_fine_first_order_meshes_are_not_named():
+    """At nu .49 sixteen quadrilaterals to the height give 2 % too much."""
+    result, said = pressed(rubber("quadrilaterals", 16, 0.49))
+    assert result.force[-1] == pytest.approx(force(2, 0.49, 16), rel=0.025)
+    assert not said and result.validity.locking["rubber"] < 0.05
+
+
+def test_histories_look_once_each_doubling():
+    """Sixteen steps of one size: whole bodies are needed in five of them."""
+    body = rubber("quadrilaterals", 16, 0.49)
+    tool = sc.RigidPlane((0, 0), (0, -1), name="tool")
+    top = body.surface(lambda x: np.isclose(x[1], 0), name="top")
+    solver = sc.ContactSolver(body, sc.Contact(top, tool, name="joint"))
+    steps = list(solver.history([{"motion": {"joint": (0.0, -1e-4 * k)}} for k in range(1, 17)]))
+    assert sum("u" in vars(answer_of(result)) for result in steps) in (4, 5)
+
+
+def test_a_body_keeps_its_material():
+    """Where its form stays behind, in another process, its moduli go along."""
+    copy = pickle.loads(pickle.dumps(rubber("quadrilaterals", 4, 0.4999)))
+    assert copy.form is None
+    result, said = pressed(copy)
+    assert "locks" in said[0] and result.validity.locking["rubber"] > 0.9
+
+
+def test_a_form_of_several_materials():
+    """Rubber under steel: by elements, from a form that reads coordinates."""
+
+    @fem.BilinearForm
+    def layers(u, v, w):
+        lam, mu = lame_parameters(
+            np.where(w.x[1] < -0.5, 1.0, 1e3), np.where(w.x[1] < -0.5, 0.499, 0.3)
+        )
+        e = 0.5 * (u.grad + transpose(u.grad))
+        return 2 * mu * ddot(e, sym_grad(v)) + lam * trace(e) * trace(sym_grad(v))
+
+    body = rubber("quadrilaterals", 4, 0.3, lambda *_: layers)
+    assert body.by_skfem
+    K = (body.moduli.bulk / body.moduli.shear).round(6)
+    assert sorted(set(K)) == pytest.approx([2.5, 500.0])  # 1 / (1 - 2 nu)
+    _, said = pressed(body)
+    assert any("locks" in w and "500 times" in w for w in said)
+
+
+def test_forms_that_do_not_tell():
+    """Of a matrix, and of a form that only works on its own basis, nothing is known."""
+    body = rubber(
+        "quadrilaterals", 4, 0.4999, lambda b, *moduli: linear_elasticity(*moduli).assemble(b)
+    )
+    assert body.moduli is None
+    values = np.ones(32)
+
+    @fem.BilinearForm
+    def own(u, v, w):
+        return dot(u, v) * 0 + ddot(sym_grad(u), sym_grad(v)) * values[:, None]
+
+    body = rubber("quadrilaterals", 4, 0.3, lambda *_: own)
+    assert body.moduli is None or body.moduli.quotient <= 1
