@@ -141,12 +141,14 @@ def fitted(normal: Array, away: Array, there: Mask) -> tuple[Array, Array, Mask]
     """
     d, (one, other) = normal.shape[1], np.triu_indices(normal.shape[1] - 1)
     distance = np.linalg.norm(away, axis=2)
-    weight = np.divide(1.0, distance**2, out=np.zeros_like(distance), where=there)
+    weight = np.divide(1.0, distance**2, out=np.zeros_like(distance), where=there).T.copy()
     size = distance.max(axis=1)
     n, T, k = normal.copy(), tangents(normal), np.zeros((len(normal), d - 1, d - 1))
+    # component by component, node after node: long sums in place of many short ones
+    ring = np.ascontiguousarray(away.transpose(2, 1, 0))
     left, before = np.arange(len(n)), np.zeros(len(n))
     for _ in range(FITS):
-        change = _step(n[left], T[left], k[left], away[left], weight[left])
+        change = _step(n[left], T[left], k[left], ring, weight).T
         n[left] = unit(n[left] + np.einsum("qa,qad->qd", change[:, : d - 1], T[left]))
         T[left] = _orthonormal(n[left], T[left])
         k[left[:, None], one, other] += change[:, d - 1 :]
@@ -154,7 +156,8 @@ def fitted(normal: Array, away: Array, there: Mask) -> tuple[Array, Array, Mask]
         change[:, d - 1 :] *= size[left, None]
         last, before[left] = before[left], np.abs(change).max(axis=1, initial=0.0)
         # what steps that shrink like this one will still add
-        left = left[before[left] ** 2 > FITTED * np.maximum(last - before[left], FITTED)]
+        more = before[left] ** 2 > FITTED * np.maximum(last - before[left], FITTED)
+        left, ring, weight = left[more], ring[..., more], weight[..., more]
         if not len(left):
             break
     kappa, _ = _largest(k)
@@ -164,35 +167,57 @@ def fitted(normal: Array, away: Array, there: Mask) -> tuple[Array, Array, Mask]
     return np.where(good[:, None], n, normal), np.where(good[:, None, None], K, 0.0), good
 
 
-def _step(n: Array, T: Array, k: Array, away: Array, weight: Array) -> Array:
-    """Changes of the tilts and of the curvatures (q, u)."""
+def _step(n: Array, T: Array, k: Array, ring: Array, weight: Array) -> Array:
+    """Changes of the tilts and of the curvatures (u, q), for rings (d, r, q) with weights (r, q)."""
     one, other = np.triu_indices(k.shape[1])
     kappa, axis = _largest(k)
-    s, z = away @ np.swapaxes(T, 1, 2), (away @ n[..., None])[..., 0]
-    off = z + 0.5 * np.sum((s @ k) * s, axis=2) + 0.5 * kappa[:, None] * z**2
-    square = s[..., one] * s[..., other] + (z**2)[..., None] * (axis[:, one] * axis[:, other])[:, None]
+    T, n, k = (np.ascontiguousarray(np.moveaxis(x, 0, -1)) for x in (T, n, k))
+    s, z = np.einsum("adq,drq->arq", T, ring), np.einsum("dq,drq->rq", n, ring)
+    zz = z * z
+    off = z + 0.5 * (np.einsum("arq,arq->rq", np.einsum("abq,brq->arq", k, s), s) + kappa * zz)
     # of what the ring does not tell the least is taken: the norm of k, whatever the tangents
     mixed = np.where(one == other, 1.0, np.sqrt(0.5))
-    columns = np.concatenate([s, np.where(one == other, 0.5, 1.0) * mixed * square], axis=2)
-    change = _least_squares(columns * weight[..., None], -off * weight, s.shape[2])
-    change[:, s.shape[2] :] *= mixed
+    square = [s[i] * s[j] + zz * (axis[:, i] * axis[:, j]) for i, j in zip(one, other, strict=True)]
+    factors = np.where(one == other, 0.5, 1.0) * mixed
+    columns = np.stack([*s, *(f * part for f, part in zip(factors, square, strict=True))])
+    change = _least_squares(columns * weight, -off * weight, len(s))
+    change[len(s) :] *= mixed[:, None]
     return change
 
 
 def _least_squares(columns: Array, right: Array, tilts: int) -> Array:
-    """Least solutions (q, u), tilts and curvatures, of equations (q, r, u) by least squares."""
-    across = np.swapaxes(columns, 1, 2)
-    normal, right = across @ columns, (across @ right[..., None])[..., 0]
-    diagonal = np.einsum("quu->qu", normal)
-    parts = diagonal[:, :tilts], diagonal[:, tilts:]
-    means = [np.broadcast_to(part.mean(axis=1, keepdims=True), part.shape) for part in parts]
-    size = np.sqrt(np.concatenate(means, axis=1))
-    size = np.where(size > 0, size, 1.0)
-    normal, right = normal / size[:, None] / size[..., None], right / size
-    inverse = np.linalg.inv(normal + ROUND_OFF * np.eye(normal.shape[1]))
-    some = np.flatnonzero(np.abs(inverse).max(axis=(1, 2)) * SOLVED > 1)
-    inverse[some] = np.linalg.pinv(normal[some], rcond=SOLVED, hermitian=True)
-    return np.asarray((inverse @ right[..., None])[..., 0] / size)
+    """Least solutions (u, q), tilts and curvatures, of equations (u, r, q) by least squares."""
+    u = len(columns)
+    normal = np.empty((u, u, columns.shape[2]))
+    for i, j in zip(*np.tril_indices(u), strict=True):
+        normal[i, j] = normal[j, i] = np.einsum("rq,rq->q", columns[i], columns[j])
+    right = np.einsum("urq,rq->uq", columns, right)
+    means = np.empty_like(right)
+    for part in (slice(tilts), slice(tilts, None)):
+        means[part] = np.einsum("uuq->uq", normal)[part].mean(axis=0)
+    size = np.sqrt(np.where(means > 0, means, 1.0))
+    normal, right = normal / size[:, None] / size, right / size
+    found, pivot = _eliminated(normal, right)
+    some = np.flatnonzero(pivot < SOLVED)
+    if len(some):
+        inverse = np.linalg.pinv(normal[..., some].transpose(2, 0, 1), rcond=SOLVED, hermitian=True)
+        found[:, some] = np.einsum("quv,vq->uq", inverse, right[:, some])
+    return found / size
+
+
+def _eliminated(A: Array, b: Array) -> tuple[Array, Array]:
+    """Solutions (u, q) of small positive definite systems (u, u, q), and their least pivots (q,)."""
+    A, x, u = A.copy(), b.copy(), len(b)
+    for j in range(u):
+        A[j, j] += ROUND_OFF
+        A[j + 1 :, j] /= A[j, j]
+        A[j + 1 :, j + 1 :] -= A[j + 1 :, None, j] * A[None, j, j + 1 :]
+        x[j + 1 :] -= A[j + 1 :, j] * x[j]
+    pivots = np.einsum("uuq->uq", A)
+    x /= pivots
+    for j in reversed(range(u - 1)):
+        x[j] -= np.einsum("uq,uq->q", A[j + 1 :, j], x[j + 1 :])
+    return x, pivots.min(axis=0)
 
 
 def _orthonormal(n: Array, T: Array) -> Array:
@@ -213,3 +238,11 @@ def _largest(k: Array) -> tuple[Array, Array]:
     sign = np.where(mean >= 0, 1.0, -1.0)
     turn = 0.5 * np.arctan2(sign * k[:, 0, 1], sign * half)
     return mean + sign * radius, np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+def principal(k: Array) -> Array:
+    """Principal directions of curvatures (q, d-1, d-1), as columns; the larger one's first."""
+    _, axis = _largest(k)
+    if k.shape[1] == 1:
+        return axis[:, :, None]
+    return np.stack([axis, np.stack([-axis[:, 1], axis[:, 0]], axis=1)], axis=2)

@@ -29,10 +29,12 @@ class Bulges:
 
     Attributes
     ----------
+    node : ndarray of int, shape (p, k)
+        Nodes of the secondary whose functions N_i weight, as many as the pieces have each.
     e, f : ndarray of int, shape (p,)
         Facets of the two sides.
     gap, height : ndarray, shape (p, k)
-        ``int N_i g`` and ``int N_i h`` with the shape functions of the secondary.
+        ``int N_i g`` and ``int N_i h``.
     alike, area : ndarray, shape (p,)
         By how much curvatures agree, integrated, and areas.
     move : ndarray, shape (p, k, k', d, d), or None
@@ -41,6 +43,7 @@ class Bulges:
         The least gap of a piece [length].
     """
 
+    node: Index
     e: Index
     f: Index
     gap: Array
@@ -59,6 +62,7 @@ class Bulges:
         gap: Array,
         weight: Array,
         beyond: Array | None = None,
+        node: Index | None = None,
     ) -> tuple[Index, Bulges]:
         """Integrate over pieces, given by t parts of them; and which pieces they are (p,).
 
@@ -74,30 +78,32 @@ class Bulges:
             Of the facets along v [length], and of the quadrature [area].
         beyond : ndarray, shape (t, n, d), optional
             See `heights`.
+        node : ndarray of int, shape (p, 1), optional
+            Weighted by one at the only place of its piece, in place of the nodes of facets.
         """
         own, other = places
         found = heights(own, other, v, gap, beyond)
         first = np.flatnonzero(np.diff(piece, prepend=-1))
-        weighted = np.swapaxes(own.shape * weight[..., None], 1, 2)
+        tests = own.shape if node is None else np.ones((len(piece), 1, 1))
+        weighted = np.swapaxes(tests * weight[..., None], 1, 2)
         area = weight.sum(axis=1)
         both = np.add.reduceat(weighted @ np.stack([gap, found.h], axis=-1), first)
         alike, total = (np.add.reduceat(part, first) for part in (found.alike * area, area))
         least = np.minimum.reduceat((gap - found.h).min(axis=1), first)
         move = None
-        if found.spread is not None:
+        if found.spreads is not None:
             move = _moves(other, v, found, (weighted, area), first)
         e, f = own.facet[first], other.facet[first]
         gaps, h = both[..., 0], both[..., 1]
-        return piece[first], cls(e, f, gaps, h, alike, total, move, least)
+        node = own.surface.facets[e] if node is None else node
+        return piece[first], cls(node, e, f, gaps, h, alike, total, move, least)
 
-    def blocks(
-        self, secondary: ContactSurface, primary: ContactSurface, A: Array
-    ) -> tuple[Index, Index, Array]:
+    def blocks(self, primary: ContactSurface, A: Array | None = None) -> tuple[Index, Index, Array]:
         """Rows, columns and blocks (b, d, d) of the moving heights, one for each pair of nodes."""
         assert self.move is not None
         shape = self.move.shape
-        G = A[self.e] @ self.move.reshape(*shape[:2], -1)
-        row = np.broadcast_to(secondary.facets[self.e][:, :, None], shape[:3]).ravel()
+        G = self.move if A is None else A[self.e] @ self.move.reshape(*shape[:2], -1)
+        row = np.broadcast_to(self.node[:, :, None], shape[:3]).ravel()
         column = np.broadcast_to(primary.facets[self.f][:, None], shape[:3]).ravel()
         return row, column, G.reshape(-1, *shape[3:])
 
@@ -125,15 +131,15 @@ def _moves(place: Place, v: Array, found: Heights, weights: tuple[Array, Array],
     first : ndarray of int, shape (p,)
         The first part of each piece.
     """
-    assert found.spread is not None
+    assert found.spreads is not None
     weighted, area = weights
-    (t, n), d = found.h.shape, v.shape[2]
+    d = v.shape[2]
 
     def summed(values: Array) -> Array:
         return np.asarray(np.add.reduceat(values, first))
 
-    spread = (weighted @ found.spread.reshape(t, n, -1)).reshape(t, -1, d, d)
-    T = summed(found.common[:, None] @ spread)
+    own, other = (spread.weighted(weighted) for spread in found.spreads)
+    T = summed(found.common[:, None] @ (own - other))
     vector = summed(weighted @ (found.h[..., None] * v))
     middle = np.concatenate([place.shape.mean(axis=1), v.mean(axis=1)], axis=1)
     middle = summed(area[:, None] * middle) / summed(area)[:, None]
@@ -208,12 +214,12 @@ def bulged(
     total = -np.bincount(faces[e].ravel(), (alike[:, None] * vectors).ravel(), m)
     for piece, part in parts:
         scalar = alike[piece, None] * part.gap - part.height
-        total += np.bincount(faces[part.e].ravel(), (A[part.e] @ scalar[..., None]).ravel(), m)
+        total += np.bincount(part.node.ravel(), (A[part.e] @ scalar[..., None]).ravel(), m)
     change = np.divide(total, by, out=np.zeros(m), where=there)
     smooth = np.zeros(m)
     acts = A[e].any(axis=2)
     np.maximum.at(smooth, faces[e][acts], np.broadcast_to(alike[:, None], acts.shape)[acts])
-    blocks = [part.blocks(secondary, primary, A) for _, part in parts if part.move is not None]
+    blocks = [part.blocks(primary, A) for _, part in parts if part.move is not None]
     bulge = block_matrix(blocks, (m, len(primary.points)), rows) if blocks else None
     return change, smooth, bulge
 
@@ -252,21 +258,19 @@ def bulged_nodes(
     own, other = Place(secondary, e, np.eye(k)[at][:, None]), Place(primary, f, M)
     foot = M @ primary.points[primary.facets[f]]
     away = secondary.points[node][:, None] - foot
-    which = np.arange(len(some))
-    _, part = Bulges.of(which, (own, other), v, gap[some, None], np.ones((len(some), 1)), away)
+    ones = np.ones((len(some), 1))
+    _, part = Bulges.of(
+        np.arange(len(some)), (own, other), v, gap[some, None], ones, away, node[:, None]
+    )
     gap, smooth, changed = gap.copy(), np.zeros(m), np.zeros(len(gap), dtype=bool)
     smooth[node] = np.maximum(part.alike, TINY)
-    gap[some] -= part.height[which, at]
+    gap[some] -= part.height[:, 0]
     changed[some] = True
     gap = without_round_off(gap, secondary, primary, changed)
     if part.move is None:
         return gap, smooth, None
-    ones = np.broadcast_to(np.eye(k), (len(secondary.facets), k, k))
-    row, column, data = part.blocks(secondary, primary, ones)
-    # rows of the other nodes of a facet have none
-    here = np.isin(row, node) & np.any(data != 0, axis=(1, 2))
-    every, shape = np.ones(m), (m, len(primary.points))
-    bulge = block_matrix([(row[here], column[here], data[here])], shape, (every, every > 0))
+    every = np.ones(m)
+    bulge = block_matrix([part.blocks(primary)], (m, len(primary.points)), (every, every > 0))
     return gap, smooth, bulge
 
 

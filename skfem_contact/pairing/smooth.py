@@ -53,7 +53,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.bare import NoBody
 from skfem_contact.bodies.normals import tangents, unit
-from skfem_contact.bodies.quadrics import corner_weights
+from skfem_contact.bodies.quadrics import corner_weights, principal
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.vectors import dot
 
@@ -70,20 +70,36 @@ class Place(NamedTuple):
     shape: Array
 
 
+class Spread(NamedTuple):
+    """``C = sum_i<j N_i N_j e_ij e_ij' / 2`` at n places on each of p linear facets.
+
+    ``shares`` (p, n, q) are the products ``N_i N_j`` of the q pairs of nodes of a facet, and
+    ``squares`` (p, q, d, d) half the ``e_ij e_ij'`` of the vectors between them.
+    """
+
+    shares: Array
+    squares: Array
+
+    def trace(self, K: Array) -> Array:
+        """``tr(C K)`` with K (p, d, d), shape (p, n)."""
+        by_pairs = np.einsum("pqde,pde->pq", self.squares, K)
+        return np.asarray((self.shares @ by_pairs[..., None])[..., 0])
+
+    def weighted(self, weights: Array) -> Array:
+        """Sums of C over the places, (p, k, d, d), by each of k weights (p, k, n)."""
+        p, q, d = self.squares.shape[:3]
+        return ((weights @ self.shares) @ self.squares.reshape(p, q, d * d)).reshape(p, -1, d, d)
+
+
 class Local(NamedTuple):
     """The smooth boundary of one side at n places on each of p facets.
 
-    ``value`` (p, n), ``slope`` (p, n, d) and ``bend`` (p, n, d, d) are f, its gradient and second
-    derivatives there, times ``known`` (p, n), the share of nodes that have a quadric; ``spread``
-    (p, n, d, d) is C of linear facets, ``mean`` (p, d, d) the mean of K, and ``strain``
-    (p, d, d) that of facets that have moved.
+    ``height`` (p, n) is tau, zero without a quadric; ``spread`` is C of linear facets, ``mean``
+    (p, d, d) the mean of K, and ``strain`` (p, d, d) that of facets that have moved.
     """
 
-    value: Array
-    slope: Array
-    bend: Array
-    known: Array
-    spread: Array | None
+    height: Array
+    spread: Spread | None
     mean: Array
     strain: Array | None = None
 
@@ -96,8 +112,8 @@ class Heights:
     ----------
     h : ndarray, shape (p, n)
         By how much the smooth boundaries are closer than the facets, along v [length].
-    spread : ndarray, shape (p, n, d, d), or None
-        ``C_s - C_p``; None where h does not move with the nodes.
+    spreads : (Spread, Spread), or None
+        Of both sides; None where h does not move with the nodes.
     common, ways : ndarray, shape (p, d, d)
         c, and how the surfaces bend, ``K_s^2 + K_p^2``: along that goes what h has more than tr(T).
     alike : ndarray, shape (p,)
@@ -105,7 +121,7 @@ class Heights:
     """
 
     h: Array
-    spread: Array | None
+    spreads: tuple[Spread, Spread] | None
     common: Array
     ways: Array
     alike: Array
@@ -133,30 +149,27 @@ def heights(own: Place, other: Place, v: Array, gap: Array, beyond: Array | None
     beyond : ndarray, shape (p, n, d), optional
         From the places of the primary to points on the line along v, where these are not it [length].
     """
-    one, two = _local(own), _local(other, beyond)
-    ahead, back = _root(one, v), _root(two, v)
-    if beyond is not None:
-        back = back + dot(beyond, v)
+    one, two = _local(own, v), _local(other, v, beyond)
     # the primary's parallel surface where the secondary is: to close the gap is no bending
-    apart = (gap - ahead + back).mean(axis=1)[:, None, None]
+    apart = (gap - one.height + two.height).mean(axis=1)[:, None, None]
     across = tangents(unit(v.mean(axis=1)))
     plane = np.swapaxes(across, 1, 2) @ across
     bends = [plane @ K @ plane for K in (one.mean, two.mean - apart * two.mean @ two.mean)]
     common, alike = _common(bends[0], -bends[1], across)
     ways = one.mean @ one.mean + two.mean @ two.mean
     h = np.zeros_like(gap)
-    for side, height, bend, shared in ((one, ahead, bends[0], common), (two, -back, bends[1], -common)):
+    for side, sign, bend in ((one, 1.0, bends[0]), (two, -1.0, bends[1])):
+        height = sign * side.height
         if side.spread is None:
             h += height
             continue
-        h += _trace(side.spread, shared)
-        rest = alike[:, None] * (height - _trace(side.spread, bend))
-        h += rest
+        shared, rest = sign * common, alike
         if side.strain is not None:  # as the facet has stretched
-            h += _trace(side.spread, side.strain @ shared)
-            h += rest * np.einsum("pde,pde->p", of_trace_one(ways), side.strain)[:, None]
-    spread = None if one.spread is None or two.spread is None else one.spread - two.spread
-    return Heights(h, spread, common, ways, alike)
+            shared = shared + side.strain @ shared
+            rest = rest * (1 + np.einsum("pde,pde->p", of_trace_one(ways), side.strain))
+        h += side.spread.trace(shared - rest[:, None, None] * bend) + rest[:, None] * height
+    spreads = None if one.spread is None or two.spread is None else (one.spread, two.spread)
+    return Heights(h, spreads, common, ways, alike)
 
 
 def of_trace_one(K: Array) -> Array:
@@ -172,8 +185,8 @@ def _common(one: Array, other: Array, T: Array) -> tuple[Array, Array]:
     zero where signs differ.
     """
     a, whole = (T @ K @ np.swapaxes(T, 1, 2) for K in (one, other))
-    _, Q = np.linalg.eigh(a + whole)
-    a, b = (np.einsum("pai,pab,pbi->pi", Q, K, Q) for K in (a, whole))
+    Q = principal(a + whole)
+    a, b = (np.sum(Q * (K @ Q), axis=1) for K in (a, whole))
     fits, size = a * b > 0, (np.abs(a), np.abs(b))
     shared = np.where(fits, np.sign(a) * np.minimum(2 * size[0], size[1]), 0.0)
     larger = np.maximum(*(np.sum(k * k, axis=1) for k in size))
@@ -183,24 +196,8 @@ def _common(one: Array, other: Array, T: Array) -> tuple[Array, Array]:
     return np.swapaxes(T, 1, 2) @ common @ T, alike
 
 
-def _trace(spread: Array, K: Array) -> Array:
-    """``tr(C K)`` of C (p, n, d, d) at places and K (p, d, d) of pieces, (p, n)."""
-    p, n = spread.shape[:2]
-    return np.asarray((spread.reshape(p, n, -1) @ K.reshape(p, -1, 1))[..., 0])
-
-
-def _root(side: Local, v: Array) -> Array:
-    """The smaller root tau of ``f(x + tau v)``; zero without a quadric, or where v never meets it."""
-    slope = dot(side.slope, v)
-    bend = 0.5 * dot((side.bend @ v[..., None])[..., 0], v)
-    root = np.sqrt(np.maximum(slope**2 - 4 * side.value * bend, 0.0))
-    below = slope + np.where(slope < 0, -root, root)
-    meets = (side.known > 0) & (below != 0)
-    return np.divide(-2 * side.value, below, out=np.zeros_like(below), where=meets)
-
-
-def _local(place: Place, beyond: Array | None = None) -> Local:
-    """Blend the quadrics of the nodes of facets at places, or beside them."""
+def _local(place: Place, v: Array, beyond: Array | None = None) -> Local:
+    """Blend the quadrics of the nodes of facets at places, or beside them, and cut them along v."""
     surface, facet, N = place
     d, first = surface.dim, surface.original
     facets, which = np.unique(facet, return_inverse=True)
@@ -211,24 +208,45 @@ def _local(place: Place, beyond: Array | None = None) -> Local:
         back = np.swapaxes(turn, 1, 2)
         x, strain = x @ back, strains[which]
         slope, bend = slope @ back, turn[:, None] @ bend @ back[:, None]
-    k = x.shape[1]
-    parts = [known[..., None], value[..., None], slope, bend.reshape(len(facets), k, d * d), x]
-    if not surface.quadratic:
-        parts.append((x[..., :, None] * x[..., None, :]).reshape(len(facets), k, d * d))
-    found = N @ np.concatenate(parts, axis=2)[which]
-    known, value = found[..., 0], found[..., 1]
-    slope, bend = found[..., 2 : 2 + d], found[..., 2 + d : 2 + d + d * d].reshape(*N.shape[:2], d, d)
-    at, spread = found[..., 2 + d + d * d :][..., :d], None
-    if not surface.quadratic:
-        squares = found[..., -d * d :].reshape(*N.shape[:2], d, d)
-        spread = 0.5 * (squares - at[..., :, None] * at[..., None, :])
+    one, other = np.triu_indices(d)
+    table = np.concatenate(
+        [known[..., None], value[..., None], slope, bend[..., one, other], x], axis=2
+    )
+    # component by component: as many long sums as there are components
+    blended = np.ascontiguousarray(np.moveaxis(N @ table[which], 2, 0))
+    known, value, slope = blended[0], blended[1], blended[2 : 2 + d]
+    number = np.zeros((d, d), dtype=np.intp)
+    number[one, other] = number[other, one] = np.arange(len(one))
+    entries, at = blended[2 + d : -d], blended[-d:]
+    K = entries[number]
     if beyond is not None:
-        at = at + beyond
-    curve = (bend @ at[..., None])[..., 0]
-    value = value + dot(slope + 0.5 * curve, at)
+        at = at + np.moveaxis(beyond, 2, 0)
+    curve = np.einsum("abpn,bpn->apn", K, at)
+    value = value + np.einsum("apn,apn->pn", slope + 0.5 * curve, at)
+    along = np.moveaxis(v, 2, 0)
+    slope = np.einsum("apn,apn->pn", slope + curve, along)
+    half = 0.5 * np.einsum("apn,apn->pn", np.einsum("abpn,bpn->apn", K, along), along)
+    height = _root(value, slope, half, known > 0)
+    if beyond is not None:
+        height = height + dot(beyond, v)
     share = known.mean(axis=1)[:, None, None]
-    mean = np.divide(bend.mean(axis=1), share, out=np.zeros_like(bend[:, 0]), where=share > 0)
-    return Local(value, slope + curve, bend, known, spread, mean, strain)
+    mean = np.moveaxis(entries.mean(axis=2)[number], 2, 0)
+    mean = np.divide(mean, share, out=np.zeros_like(mean), where=share > 0)
+    return Local(height, None if surface.quadratic else _spread(x, N, which), mean, strain)
+
+
+def _root(value: Array, slope: Array, half: Array, known: Mask) -> Array:
+    """The smaller root of ``value + slope tau + half tau^2``; zero where there is none, or not known."""
+    root = np.sqrt(np.maximum(slope**2 - 4 * value * half, 0.0))
+    below = slope + np.copysign(root, slope)
+    return np.divide(-2 * value, below, out=np.zeros_like(below), where=known & (below != 0))
+
+
+def _spread(x: Array, N: Array, which: Index) -> Spread:
+    """C at places with shape functions N (p, n, k), on facets `which` of some with nodes x (nf, k, d)."""
+    i, j = np.triu_indices(N.shape[2], 1)
+    e = x[:, i] - x[:, j]
+    return Spread(N[..., i] * N[..., j], (0.5 * e[..., :, None] * e[..., None, :])[which])
 
 
 def _table(surface: ContactSurface, facets: Index) -> tuple[tuple[Array, ...], Array]:

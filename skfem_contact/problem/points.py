@@ -184,8 +184,19 @@ class PointSpace:
         # with its part along a tangent whose slip supports prescribe, for which there is no row
         friction = friction_force(conditions, slip, normal_force, rows.gives)
         tangential[rows.rubs] = friction[rows.rubs]
+        if rows.gives:
+            self._from_equilibrium(conditions, rows, p, tangential)
         own = z if load.strained is None else z + load.strained
         return Response(gap, slip, normal_force, tangential, own)
+
+    def _from_equilibrium(
+        self, conditions: Conditions, rows: HeldRows, p: Array, tangential: Array
+    ) -> None:
+        """Forces of springs stiffer than the bodies: their lengths have lost digits that p has."""
+        point, along = np.nonzero(rows.slides)
+        row = rows.sliding
+        stiff = conditions.spring[point, along, along] > self.S[row, row]
+        tangential[point[stiff], along[stiff]] = -p[row[stiff]]
 
 
 class Reduction:

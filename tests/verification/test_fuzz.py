@@ -190,3 +190,15 @@ def test_an_overlap_without_digits():
     steps = StepChoice(0, 1.0, 1.0, 2.225073858507e-311), StepChoice(0, 1.0, 0.0)
     choice = Choice(1, 0.0, 2, False, (1.0, 1.0), np.inf, {}, "node", "newton", "auto", 0, steps)
     assert not {kind for kind, _ in judge(choice)} & {"wrong", "crashed", "missed"}
+
+
+@pytest.mark.parametrize("power", [2, 5, 6.84375, 8])
+def test_a_spring_of_friction_that_is_far_stiffer_than_the_bodies(power):
+    """The digits of its force are those of equilibrium: its length has lost power + 3 + 2 of them."""
+    steps = StepChoice(0, 3.0, 1.0), StepChoice(0, 0.0, 1.0)
+    choice = Choice(
+        0, 2.0, 3, False, (1000.0, 0.01), 10.0**power, {}, "node", "newton", "auto", 0, steps
+    )
+    for kind, words in judge(choice):
+        assert kind == "right"
+        assert float(re.search(r"residual (\S+),", words)[1]) < 1e-9  # forces of 1e-5 of the stiffness
