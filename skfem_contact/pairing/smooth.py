@@ -236,14 +236,14 @@ def _local(place: Place, v: Array, beyond: Array | None = None) -> Local:
 
 
 def _root(value: Array, slope: Array, half: Array, known: Mask) -> Array:
-    """The smaller root of ``value + slope tau + half tau^2``; zero where there is none, or not known."""
+    """The smaller root of ``value + slope tau + half tau^2``; zero without one, or where not known."""
     root = np.sqrt(np.maximum(slope**2 - 4 * value * half, 0.0))
     below = slope + np.copysign(root, slope)
     return np.divide(-2 * value, below, out=np.zeros_like(below), where=known & (below != 0))
 
 
 def _spread(x: Array, N: Array, which: Index) -> Spread:
-    """C at places with shape functions N (p, n, k), on facets `which` of some with nodes x (nf, k, d)."""
+    """C at places with shape functions N (p, n, k) on facets `which`; x are all nodes (nf, k, d)."""
     i, j = np.triu_indices(N.shape[2], 1)
     e = x[:, i] - x[:, j]
     return Spread(N[..., i] * N[..., j], (0.5 * e[..., :, None] * e[..., None, :])[which])

@@ -22,7 +22,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import Bulges, Parts, bulged
 from skfem_contact.pairing.faces.dual import DualBasis, dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.faces.kinks import least_gaps
-from skfem_contact.pairing.faces.segmentation import HEIGHTS, Segmentation, segment
+from skfem_contact.pairing.faces.segmentation import Segmentation, segment
 from skfem_contact.pairing.faces.supports import Supports, find_supports, slip_rows
 from skfem_contact.pairing.mortar_rows import (
     divided,
@@ -161,7 +161,7 @@ def _bulges(parts: Segmentation, moments: Moments) -> tuple[Parts, tuple[Index, 
     found, least = [], np.full(len(parts.e), np.inf)
     place = np.zeros(len(parts.e), dtype=np.intp)
     place[some] = np.arange(len(some))
-    for piece, met, weight in parts.points(some, HEIGHTS):
+    for piece, met, weight in parts.points(some, heights=True):
         turn = cells.axes[parts.e[piece]]
         v = np.broadcast_to(met.normal, (*met.N.shape[:2], 3)) @ turn
         v = v / np.linalg.norm(v, axis=2, keepdims=True)

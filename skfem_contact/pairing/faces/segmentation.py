@@ -62,8 +62,8 @@ DEGREE = {"tri3": 1, "quad4": 2, "tri6": 2, "quad8": 3, "quad9": 4}
 # polynomials on faces that are neither parallelograms nor triangles.
 LEAST, CURVED, ROOTS = 5, 10, 7
 
-# Of the quadrature of heights: squares of coordinates times bilinear functions.
-HEIGHTS = 4
+# Degree of heights, squares of coordinates; they are integrated with linear or bilinear functions.
+HEIGHTS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ class Segmentation:
     pieces: Polygons
 
     def points(
-        self, some: Index | None = None, degree: int | None = None
+        self, some: Index | None = None, heights: bool = False
     ) -> Iterator[tuple[Index, Meeting, Array]]:
         """Yield quadrature points triangle by triangle, so many at a time that memory is bounded.
 
@@ -97,9 +97,9 @@ class Segmentation:
         ----------
         some : ndarray of int, optional
             Only of these pieces.
-        degree : int, optional
-            Of the quadrature, between quadrilaterals on triangles round the middles of pieces, which
-            do not depend on the corner that a piece begins at; else one for the integrals of rows.
+        heights : bool
+            For the integrals of heights: between quadrilaterals on triangles round the middles of pieces,
+            which do not depend on the corner that a piece begins at. Else for those of rows.
 
         Yields
         ------
@@ -112,12 +112,12 @@ class Segmentation:
         """
         shape = np.maximum(self.cells[0].shape[self.e], self.cells[1].shape[self.f])
         chosen = np.arange(len(shape)) if some is None else some
-        if degree is not None and not (self.secondary.kind.straight and self.primary.kind.straight):
+        if heights and not (self.secondary.kind.straight and self.primary.kind.straight):
             shape = np.full_like(shape, SKEW)
         for kind in np.unique(shape[chosen]):
             mine = chosen[shape[chosen] == kind]
             whose, triangles = self.pieces.some(mine).fans(round_middle=kind == SKEW)
-            at, w = self._rule(kind, degree)
+            at, w = self._rule(kind, heights)
             step = max(1, POINTS_AT_ONCE // len(w))
             for first in range(0, len(whose), step):
                 of, corners = mine[whose[first : first + step]], triangles[first : first + step]
@@ -126,14 +126,16 @@ class Segmentation:
                 weight = 2 * signed_areas(corners)[:, None] * w
                 yield of, points, weight * stretch(self.secondary, self.cells[0], e, points)
 
-    def _rule(self, shape: int, given: int | None) -> tuple[Array, Array]:
+    def _rule(self, shape: int, heights: bool) -> tuple[Array, Array]:
         """Barycentric coordinates (n, 3) and weights (n,) of Gauss points of a triangle."""
         own, other = (DEGREE[surface.kind.name] for surface in (self.secondary, self.primary))
         # products of two shape functions of the secondary, or of one and one of the primary, and a
         # `measure` linear in the position
         degree = max(LEAST, own + max(own, other) + 1)
         degree = {AFFINE: degree, PART: max(CURVED, degree), SKEW: degree + ROOTS}[shape]
-        xi, w = KINDS["tri3"].quadrature(degree if given is None else given)
+        if heights:
+            degree = HEIGHTS + min(max(own, other), DEGREE["quad4"])
+        xi, w = KINDS["tri3"].quadrature(degree)
         return KINDS["tri3"].shapes(xi)[0], w
 
 
