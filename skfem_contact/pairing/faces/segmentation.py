@@ -98,7 +98,7 @@ class Segmentation:
         some : ndarray of int, optional
             Only of these pieces.
         heights : bool
-            For the integrals of heights: between quadrilaterals on triangles round the middles of pieces,
+            For integrals of heights: between quadrilaterals on triangles round the middles of pieces,
             which do not depend on the corner that a piece begins at. Else for those of rows.
 
         Yields
