@@ -31,8 +31,9 @@ from skfem_contact.bodies.inputs import (
     stiffness_of,
 )
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.moduli import Moduli, moduli
+from skfem_contact.bodies.moduli import Moduli, mean_moduli, moduli
 from skfem_contact.bodies.pieces import pieces
+from skfem_contact.bodies.quadrature import volume
 from skfem_contact.bodies.rigid_modes import motion_names, rigid_modes
 from skfem_contact.bodies.stiffness import Stiffness
 from skfem_contact.carried import can_be_carried, carried
@@ -316,10 +317,17 @@ class Body(Member):
 
     @cached_property
     def moduli(self) -> Moduli | None:
-        """Bulk and shear modulus of the material of every element; None if no form tells them."""
-        if self.form is None or self.components == 1:
+        """Bulk and shear modulus of the material of every element; None if nothing tells them.
+
+        Of a stiffness that was given as a matrix they are the means over the body.
+        """
+        if self.components == 1:
             return None
-        return moduli(self.form, self.basis, uniform=not self.by_skfem)
+        if self.form is not None:
+            return moduli(self.form, self.basis, uniform=not self.by_skfem)
+        if self.axisymmetric:
+            return None
+        return mean_moduli(self.K, self.dof_points, self.dof_component, volume(self.basis))
 
     @cached_property
     def parts(self) -> NDArray[Any]:

@@ -1,8 +1,10 @@
-"""Bulk and shear modulus of a body, read from its form.
+"""Bulk and shear modulus of a body, read from its form, or from its stiffness.
 
 A form is asked for its values under unit gradients, as in `assembly`: an even expansion gives the bulk
-modulus, unit shears the shear modulus. In plane strain they are those of the plane, ``lambda + mu``
-and ``mu``, whose quotient ``1 / (1 - 2 nu)`` has no bound, as that of solids; in plane stress it has.
+modulus, unit shears the shear modulus. Of a matrix they are the means over the body: displacements
+linear in the position have these gradients everywhere. In plane strain they are those of the plane,
+``lambda + mu`` and ``mu``, whose quotient ``1 / (1 - 2 nu)`` has no bound, as that of solids; in plane
+stress it has.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm
 from skfem.assembly.form.form import FormExtraParams
 from skfem.element import DiscreteField
@@ -20,6 +23,7 @@ from skfem_contact.bodies.assembly import tensor
 from skfem_contact.bodies.quadrature import parts
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
 class Moduli(NamedTuple):
@@ -69,6 +73,38 @@ def moduli(form: BilinearForm, basis: Any, uniform: bool) -> Moduli | None:
     if not np.isfinite(energies).all():
         return None
     return Moduli(energies[0] / d**2, energies[1:].mean(axis=0) / 4)
+
+
+def mean_moduli(K: csr_matrix, points: Array, component: Index, volume: float) -> Moduli:
+    """Return the moduli of a stiffness, as means over the body.
+
+    Parameters
+    ----------
+    K : csr_matrix, shape (n, n)
+        Without supports.
+    points : ndarray, shape (n, d)
+        Where each DOF is [length].
+    component : ndarray of int, shape (n,)
+        The component of the displacement that each DOF is.
+    volume : float
+        Of the body [length^d].
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> from skfem.models.elasticity import linear_elasticity, lame_parameters
+    >>> basis = fem.Basis(fem.MeshTri().refined(2), fem.ElementVector(fem.ElementTriP1()))
+    >>> K = linear_elasticity(*lame_parameters(1.0, 0.49)).assemble(basis)
+    >>> found = mean_moduli(K, basis.doflocs.T, np.arange(basis.N) % 2, 1.0)
+    >>> found.bulk.round(3).tolist(), found.shear.round(3).tolist(), round(found.quotient, 3)
+    ([16.779], [0.336], 50.0)
+    """
+    d = points.shape[1]
+    at, unit = points - points.mean(axis=0), np.eye(d)[component]
+    gradients = [np.eye(d), *(_shear(d, i, j) for i, j in combinations(range(d), 2))]
+    fields = np.column_stack([np.sum(unit * (at @ G), axis=1) for G in gradients])
+    energies = np.einsum("ng,ng->g", fields, K @ fields) / volume
+    return Moduli(energies[:1] / d**2, energies[1:].mean(keepdims=True) / 4)
 
 
 def _shear(d: int, i: int, j: int) -> Array:

@@ -180,3 +180,17 @@ def shape_gradients(basis: Any, elements: Index | None) -> Array:
         for i in range(1, d):
             out[:, j] += inverse[i, j][:, None] * local[i]
     return out
+
+
+def with_points(basis: Any) -> Any:
+    """Return the basis, with points of integration if it has the numbering alone."""
+    if integrates(basis):
+        return basis
+    return DeferredBasis(basis.mesh, basis.elem, mapping=basis.mapping, dofs=basis.dofs)
+
+
+def volume(basis: Any) -> float:
+    """Return the volume of the elements of a basis [length^d]."""
+    basis = with_points(basis)
+    some = chunks(basis, 8 * basis.X.shape[1])
+    return float(sum(np.sum(np.abs(basis.mapping.detDF(basis.X, part)) @ basis.W) for part in some))

@@ -198,12 +198,57 @@ def test_a_form_of_several_materials():
     assert any("locks" in w and "500 times" in w for w in said)
 
 
-def test_forms_that_do_not_tell():
-    """Of a matrix, and of a form that only works on its own basis, nothing is known."""
-    body = rubber(
-        "quadrilaterals", 4, 0.4999, lambda b, *moduli: linear_elasticity(*moduli).assemble(b)
+def assembled(basis, *moduli):
+    return linear_elasticity(*moduli).assemble(basis)
+
+
+@pytest.mark.parametrize("kind", list(KINDS)[:4])
+@pytest.mark.parametrize("nu", [0.3, 0.4999])
+def test_a_matrix_tells_as_its_form_does(kind, nu):
+    """The moduli and the share of a body whose stiffness was assembled by the user."""
+    forms, matrices = (rubber(kind, 4, nu, f) for f in (None, assembled))
+    assert matrices.form is None
+    np.testing.assert_allclose(
+        np.ravel(matrices.moduli),
+        np.ravel(forms.moduli),
+        rtol=1e-9,  # quotients of 1e4, round-off
     )
-    assert body.moduli is None
+    (one, said), (other, told) = pressed(forms), pressed(matrices)
+    assert other.validity.locking == pytest.approx(one.validity.locking, rel=1e-6)
+    assert [w for w in told if "locks" in w] == [w for w in said if "locks" in w]
+    assert any("locks" in w for w in told) == (nu > 0.4)
+
+
+def test_matrices_that_tell_nothing():
+    """A foundation under rubber, or steel beside it: means over the body are no moduli of it."""
+    on_springs = rubber(
+        "quadrilaterals",
+        4,
+        0.4999,
+        lambda b, *m: assembled(b, *m) + fem.BilinearForm(dot_only).assemble(b),
+    )
+    beside = rubber("quadrilaterals", 4, 0.4999, half_steel)
+    for body in (on_springs, beside):
+        _, said = pressed(body)
+        assert body.form is None and not any("locks" in words for words in said)
+
+
+def dot_only(u, v, w):
+    return 0.1 * dot(u, v)
+
+
+def half_steel(basis, lam, mu):
+    left = basis.mesh.elements_satisfying(lambda x: x[0] < 0)
+    parts = (
+        fem.Basis(basis.mesh, basis.elem, elements=e) for e in (left, np.setdiff1d(range(32), left))
+    )
+    moduli = ((lam, mu), lame_parameters(10.0, 0.3))
+    assert basis.mesh.nelements == 32
+    return sum(assembled(part, *m) for part, m in zip(parts, moduli, strict=True))
+
+
+def test_forms_that_do_not_tell():
+    """Of a form that only works on its own basis, nothing is known."""
     values = np.ones(32)
 
     @fem.BilinearForm
