@@ -14,8 +14,8 @@ of the form for every two functions of an element, 576 for a linear hexahedron a
 one. Sums are in the same order on both sides of the diagonal: K is symmetric where A is, to the last
 digit.
 
-Other forms are found out by the call itself: the values of u and v are NaN, and the third argument
-raises when something is read from it. scikit-fem assembles those.
+Other forms are found out by two calls: the values of u and v are NaN, then some numbers, and the third
+argument raises, and remembers it, when something is read from it. scikit-fem assembles those.
 """
 
 from __future__ import annotations
@@ -58,11 +58,14 @@ class Assembled(NamedTuple):
         Why scikit-fem assembled it; empty if it was assembled from its tensor.
     symmetric : bool
         Whether it is known to be symmetric, to the last digit.
+    tensor : ndarray, shape (c, d, c, d), or None
+        What it was assembled from, see `tensor`.
     """
 
     K: csr_matrix
     by_skfem: str
     symmetric: bool
+    tensor: Array | None
 
 
 def assembled(form: BilinearForm, basis: Any) -> Assembled:
@@ -82,9 +85,9 @@ def assembled(form: BilinearForm, basis: Any) -> Assembled:
     >>> import skfem as fem
     >>> from skfem.models.elasticity import linear_elasticity
     >>> basis = fem.Basis(fem.MeshQuad().refined(2), fem.ElementVector(fem.ElementQuad1()))
-    >>> K, by_skfem, symmetric = assembled(linear_elasticity(), basis)
-    >>> bool(abs(K - linear_elasticity().assemble(basis)).max() < 1e-14), by_skfem, symmetric
-    (True, '', True)
+    >>> made = assembled(linear_elasticity(), basis)
+    >>> bool(abs(made.K - linear_elasticity().assemble(basis)).max() < 1e-14), made.symmetric
+    (True, True)
     >>> mass = fem.BilinearForm(lambda u, v, w: u[0] * v[0] + u[1] * v[1])
     >>> assembled(mass, basis).by_skfem
     'the form uses values of u or v, not their gradients alone'
@@ -95,8 +98,8 @@ def assembled(form: BilinearForm, basis: Any) -> Assembled:
         _check(form, A, basis)
     except NeedsMore as error:
         first, *others = (form.assemble(part) for part in parts(basis))
-        return Assembled(sum(others, start=first), str(error), False)
-    return Assembled(_summed(A, basis), "", np.array_equal(A, A.transpose(2, 3, 0, 1)))
+        return Assembled(sum(others, start=first), str(error), False, None)
+    return Assembled(_summed(A, basis), "", np.array_equal(A, A.transpose(2, 3, 0, 1)), A)
 
 
 def tensor(form: BilinearForm, basis: Any) -> Array:
@@ -107,7 +110,11 @@ def tensor(form: BilinearForm, basis: Any) -> Array:
     NeedsMore
         If the form needs values, coordinates or parameters, or is not bilinear.
     """
-    if type(form)._assemble is not BilinearForm._assemble or np.dtype(form.dtype) != np.float64:
+    own = any(
+        name in vars(form) or getattr(type(form), name) is not getattr(BilinearForm, name)
+        for name in ("assemble", "_assemble", "_kernel")
+    )
+    if own or np.dtype(form.dtype) != np.float64:
         raise NeedsMore("the form has an assembly or a type of numbers of its own")
     c, d = _components(basis), basis.mesh.dim()
     size = c * d
@@ -117,22 +124,14 @@ def tensor(form: BilinearForm, basis: Any) -> Array:
     U = np.concatenate([np.tile(unit, (size, 1)), other[0]])
     V = np.concatenate([np.repeat(unit, size, axis=0), other[1]])
     shape = (d,) if c == 1 else (c, d)
-    u, v = (
-        DiscreteField(np.full((*shape[:-1], len(G), 1), np.nan), G.T.reshape(*shape, len(G), 1))
-        for G in (U, V)
+    slopes = [G.T.reshape(*shape, len(G), 1) for G in (U, V)]
+    values, again = (
+        _called(form, *(DiscreteField(np.full((*shape[:-1], len(U), 1), at), G) for G in slopes))
+        for at in (np.nan, 0.7)
     )
-    try:
-        with np.errstate(all="ignore"):
-            values = np.asarray(form.form(u, v, _NoParameters()), dtype=float)
-    except NeedsMore:
-        raise
-    except Exception as error:  # whatever a user's function does with arrays that are not a basis'
-        raise NeedsMore(
-            "the form depends on arrays of its own, or can not be evaluated for gradients alone"
-        ) from error
     if values.shape != (len(U), 1):
         raise NeedsMore("the form depends on arrays of its own")
-    if np.isnan(values).any():
+    if not np.array_equal(values, again):  # NaN, or what a form makes of it
         raise NeedsMore("the form uses values of u or v, not their gradients alone")
     A, found = values[: size * size, 0].reshape(size, size), values[size * size :, 0]
     expected = np.einsum("pi,ij,pj->p", other[1], A, other[0])
@@ -142,11 +141,33 @@ def tensor(form: BilinearForm, basis: Any) -> Array:
     return np.asarray(A.reshape(c, d, c, d))
 
 
+def _called(form: BilinearForm, u: DiscreteField, v: DiscreteField) -> Array:
+    """Values of a form that may use nothing but u and v."""
+    w = _NoParameters()
+    try:
+        with np.errstate(all="ignore"):
+            values = np.asarray(form.form(u, v, w), dtype=float)
+    except NeedsMore:
+        raise
+    except Exception as error:  # whatever a user's function does with arrays that are not a basis'
+        raise NeedsMore(
+            "the form depends on arrays of its own, or can not be evaluated for gradients alone"
+        ) from error
+    if vars(w):  # and the form went on without what it had asked for
+        raise NeedsMore(USED)
+    return values
+
+
+#: Why forms that read from their third argument are not assembled here.
+USED = "the form uses its third argument: coordinates, sizes of elements, or fields"
+
+
 class _NoParameters:
-    """The third argument of a form that may not use it."""
+    """The third argument of a form that may not use it; it has an attribute once something was read."""
 
     def _refuse(self, *_: Any) -> Any:
-        raise NeedsMore("the form uses its third argument: coordinates, sizes of elements, or fields")
+        vars(self)["read"] = True
+        raise NeedsMore(USED)
 
     __getattr__ = __getitem__ = __contains__ = __iter__ = __len__ = __bool__ = __eq__ = _refuse
     __hash__ = None  # type: ignore[assignment]
@@ -168,7 +189,8 @@ def _check_numbering(basis: Any) -> None:
 def _check(form: BilinearForm, A: Array, basis: Any) -> None:
     """Compare a tensor with what scikit-fem integrates on two elements, with each function once.
 
-    A form may read arrays of its own, with a number for each element or point of integration.
+    The functions of u meet those of v of all components. A form may read arrays of its own, with a
+    number for each element or point of integration.
     """
     elements = np.unique([0, basis.nelems - 1])
     if basis.tind is not None:
@@ -180,7 +202,7 @@ def _check(form: BilinearForm, A: Array, basis: Any) -> None:
     scale = np.abs(local).max(axis=(1, 2))
     w = FormExtraParams(some.default_parameters())
     for j in range(count):
-        i = (3 * j + 1) % count
+        i = (j + 1 + j // len(A)) % count
         try:
             expected = form._kernel(some.basis[j], some.basis[i], w, some.dx)
         except Exception as error:  # such as arrays that have the size of the whole basis

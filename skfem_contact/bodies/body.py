@@ -124,6 +124,7 @@ class Body(Member):
     name: str | None
     form: BilinearForm | None = field(init=False)
     by_skfem: str = field(init=False)
+    _stiffness: Stiffness = field(init=False, repr=False)
 
     def __init__(
         self,
@@ -324,10 +325,27 @@ class Body(Member):
         if self.components == 1:
             return None
         if self.form is not None:
-            return moduli(self.form, self.basis, uniform=not self.by_skfem)
+            return moduli(self.form, self.basis, self._stiffness.tensor)
         if self.axisymmetric:
             return None
         return mean_moduli(self.K, self.dof_points, self.dof_component, volume(self.basis))
+
+    def energy_density(self, u: Any, w: Any) -> Array:
+        """Twice the energy of a displacement by volume, with the body's measure if its form has it.
+
+        Parameters
+        ----------
+        u : skfem.DiscreteField
+            At points of integration.
+        w : skfem's parameters of a form there
+        """
+        A = self._stiffness.tensor
+        if A is not None:  # what the form was when the body was made
+            slope = np.asarray(u.grad)
+            slope = slope.reshape(len(A), A.shape[1], *slope.shape[-2:])
+            return np.einsum("cj...,cjek,ek...->...", slope, A, slope, optimize=True)
+        assert self.form is not None
+        return np.asarray(self.form.form(u, u, w))
 
     @cached_property
     def parts(self) -> NDArray[Any]:

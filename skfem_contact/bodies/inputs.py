@@ -14,7 +14,7 @@ from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 
 from skfem_contact.arguments import shown, suggest
 from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
-from skfem_contact.bodies.assembly import assembled
+from skfem_contact.bodies.assembly import Assembled, assembled
 from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
 from skfem_contact.bodies.thresholds import SYMMETRIC, UNSYMMETRIC
@@ -136,14 +136,14 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
     return assembled_stiffness(K, basis, whose)[0]
 
 
-def assembled_stiffness(K: Any, basis: Any, whose: str) -> tuple[Any, str]:
-    """Return the same, and why scikit-fem assembled it; empty if it did not, see `assembly`."""
+def assembled_stiffness(K: Any, basis: Any, whose: str) -> tuple[Any, Assembled | None]:
+    """Return the same, and what a form was assembled to."""
     if not isinstance(K, BilinearForm):
-        return _checked(K, basis, whose), ""
+        return _checked(K, basis, whose), None
     check_points(basis, f"K of {whose}")
     with _on_its_basis(basis, f"K of {whose}"):
         made = assembled(K, basis)
-    return _checked(made.K, basis, whose, own=True, symmetric=made.symmetric), made.by_skfem
+    return _checked(made.K, basis, whose, own=True, symmetric=made.symmetric), made
 
 
 def _checked(K: Any, basis: Any, whose: str, own: bool = False, symmetric: bool = False) -> Any:

@@ -19,7 +19,6 @@ from skfem.assembly import BilinearForm
 from skfem.assembly.form.form import FormExtraParams
 from skfem.element import DiscreteField
 
-from skfem_contact.bodies.assembly import tensor
 from skfem_contact.bodies.quadrature import parts
 
 Array = NDArray[np.float64]
@@ -39,7 +38,7 @@ class Moduli(NamedTuple):
         return float(np.max(self.bulk[there] / self.shear[there], initial=0.0))
 
 
-def moduli(form: BilinearForm, basis: Any, uniform: bool) -> Moduli | None:
+def moduli(form: BilinearForm, basis: Any, tensor: Array | None) -> Moduli | None:
     """Return the moduli of the material of every element; None if the form does not tell.
 
     Parameters
@@ -47,23 +46,22 @@ def moduli(form: BilinearForm, basis: Any, uniform: bool) -> Moduli | None:
     form : BilinearForm
         Of displacements. Weights of the area, such as ``2 pi r``, are in both moduli.
     basis : skfem.CellBasis
-    uniform : bool
-        Whether the form is known to be the same everywhere, and to see gradients alone.
+    tensor : ndarray, shape (d, d, d, d), or None
+        Of a form that is the same everywhere and sees gradients alone, see `assembly`.
 
     Examples
     --------
     >>> import skfem as fem
     >>> from skfem.models.elasticity import linear_elasticity, lame_parameters
     >>> basis = fem.Basis(fem.MeshHex(), fem.ElementVector(fem.ElementHex1()))
-    >>> found = moduli(linear_elasticity(*lame_parameters(1.0, 0.49)), basis, uniform=True)
+    >>> found = moduli(linear_elasticity(*lame_parameters(1.0, 0.49)), basis, None)
     >>> found.bulk.round(3).tolist(), found.shear.round(3).tolist(), round(found.quotient, 3)
     ([16.667], [0.336], 49.667)
     """
     d = basis.mesh.dim()
     gradients = [np.eye(d), *(_shear(d, i, j) for i, j in combinations(range(d), 2))]
-    if uniform:
-        A = tensor(form, basis)
-        energies = np.array([[np.einsum("cj,cjek,ek", G, A, G)] for G in gradients])
+    if tensor is not None:
+        energies = np.array([[np.einsum("cj,cjek,ek", G, tensor, G)] for G in gradients])
     else:
         try:
             some = [_energies(form, part, gradients) for part in parts(basis)]

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 from weakref import WeakValueDictionary
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm
 
@@ -20,6 +22,7 @@ class Stiffness:
     basis: Any
     form: BilinearForm | None
     by_skfem: str = ""
+    tensor: NDArray[np.float64] | None = None
 
     @classmethod
     def of(cls, K: Any, basis: Any, whose: str) -> Stiffness:
@@ -28,8 +31,10 @@ class Stiffness:
         if known is not None and known.K is K and known.basis is basis:
             return known
         form = K if isinstance(K, BilinearForm) else None
-        matrix, why = assembled_stiffness(K, basis, whose)
-        return cls(matrix, basis, form, why).remembered()
+        matrix, made = assembled_stiffness(K, basis, whose)
+        if made is None:
+            return cls(matrix, basis, form).remembered()
+        return cls(matrix, basis, form, made.by_skfem, made.tensor).remembered()
 
     def remembered(self) -> Stiffness:
         """Itself, from now on found by its matrix as long as a body has it."""

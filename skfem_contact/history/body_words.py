@@ -22,21 +22,23 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-def body_words(body: Body, contacts: Sequence[Contact]) -> list[str]:
+def body_words(body: Body, own: bool, contacts: Sequence[Contact]) -> list[str]:
     """Lines about the mesh, the supports and the stiffness of one body; none as a rule.
 
     Parameters
     ----------
     body : Body
+    own : bool
+        Whether the stiffness is the body's own, and not another one that the solver was given.
     contacts : sequence of Contact
         What stands on both sides of them is known to be apart.
     """
     surfaces = [s for c in contacts for s in (c.secondary, c.primary) if isinstance(s, ContactSurface)]
-    own = [s.dofs[:, 0] for s in surfaces if s.body is body]
-    by_skfem = [f"  K was assembled by scikit-fem: {body.by_skfem}"] if body.by_skfem else []
+    dofs = [s.dofs[:, 0] for s in surfaces if s.body is body]
+    told = [f"  K was assembled by scikit-fem: {body.by_skfem}"] if own and body.by_skfem else []
     return [
-        *by_skfem,
-        *_apart(body, np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *own]))),
+        *told,
+        *_apart(body, np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *dofs]))),
         *_half_held(body),
         *_own_turn(body),
     ]

@@ -24,13 +24,13 @@ def dry_run(solver: ProblemSetup) -> str:
     """What a solver models and what it leaves out, before anything is solved."""
     system = solver.system
     lines = [f"Contact solver: loop '{solver.loop}', {_linear_words(solver)}", ""]
-    for body, name in zip(system.bodies, system.names, strict=True):
+    for body, name, K in zip(system.bodies, system.names, solver._stiffness, strict=True):
         what = "rigid"
         if isinstance(body, Body):
             what = f"{type(body.basis.mesh).__name__}, {body.basis.mesh.nelements} elements"
         lines.append(f"body {name}: {body.n} DOFs, {len(body.D)} prescribed, {what}")
         if isinstance(body, Body):
-            lines += body_words(body, solver.contacts)
+            lines += body_words(body, K is body.K, solver.contacts)
     lines += _size_words(solver)
     lines.append(_free_words(solver))
     for contact, name, pairing in zip(
