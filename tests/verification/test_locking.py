@@ -198,6 +198,59 @@ def test_a_form_of_several_materials():
     assert any("locks" in w and "500 times" in w for w in said)
 
 
+@pytest.mark.parametrize(
+    ("kind", "cells", "nu", "least"),
+    [
+        ("tetrahedra", (4, 2, 2), 0.499, 1.8),
+        pytest.param("tetrahedra", (8, 4, 4), 0.499999, 3.5, marks=pytest.mark.slow),
+    ],
+)
+def test_where_hardly_any_change_of_volume_is_left(kind, cells, nu, least):
+    """Elements that lock altogether: forces are several times too large, the share is small."""
+    results = []
+    for element in (fem.ElementTetP1(), fem.ElementTetP2()):
+        ends = (2.0, 1.0, 1.0)
+        mesh = fem.MeshTet.init_tensor(
+            *(np.linspace(0, s, n + 1) for s, n in zip(ends, cells, strict=True))
+        )
+        basis = fem.Basis(mesh, fem.ElementVector(element))
+        bottom = basis.get_dofs(lambda x: np.isclose(x[2], 0))
+        body = sc.Body(basis, linear_elasticity(*lame_parameters(1.0, nu)), D=bottom, name="rubber")
+        ball = sc.RigidSphere((1, 0.5, 4 - 0.03), 3)
+        contact = sc.Contact(body.surface(lambda x: np.isclose(x[2], 1)), ball)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", sc.ContactWarning)
+            results.append(sc.ContactSolver(body, contact).solve())
+    first, second = results
+    assert first.force[2] < least * second.force[2] < 0  # downwards
+    assert first.validity.locking["rubber"] == 1 and "locking of 'rubber'" in str(first)
+    assert second.validity.locking["rubber"] < 0.05 and "locks" in first.error_estimate.unrated
+
+
+@pytest.mark.parametrize(
+    ("mesh", "element", "nu"),
+    [(fem.MeshTri, fem.ElementTriP1, 0.49999), (fem.MeshQuad, fem.ElementQuad1, 0.499999)],
+)
+def test_bending_that_locks_altogether(mesh, element, nu):
+    """A cantilever whose forces are 84 and 123 times too large; the share is .02 and .01."""
+    mesh = mesh.init_tensor(np.linspace(0, 6, 25), np.linspace(0, 0.5, 4))
+    basis = fem.Basis(mesh, fem.ElementVector(element()))
+    end = basis.get_dofs(lambda x: np.isclose(x[0], 0))
+    body = sc.Body(basis, linear_elasticity(*lame_parameters(1.0, nu)), D=end, name="rubber")
+    tool = sc.RigidCylinder((5.9, 1.4), 1)
+    contact = sc.Contact(body.surface(lambda x: np.isclose(x[1], 0.5)), tool)
+    with pytest.warns(sc.ContactWarning, match="locks: pressure and shear take turns"):
+        result = sc.ContactSolver(body, contact).solve()
+    assert result.validity.locking["rubber"] == 1
+
+
+@pytest.mark.parametrize(("kind", "n", "nu"), [("quadrilaterals", 32, 0.499), ("triangles", 36, 0.49)])
+def test_fine_meshes_are_right_at_any_quotient(kind, n, nu):
+    """Forces 6 and 3 % too large: the share is below its bound as it should be, and nothing is said."""
+    result, said = pressed(rubber(kind, n, nu))
+    assert not said and 0.01 < result.validity.locking["rubber"] < 0.08
+
+
 def assembled(basis, *moduli):
     return linear_elasticity(*moduli).assemble(basis)
 
