@@ -183,7 +183,12 @@ class ContactSurface(ABC):
 
     @cached_property
     def mirrored_rim(self) -> np.ndarray:
-        """Components across which it goes on as its mirror image, at each of the `_rim`, (r, d)."""
+        """Components across which it goes on as its mirror image, at each of the `_rim`, (r, d).
+
+        As the undeformed surface does: strains tilt what ends there.
+        """
+        if self.undeformed is not None:
+            return self.undeformed.mirrored_rim
         return mirrors(self.points, self._rim, self.held, self.normals)
 
     @cached_property

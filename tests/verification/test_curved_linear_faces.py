@@ -122,11 +122,11 @@ def test_curved_second_order_rings(kind, swap):
     assert worst <= bound and not opened
 
 
-def closed_ring(inner, outer, n, material, turned, held, angle=0.0):
+def closed_ring(inner, outer, n, material, turned, held, angle=0.0, along=1):
     """A ring of hexahedra with n facets round it, held at a radius, which is turned by an angle."""
     layers = max(2, round(n * (outer - inner) / (2 * np.pi * R)))
     grid = fem.MeshHex.init_tensor(
-        np.linspace(inner, outer, layers + 1), np.arange(n + 1.0), np.array([0.0, 2.0])
+        np.linspace(inner, outer, layers + 1), np.arange(n + 1.0), np.linspace(0.0, 2.0, along + 1)
     )
     r, place, z = grid.p
     _, first, same = np.unique(
@@ -160,6 +160,31 @@ def test_torque_of_closed_rings(swap):
         assert np.all(result.status == 2)
         torque.append(result["contact 1"].moment((0.0, 0.0, 0.0))[2])
     assert torque[0] == pytest.approx(torque[1], rel=2e-3)
+
+
+@pytest.mark.parametrize("swap", [False, True])
+def test_nodes_at_held_ends_keep_their_partners(swap):
+    """Rings whose layers along the axis do not match, node by node: finite sliding as small sliding.
+
+    Pressures differ from layer to layer and tilt the faces at the ends, on planes of symmetry.
+    """
+    found = []
+    for sliding in ("small", "finite"):
+        shaft = closed_ring(10.0, R, 20, STEEL, 0.0, 10.0, along=2)
+        hub = closed_ring(R, 35.0, 26, ALUMINIUM, 0.03, 35.0, along=3)
+        sides = on_radius(shaft, R), on_radius(hub, R)
+        contact = sc.Contact(
+            *(sides[::-1] if swap else sides),
+            gap=0.0,
+            interference=0.02,
+            method="node",
+            sliding=sliding,
+        )
+        found.append(sc.ContactSolver([shaft, hub], [contact]).solve())
+    small, finite = found
+    assert (small.status != 0).all() and (finite.status != 0).all()
+    # partners and normals turn by the interference over a facet, a hundredth of the smallest
+    assert np.abs(finite.pressure - small.pressure).max() < 0.02 * small.pressure.max()
 
 
 # -- gaps of two meshes of one surface ---------------------------------------------------------
