@@ -282,8 +282,11 @@ class Edge:
         """Squares of the nodal field less a root of the distance from the edge, by nodes, (m,)."""
         out = np.zeros(len(self.surface.points))
         t = with_centres(self.surface, traction)[self.faces][:, self.corners]
-        steep = np.sqrt(np.maximum(self.depth, np.finfo(float).tiny))[:, None]
-        slope = (traction[self.behind] / steep)[self.near]
+        steep = np.sqrt(self.depth)[:, None]
+        inside = steep > SOLVED * steep.max(initial=0.0)  # on the edge itself no root is told
+        slope = np.divide(
+            traction[self.behind], steep, out=np.zeros_like(traction[self.behind]), where=inside
+        )[self.near]
         root = (slope * self.root).reshape(*self.shape, -1)
         nodal = np.einsum("qa,ftak->ftqk", self.N, t)
         weight = self.weight / self.weight.sum()
