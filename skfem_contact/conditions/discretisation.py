@@ -18,13 +18,12 @@ from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corner_rows import Names
 from skfem_contact.pairing.corners import CornerContacts, corner_contacts
 from skfem_contact.pairing.faces.control import at_control_points
-from skfem_contact.pairing.faces.mortar import dual_mortar as mortar_of_faces
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.faces.rollers import along_supports
-from skfem_contact.pairing.faces.supports import held_tangents
 from skfem_contact.pairing.frames import loaded_frames
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
+from skfem_contact.pairing.supports import held_tangents
 from skfem_contact.pairing.vectors import entries
 
 Array = NDArray[np.float64]
@@ -117,7 +116,7 @@ def _pair_faces(
     if len(moved) and isinstance(primary, FaceSurface):
         primary = primary.moved(moved[1])
     if isinstance(primary, FaceSurface) and contact.method == "mortar":
-        pairing = mortar_of_faces(secondary, primary, reach=contact.reach)
+        pairing = dual_mortar(secondary, primary, reach=contact.reach)
     elif isinstance(primary, FaceSurface) or isinstance(outline, FaceSurface):
         faces = primary if isinstance(primary, FaceSurface) else outline
         assert isinstance(faces, FaceSurface)
@@ -161,6 +160,7 @@ def _pair_curves(
     if method == "mortar":
         pressed = None if corners is None else corners.pressed
         pairing = dual_mortar(secondary, primary, reach=contact.reach, pressed=pressed)
+        pairing = held_tangents(secondary, primary, pairing)
         pairing = pairing if corners is None else corners.rows(pairing, every=True)
     else:
         pairing = node_to_segment(secondary, primary, reach=contact.reach)
