@@ -60,7 +60,7 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 #: What corners take of the middles of their edges where their own integrals are not positive.
-TAKEN = {"tri6": 0.2, "quad8": 0.2}
+TAKEN = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,10 +204,10 @@ def _handed(kind: FacetKind, share: Array, kept: Mask) -> Array:
 @lru_cache
 def positive_functions(kind: FacetKind) -> Array:
     """B of ``P = B N``, the functions that the multipliers of a kind are dual to, shape (k, k)."""
-    B, taken = np.eye(kind.nodes), TAKEN.get(kind.name, 0.0)
-    for start, end, *middle in kind.edges if taken else ():
-        B[[start, end], middle] = taken
-        B[middle, middle] = 1 - 2 * taken
+    B = np.eye(kind.nodes)
+    for start, end, middle in () if kind.signed else kind.edges:
+        B[[start, end], middle] = TAKEN
+        B[middle, middle] = 1 - 2 * TAKEN
     return B
 
 

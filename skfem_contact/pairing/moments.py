@@ -75,7 +75,7 @@ def whole_shares(surface: ContactSurface) -> Array:
     if surface.body.measure is not None:
         area = area * surface.body.measure(np.moveaxis(np.tensordot(N, nodes, (1, 1)), -1, 0))
     tests = N @ positive_functions(kind).T
-    whole, plain = area.T @ tests, weight @ tests / weight.sum() * area.sum(axis=0)[:, None]
+    whole, plain = area.T @ tests, np.outer(area.sum(axis=0), positive_functions(kind) @ kind.shares)
     return np.asarray(np.where(whole > NO_WEIGHT * plain, whole, plain))
 
 

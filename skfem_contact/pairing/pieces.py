@@ -81,7 +81,7 @@ class Pieces(ABC):
     def points(
         self, some: Index | None = None, heights: bool = False
     ) -> Iterator[tuple[Index, Meeting, Array]]:
-        """Yield quadrature points, so many at a time that memory is bounded.
+        """Yield quadrature points, those of some pieces at a time.
 
         Parameters
         ----------
