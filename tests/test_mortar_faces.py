@@ -21,12 +21,12 @@ from skfem_contact.bodies.selection import mesh_edges
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.dual import dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.faces.clipping import clip, signed_areas
-from skfem_contact.pairing.faces.dual import dual_basis, node_rows, positive_functions
-from skfem_contact.pairing.faces.kinks import least_gaps
-from skfem_contact.pairing.faces.mortar import dual_mortar, whole_shares
 from skfem_contact.pairing.faces.segmentation import segment
-from skfem_contact.pairing.mortar import dual_mortar as dual_mortar_of_curves
+from skfem_contact.pairing.kinks import least_gaps
+from skfem_contact.pairing.moments import whole_shares
+from skfem_contact.pairing.mortar import dual_mortar
 
 ROUND_OFF = 1e-12  # of sums of hundreds of numbers of the order of one
 FACES = [name for name, kind in FACETS.items() if kind.dim == 2]
@@ -327,7 +327,7 @@ def test_chamfers_are_met_as_those_of_plane_bodies(seed):
 
 def compared(top, low, tolerance=1e-9, of_gaps=1e-9):
     """The rows in space, compared with those in the plane."""
-    flat, thick = dual_mortar_of_curves(top[0], low[0]), dual_mortar(top[1], low[1])
+    flat, thick = dual_mortar(top[0], low[0]), dual_mortar(top[1], low[1])
     order = []
     for plane, space in (top, low):
         away = np.linalg.norm(space.points[:, None, :2] - plane.points, axis=2) + abs(

@@ -142,6 +142,26 @@ class FacetKind:
         second = self.second(at)
         return second[0] if np.allclose(second, second[0], rtol=0, atol=COMPUTED) else None
 
+    @cached_property
+    def shares(self) -> Array:
+        """Integrals of the shape functions over a straight facet of area one, shape (k,).
+
+        >>> KINDS["quad8"].shares.round(12).tolist()[3:5]
+        [-0.083333333333, 0.333333333333]
+        """
+        at, weight = self.quadrature()
+        return np.asarray(weight @ self.shapes(at)[0] / weight.sum())
+
+    @property
+    def signed(self) -> bool:
+        """Whether all `shares` are positive: else nodal forces of a pressure do not have its sign."""
+        return bool(self.shares.min() > COMPUTED)
+
+    @property
+    def polynomial(self) -> int:
+        """Degree of the shape functions in the plane of a parallelogram or a triangle."""
+        return int(self.element.maxdeg)
+
     def quadrature(self, degree: int | None = None) -> tuple[Array, Array]:
         """Gauss points (q, d-1) and weights (q,), for polynomials up to `degree` at least."""
         points, weights = get_quadrature(self.element, self.degree if degree is None else degree)

@@ -18,13 +18,12 @@ from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corner_rows import Names
 from skfem_contact.pairing.corners import CornerContacts, corner_contacts
 from skfem_contact.pairing.faces.control import at_control_points
-from skfem_contact.pairing.faces.mortar import dual_mortar as mortar_of_faces
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.faces.rollers import along_supports
-from skfem_contact.pairing.faces.supports import held_tangents
 from skfem_contact.pairing.frames import loaded_frames
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
+from skfem_contact.pairing.supports import held_tangents
 from skfem_contact.pairing.vectors import entries
 
 Array = NDArray[np.float64]
@@ -49,20 +48,34 @@ def pair(
     known : frozenset
         Vertices that carried in a round before, `Pairing.corners`.
     """
-    secondary, primary = contact.secondary, contact.primary
-    if isinstance(secondary, FaceSurface):
-        return _pair_faces(contact, secondary, moved, motion)
-    assert isinstance(secondary, CurveSurface)
+    secondary, primary, placed = contact.secondary, contact.primary, None
+    if isinstance(primary, Obstacle):
+        placed = primary if motion is None else primary.moved(motion)
+    surface = placed.outline if placed is not None else primary
+    if isinstance(surface, ContactSurface) and surface.dim != secondary.dim:
+        raise _unlike(contact, surface.dim)
     if len(moved):
         secondary = secondary.moved(moved[0])
-    if isinstance(primary, Obstacle):
-        return _on_obstacle(contact, secondary, primary, motion, known, follows=bool(len(moved)))
-    if len(moved):
-        primary = primary.moved(moved[1])
-    if not isinstance(primary, CurveSurface):
-        raise _unlike(contact, 3)
-    fixed = contact.sliding == "small" and not contact.tied and not len(moved)
-    return _pair_curves(contact, secondary, primary, known, fixed, contact.method)
+    if isinstance(surface, ContactSurface):
+        if len(moved) and placed is None:
+            surface = surface.moved(moved[1])
+        pairing = _pair_surfaces(contact, secondary, surface, known)
+        if contact.sliding == "small" and not contact.tied and not len(moved):
+            pairing = loaded_frames(secondary, surface, pairing)
+        if placed is not None:
+            pairing = _without_nodes(pairing)
+    else:
+        assert placed is not None
+        pairing = _near(contact, placed.pair(secondary))
+        away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
+        pairing = _with_signs(contact, secondary, pairing, away)
+    if secondary.dim == 2:
+        return pairing
+    tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
+    pairing = replace(pairing, tangent=tangent)
+    return (
+        held_tangents(secondary, primary, pairing) if isinstance(primary, ContactSurface) else pairing
+    )
 
 
 def _unlike(contact: Contact, d: int) -> InputError:
@@ -74,23 +87,34 @@ def _unlike(contact: Contact, d: int) -> InputError:
     )
 
 
-def _on_obstacle(
-    contact: Contact,
-    secondary: CurveSurface,
-    primary: Obstacle,
-    motion: MotionLike | None,
-    known: Names,
-    follows: bool,
+def _pair_surfaces(
+    contact: Contact, secondary: ContactSurface, primary: ContactSurface, known: Names
 ) -> Pairing:
-    """Pair the boundary of a plane body with an obstacle, point by point or edge by edge."""
-    placed = primary if motion is None else primary.moved(motion)
-    outline = placed.outline
-    if outline is None:
-        return _without_idle(contact, _near(contact, placed.pair(secondary)))
-    if not isinstance(outline, CurveSurface):
-        raise _unlike(contact, 3)
-    fixed = contact.sliding == "small" and not contact.tied and not follows
-    return _without_nodes(_pair_curves(contact, secondary, outline, known, fixed, "node"))
+    """Pair surfaces of two bodies, or one and the edges or triangles of an obstacle node by node."""
+    mortar = contact.method == "mortar" and isinstance(contact.primary, ContactSurface)
+    if isinstance(secondary, FaceSurface) and isinstance(primary, FaceSurface):
+        if mortar:
+            return dual_mortar(secondary, primary, reach=contact.reach)
+        pairing = node_to_face(secondary, primary, reach=contact.reach)
+        away = gap_vectors(secondary, primary, pairing.secondary_weights, pairing.primary_weights)
+        return _with_signs(contact, secondary, pairing, away)
+    assert isinstance(secondary, CurveSurface) and isinstance(primary, CurveSurface)
+    corners = None if contact.bilateral else _corners(contact, secondary, primary, known)
+    if mortar:
+        pressed = None if corners is None else corners.pressed
+        pairing = dual_mortar(secondary, primary, reach=contact.reach, pressed=pressed)
+        pairing = held_tangents(secondary, primary, pairing)
+    else:
+        pairing = node_to_segment(secondary, primary, reach=contact.reach)
+    pairing = pairing if corners is None else corners.rows(pairing, every=mortar)
+    return pairing if mortar else _without_idle(contact, pairing)
+
+
+def _with_signs(contact: Contact, secondary: ContactSurface, pairing: Pairing, away: Array) -> Pairing:
+    """The pairing of nodes with rows whose forces are as pressures are; glued, nodes will do."""
+    if contact.tied:
+        return pairing
+    return _without_idle(contact, at_control_points(secondary, pairing, away))
 
 
 def _near(contact: Contact, pairing: Pairing) -> Pairing:
@@ -99,74 +123,6 @@ def _near(contact: Contact, pairing: Pairing) -> Pairing:
         return pairing
     far = ~(np.abs(pairing.gap) <= contact.reach)
     return replace(_without(pairing, far), miss=np.where(far, np.inf, pairing.miss))
-
-
-def _pair_faces(
-    contact: Contact, secondary: FaceSurface, moved: Sequence[Array], motion: MotionLike | None
-) -> Pairing:
-    """Pair faces of solids, or faces and an obstacle."""
-    primary = contact.primary
-    outline: ContactSurface | None = None
-    if isinstance(primary, Obstacle):
-        placed = primary if motion is None else primary.moved(motion)
-        outline = placed.outline
-    if not isinstance(primary, Obstacle | FaceSurface) or isinstance(outline, CurveSurface):
-        raise _unlike(contact, 2)
-    if len(moved):
-        secondary = secondary.moved(moved[0])
-    if len(moved) and isinstance(primary, FaceSurface):
-        primary = primary.moved(moved[1])
-    if isinstance(primary, FaceSurface) and contact.method == "mortar":
-        pairing = mortar_of_faces(secondary, primary, reach=contact.reach)
-    elif isinstance(primary, FaceSurface) or isinstance(outline, FaceSurface):
-        faces = primary if isinstance(primary, FaceSurface) else outline
-        assert isinstance(faces, FaceSurface)
-        pairing = node_to_face(secondary, faces, reach=contact.reach)
-        away = gap_vectors(secondary, faces, pairing.secondary_weights, pairing.primary_weights)
-        pairing = _with_control_points(contact, secondary, pairing, away)
-    else:
-        pairing = _near(contact, placed.pair(secondary))
-        away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
-        pairing = _with_control_points(contact, secondary, pairing, away)
-    fixed = contact.sliding == "small" and not contact.tied and not len(moved)
-    if isinstance(primary, FaceSurface) and fixed:
-        pairing = loaded_frames(secondary, primary, pairing)
-    elif isinstance(outline, FaceSurface):
-        pairing = loaded_frames(secondary, outline, pairing) if fixed else pairing
-        pairing = _without_nodes(pairing)
-    tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
-    pairing = replace(pairing, tangent=tangent)
-    return held_tangents(secondary, primary, pairing) if isinstance(primary, FaceSurface) else pairing
-
-
-def _with_control_points(
-    contact: Contact, secondary: FaceSurface, pairing: Pairing, away: Array
-) -> Pairing:
-    """The pairing of nodes with rows whose forces are as pressures are; glued, nodes will do."""
-    if contact.tied:
-        return pairing
-    return _without_idle(contact, at_control_points(secondary, pairing, away))
-
-
-def _pair_curves(
-    contact: Contact,
-    secondary: CurveSurface,
-    primary: CurveSurface,
-    known: Names,
-    fixed: bool,
-    method: str,
-) -> Pairing:
-    """Pair two boundaries of plane bodies; `fixed` is whether the frames stay what they are now."""
-    corners = None if contact.bilateral else _corners(contact, secondary, primary, known)
-    if method == "mortar":
-        pressed = None if corners is None else corners.pressed
-        pairing = dual_mortar(secondary, primary, reach=contact.reach, pressed=pressed)
-        pairing = pairing if corners is None else corners.rows(pairing, every=True)
-    else:
-        pairing = node_to_segment(secondary, primary, reach=contact.reach)
-        pairing = pairing if corners is None else corners.rows(pairing, every=False)
-        pairing = _without_idle(contact, pairing)
-    return loaded_frames(secondary, primary, pairing) if fixed else pairing
 
 
 def _without_nodes(pairing: Pairing) -> Pairing:
@@ -227,7 +183,7 @@ def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
     weight, of equal ones the one with the smaller gap: numbers of nodes have no say in it.
     """
     heir: NDArray[np.intp] = np.arange(len(pairing.gap))
-    if surface.kind.name == "line3":
+    if surface.dim == 2 and surface.quadratic:
         at, middle = surface.facets, heir.copy()
         middle[at[:, :2]] = at[:, 2:]
         lonely = _idle_points(surface, surface.area) & ~pairing.paired

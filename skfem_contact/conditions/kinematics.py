@@ -227,7 +227,7 @@ def kinematics(
     sides = sides_of(contact, pairing.secondary_weights, pairing.primary_weights)
     still = np.zeros(frame[:, 1:, 0].shape, dtype=bool)
     if pairing.still is not None:
-        still |= pairing.still.reshape(len(still), -1)
+        still |= pairing.still
     bulge = None
     if pairing.primary_bulge is not None and isinstance(contact.primary, ContactSurface) and not scalar:
         bulge = (pairing.primary_bulge, contact.primary)

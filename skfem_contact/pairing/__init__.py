@@ -3,10 +3,13 @@
 * `search`, `vectors`: which facets can meet a point, or along its normal; vectors in the plane;
 * `closest`, `node`, `seams`: node-to-segment contact;
 * `vertices`, `corners`, `corner_rows`: convex corners, what they meet, and the rows of that;
-* `segmentation`, `dual`, `mortar`, `mortar_rows`, `supports`, `kinks`: dual mortar contact;
+* `mortar`: dual mortar contact of curves and of faces, in steps:
+  `segmentation`, `pieces`, `moments`: intervals of curves, what meets on a piece, integrals over them;
+  `dual`, `supports`: multipliers, and what supports change of them;
+  `mortar_rows`, `kinks`: the rows, and their gaps over kinks;
 * `smooth`, `bulges`: smooth boundaries of facets, and what they change of rows;
 * `facing`, `frames`, `compliances`: normals of both sides, and the frames of small sliding;
 * `diagnosis`: what looks wrong with a pairing, in sentences;
-* `faces`: the same for faces of solids;
+* `faces`: what is different for faces of solids;
 * `thresholds`: numbers, and where they come from.
 """

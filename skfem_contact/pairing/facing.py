@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.normals import unit
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.normals import angle_between, unit
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.digits import SOLVED
-from skfem_contact.pairing.segmentation import Quadrature
-from skfem_contact.pairing.thresholds import COINCIDENT, KINK, SPREAD
-from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
+from skfem_contact.pairing.moments import Moments
+from skfem_contact.pairing.thresholds import COINCIDENT, KINK, SAME_NORMAL, SPREAD
+from skfem_contact.pairing.vectors import dot, facet_normal_field
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -61,7 +61,7 @@ def node_normals(
 
 
 def mortar_normals(
-    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature, A: Array, own: Array
+    secondary: ContactSurface, primary: ContactSurface, moments: Moments, A: Array, own: Array
 ) -> tuple[Array, Array]:
     """Normals of both sides in the weighted mean of dual multipliers, from primary to secondary.
 
@@ -71,8 +71,8 @@ def mortar_normals(
 
     Parameters
     ----------
-    secondary, primary : CurveSurface
-    quadrature : Quadrature
+    secondary, primary : ContactSurface
+    moments : Moments
     A : ndarray, shape (nf, k, k)
         The multipliers of each facet in its shape functions.
     own : ndarray, shape (m, d)
@@ -82,31 +82,24 @@ def mortar_normals(
     -------
     of_secondary, of_primary : ndarray, shape (m, d)
     """
-    m = len(secondary.points)
-    e, f, N = quadrature.secondary_facet, quadrature.primary_facet, quadrature.secondary_shape
-    node = secondary.facets[e]
-    field = np.einsum("qk,qkd->qd", quadrature.primary_shape, facet_normal_field(primary)[f])
-    phi = quadrature.weight[:, None] * np.einsum("qik,qk->qi", A[e], N)
+    node, field = secondary.facets[moments.e], facet_normal_field(primary)[moments.f]
     total = np.zeros_like(own)
-    np.add.at(total, node, phi[:, :, None] * field[:, None, :])
-    of_primary = np.where(_long(total), total, own)
-    # angles of the primary's normals around the node's own: a corner, if they spread
-    angle = np.arctan2(dot(field[:, None], turned(own[node])), dot(field[:, None], own[node]))
-    low, high = np.full(m, np.inf), np.full(m, -np.inf)
-    np.minimum.at(low, node, angle)
-    np.maximum.at(high, node, angle)
-    beside = np.any(primary.kinks[primary.facets[f]] > KINK, axis=1)
-    kinked = np.zeros(m, dtype=bool)
-    kinked[node[beside]] = True
-    corner = (kinked | (high - low > SPREAD))[:, None]
-    covered = np.unique(e)
-    both = np.bincount(secondary.facets[covered].ravel(), minlength=m) > 1
-    sharp = (sharp_nodes(secondary) & both)[:, None]
-    of_primary = unit(np.where(corner, own, of_primary))
+    np.add.at(total, node, A[moments.e] @ moments.cross @ field)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    there = length > SOLVED * length.max(initial=0.0)
+    of_primary = np.where(there, total / np.where(there, length, 1.0), own)
+    # a corner of the primary, if the mean normals of its pieces spread about theirs
+    mean = unit(moments.cross.sum(axis=1)[:, None] @ field)[:, 0]
+    along = np.ones(len(own))
+    np.minimum.at(along, node, dot(of_primary[node], mean[:, None]))
+    corner = along < np.cos(0.5 * SPREAD)
+    beside = np.any(primary.kinks[primary.facets[moments.f]] > KINK, axis=1)
+    corner[node[beside]] = True
+    corner = corner[:, None]
+    of_primary = np.where(corner, own, of_primary)
+    # an edge of the secondary, if its covered facets have several normals there
+    covered = np.unique(moments.e)
+    turned, node = np.zeros(len(own)), secondary.facets[covered]
+    np.maximum.at(turned, node, angle_between(facet_normal_field(secondary)[covered], -own[node]))
+    sharp = ((turned > SAME_NORMAL) | (secondary.kinks > KINK))[:, None]
     return np.where(sharp & ~corner, of_primary, own), of_primary
-
-
-def _long(vectors: Array) -> NDArray[np.bool_]:
-    """Vectors that have a direction, shape (m, 1)."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.asarray(length > SOLVED * np.max(length, initial=0.0))

@@ -1,4 +1,4 @@
-"""What the rows of mortar contact have in common, of curves and of faces."""
+"""The rows of mortar contact from integrals and multipliers: bases, D and M, their weights and gaps."""
 
 from __future__ import annotations
 
@@ -7,15 +7,106 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.pairing.closest import search_range
+from skfem_contact.pairing.dual import DualBasis, dual_basis, node_rows, positive_functions
+from skfem_contact.pairing.moments import Moments
 from skfem_contact.pairing.node import gap_vectors
-from skfem_contact.pairing.vectors import without_round_off
+from skfem_contact.pairing.supports import MET, Supports, without_multiplier
+from skfem_contact.pairing.thresholds import SHARE_KEPT
+from skfem_contact.pairing.vectors import facet_normal_field, without_round_off
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
+
+
+def facet_bases(
+    surface: ContactSurface,
+    moments: Moments,
+    whole: Array,
+    supports: Supports | None,
+    pressed: Index | None,
+) -> DualBasis:
+    """Multipliers of all facets: zero where nothing is covered, one each of those `pressed`."""
+    nf, k = surface.facets.shape
+    covered = np.unique(moments.e)
+    share = moments.own.sum(axis=2) @ positive_functions(surface.kind).T
+    total = np.bincount(surface.facets.ravel(), share.ravel(), len(surface.points))[surface.facets]
+    without = None if supports is None else without_multiplier(supports.rank)[covered]
+    constant = None if pressed is None else np.isin(covered, pressed)
+    masses = moments.own[covered]
+    some = dual_basis(surface.kind, masses, whole[covered], total[covered], without, constant)
+    A, S, share = np.zeros((nf, k, k)), np.zeros((nf, k, k)), np.zeros((nf, k))
+    A[covered], S[covered], share[covered] = some.A, some.S, some.share
+    return DualBasis(A, S, share)
+
+
+def own_rows(
+    secondary: ContactSurface, primary: ContactSurface, supports: Supports | None, basis: DualBasis
+) -> tuple[Array, csr_matrix]:
+    """S of the rows of the secondary, and what rule 2 of `supports` changes in ``M``.
+
+    Nodes held on both sides get their share back, with a row of node-to-segment contact.
+    """
+    shape = (len(secondary.points), len(primary.points))
+    if supports is None:
+        return basis.S, csr_matrix(shape)
+    nodes, owner = secondary.facets[supports.facet], basis.S.copy()
+    S, share = basis.S[supports.facet], basis.share[supports.facet]
+    own = np.einsum("hii->hi", S)
+    back = (own == 0) & (share > 0) & (supports.rank[supports.facet] == MET)
+    lent = np.where(back[:, None, :], S * share[:, None, :], 0.0)  # to row, of node
+    # what is left of the rows that lent it must be rows
+    total = np.bincount(secondary.facets.ravel(), (basis.S @ basis.share[..., None]).ravel(), shape[0])
+    given = np.bincount(nodes.ravel(), lent.sum(axis=2).ravel(), shape[0])
+    poor = (total - given < SHARE_KEPT * (1 - GIVEN) * given)[nodes]
+    back &= ~np.any((lent > 0) & poor[:, :, None], axis=1)
+    lent = np.where(back[:, None, :], lent, 0.0)
+    h, i = np.nonzero(back)
+    owner[supports.facet[h], :, i] = 0.0
+    owner[supports.facet[h], i, i] = 1.0
+    change = -lent
+    change[h, i, i] += share[h, i]
+    change = change @ node_rows(secondary.kind)
+    data = change[..., None] * supports.weight[:, None]  # (h, row, node, k')
+    row = np.broadcast_to(nodes[:, :, None, None], data.shape)
+    column = np.broadcast_to(supports.opposite[:, None], data.shape)
+    return owner, csr_matrix((data.ravel(), (row.ravel(), column.ravel())), shape=shape)
+
+
+def secondary_matrix(
+    surface: ContactSurface, share: Array, S: Array
+) -> tuple[csr_matrix, Array, Array]:
+    """Assemble ``D``, the areas ``int phi_i``, and the normals of the primary at the nodes.
+
+    Merged nodes keep their entry in the heir's row even where it is zero, on the axis.
+    """
+    m, k = len(surface.points), surface.facets.shape[1]
+    rows = node_rows(surface.kind)
+    data = ((S * share[:, None, :]).reshape(-1, k) @ rows).reshape(S.shape)
+    facet, i, j = np.nonzero((S.reshape(-1, k) @ np.abs(rows)).reshape(S.shape))
+    at = surface.facets[facet, i], surface.facets[facet, j]
+    D = csr_matrix((data[facet, i, j], at), shape=(m, m))
+    part = data.sum(axis=2)
+    area = np.asarray(np.bincount(surface.facets.ravel(), part.ravel(), m), dtype=float)
+    total = np.zeros_like(surface.points)
+    np.add.at(total, surface.facets, part[:, :, None] * facet_normal_field(surface))
+    return D, area, -node_directions(surface, total, area)
+
+
+def primary_matrix(
+    secondary: ContactSurface, primary: ContactSurface, moments: Moments, A: Array
+) -> tuple[csr_matrix, Index]:
+    """Assemble ``M``; and for each node the primary facet where its shape function weighs most."""
+    e, f = moments.e, moments.f
+    data = A[e] @ moments.cross
+    row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
+    col = np.broadcast_to(primary.facets[f][:, None, :], data.shape)
+    shape = (len(secondary.points), len(primary.points))
+    M = csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=shape)
+    return M, main_facets(secondary, primary, e, f, moments.cross.sum(axis=2))
 
 
 def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:

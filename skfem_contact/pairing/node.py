@@ -50,9 +50,9 @@ class Pairing:
         side has the frame for itself (rigid obstacles).
     slip_weights : (csr_matrix, csr_matrix), optional
         In place of `secondary_weights` and `primary_weights` in the tangential rows that are `still`.
-    still : ndarray of bool, shape (m,), or (m, d-1), optional
-        Points, or tangents of points, along which the slip is what supports make it: their
-        tangential rows have only what is prescribed, see `supports`.
+    still : ndarray of bool, shape (m, d-1), optional
+        Tangents of points along which the slip is what supports make it: their tangential rows have
+        only what is prescribed, see `supports`.
     primary_bulge : bsr_matrix, shape (m d, number of primary nodes d), optional
         A block for each point and primary node: how the height of the smooth boundaries above their
         facets, a vector, moves with the nodes (`smooth`). Blocks of a row sum to zero; applied to the

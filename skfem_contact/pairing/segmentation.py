@@ -1,4 +1,4 @@
-r"""Segmentation of an interface: the pieces on which one facet meets one facet.
+r"""Segmentation of an interface between curves: the intervals on which one facet meets one facet.
 
 A point ``x(xi)`` of the secondary surface meets the point ``y`` of the primary that lies on the
 line along the secondary's normal,
@@ -13,10 +13,6 @@ surfaces the two are the same. At a corner of 45 degrees or more each facet keep
 Between the projections of the ends of the primary facets all integrands are smooth (on straight
 facets of flat surfaces polynomials), and Gauss quadrature on each such segment is exact for them.
 
-Only this module and `search` know that surfaces are curves. A third dimension replaces the strips of
-normals, the intervals and the quadrature of segments by prisms, clipped polygons and their triangles;
-what leaves the module (`Quadrature`) stays the same.
-
 References
 ----------
 B. Yang, T. A. Laursen, X. Meng, Int. J. Numer. Meth. Engng 62 (2005) 1183-1225: segments along a
@@ -25,6 +21,7 @@ continuous normal field.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -32,39 +29,77 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.normals import sizes
+from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.pairing.closest import search_range
+from skfem_contact.pairing.pieces import Meeting, Pieces
 from skfem_contact.pairing.search import normal_candidates
 from skfem_contact.pairing.thresholds import BISECTION_DONE, FACING, NEWTON_DONE, SLIVER
 from skfem_contact.pairing.vectors import dot, facet_normal_field, ragged, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Quadrature:
-    """Quadrature points of an interface, each with its place on both surfaces.
+class Segments(Pieces):
+    """Intervals of the secondary's facets, each below one facet of the primary.
 
     Attributes
     ----------
-    secondary_facet, primary_facet : ndarray of int, shape (q,)
-    secondary_shape, primary_shape : ndarray, shapes (q, k) and (q, k')
-        Shape functions of the nodes of the two facets.
-    weight : ndarray, shape (q,)
-        Weight times length times the secondary body's ``measure`` [area].
+    secondary, primary : CurveSurface
+    e, f : ndarray of int, shape (p,)
+        Facets of both.
+    start, stop : ndarray, shape (p,)
+        Local coordinates on the facets e, in [0, 1].
     """
 
-    secondary_facet: Index
-    primary_facet: Index
-    secondary_shape: Array
-    primary_shape: Array
-    weight: Array
+    secondary: CurveSurface
+    primary: CurveSurface
+    e: Index
+    f: Index
+    start: Array
+    stop: Array
+
+    @property
+    def facets(self) -> tuple[Index, Index]:
+        """Facets of the secondary and of the primary that each piece is part of, (p,) each."""
+        return self.e, self.f
+
+    def points(
+        self, some: Index | None = None, heights: bool = False
+    ) -> Iterator[tuple[Index, Meeting, Array]]:
+        """Yield the Gauss points of all pieces, or of some, at once, see `Pieces.points`."""
+        some = np.arange(len(self.e)) if some is None else some
+        k = max(self.secondary.facets.shape[1], self.primary.facets.shape[1])
+        # 2 k - 1 is exact for two shape functions, a measure linear in the position, and one to spare
+        # (k = 2: degree 5 of 3 needed, k = 3: degree 9 of 5) for segments of curved facets
+        at, w = _gauss(2 * k - 1)
+        length = (self.stop - self.start)[some, None]
+        xi = self.start[some, None] + length * at
+        weight = length * w * _area_element(self.secondary, self.e[some], xi)
+        yield some, _meeting(self.secondary, self.primary, self.e[some], self.f[some], xi), weight
+
+    def corners(self, some: Index) -> Meeting:
+        """What meets at both ends of some pieces."""
+        xi = np.stack([self.start[some], self.stop[some]], axis=1)
+        return _meeting(self.secondary, self.primary, self.e[some], self.f[some], xi)
+
+    def distances(self, some: Index) -> Array:
+        """How far nodes are from some pieces of their facets, in local coordinates, (p, k)."""
+        at = self.secondary.kind.locations[:, 0]
+        beyond = np.maximum(self.start[some, None] - at, at - self.stop[some, None])
+        return np.maximum(beyond, 0.0)
+
+    def nodes(self, some: Index, local: Index) -> Meeting:
+        """What the normals at nodes meet, one of the facet of each piece, if its partner went on."""
+        xi = self.secondary.kind.locations[local]
+        return _meeting(self.secondary, self.primary, self.e[some], self.f[some], xi, beyond=1.0)
 
 
-def interface_quadrature(
-    secondary: CurveSurface, primary: CurveSurface, reach: float | None = None
-) -> Quadrature:
-    """Quadrature of all parts of the secondary that the primary covers.
+def segment(secondary: CurveSurface, primary: CurveSurface, reach: float | None = None) -> Segments:
+    """Find all parts of the secondary that the primary covers.
 
     Where a normal line meets the primary more than once (two layers, a closed curve), the meeting
     closest to the secondary counts, and only if the surfaces face each other there.
@@ -76,56 +111,18 @@ def interface_quadrature(
         Longest distance along the normal [length]. Without it gaps are unlimited, and overlaps go
         up to half the diagonal of the box around the smaller surface, as in `node_to_segment`.
     """
-    limits = (np.inf, half_extent(secondary, primary)) if reach is None else (float(reach),) * 2
+    limits = search_range(secondary, primary, reach)
     e, f = normal_candidates(secondary, primary, max(limits))
-    e, f, start, stop = _segments(secondary, primary, e, f, limits)
-    at, w = _segment_rule(secondary, primary)
-    length = stop - start
-    xi = (start[:, None] + length[:, None] * at).ravel()
-    e, f = np.repeat(e, len(at)), np.repeat(f, len(at))
-    eta = _meet(secondary, primary, e, f, xi)
-    return Quadrature(
-        secondary_facet=e,
-        primary_facet=f,
-        secondary_shape=facet_shapes(xi, secondary.facets.shape[1])[0],
-        primary_shape=facet_shapes(eta, primary.facets.shape[1])[0],
-        weight=(length[:, None] * w).ravel() * area_element(secondary, e, xi),
-    )
+    return Segments(secondary, primary, *_segments(secondary, primary, e, f, limits))
 
 
-def _segment_rule(secondary: CurveSurface, primary: CurveSurface) -> tuple[Array, Array]:
-    """Gauss points and weights on [0, 1] for each segment."""
-    k = max(secondary.facets.shape[1], primary.facets.shape[1])
-    # 2 k - 1 is exact for two shape functions, a measure linear in the position, and one to spare
-    # (k = 2: degree 5 of 3 needed, k = 3: degree 9 of 5) for segments of curved facets
-    return _gauss(2 * k - 1)
-
-
-def points_per_segment(secondary: CurveSurface, primary: CurveSurface) -> Array:
-    """Places on [0, 1] of the quadrature points of each segment, which follow each other."""
-    return _segment_rule(secondary, primary)[0]
-
-
-def half_extent(*surfaces: ContactSurface) -> float:
-    """Half the diagonal of the box around the smallest of the surfaces."""
-    return 0.5 * float(min(np.linalg.norm(np.ptp(s.points, axis=0)) for s in surfaces))
-
-
-def facet_areas(surface: CurveSurface) -> Array:
-    """Integral of the body's ``measure`` over each whole facet, shape (nf,) [area]."""
-    at, w = _gauss(5)
-    nf = len(surface.facets)
-    density = area_element(surface, np.repeat(np.arange(nf), len(at)), np.tile(at, nf))
-    return density.reshape(nf, -1) @ w
-
-
-def area_element(surface: CurveSurface, facet: Index, xi: Array) -> Array:
-    """``measure |dx/dxi|`` at points ``xi`` in [0, 1] of facets, shape (q,)."""
+def _area_element(surface: CurveSurface, facet: Index, xi: Array) -> Array:
+    """``measure |dx/dxi|`` at places ``xi`` (p, n) in [0, 1] of facets, shape (p, n)."""
     nodes = surface.points[surface.facets[facet]]
     N, dN = facet_shapes(xi, nodes.shape[1])
-    stretch = np.linalg.norm(_combine(dN, nodes), axis=1)
+    stretch = sizes(dN @ nodes)
     measure = surface.body.measure
-    return stretch if measure is None else stretch * measure(_combine(N, nodes).T)
+    return stretch if measure is None else stretch * measure(np.moveaxis(N @ nodes, -1, 0))
 
 
 @lru_cache
@@ -160,7 +157,8 @@ def _segments(
     e, f = np.repeat(e, pieces), np.repeat(f, pieces)
     start, stop = cut[piece], cut[piece + 1]
     # of all primary facets over one piece the closest counts, if it faces the secondary
-    gap, facing = _relation(secondary, primary, e, f, 0.5 * (start + stop))
+    points = _meeting(secondary, primary, e, f, 0.5 * (start + stop)[:, None])
+    gap, facing = points.gap[:, 0], _looks_at(primary, points)[:, 0]
     closest = np.lexsort((np.abs(gap), piece))
     first = np.ones(len(closest), dtype=bool)
     first[1:] = np.diff(piece[closest]) > 0
@@ -207,44 +205,48 @@ def _project(nodes: Array, normals: Array, y: Array) -> Array:
     return xi
 
 
-def _meet(secondary: CurveSurface, primary: CurveSurface, e: Index, f: Index, xi: Array) -> Array:
-    """Coordinate on primary facets of the points that the normals at ``xi`` meet; (q,)."""
-    x, normal = _position(secondary, e, xi)
-    along = turned(normal)
-    c = dot(primary.points[primary.facets[f]] - x[:, None], along[:, None])
+def _meeting(
+    secondary: CurveSurface,
+    primary: CurveSurface,
+    e: Index,
+    f: Index,
+    xi: Array,
+    beyond: float = 0.0,
+) -> Meeting:
+    """What normals at places ``xi`` (p, n) of facets e meet on facets f, or so far beyond ends."""
+    nodes, other = secondary.points[secondary.facets[e]], primary.points[primary.facets[f]]
+    N, _ = facet_shapes(xi, nodes.shape[1])
+    normal = N @ facet_normal_field(secondary)[e]
+    eta = np.clip(_meet(N @ nodes, normal, other), -beyond, 1.0 + beyond)
+    M, _ = facet_shapes(eta, other.shape[1])
+    return Meeting(e, f, N, M, normal, (nodes, other), None)
+
+
+def _meet(x: Array, normal: Array, nodes: Array) -> Array:
+    """Coordinates on facets with `nodes` (p, k', 2) of what lines through points x meet, (p, n).
+
+    The lines are along `normal`, (p, n, 2) as x is.
+    """
+    c = dot(nodes[:, None] - x[:, :, None], turned(normal)[:, :, None])
     # a eta^2 + b eta + c0 between ends of opposite sign; the root in the form without loss
-    c0, b = c[:, 0], c[:, 1] - c[:, 0]
-    a = np.zeros(len(c))
-    if c.shape[1] == 3:
-        a = 2 * (c[:, 0] + c[:, 1]) - 4 * c[:, 2]
+    c0, b = c[..., 0], c[..., 1] - c[..., 0]
+    a = np.zeros(b.shape)
+    if c.shape[-1] == 3:
+        a = 2 * (c[..., 0] + c[..., 1]) - 4 * c[..., 2]
         b = b - a
-    rising = np.where(c[:, 1] >= c[:, 0], 1.0, -1.0)  # the root where the polynomial does
+    rising = np.where(c[..., 1] >= c[..., 0], 1.0, -1.0)  # the root where the polynomial does
     surd = rising * np.sqrt(np.maximum(b**2 - 4 * a * c0, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         eta = np.where(b * surd > 0, -2 * c0 / (b + surd), (surd - b) / (2 * a))
-    return np.clip(np.nan_to_num(eta, nan=0.5), 0.0, 1.0)
+    return np.nan_to_num(eta, nan=0.5)
 
 
-def _relation(
-    secondary: CurveSurface, primary: CurveSurface, e: Index, f: Index, xi: Array
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Gap along the normal, and whether the surfaces face each other there."""
-    x, normal = _position(secondary, e, xi)
-    nodes = primary.points[primary.facets[f]]
-    N, dN = facet_shapes(_meet(secondary, primary, e, f, xi), nodes.shape[1])
-    outward = -turned(_combine(dN, nodes))
-    size = np.linalg.norm(normal, axis=1)
-    gap = dot(_combine(N, nodes) - x, normal) / size
-    return gap, dot(normal, outward) < -FACING * size * np.linalg.norm(outward, axis=1)
-
-
-def _position(surface: CurveSurface, facet: Index, xi: Array) -> tuple[Array, Array]:
-    """Points of facets and the normal field there (not of unit length), shapes (q, d)."""
-    N, _ = facet_shapes(xi, surface.facets.shape[1])
-    return (
-        _combine(N, surface.points[surface.facets[facet]]),
-        _combine(N, facet_normal_field(surface)[facet]),
-    )
+def _looks_at(primary: CurveSurface, points: Meeting) -> Mask:
+    """Whether the primary faces the secondary where they meet, (p, n)."""
+    eta = points.M @ primary.kind.locations[:, 0]
+    outward = -turned(facet_shapes(eta, points.M.shape[2])[1] @ points.nodes[1])
+    limit = -FACING * sizes(points.normal) * sizes(outward)
+    return np.asarray(dot(points.normal, outward) < limit)
 
 
 def _combine(N: Array, values: Array) -> Array:

@@ -30,17 +30,17 @@ several interfaces meet.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
-from skfem_contact.pairing.segmentation import Quadrature
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.pieces import Pieces
 from skfem_contact.pairing.thresholds import MOVING_SHARE, OVERHANG, SHARE_FREE
-from skfem_contact.pairing.vectors import dot, entries, facet_normal_field, turned
+from skfem_contact.pairing.vectors import entries, facet_normal_field
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -52,63 +52,90 @@ FREE, HELD, MET = 0, 1, 2
 
 @dataclass(frozen=True, eq=False)
 class Supports:
-    """Nodes of facets of the secondary surface that are held.
+    """Facets of the secondary with nodes that have prescribed components.
 
     Attributes
     ----------
     rank : ndarray of int, shape (nf, k)
         `FREE`; `HELD`: has no displacement of its own; `MET`: nor has the primary opposite to it.
-    node, facet, local : ndarray of int, shape (h,)
-        The nodes with prescribed components, once for each of their facets.
-    opposite : ndarray of int, shape (h, k')
-        Nodes of the primary facet that each of them meets.
-    weight : ndarray, shape (h, k')
+    facet : ndarray of int, shape (h,)
+        Facets with prescribed components that meet the primary.
+    opposite : ndarray of int, shape (h, k, k')
+        Nodes of the primary's facet that each of their nodes meets.
+    weight : ndarray, shape (h, k, k')
         Their shape functions there.
-    still : ndarray of bool, shape (h,)
-        Whether one component is prescribed, here and opposite, and it is not the normal one.
+    above : ndarray of bool, shape (h, k)
+        Whether the primary lies opposite to a node, or ends a little beside it.
     """
 
     rank: Index
-    node: Index
     facet: Index
-    local: Index
     opposite: Index
     weight: Array
-    still: Mask
+    above: Mask
 
 
-def find_supports(
-    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature
-) -> Supports | None:
+def find_supports(pieces: Pieces) -> Supports | None:
     """The held nodes of an interface; None where there are none."""
+    secondary, primary = pieces.secondary, pieces.primary
     fixed: Mask = np.asarray(np.isin(secondary.dofs, secondary.body.D), dtype=bool)
-    if not fixed.any():
+    some: Mask = np.asarray(fixed.any(axis=1))
+    if not some.any():
         return None
-    met = np.zeros(len(secondary.facets), dtype=bool)
-    met[quadrature.secondary_facet] = True
-    facet, local = np.nonzero(np.asarray(fixed.any(axis=1))[secondary.facets] & met[:, None])
-    if len(facet) == 0:
+    met = np.unique(pieces.facets[0])
+    facet = met[some[secondary.facets[met]].any(axis=1)]
+    if not len(facet):
         return None
-    node = secondary.facets[facet, local]
-    normal = facet_normal_field(secondary)[facet, local]
-    opposite, weight, above = _opposite(secondary, primary, quadrature, facet, local, normal)
+    opposite, weight, above = _opposite(pieces, facet)
+    there = np.asarray(np.isin(primary.dofs, primary.body.D), dtype=bool)[opposite]  # (h, k, k', c)
+    here, size = fixed[secondary.facets[facet]], np.abs(weight)
+    normal = facet_normal_field(secondary)[facet]
+    if fixed.shape[1] == 1:  # of a scalar field its value, no directions
+        normal = np.ones((*here.shape[:2], 1))
+    own = ~can_move(here, normal)
+    free = np.sum(size * can_move(there, normal[:, :, None]), axis=2)
+    other = above & (free < MOVING_SHARE * size.sum(axis=2))
+    rank = np.full(secondary.facets.shape, FREE)
+    rank[facet] = np.where(own & other, MET, np.where(here.all(axis=2), HELD, FREE))
+    return Supports(rank, facet, opposite, weight, above)
 
-    there = np.asarray(np.isin(primary.dofs, primary.body.D), dtype=bool)[opposite]  # (h, k', c)
-    size = np.abs(weight)
 
-    def held(direction: Array) -> tuple[Mask, Mask]:
-        """Whether the node, and the primary opposite to it, can not move along a direction."""
-        free = np.sum(size * can_move(there, direction[:, None]), axis=1)
-        return ~can_move(fixed[node], direction), above & (free < MOVING_SHARE * size.sum(axis=1))
+def slip_rows(
+    pieces: Pieces, supports: Supports, weights: tuple[csr_matrix, csr_matrix]
+) -> tuple[csr_matrix, csr_matrix]:
+    """Weights of both sides with rows of node-to-segment contact where components are prescribed."""
+    secondary = pieces.secondary
+    nodes = secondary.facets[supports.facet]
+    fixed: Mask = np.asarray(np.isin(secondary.dofs, secondary.body.D).any(axis=1))
+    facet, local = np.nonzero(fixed[nodes] & supports.above)
+    node, first = np.unique(nodes[facet, local], return_index=True)
+    facet, local = facet[first], local[first]
+    m, weight = len(secondary.points), supports.weight[facet, local]
+    own = csr_matrix((np.ones(len(node)), (node, node)), shape=(m, m))
+    at = np.repeat(node, weight.shape[1]), supports.opposite[facet, local].ravel()
+    there = csr_matrix((weight.ravel(), at), shape=weights[1].shape)
+    others = diags(1.0 - own.diagonal())
+    return csr_matrix(others @ weights[0] + own), csr_matrix(others @ weights[1] + there)
 
-    scalar = fixed.shape[1] == 1  # its value, no directions
-    own, other = held(np.ones((len(node), 1)) if scalar else normal)
-    rank = np.zeros(secondary.facets.shape, dtype=np.intp)
-    rank[facet, local] = np.where(own & other, MET, np.where(fixed[node].all(axis=1), HELD, FREE))
-    still = np.zeros(len(node), dtype=bool)
-    if not scalar:  # what is held is an axis: across it one row is left, and it is the normal one
-        still = ~own & held(fixed[node].astype(float))[1]
-    return Supports(rank, node, facet, local, opposite, weight, still)
+
+def held_tangents(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
+    """The pairing with what supports hold on both sides along the interface as `Pairing.still`.
+
+    On a line or plane of symmetry, and at a wall that guides both bodies, the mortar row across it has
+    some nodes of the primary that are not on it. The shear there is zero, the multiplier vanishes, and
+    the neighbours keep theirs (rule 3 above).
+    """
+    if pairing.slip_weights is None:
+        return pairing
+    sides = list(zip(pairing.slip_weights, (secondary, primary), (1.0, -1.0), strict=True))
+    some, along = secondary.held.any(axis=1), pairing.tangent
+    if secondary.dim == 2:  # along the one axis that is held: across it one row is left
+        some = (secondary.held.sum(axis=1) == 1) & can_move(secondary.held, pairing.normal)
+        along = secondary.held[:, None].astype(float)
+    still = [some & held_rows(sides, way) for way in np.moveaxis(along, 1, 0)]
+    if not np.any(still):
+        return replace(pairing, slip_weights=None)
+    return replace(pairing, still=np.stack(still, axis=1))
 
 
 def can_move(fixed: Mask, direction: Array) -> Mask:
@@ -147,41 +174,26 @@ def without_multiplier(rank: Index) -> Mask:
     return np.asarray(rank > rank.min(axis=1, keepdims=True))
 
 
-def _opposite(
-    secondary: CurveSurface,
-    primary: CurveSurface,
-    quadrature: Quadrature,
-    facet: Index,
-    local: Index,
-    normal: Array,
-) -> tuple[Index, Array, Mask]:
+def _opposite(pieces: Pieces, facet: Index) -> tuple[Index, Array, Mask]:
     """Nodes and shape functions of the primary where normals at nodes meet it, and if they do.
 
-    The primary facet is that of the nearest quadrature point; beyond its end it is continued, so
+    The facet of the primary is that of the nearest piece; beyond its ends or edges it is continued, so
     that positions stay exact.
     """
-    near = _nearest_point(quadrature, facet, local)
-    nodes = primary.facets[quadrature.primary_facet[near]]
-    x = secondary.points[secondary.facets[facet, local]]
-    side = dot(primary.points[nodes] - x[:, None], turned(normal)[:, None])
-    eta = np.full(len(facet), 0.5)
-    for _ in range(6):  # linear facets need one step; curved ones are nearly so
-        N, dN = facet_shapes(eta, nodes.shape[1])
-        eta = np.clip(eta - dot(N, side) / dot(dN, side), -1.0, 2.0)
-    above = (eta >= -OVERHANG) & (eta <= 1.0 + OVERHANG)
-    return nodes, facet_shapes(eta, nodes.shape[1])[0], above
-
-
-def _nearest_point(quadrature: Quadrature, facet: Index, local: Index) -> Index:
-    """The quadrature point of each facet where the shape function of its node is largest."""
-    order = np.argsort(quadrature.secondary_facet, kind="stable")
-    first, last = (
-        np.searchsorted(quadrature.secondary_facet, facet, side, order) for side in ("left", "right")
-    )
-    N = quadrature.secondary_shape
-    return np.array(
-        [
-            points[N[points, k].argmax()]
-            for points, k in ((order[a:b], k) for a, b, k in zip(first, last, local, strict=True))
-        ]
-    )
+    e, _ = pieces.facets
+    place = np.full(len(pieces.secondary.facets), -1)
+    place[facet] = np.arange(len(facet))
+    mine = np.flatnonzero(place[e] >= 0)
+    row, away = place[e[mine]], pieces.distances(mine)
+    near = np.empty((len(facet), away.shape[1]), dtype=np.intp)
+    for k in range(away.shape[1]):
+        order = np.lexsort((away[:, k], row))
+        near[:, k] = mine[order[np.searchsorted(row[order], np.arange(len(facet)))]]
+    points = pieces.nodes(near.ravel(), np.tile(np.arange(near.shape[1]), len(facet)))
+    weight, kind = points.M[:, 0], pieces.primary.kind
+    xi = weight @ kind.locations
+    most = xi.sum(axis=1) if kind.triangle else xi.max(axis=1)
+    over = np.maximum(-xi.min(axis=1), most - 1.0)
+    shape = (*near.shape, weight.shape[1])
+    opposite = pieces.primary.facets[points.f].reshape(shape)
+    return opposite, weight.reshape(shape), (over <= OVERHANG).reshape(near.shape)

@@ -48,10 +48,18 @@ ALIKE = float(np.pi / 3)
 
 # -- dual --------------------------------------------------------
 
-# A multiplier of its own needs this share of the node's integral over the whole facet, and a facet
-# covered by at least this much. The sum of |weights| in a row is then below 6 (linear) and 16
-# (quadratic) however the facet is cut; uncut it is 1.7 and 2.2.
-SHARE_KEPT, COVER_KEPT = 1 / 4, 1 / 3
+# A multiplier of its own needs this share of the node's integral over the whole facet.
+SHARE_KEPT = 1 / 4
+
+# The weights of a row are bounded by this times those of whole facets: the number at which two
+# multipliers become one on a line whose middle third is covered. On lines the sum of |weights| is then
+# below 5 (linear) and 7 (quadratic) however they are cut; uncut it is 1.7 and 2.2.
+WEIGHTS_KEPT = float(np.sqrt(7))
+
+# Facets on whose covered part the mass matrix has a worse condition have one multiplier: what it
+# would do to the rows is round-off times this, times the part of the area that is covered, which
+# then is small.
+WORST_CONDITION = 1e8
 
 # -- facing ------------------------------------------------------
 
@@ -142,14 +150,3 @@ NEWTON_STEPS, SQUARED = 12, 1e-7
 
 # Quadrature points worked on at once: some 500 bytes for each.
 POINTS_AT_ONCE = 1 << 17
-
-# -- faces.dual --------------------------------------------------
-
-# The weights of a row are bounded by this times those of whole faces: the number at which two
-# multipliers on the middle of a line become one, as there (`COVER_KEPT`).
-WEIGHTS_KEPT = float(0.5 * np.sqrt(1 + 3 / COVER_KEPT**2))
-
-# Faces on whose covered part the mass matrix has a worse condition have one multiplier: what it
-# would do to the rows is round-off times this, times the part of the area that is covered, which
-# then is small.
-WORST_CONDITION = 1e8

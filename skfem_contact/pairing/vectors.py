@@ -17,7 +17,7 @@ Index = NDArray[np.intp]
 def facet_normal_field(surface: ContactSurface) -> Array:
     """Normals at the nodes of each facet, shape (nf, k, d), to be interpolated over it."""
     normals = surface.facet_node_normals
-    if surface.facets.shape[1] == 2:
+    if normals.shape[1] == surface.facets.shape[1]:
         return normals
     return np.concatenate([normals, surface.facet_normals[:, None]], axis=1)
 

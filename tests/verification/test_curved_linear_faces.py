@@ -23,9 +23,8 @@ from skfem.models.elasticity import lame_parameters
 from solid_meshes import as_eight_nodes, at, body, cube, elastic, octant_shell, onto_octant
 
 import skfem_contact as sc
-from skfem_contact.pairing.faces.mortar import dual_mortar
 from skfem_contact.pairing.faces.node import node_to_face
-from skfem_contact.pairing.mortar import dual_mortar as mortar_of_curves
+from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.reference import lame_rings
 
 R = 20.0
@@ -414,7 +413,7 @@ def test_coarse_facets_that_are_nearly_flat_keep_those_of_what_presses_them():
     """Heights are of the size of one's own: c is at most twice the curvature of the secondary."""
     hollow = bowed_block(1, 1000.0, False)
     ball = bowed_block(8, 20.0, True)
-    facets, gap = (mortar_of_curves(side, ball).gap for side in (bowed_block(1, np.inf, False), hollow))
+    facets, gap = (dual_mortar(side, ball).gap for side in (bowed_block(1, np.inf, False), hollow))
     there = np.isfinite(gap) & np.isfinite(facets) & (np.abs(hollow.points[:, 0]) < 1.5)
     own = 1.0 / (8 * 1000.0)  # height of its arc over a facet
     rise = np.where(there, hollow.points[:, 1], 0.0)

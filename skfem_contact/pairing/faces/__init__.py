@@ -9,6 +9,5 @@
 * `edges`: sharp edges, and where those of two solids cross;
 * `distance`: how far points are from a surface, and on which side;
 * `cells`, `clipping`, `candidates`, `layers`: plane parts of faces, and what two have in common;
-* `meeting`, `segmentation`: pieces of an interface, and points on both of its sides;
-* `dual`, `supports`, `kinks`, `mortar`: multipliers, what supports and kinks change of them, the rows.
+* `meeting`, `segmentation`: polygons of an interface, and points on both of its sides.
 """

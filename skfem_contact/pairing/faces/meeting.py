@@ -12,6 +12,7 @@ from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.pairing.faces.cells import Cells, local_coordinates
 from skfem_contact.pairing.faces.clipping import cross
+from skfem_contact.pairing.pieces import Meeting
 from skfem_contact.pairing.thresholds import NEWTON_STEPS, SQUARED
 
 Array = NDArray[np.float64]
@@ -19,41 +20,21 @@ Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
-class Meeting:
-    """Points of the secondary and what their normals meet: n points for each of p pairs of cells.
+class CellMeeting(Meeting):
+    """A `Meeting` of cells, in the coordinates of those of the secondary.
 
     Attributes
     ----------
-    e, f : ndarray of int, shape (p,)
-        Faces of the secondary and of the primary.
-    N, M : ndarray, shapes (p, n, k) and (p, n, k')
-        Shape functions of their nodes; beyond the edges of a face they are continued.
-    normal : ndarray, shape (p, n, 3), or (p, 1, 3)
-        The normal field of the secondary, not of unit length, in the coordinates of its cells.
-    nodes : (ndarray, ndarray), shapes (p, k, 3) and (p, k', 3)
-        Positions of the nodes of both in these coordinates [length].
     at : (ndarray, ndarray), shapes (p, n, c) and (p, n, c, 2)
         Shape functions of the corners of the secondary's cells, and their derivatives.
     """
 
-    e: Index
-    f: Index
-    N: Array
-    M: Array
-    normal: Array
-    nodes: tuple[Array, Array]
     at: tuple[Array, Array]
-
-    @property
-    def gap(self) -> Array:
-        """Distance along the normal, > 0 open, shape (p, n) [length]."""
-        away = self.M @ self.nodes[1] - self.N @ self.nodes[0]
-        return np.asarray(np.sum(away * self.normal, axis=-1) / np.linalg.norm(self.normal, axis=-1))
 
 
 def meet(
     secondary: FaceSurface, primary: FaceSurface, cells: Sequence[Cells], e: Index, f: Index, X: Array
-) -> Meeting:
+) -> CellMeeting:
     """Points of the secondary's cells on the primary, along the normal field.
 
     Parameters
@@ -90,7 +71,7 @@ def meet(
     if primary.kind.quadratic:
         eta = _solve(primary.kind, seen, x[..., :2], M @ other.reference[f])
         M = primary.kind.shapes(eta)[0]
-    return Meeting(*faces, N, M, normal, (nodes, opposite), (at, slopes))
+    return CellMeeting(*faces, N, M, normal, (nodes, opposite), own.axes[e], (at, slopes))
 
 
 def _seen(points: Array, slope: Array | None) -> Array:
@@ -115,7 +96,7 @@ def _solve(kind: FacetKind, seen: Array, target: Array, eta: Array) -> Array:
     return eta
 
 
-def stretch(surface: FaceSurface, cells: Cells, cell: Index, points: Meeting) -> Array:
+def stretch(surface: FaceSurface, cells: Cells, cell: Index, points: CellMeeting) -> Array:
     """Area of faces, times the body's ``measure``, for the area in the planes of cells, (p, n).
 
     Parameters
@@ -124,7 +105,7 @@ def stretch(surface: FaceSurface, cells: Cells, cell: Index, points: Meeting) ->
     cells : Cells
         Of the surface.
     cell : ndarray of int, shape (p,)
-    points : Meeting
+    points : CellMeeting
         Of points on these cells.
     """
     out = np.ones(points.N.shape[:2])

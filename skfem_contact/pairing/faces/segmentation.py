@@ -43,20 +43,18 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facet_kinds import KINDS
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.digits import COMPUTED
+from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.faces.candidates import cells_along_normals
 from skfem_contact.pairing.faces.cells import AFFINE, PART, SKEW, Cells
 from skfem_contact.pairing.faces.clipping import Polygons, clip, signed_areas
 from skfem_contact.pairing.faces.layers import nearest_parts, several_sheets
-from skfem_contact.pairing.faces.meeting import Meeting, meet, stretch
-from skfem_contact.pairing.segmentation import half_extent
+from skfem_contact.pairing.faces.meeting import CellMeeting, meet, stretch
+from skfem_contact.pairing.pieces import Meeting, Pieces
 from skfem_contact.pairing.thresholds import FACING, POINTS_AT_ONCE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-# Degrees of shape functions in the plane of a parallelogram or a triangle.
-DEGREE = {"tri3": 1, "quad4": 2, "tri6": 2, "quad8": 3, "quad9": 4}
 
 # Degrees of the quadrature: at least, in parts of curved faces, and by how much more than for
 # polynomials on faces that are neither parallelograms nor triangles.
@@ -67,8 +65,8 @@ HEIGHTS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Segmentation:
-    """Pieces of an interface on which one cell meets one cell.
+class Segmentation(Pieces):
+    """Polygons in the planes of the secondary's cells, each below one cell of the primary.
 
     Attributes
     ----------
@@ -88,27 +86,18 @@ class Segmentation:
     f: Index
     pieces: Polygons
 
+    @property
+    def facets(self) -> tuple[Index, Index]:
+        """Faces of the secondary and of the primary that each piece is part of, (p,) each."""
+        return self.cells[0].facet[self.e], self.cells[1].facet[self.f]
+
     def points(
         self, some: Index | None = None, heights: bool = False
     ) -> Iterator[tuple[Index, Meeting, Array]]:
-        """Yield quadrature points triangle by triangle, so many at a time that memory is bounded.
+        """Yield quadrature points triangle by triangle, see `Pieces.points`.
 
-        Parameters
-        ----------
-        some : ndarray of int, optional
-            Only of these pieces.
-        heights : bool
-            For integrals of heights: between quadrilaterals on triangles round the middles of pieces,
-            which do not depend on the corner that a piece begins at. Else for those of rows.
-
-        Yields
-        ------
-        piece : ndarray of int, shape (t,)
-            Whose triangles they are; ascending.
-        meeting : Meeting
-            Of n points for each of them.
-        weight : ndarray, shape (t, n)
-            Weights times area [area].
+        Those of heights are, between quadrilaterals, on triangles round the middles of pieces, which do
+        not depend on the corner that a piece begins at.
         """
         shape = np.maximum(self.cells[0].shape[self.e], self.cells[1].shape[self.f])
         chosen = np.arange(len(shape)) if some is None else some
@@ -121,20 +110,39 @@ class Segmentation:
             step = max(1, POINTS_AT_ONCE // len(w))
             for first in range(0, len(whose), step):
                 of, corners = mine[whose[first : first + step]], triangles[first : first + step]
-                e, f, X = self.e[of], self.f[of], at @ corners
-                points = meet(self.secondary, self.primary, self.cells, e, f, X)
+                points = self._meet(of, at @ corners)
                 weight = 2 * signed_areas(corners)[:, None] * w
-                yield of, points, weight * stretch(self.secondary, self.cells[0], e, points)
+                yield of, points, weight * stretch(self.secondary, self.cells[0], self.e[of], points)
+
+    def corners(self, some: Index) -> Meeting:
+        """What meets at the corners of some pieces."""
+        return self._meet(some, self.pieces.corners[some])
+
+    def distances(self, some: Index) -> Array:
+        """How far nodes are from some pieces of their faces, in the planes of cells, (p, k)."""
+        return self.pieces.some(some).distances(self._seen(some))
+
+    def nodes(self, some: Index, local: Index) -> Meeting:
+        """What the normals at nodes meet, one of the face of each piece, if its partner went on."""
+        return self._meet(some, self._seen(some)[np.arange(len(some)), local][:, None])
+
+    def _seen(self, some: Index) -> Array:
+        """Nodes of the faces of some pieces in the planes of their cells, (p, k, 2)."""
+        x = self.secondary.points[self.secondary.facets[self.facets[0][some]]]
+        return self.cells[0].local(self.e[some], x)[..., :2]
+
+    def _meet(self, some: Index, X: Array) -> CellMeeting:
+        return meet(self.secondary, self.primary, self.cells, self.e[some], self.f[some], X)
 
     def _rule(self, shape: int, heights: bool) -> tuple[Array, Array]:
         """Barycentric coordinates (n, 3) and weights (n,) of Gauss points of a triangle."""
-        own, other = (DEGREE[surface.kind.name] for surface in (self.secondary, self.primary))
+        own, other = (surface.kind.polynomial for surface in (self.secondary, self.primary))
         # products of two shape functions of the secondary, or of one and one of the primary, and a
         # `measure` linear in the position
         degree = max(LEAST, own + max(own, other) + 1)
         degree = {AFFINE: degree, PART: max(CURVED, degree), SKEW: degree + ROOTS}[shape]
         if heights:
-            degree = HEIGHTS + min(max(own, other), DEGREE["quad4"])
+            degree = HEIGHTS + min(max(own, other), KINDS["quad4"].polynomial)
         xi, w = KINDS["tri3"].quadrature(degree)
         return KINDS["tri3"].shapes(xi)[0], w
 
@@ -149,7 +157,7 @@ def segment(secondary: FaceSurface, primary: FaceSurface, reach: float | None = 
         Longest distance along the normal [length]. Without it gaps are unlimited, and overlaps go
         up to half the diagonal of the box around the smaller surface, as in `node_to_segment`.
     """
-    limits = (np.inf, half_extent(secondary, primary)) if reach is None else (float(reach),) * 2
+    limits = search_range(secondary, primary, reach)
     cells = own, other = Cells.of(secondary), Cells.of(primary)
     e, f = cells_along_normals(own, primary, other, max(limits))
     # clockwise, as what faces the secondary is seen from there, turned round
