@@ -15,10 +15,9 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.validity.curvature import curvatures
-from skfem_contact.answers.validity.curve_track import CurveTrack, node_lengths
-from skfem_contact.answers.validity.ends import ways_to_ends
-from skfem_contact.answers.validity.overlap import Outline, outline
+from skfem_contact.answers.validity.boundaries import Boundary, boundary
+from skfem_contact.answers.validity.track import Rim, Track, curvatures, node_lengths
+from skfem_contact.conditions.discretisation import pair
 
 QUAD = fem.ElementVector(fem.ElementQuad1())
 E = 1e3
@@ -690,7 +689,7 @@ def test_hole_is_outside():
     joined, at = np.unique(np.round(ring.p, 9), axis=1, return_inverse=True)
     ring = fem.MeshQuad(joined, at.reshape(-1)[ring.t])
     body = sc.Body(fem.Basis(ring, QUAD), linear_elasticity())
-    line = outline(body, np.zeros(body.n))
+    line = boundary(body, np.zeros(body.n))
     points = np.array([[1.5, 0.0], [0.5, 0.1], [2.5, 0.0], [0.0, -1.2]])
     assert line.inside(points).tolist() == [True, False, False, True]
     # chords of 64 sides miss the circle by R (1 - cos(pi / 64)) = 2.4e-3 at the most
@@ -701,10 +700,11 @@ def test_curved_facets_are_followed():
     """Quadratic facets of a disc: eight pieces miss 1/64 of the sagitta of one chord."""
     mesh = fem.MeshTri2.init_circle(2)
     body = sc.Body(fem.Basis(mesh, fem.ElementVector(fem.ElementTriP2())), linear_elasticity())
-    line = outline(body, np.zeros(body.n))
-    r = np.linalg.norm(line.start, axis=1)
-    middle = np.linalg.norm(0.5 * (line.start + line.end), axis=1)
-    chord = np.linalg.norm(line.end - line.start, axis=1)
+    line = boundary(body, np.zeros(body.n))
+    start, end = np.moveaxis(line.corners, 1, 0)
+    r = np.linalg.norm(start, axis=1)
+    middle = np.linalg.norm(0.5 * (start + end), axis=1)
+    chord = np.linalg.norm(end - start, axis=1)
     # a parabola through three points of the circle, and its chords
     assert_allclose(r, 1.0, atol=1e-4)
     assert_allclose(middle, 1 - chord**2 / 8, atol=1e-4)
@@ -713,10 +713,10 @@ def test_curved_facets_are_followed():
 def test_many_points_go_in_blocks(monkeypatch):
     """What does not fit into one block is done in several, with the same result."""
     corners = np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0, 2 * np.pi, 100)[:-1]])
-    circle = Outline(corners, np.roll(corners, -1, axis=0))
+    circle = Boundary(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
     points = np.random.default_rng(1).uniform(-1.2, 1.2, (500, 2))
     whole = circle.signed(points)
-    monkeypatch.setattr("skfem_contact.answers.validity.overlap.PAIRS_AT_ONCE", 1000)
+    monkeypatch.setattr("skfem_contact.answers.validity.boundaries.PAIRS_AT_ONCE", 1000)
     np.testing.assert_array_equal(circle.signed(points), whole)
     assert_allclose(whole, np.linalg.norm(points, axis=1) - 1, atol=1e-3)  # chords: 5e-4
 
@@ -726,18 +726,21 @@ def test_ways_to_the_ends_of_surfaces():
     grid = np.linspace(0, 2, 5)
     body = rectangle(grid, grid, name="block")
     both = body.surface(["bottom", "top"], name="both")
-    facet = np.arange(len(both.facets))
-    start, end = (both.points[both.facets[:, k]] for k in (0, 1))
-    behind, ahead = ways_to_ends(both, facet, 0.5 * (start + end))
-    assert_allclose(behind + ahead, 2.0)
-    assert_allclose(np.sort(behind), np.repeat([0.25, 0.75, 1.25, 1.75], 2))
-    assert_allclose(node_lengths(both).sum(), 4.0)
+    middles = both.points[both.facets].mean(axis=1)
+    ends = Rim.of(both)
+    assert_allclose(-ends.beyond(middles), np.minimum(middles[:, 0], 2.0 - middles[:, 0]))
+    assert_allclose(ends.at_least(middles), -ends.beyond(middles))
+    assert_allclose(ends.beyond(middles + [2.0, 0.0]), middles[:, 0])
+    assert_allclose(ends.beyond(middles - [2.0, 0.0]), 2.0 - middles[:, 0])
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    bottom = body.surface("bottom")
+    assert_allclose(node_lengths(bottom, pair(sc.Contact(bottom, floor))).sum(), 2.0)
     disc = fem.MeshTri.init_circle(3)
     rim = sc.Body(fem.Basis(disc, fem.ElementVector(fem.ElementTriP1())), linear_elasticity())
     rim = rim.surface(lambda x: x[0] ** 2 + x[1] ** 2 > 0.9, name="rim")
-    behind, ahead = ways_to_ends(rim, np.arange(len(rim.facets)), rim.points[rim.facets[:, 0]])
-    assert np.isinf(behind).all() and np.isinf(ahead).all()
-    assert_allclose(curvatures(rim), 1.0, rtol=0.01)  # facets of 0.1
+    assert np.isinf(Rim.of(rim).at_least(rim.points)).all()
+    assert np.isneginf(Rim.of(rim).beyond(rim.points)).all()
+    assert_allclose(np.trace(curvatures(rim), axis1=1, axis2=2), 1.0, rtol=0.01)  # facets of 0.1
 
 
 def test_ends_are_looked_at_where_a_point_may_have_passed_them():
@@ -747,14 +750,14 @@ def test_ends_are_looked_at_where_a_point_may_have_passed_them():
     contact = sc.Contact(up.surface("bottom"), low.surface("top"), friction=sc.Coulomb(0.3))
     solver = sc.ContactSolver([low, up], contact)
     gap, part = np.zeros(9), slice(0, 9)
-    short, long = (CurveTrack(contact, solver.geometry.pairings[0], solver.kin.gap0) for _ in range(2))
+    short, long = (Track(contact, solver.geometry.pairings[0], solver.kin.gap0) for _ in range(2))
     long.room = np.full(9, -np.inf)
     order = np.argsort(short.points[:, 0])
     for first in range(5):
         closed = np.zeros(9, dtype=bool)
         closed[order[first : 9 - first]] = True
         for slip in (0.0, 0.02, 0.06, 0.07, 0.13, -0.19, 0.4, -0.5):
-            given = closed, np.full(9, slip), gap, np.ones(9), 1e-3, None, 0, part
+            given = closed, slip * short.tangent[:, 0], gap, np.ones(9), 1e-3, None, 0, part
             found = short.drift(*given)
             assert found == long.drift(*given)
             # a point counts with the 1/8 of the surface around it, of which the slip takes its part

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.validity.watched import Watched
+from skfem_contact.answers.validity.validity import Watched
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.identity import Identity

@@ -16,7 +16,7 @@ from skfem_contact.answers.reaction import reaction
 from skfem_contact.answers.undetermined import undetermined
 from skfem_contact.answers.uniqueness import Uniqueness, uniqueness
 from skfem_contact.answers.validity.assess import assess
-from skfem_contact.answers.validity.rotation import rigid_rotations
+from skfem_contact.answers.validity.strain import rigid_rotations
 from skfem_contact.answers.validity.validity import Validity
 from skfem_contact.arguments import known_keywords
 from skfem_contact.bodies.member import Member

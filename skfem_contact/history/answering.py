@@ -11,8 +11,8 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.validity.validity import Said
 from skfem_contact.answers.validity.watch import Watch
-from skfem_contact.answers.validity.watched import Said
 from skfem_contact.arguments import check_kind
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.diagnosis import check_loads

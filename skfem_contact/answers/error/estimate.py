@@ -22,7 +22,7 @@ from that of the continuous problem, in the L2 norm over the contact, from six s
 The first three are in `surface`, in 3-D in `faces` and `second_order`, the last in `chords`, the others
 in `body`. An answer is not rated, and its total NaN, where one of them is not known: `chords` of
 second-order faces that stand straight for a curve, `scatter` where all points are near ends of the
-surface; and where a body locks (`validity.locking`), since its answer shows nothing of that error.
+surface; and where a body locks (`validity.strain`), since its answer shows nothing of that error.
 
 What no answer shows of itself is not in it: what else curved bodies lose with straight facets, load
 steps too long for a history that depends on the path, the limits of the linear theory.
@@ -43,7 +43,7 @@ from skfem_contact.answers.error.misfit import Line
 from skfem_contact.answers.error.sources import Elements, ErrorEstimate, ErrorSources
 from skfem_contact.answers.error.surface import points_across, surface_error
 from skfem_contact.answers.thresholds import LOCKED
-from skfem_contact.answers.validity.locking import lockable, locked_share
+from skfem_contact.answers.validity.strain import lockable, locked_share
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface

@@ -17,23 +17,20 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import LARGE
-from skfem_contact.answers.validity.drift import Drift
-from skfem_contact.answers.validity.give import beyond_round_off, elastic_approach
-from skfem_contact.answers.validity.hull import Hull, hull
-from skfem_contact.answers.validity.intrusion import Intrusions
-from skfem_contact.answers.validity.locking import lockable, locked_share, locking_words
-from skfem_contact.answers.validity.lookout import Lookouts
-from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, drawn_off, sagitta
-from skfem_contact.answers.validity.overlap import Outline, outline
-from skfem_contact.answers.validity.rotation import leaning, rotation_words
-from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
-from skfem_contact.answers.validity.strain import strains
+from skfem_contact.answers.validity.boundaries import Boundary, Meeting, at_obstacle, between, boundary
+from skfem_contact.answers.validity.chords import chord_height, drawn_off
+from skfem_contact.answers.validity.plane_overlaps import Intrusions
+from skfem_contact.answers.validity.solid_overlaps import Lookouts
+from skfem_contact.answers.validity.strain import leaning, lockable, locked_share, strains
+from skfem_contact.answers.validity.support import beyond_round_off, elastic_approach
 from skfem_contact.answers.validity.track import tool_motion
-from skfem_contact.answers.validity.validity import ContactValidity, Validity
+from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
 from skfem_contact.answers.validity.words import (
     facet_words,
+    locking_words,
     overlap_words,
     prescribed_words,
+    rotation_words,
     sliding_words,
     strain_words,
 )
@@ -124,7 +121,7 @@ class Assessment:
         return found
 
     def locked(self, name: str) -> float:
-        """Share of a body's energy that neighbouring elements take back; see `locking`."""
+        """Share of a body's energy that neighbouring elements take back; see `strain`."""
         body = self.solids[name]
         found: float = self._once(
             "locking", name, lambda: locked_share(body, self.result.displacement(body))
@@ -204,11 +201,10 @@ class Assessment:
         geometry: Geometry = self.result.recover.model.geometry
         return geometry
 
-    def _outline(self, name: str) -> Outline | Hull:
+    def _boundary(self, name: str) -> Boundary:
         body = self.solids[name]
-        draw = outline if body.dim == 2 else hull
-        found: Outline | Hull = self._once(
-            "outline", name, lambda: draw(body, self.result.displacement(body))
+        found: Boundary = self._once(
+            "boundary", name, lambda: boundary(body, self.result.displacement(body))
         )
         return found
 
@@ -233,7 +229,7 @@ class Assessment:
         paired = result.kin.paired[part]
         if isinstance(contact.primary, Obstacle):
             # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
-            chords = sagitta(secondary, secondary.facet_node_normals)
+            chords = chord_height(secondary)
             motion = result.case.motion[i].as_argument()
             if contact.rigid_body is not None:
                 motion = as_motion(system, contact.rigid_body, result.u)
@@ -243,7 +239,7 @@ class Assessment:
             return 0.0, Meeting()
         one, other = (system.names[system.index(s.body)] for s in (secondary, contact.primary))
         chords = drawn_off(secondary) + drawn_off(contact.primary)
-        first, second = self._outline(one), self._outline(other)
+        first, second = self._boundary(one), self._boundary(other)
         return chords, between(first, second, chords, system.extent, moved, added, closed, paired)
 
     def _once(self, what: str, which: Any, measure: Any) -> Any:
@@ -262,9 +258,6 @@ def _drift(result: Answer, i: int) -> Drift:
         force = result.state.normal_force[part]
         tool = tool_motion(result.system, contact, track, result.u)
         found = track.drift(closed, slip, gap, force, drift.approach, result.worn_case, i, part, tool)
-        if looked_at(contact):
-            answer = result.state, result.gap, result.worn_case, result.u, drift.approach
-            found |= obstacle_drift(result.recover.model.geometry, i, *answer)
         return replace(drift, **found)
     elastic = beyond_round_off(elastic_approach(result, i, closed), result.system.extent)
     return replace(drift, approach=max(drift.approach, elastic))
@@ -276,9 +269,7 @@ def _coefficient(law: FrictionLaw | None) -> Any:
 
 
 def _slip(result: Answer, part: slice) -> Array:
-    """By the displacements: along the tangents (m,), in 3-D vectors (m, 3)."""
+    """By the displacements, vectors in the tangent planes (m, d)."""
     t = result.kin.tangents
     slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
-    if t == 1:
-        return slip.ravel()
     return np.asarray(np.einsum("mk,mkd->md", slip.reshape(-1, t), result.kin.duals[part]))

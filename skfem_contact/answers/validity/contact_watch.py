@@ -10,15 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.behind import behind_words, depth_behind
-from skfem_contact.answers.validity.curve_track import CurveTrack
-from skfem_contact.answers.validity.drift import Drift
-from skfem_contact.answers.validity.face_track import FaceTrack
-from skfem_contact.answers.validity.give import beyond_round_off, elastic_approach, soft, spared
-from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
-from skfem_contact.answers.validity.support import Support, unit_motions
-from skfem_contact.answers.validity.tool_chords import pierced, pierced_words
+from skfem_contact.answers.validity.obstacles import (
+    depth_in_solid,
+    in_solid_words,
+    pierced,
+    pierced_words,
+)
+from skfem_contact.answers.validity.support import (
+    Support,
+    beyond_round_off,
+    elastic_approach,
+    soft,
+    spared,
+    unit_motions,
+)
 from skfem_contact.answers.validity.track import Track, off_arc, tool_motion
+from skfem_contact.answers.validity.validity import Drift
 from skfem_contact.arrays import largest
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
@@ -53,8 +60,8 @@ class ContactWatch:
         What a force on a point presses it in [length/force].
     spared : ndarray, shape (m,), or None
         What of `soft` points do not feel, because supports take up their force on one side.
-    normal_rows, tangential_rows : list of ndarray
-        How far motions of each body move points along their normals and tangents.
+    normal_rows, all_rows : list of ndarray
+        How far motions of each body move points along their normals, (m, r), and at all, (m, d, r).
     held : bool
         Whether supports hold both sides along the normals.
     loose : list of Support, or None
@@ -75,10 +82,8 @@ class ContactWatch:
         self.contact, self.part = geometry.contacts[i], geometry.point_slices[i]
         contact, pairing = self.contact, geometry.pairings[i]
         self.dim = geometry.kin.points.shape[1]
-        make = CurveTrack if self.dim == 2 else FaceTrack
         own = geometry.interference[i]
-        self.track = make(contact, pairing, geometry.kin.gap0[self.part], own)
-        self.on_obstacle = looked_at(contact)
+        self.track = Track(contact, pairing, geometry.kin.gap0[self.part], own)
         sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
         bodies = [self.system.index(side.body) for side in sides]
         # the diagonal of K at a surface is of the order of the modulus, whatever the mesh; in 3-D
@@ -93,7 +98,7 @@ class ContactWatch:
         self.bodies = bodies
         held_by = [supports[b] for b in bodies]
         self.normal_rows = [s.along(self.track.points, self.track.normal) for s in held_by]
-        self.tangential_rows = [self._along(s) for s in held_by]
+        self.all_rows = [unit_motions(self.track.points, s.centre, s.arm) for s in held_by]
         points, normal = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
         self.held = all(s.holds(points, normal) for s in held_by)
         self.inside, self.loose = False, None
@@ -101,13 +106,6 @@ class ContactWatch:
             along = np.moveaxis(pairing.tangent[pairing.paired], 1, 0)
             if not all(s.holds(points, way) for s in held_by for way in along):
                 self.loose = [self._free(b, known()) for b in bodies]
-
-    def _along(self, support: Support) -> Array:
-        """How motions move points along their tangents, (m, 3); in 3-D all of it, (m, 3, 6)."""
-        track: Track = self.track
-        if self.dim == 2:
-            return support.along(track.points, track.tangent[:, 0])
-        return unit_motions(track.points, support.centre, support.arm)
 
     def _free(self, b: int, known: Index) -> Support:
         """How a body moves as a whole, by what is known of its displacements."""
@@ -127,7 +125,7 @@ class ContactWatch:
             return None
         moved = [motions[b] for b in self.bodies]
         lifted = relative(self.normal_rows, moved)
-        return lifted, self.track.tangential(relative(self.tangential_rows, moved))
+        return lifted, self.track.tangential(relative(self.all_rows, moved))
 
     def drift(
         self,
@@ -172,20 +170,18 @@ class ContactWatch:
             slip = track.slip(state.slip[part], given)
             # a belt is pressed in by its stretch along the drum
             stretch = slip - dragged
-            approach = max(approach, track.spread(stretch[closed]) if count else 0.0)
+            approach = max(approach, track.spread(stretch, closed) if count else 0.0)
         else:
             slip = dragged
             if self.loose is not None:
                 moved = [body.motion(u) for body in self.loose]
-                slip = track.tangential(relative(self.tangential_rows, moved))
+                slip = track.tangential(relative(self.all_rows, moved))
         approach = beyond_round_off(approach, self.extent)
         force = state.normal_force[part]
         tool = tool_motion(self.system, contact, track, u)
         found = track.drift(closed, slip, gap[part], force, approach, case, self.i, part, tool)
         if contact.rigid and tool is None and contact.friction is not None:
             found["off_arc"] = off_arc(case.motion[self.i], track, np.where(closed, force, 0.0))
-        if self.on_obstacle:
-            found |= obstacle_drift(self.geometry, self.i, state, gap, case, u, approach)
         return Drift(count, approach=approach, strain=strain, sagitta=sagitta, **found)
 
     def _pressed(self, closed: NDArray[np.bool_], force: Array) -> tuple[float, float]:
@@ -223,16 +219,16 @@ class ContactWatch:
         if not isinstance(contact.primary, Obstacle) or contact.bilateral:
             return ""
         # what finds partners that it did not have has come to another place
-        if self._behind and (self.track.paired.any() or not np.isfinite(gap[self.part]).any()):
-            return behind_words(contact, self._behind)
+        if self._depth_in_solid and (self.track.paired.any() or not np.isfinite(gap[self.part]).any()):
+            return in_solid_words(contact, self._depth_in_solid)
         if track.bend is None:
             return ""
         found = pierced(track.secondary, track.bend, gap[self.part])
         return pierced_words(track.secondary, *found, contact.primary.label) if found else ""
 
     @cached_property
-    def _behind(self) -> float:
-        return depth_behind(self.contact, self.geometry.pairings[self.i])
+    def _depth_in_solid(self) -> float:
+        return depth_in_solid(self.contact, self.geometry.pairings[self.i])
 
     def seems_coarse(self, result: Answer, drift: Drift) -> bool:
         """Whether facets seem too long: where points slide far, by the approach since the beginning."""

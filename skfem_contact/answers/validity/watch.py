@@ -13,13 +13,17 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import LARGE, PRESSED, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
-from skfem_contact.answers.validity.intrusion import Intrusions
-from skfem_contact.answers.validity.locking import lockable
-from skfem_contact.answers.validity.lookout import Lookouts
-from skfem_contact.answers.validity.rotation import leaning, rigid_rotations
-from skfem_contact.answers.validity.solids import of_triangles, past_words, slides_off, triangle_words
+from skfem_contact.answers.validity.obstacles import (
+    of_triangles,
+    past_words,
+    slides_off,
+    triangle_words,
+)
+from skfem_contact.answers.validity.plane_overlaps import Intrusions
+from skfem_contact.answers.validity.solid_overlaps import Lookouts
+from skfem_contact.answers.validity.strain import leaning, lockable, rigid_rotations
 from skfem_contact.answers.validity.support import Support
-from skfem_contact.answers.validity.watched import Said, Watched
+from skfem_contact.answers.validity.validity import Said, Watched
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
@@ -81,7 +85,7 @@ class Watch:
         # whether displacements at the contact DOFs are asked for
         self.asks = any(c.rigid_body and c.sliding == "small" for c in self.contacts)
         self.asks |= bool(self.of_triangles | self.slides_off)
-        self.asks |= any(watch.on_obstacle or watch.loose is not None for watch in self.watches)
+        self.asks |= any(watch.loose is not None for watch in self.watches)
         self.asks |= self.lookouts is not None and self.lookouts.asks
         self.solids = [n for n, body in self.system.solids.items() if body.components > 1]
         # where supports do not hold a body against contact, only its surfaces tell how it is strained

@@ -1,12 +1,20 @@
-"""Looks after every step for vertices and edges of solids that overlap where no row sees it.
+r"""Where solids overlap and no row of the contact sees it: vertices, edges and sides, after every step.
 
-Overlaps (`standing`) are compared with what smooth boundaries stand off the faces of the secondary, and
-with what the bodies take up elastically: a part of that changes forces by as little. Where contact does
-not slide far, nodes that are in no row have displacements that only the interior knows: they follow
-the rigid motion of what is known, and the nearest node that is known. What seems to overlap is looked
-at again with all displacements before anything is said. Where such a node is over a face of the other
-side, or a corner of a face that a node is under, its place is too uncertain to see an overlap: then
-too, once for every doubling of the approach.
+Conditions hold at the nodes of the secondary, or in the mean over its faces. A vertex of the primary
+that stands in the middle of a face of the secondary, as the tip of a dome does or the corner of a box,
+lies between the nodes, and a vertex of either side may leave the mean open. Two edges that cross each
+other meet between the nodes of both. Both are looked for on the deformed surfaces:
+
+* nodes of each side under faces of the other, by the closest point of the face;
+* sharp edges of both sides that cross (`pairing.faces.edges`);
+* where solids slide far, nodes behind sides of the other body that no contact has.
+
+Overlaps are compared with what smooth boundaries stand off the faces of the secondary, and with what
+the bodies take up elastically: a part of that changes forces by as little. Where contact does not slide
+far, nodes that are in no row have displacements that only the interior knows (`Extrapolation`). What
+seems to overlap is looked at again with all displacements before anything is said. Where such a node is
+over a face of the other side, or a corner of a face that a node is under, its place is too uncertain to
+see an overlap: then too, once for every doubling of the approach.
 """
 
 from __future__ import annotations
@@ -19,19 +27,23 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import ALONE, CHORDS, STANDING, TILT
-from skfem_contact.answers.validity.drift import Drift
-from skfem_contact.answers.validity.face_chords import face_bends
-from skfem_contact.answers.validity.flanks import Flanks, boundary
-from skfem_contact.answers.validity.standing import Nearby, Standing, falls_away, standing_nodes
-from skfem_contact.answers.validity.support import Support
+from skfem_contact.answers.validity.chords import heights
+from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
+from skfem_contact.answers.validity.validity import Drift, Standing
+from skfem_contact.answers.validity.words import hidden_words
+from skfem_contact.bodies.faces import area_vectors
 from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.digits import SOLVED
+from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.edges import crossings, sharp_edges_of
+from skfem_contact.pairing.faces.projection import project
+from skfem_contact.pairing.thresholds import COINCIDENT
+from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
@@ -116,9 +128,9 @@ class Lookouts:
             found = self._beside_surfaces(i, parts, None, drift.approach)
         if found is None or (found.what == "touch" and not self._beside(i, result, found)):
             return ""
-        return found.words(one.secondary.label, one.primary.label, one.contact.method)
+        return hidden_words(found, one.secondary.label, one.primary.label, one.contact.method)
 
-    def _flanks(self, one: Lookout, there: Mask) -> list[tuple[Flanks, Missing]]:
+    def _flanks(self, one: Lookout, there: Mask) -> list[tuple[Flanks, Extrapolation]]:
         """The sides beside both surfaces of a contact, and what is not known of their places."""
         found = []
         for selected, own in ((one.primary, one.secondary), (one.secondary, one.primary)):
@@ -161,41 +173,12 @@ class Lookouts:
         added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
         return self.each[i].look(parts, added, approach)
 
-    def _missing(self, side: FaceSurface, there: Mask) -> Missing:
+    def _missing(self, side: FaceSurface, there: Mask) -> Extrapolation:
         start = int(self.system.slice(side.body).start)
-        return Missing(side, start, np.flatnonzero(there[self.system.slice(side.body)]))
+        return Extrapolation(side, start, np.flatnonzero(there[self.system.slice(side.body)]))
 
-    def _part(self, missing: Missing, u: Array) -> Array:
+    def _part(self, missing: Extrapolation, u: Array) -> Array:
         return missing.filled(u[self.system.slice(missing.side.body)], u)
-
-
-class Missing:
-    """Nodes of a surface whose displacements are not known without the interior."""
-
-    def __init__(self, side: FaceSurface, start: int, known: Index) -> None:
-        self.side = side
-        there = np.isin(side.dofs, known).all(axis=1)
-        self.nodes, known_nodes = np.flatnonzero(~there), np.flatnonzero(there)
-        if not len(self.nodes):
-            return
-        self.support = Support.of(side.body, start, known)
-        self.beside = known_nodes[:0]
-        if len(known_nodes):
-            nearest = Tree(side.points[known_nodes]).query(side.points[self.nodes])[1]
-            self.beside = known_nodes[nearest]
-
-    def filled(self, part: Array, u: Array) -> Array:
-        """Displacements of the body, with those of the missing nodes as near as one can say."""
-        if not len(self.nodes):
-            return part
-        x, dofs = self.side.points, self.side.dofs
-        motion = self.support.motion(u)
-        moved = self.support.at(x[self.nodes], motion)
-        if len(self.beside):
-            moved += part[dofs[self.beside]] - self.support.at(x[self.beside], motion)
-        part = part.copy()
-        part[dofs[self.nodes]] = moved
-        return part
 
 
 class Lookout:
@@ -206,7 +189,7 @@ class Lookout:
         assert isinstance(contact.primary, FaceSurface)
         self.contact, self.secondary, self.primary = contact, contact.secondary, contact.primary
         self.noise = SOLVED * extent
-        self.chords = [CHORDS * _heights(side) for side in (self.secondary, self.primary)]
+        self.chords = [CHORDS * heights(side) for side in (self.secondary, self.primary)]
         self.near = [Nearby(self.secondary), Nearby(self.primary)]
         self.edges = [sharp_edges_of(side) for side in (self.secondary, self.primary)]
 
@@ -321,8 +304,191 @@ def _looked_out_for(contact: Contact) -> bool:
     return secondary.body is not primary.body and secondary.dofs.shape[1] == 3
 
 
-def _heights(surface: FaceSurface) -> Array:
-    """How far the smooth boundary stands off the middles of faces, shape (nf,) [length]."""
-    bend, edges = face_bends(surface)
-    spread = np.einsum("fcd,fce->fde", edges, edges) / (9 if surface.kind.triangle else 8)
-    return np.asarray(0.5 * np.abs(np.einsum("fde,fde->f", bend, spread)))
+class Nearby:
+    """Nodes of one surface near the faces of another; searched again where they have moved.
+
+    Parameters
+    ----------
+    other : FaceSurface
+        With the faces.
+    """
+
+    def __init__(self, other: FaceSurface) -> None:
+        self.corners = other.facets[:, : other.kind.corners]
+        self.facets = other.facets
+        x = other.points[other.facets]
+        middle = x[:, : other.kind.corners].mean(axis=1, keepdims=True)
+        # to the corners, and so much more that a node below one of them is found
+        self.reach = 1.5 * np.linalg.norm(x - middle, axis=2).max(axis=1)
+        self.slack = 0.1 * float(self.reach.min())
+        # where both surfaces were, and which nodes were near which faces there
+        self._found: tuple[Array, Array, Index, Index] | None = None
+
+    def around(self, other: Array, own: Array) -> tuple[Index, Index]:
+        """Pairs (node, face) of nodes near faces, by the places of all nodes of both, (m, 3)."""
+        found = self._found
+        if found is None or max(_farthest(other, found[0]), _farthest(own, found[1])) > self.slack:
+            found = self._found = other, own, *self._search(other, own)
+        return found[2:]
+
+    def under(self, other: Array, own: Array, least: float) -> tuple[Index, Index]:
+        """Those of the pairs `around` whose node is deeper than `least` under the plane of the face.
+
+        What is curved or warped stands off its plane by a part of its size.
+        """
+        node, face = self.around(other, own)
+        x = other[self.facets]
+        middle = x[:, : self.corners.shape[1]].mean(axis=1)
+        across = area_vectors(other[self.corners])
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        highest = dot(x - middle[:, None], across[:, None]).max(axis=1)
+        away = own[node] - middle[face]
+        under = dot(away, across[face]) < highest[face] - least
+        node, face = node[under], face[under]
+        reached = np.linalg.norm(away[under], axis=1) <= self.reach[face]
+        return node[reached], face[reached]
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**vars(self), "_found": None}  # it is found again
+
+    def _search(self, other: Array, own: Array) -> tuple[Index, Index]:
+        x = other[self.facets]
+        middle, reach = x[:, : self.corners.shape[1]].mean(axis=1), self.reach + 2 * self.slack
+        low, high = middle.min(axis=0) - reach.max(), middle.max(axis=0) + reach.max()
+        near = np.flatnonzero(((own >= low) & (own <= high)).all(axis=1))
+        if not len(near):
+            return near, near
+        found = Tree(own[near]).query_ball_point(middle, reach)
+        count = np.array([len(some) for some in found])
+        node = near[np.concatenate([np.asarray(some, dtype=np.intp) for some in found])]
+        return node, np.repeat(np.arange(len(middle)), count)
+
+
+def standing_nodes(
+    other: FaceSurface, own: FaceSurface, node: Index, face: Index, least: float
+) -> tuple[Index, Index, Array]:
+    """Nodes of one surface that lie in the body of the other, under a face that looks at them.
+
+    Parameters
+    ----------
+    other, own : FaceSurface
+        With the faces, and with the nodes.
+    node, face : ndarray of int, shape (q,)
+        Pairs to look at.
+    least : float
+        What is less deep need not be found [length].
+
+    Returns
+    -------
+    node, face : ndarray of int, shape (p,)
+        A node may lie under several faces; it is listed with the nearest.
+    depth : ndarray, shape (p,)
+        Distances from these faces, > 0 [length].
+    """
+    looks = dot(own.normals[node], other.facet_normals[face]) < 0
+    node, face = node[looks], face[looks]
+    if not len(node):
+        return node, face, np.zeros(0)
+    feet = project(other, face, own.points[node])
+    depth = -dot(own.points[node] - feet.foot, feet.own)
+    within = feet.over <= COINCIDENT * other.lengths[face]
+    there = np.flatnonzero(within & (depth > least))
+    order = there[np.lexsort((depth[there], node[there]))]
+    first = np.r_[True, np.diff(node[order]) != 0] if len(order) else np.zeros(0, dtype=bool)
+    order = order[first]
+    return node[order], face[order], depth[order]
+
+
+def falls_away(own: FaceSurface, node: Index, across: Array, by: float) -> Mask:
+    """Nodes from which every face of their surface falls away by more than a length, (p,).
+
+    Parameters
+    ----------
+    own : FaceSurface
+        As it is meshed: faces that lie on the other side are deformed by the contact.
+    node : ndarray of int, shape (p,)
+    across : ndarray, shape (p, 3)
+        Unit normals of what each is pressed on, towards the node.
+    by : float
+        [length]
+    """
+    found = np.zeros(len(node), dtype=bool)
+    for k, (i, normal) in enumerate(zip(node, across, strict=True)):
+        faces = own.facets[(own.facets == i).any(axis=1)]
+        heights = (own.points[faces] - own.points[i]) @ normal
+        found[k] = (heights.max(axis=1) > by).all()
+    return found
+
+
+def _farthest(points: Array, before: Array) -> float:
+    return float(np.sqrt(np.max(np.sum((points - before) ** 2, axis=1), initial=0.0)))
+
+
+class Flanks:
+    """The sides of a body beside one of its contact surfaces, which no contact has.
+
+    The nodes of a contact surface are looked for behind the sides of the other body that are not
+    selected. One is in there if the nearest of all faces of that body is such a side, and the node
+    behind it: next to the rim of a surface the nearest face is that which it is pressed on.
+
+    Parameters
+    ----------
+    whole, selected : FaceSurface
+        All of the boundary, and the contact surface.
+    own : FaceSurface
+        Of the other body, whose nodes are looked for.
+    """
+
+    def __init__(self, whole: FaceSurface, selected: FaceSurface, own: FaceSurface) -> None:
+        self.whole, self.own = whole, own
+        self.beside = ~np.isin(whole.mesh_facets, selected.mesh_facets)
+        self.near = Nearby(whole)
+
+    def look(self, u: Array, u_own: Array, least: float) -> Standing | None:
+        """The node that is deepest in, if it is deeper than a length.
+
+        Parameters
+        ----------
+        u, u_own : ndarray
+            Displacements of both bodies, right on the boundary and on the surface [length].
+        least : float
+            [length]
+        """
+        points = self.own.points + u_own[self.own.dofs]
+        places = self.whole.points + u[self.whole.dofs]
+        node, face = self.near.under(places, points, least)
+        asked = np.unique(node[self.beside[face]])
+        if not len(asked):
+            return None
+        whole = self.whole.moved(u)
+        node, face = self.near.around(places, points)
+        mine = np.isin(node, asked)
+        node, face = node[mine], face[mine]
+        feet = project(whole, face, points[node])
+        away = points[node] - feet.foot
+        depth = -dot(away, feet.own)
+        # the nearest faces of each node; several where it is nearest to an edge between them, which
+        # in a body is a hollow one: then the node is behind all of them
+        distance = np.linalg.norm(away, axis=1)
+        nearest, lowest = np.full(len(points), np.inf), np.full(len(points), np.inf)
+        np.minimum.at(nearest, node, distance)
+        same = distance <= nearest[node] + COINCIDENT * whole.lengths[face]
+        np.minimum.at(lowest, node[same], depth[same])
+        inside = same & (lowest[node] > 0)
+        hidden = np.flatnonzero(inside & (depth > least) & self.beside[face])
+        if not len(hidden):
+            return None
+        deepest = hidden[np.argmax(depth[hidden])]
+        return Standing(
+            len(np.unique(node[hidden])), float(depth[deepest]), points[node[deepest]], "flank"
+        )
+
+
+def boundary(surface: FaceSurface) -> FaceSurface | None:
+    """All of the boundary of the body of a surface; None where some of it has no sides to speak of."""
+    try:
+        whole = surface.body.surface(None)
+    except InputError:  # faces that fold over, far from the contact
+        return None
+    assert isinstance(whole, FaceSurface)
+    return whole

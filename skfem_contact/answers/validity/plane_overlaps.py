@@ -1,8 +1,9 @@
 """Where contact slides far: does anything overlap that the pairing does not see?
 
 The points of both surfaces, and the middles between them, are looked for in the whole body on the
-other side after every step: polygons in polygons (`overlap`), with boundaries from what a load step
-knows (`skin`). That is a suspicion: the verdict is that of `assess`, with all displacements.
+other side after every step (`boundaries`), by what a load step knows of displacements: those of contact
+surfaces and supports, extrapolated to the rest of the boundary (`Extrapolation`). That is a suspicion:
+the verdict is that of `assess`, with all displacements.
 """
 
 from __future__ import annotations
@@ -14,14 +15,12 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import OVERLAP
-from skfem_contact.answers.validity.drift import Drift
-from skfem_contact.answers.validity.meeting import drawn_off
-from skfem_contact.answers.validity.overlap import Outline
-from skfem_contact.answers.validity.skin import Skin
+from skfem_contact.answers.validity.boundaries import BoundaryNodes, weights_between, within
+from skfem_contact.answers.validity.chords import drawn_off
+from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
-from skfem_contact.answers.validity.watched import Intrusion
+from skfem_contact.answers.validity.validity import Drift, Intrusion
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.conditions.contact import Contact
@@ -36,10 +35,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-#: Shape functions of linear and quadratic facets at points between their nodes.
-BETWEEN = {2: facet_shapes(np.array([0.5]), 2)[0], 3: facet_shapes(np.array([0.25, 0.75]), 3)[0]}
-
-
 class Intrusions:
     """What is known beforehand of all contacts between two bodies that slide far."""
 
@@ -51,11 +46,12 @@ class Intrusions:
         self.held = np.asarray(self.system.D)
         self.looked = [i for i, contact in enumerate(contacts) if _looked_at(contact)]
         bodies = {self.system.index(s.body) for i in self.looked for s in _sides(contacts[i])}
-        self.skins = {
-            b: Skin.of(body, known[self.system.slice(body)])
+        self.nodes = {
+            b: BoundaryNodes.of(body)
             for b, body in enumerate(self.system.bodies)
             if b in bodies and isinstance(body, Body)
         }
+        self.unknown = {b: self._unknown(nodes, known) for b, nodes in self.nodes.items()}
         self.chords = {i: _chords(_sides(contacts[i])) for i in self.looked}
 
     def look(
@@ -73,9 +69,11 @@ class Intrusions:
             return {}
         u = self.geometry.spread(state.surface)
         u[self.held] = case.x[self.held]
-        parts = {b: u[self.system.slice(self.system.bodies[b])] for b in self.skins}
-        places = {b: skin.moved(parts[b]) for b, skin in self.skins.items()}
-        found = {i: self._found(i, parts, places, case, tracks) for i in self.looked}
+        parts = {
+            b: unknown.filled(u[self.system.slice(unknown.side.body)], u)
+            for b, unknown in self.unknown.items()
+        }
+        found = {i: self._found(i, parts, case, tracks) for i in self.looked}
         # the bound of `ContactValidity.excess`, with what is known of the approach
         least = {i: self.chords[i] + OVERLAP * drifts[i].approach for i in self.looked}
         return {i: one for i, one in found.items() if one is not None and one.depth > least[i]}
@@ -88,8 +86,7 @@ class Intrusions:
         parts = {
             self.system.index(s.body): result.displacement(s.body) for s in _sides(self.contacts[i])
         }
-        places = {b: self.skins[b].placed(u) for b, u in parts.items()}
-        found = self._found(i, parts, places, result.worn_case, result.watched.tracks)
+        found = self._found(i, parts, result.worn_case, result.watched.tracks)
         if found is None:
             return None
         place = (
@@ -98,11 +95,14 @@ class Intrusions:
         )
         return place, " ".join(self.reasons(i, result.state))
 
+    def _unknown(self, nodes: BoundaryNodes, known: Mask) -> Extrapolation:
+        part = self.system.slice(nodes.body)
+        return Extrapolation(nodes, int(part.start), np.flatnonzero(known[part]))
+
     def _found(
         self,
         i: int,
         parts: dict[int, Array],
-        places: dict[int, Array],
         case: LoadCase,
         tracks: Sequence[Track],
     ) -> Intrusion | None:
@@ -110,7 +110,7 @@ class Intrusions:
         numbers = [self.system.index(side.body) for side in sides]
         nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
         added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
-        deepest = self._deepest(sides, numbers, nodes, places, np.nan_to_num(added))
+        deepest = self._deepest(sides, numbers, nodes, parts, np.nan_to_num(added))
         if deepest is None:
             return None
         depth, at, k = deepest
@@ -121,7 +121,7 @@ class Intrusions:
         sides: tuple[ContactSurface, ContactSurface],
         numbers: list[int],
         nodes: list[Array],
-        places: dict[int, Array],
+        parts: dict[int, Array],
         added: Array,
     ) -> tuple[float, tuple[float, ...], int] | None:
         """Depth, place, and the side whose point it is; None where nothing overlaps."""
@@ -131,17 +131,18 @@ class Intrusions:
             # what supports hold in the other body is warned of as that
             free: Mask = np.logical_not(np.all(sides[k].held, axis=1))
             ends = sides[k].facets[free[sides[k].facets].all(axis=1)]
-            between = np.einsum("pk,fkd->pfd", BETWEEN[ends.shape[1]], nodes[k][ends])
+            between = np.einsum("pk,fkd->pfd", weights_between(sides[k].kind), nodes[k][ends])
             points = np.concatenate([nodes[k][free], between.reshape(-1, 2)])
-            there = places[numbers[1 - k]]
-            points = points[((points >= there.min(axis=0)) & (points <= there.max(axis=0))).all(axis=1)]
+            body = self.nodes[numbers[1 - k]]
+            places = body.points + parts[numbers[1 - k]][body.dofs]
+            points = points[within(points, (places.min(axis=0), places.max(axis=0)))]
             if not len(points):
                 continue
-            outline = self.skins[numbers[1 - k]].outline(there)
-            points = points[outline.inside(points)]
+            boundary = body.at(places)
+            points = points[boundary.inside(points)]
             if not len(points):
                 continue
-            depth = _near(outline, points).distance(points)
+            depth = boundary.distance(points)
             if added.any():
                 depth = depth - added[Tree(nodes[0]).query(points)[1]]
             deepest = int(np.argmax(depth))
@@ -191,12 +192,3 @@ def _sides(contact: Contact) -> tuple[ContactSurface, ContactSurface]:
 
 def _chords(sides: Sequence[ContactSurface]) -> float:
     return sum(drawn_off(side) for side in sides)
-
-
-def _near(outline: Outline, points: Array) -> Outline:
-    """The pieces among which the closest to each of these points are."""
-    far = Tree(outline.start).distances(points).max()
-    low, high = points.min(axis=0) - far, points.max(axis=0) + far
-    a, b = np.minimum(outline.start, outline.end), np.maximum(outline.start, outline.end)
-    some = ((b >= low) & (a <= high)).all(axis=1)
-    return Outline(outline.start[some], outline.end[some])
