@@ -15,7 +15,7 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.single import OfTheContact
+from skfem_contact.answers.by_contact import OfTheContact
 
 
 def block(name, y, **data):
