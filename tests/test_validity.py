@@ -203,7 +203,7 @@ def test_block_dragged_off_its_track(mu, method):
     # beyond the end; elastic slip is below half a facet
     assert "4 of 9 closed points lie beyond the end" in str(warning.message)
     assert result.force[1] > 0  # still presses
-    (drift,) = answer_of(result).watched.drifts
+    (drift,) = answer_of(result).diagnostics.drifts
     assert_allclose(drift.slip, 3.5, rtol=0.01)
     assert_allclose(drift.overhang, 0.5, atol=0.01)
 
@@ -222,7 +222,8 @@ def test_block_dragged_with_finite_sliding():
     result = dragged(2.0, sliding="finite", steps=3)
     assert result.validity.holds
     assert (
-        result.validity.contacts["joint"].overlap < 0.2 * answer_of(result).watched.drifts[0].approach
+        result.validity.contacts["joint"].overlap
+        < 0.2 * answer_of(result).diagnostics.drifts[0].approach
     )
 
 
@@ -236,7 +237,7 @@ def test_points_that_come_into_contact_on_the_way_are_watched():
     before, after = sc.ContactSolver([block, track], [contact]).history([0.0, 2.0])
     assert not np.any((before.status != 0) & (after.status != 0))
     # the same two bodies two block lengths on, and 2 from either end: as strained as before
-    (here,), (there,) = answer_of(before).watched.drifts, answer_of(after).watched.drifts
+    (here,), (there,) = answer_of(before).diagnostics.drifts, answer_of(after).diagnostics.drifts
     assert there.closed == here.closed
     assert_allclose([there.approach, there.strain], [here.approach, here.strain], rtol=1e-6)
     assert after.validity.holds
@@ -250,8 +251,8 @@ def test_disc_moved_away(mu):
     ):
         before, after = under_disc(moved(0.03), mu=mu)
     assert after.force[1] < 50 * before.force[1] < 0
-    assert answer_of(after).watched.drifts[0].tilt > 0.3
-    assert_allclose(answer_of(after).watched.drifts[0].motion, 0.03, rtol=1e-3)
+    assert answer_of(after).diagnostics.drifts[0].tilt > 0.3
+    assert_allclose(answer_of(after).diagnostics.drifts[0].motion, 0.03, rtol=1e-3)
 
 
 def test_disc_moved_a_little():
@@ -259,7 +260,7 @@ def test_disc_moved_a_little():
     result = under_disc(moved(0.5e-3))[-1]
     # the distance to a circle, to second order of s/R = 0.01
     assert_allclose(
-        answer_of(result).watched.drifts[0].gap_share, 0.5 * 0.5e-3**2 / 0.05 / 1e-4, rtol=1e-3
+        answer_of(result).diagnostics.drifts[0].gap_share, 0.5 * 0.5e-3**2 / 0.05 / 1e-4, rtol=1e-3
     )
     assert result.validity.holds
 
@@ -280,7 +281,7 @@ def test_spinning_disc_loses_its_force(angle, mu):
     assert abs(after.force[1]) < 0.8 * abs(before.force[1])
     error = min(0.05 * (1 - np.cos(angle)), 1e-4)  # no more than it was pressed in
     # friction drags the points along by its share of the force: 1e-5 of the radius
-    assert_allclose(answer_of(after).watched.drifts[0].gap_error, error, rtol=1e-3)
+    assert_allclose(answer_of(after).diagnostics.drifts[0].gap_error, error, rtol=1e-3)
 
 
 def test_a_whole_turn_is_no_rest():
@@ -295,7 +296,7 @@ def test_spinning_disc_keeps_its_force():
     turned = under_disc(moved(0.0, 0.01))[-1]
     assert turned.validity.holds
     # the arc that has passed: the lowest point of the disc is 0.1 mm below the surface
-    assert_allclose(answer_of(turned).watched.drifts[0].slip, 0.05 * 0.01, rtol=5e-3)
+    assert_allclose(answer_of(turned).diagnostics.drifts[0].slip, 0.05 * 0.01, rtol=5e-3)
     before, after = under_disc(moved(0.0, 1.0), mu=0.3, sliding="finite")
     assert_allclose(after.force[1], before.force[1], rtol=0.01)  # friction lifts it a little
 
@@ -303,8 +304,8 @@ def test_spinning_disc_keeps_its_force():
 def test_level_set_is_watched_like_the_disc():
     """An obstacle given by a function is looked at to first order: right where it touches."""
     circle = sc.LevelSet(lambda x: x[0] ** 2 + (x[1] - 0.05) ** 2 - 0.05**2, name="disc")
-    plain = answer_of(under_disc(moved(0.5e-3))[-1]).watched.drifts[0]
-    drift = answer_of(under_disc(moved(0.5e-3), disc=circle)[-1]).watched.drifts[0]
+    plain = answer_of(under_disc(moved(0.5e-3))[-1]).diagnostics.drifts[0]
+    drift = answer_of(under_disc(moved(0.5e-3), disc=circle)[-1]).diagnostics.drifts[0]
     # the second order of the gap over the radius
     assert_allclose(drift.gap_error, plain.gap_error, rtol=1e-2)
     with pytest.warns(sc.ContactWarning, match="gaps are wrong by"):
@@ -393,7 +394,7 @@ def test_shaft_turned_in_its_hub(mu):
             warnings.simplefilter("always")
             result = solver.solve(x={"shaft": x})
         # friction holds back by a bound over a shear stiffness: 1e-3 of the radius; chords: 5e-4
-        (drift,) = answer_of(result).watched.drifts
+        (drift,) = answer_of(result).diagnostics.drifts
         assert_allclose(drift.tilt, turn, atol=2e-3)
         assert_allclose(drift.gap_error, turn**2 / 2, rtol=0.3 if mu else 0.01)
         said = " ".join(str(w.message) for w in caught)
@@ -416,7 +417,7 @@ def test_turned_plane():
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             *_, last = solver.history(steps)
-        assert_allclose(answer_of(last).watched.drifts[0].tilt, turn, rtol=1e-12)
+        assert_allclose(answer_of(last).diagnostics.drifts[0].tilt, turn, rtol=1e-12)
         said = " ".join(str(w.message) for w in caught)
         assert (f"normals are off by up to {turn:.3g} rad" in said) == (turn > 0.1)
 
@@ -433,7 +434,7 @@ def test_interference_of_a_step_is_no_error():
         [{"interference": {"joint": 1e-4}}, {"interference": {"joint": 4e-5}}]
     ):
         # elastic displacements along the surface squared over the radius
-        assert answer_of(result).watched.drifts[0].gap_error < 1e-8
+        assert answer_of(result).diagnostics.drifts[0].gap_error < 1e-8
         assert result.validity.holds
 
 
@@ -475,7 +476,7 @@ def test_prescribed_turn_is_a_rotation():
             result = turned(angle)
         said = [str(w.message) for w in caught if "has turned by" in str(w.message)]
         assert len(said) == (angle > 0.1)
-        assert_allclose(answer_of(result).watched.turns["block"], angle, rtol=1e-9)
+        assert_allclose(answer_of(result).diagnostics.turns["block"], angle, rtol=1e-9)
 
 
 # -- the line of print(result) ------------------------------------------------------------------
@@ -834,12 +835,12 @@ def test_force_beyond_an_end_within_a_facet(held):
     for way, lost in ((0.03, 0.03), (0.0625, 0.0625), (0.16, 0.16)):
         history = solver.history([step(0.0), step(way)])
         first = next(history)
-        assert answer_of(first).watched.drifts[0].beyond_share < 1e-6
+        assert answer_of(first).diagnostics.drifts[0].beyond_share < 1e-6
         if lost < 0.1:
-            share = answer_of(next(history)).watched.drifts[0].beyond_share
+            share = answer_of(next(history)).diagnostics.drifts[0].beyond_share
         else:
             with pytest.warns(sc.ContactWarning, match="% of the normal force acts beyond the end"):
-                share = answer_of(next(history)).watched.drifts[0].beyond_share
+                share = answer_of(next(history)).diagnostics.drifts[0].beyond_share
         assert abs(share - lost) < 0.005
 
 
@@ -880,7 +881,7 @@ def test_what_supports_take_up_is_no_strain(soft_is_secondary, recwarn):
     contact = sc.Contact(*(sides if soft_is_secondary else sides[::-1]), method="node")
     down = np.where(bodies[1].dof_component == 1, -1e-4, 0.0)
     result = sc.ContactSolver(bodies, [contact]).solve(x={"stiff": down})
-    drift = answer_of(result).watched.drifts[0]
+    drift = answer_of(result).diagnostics.drifts[0]
     assert result.normal_force.max() > 1e-5  # of which the soft body would give by a tenth of itself
     assert 0.5e-4 < drift.approach < 2e-4
     assert not recwarn

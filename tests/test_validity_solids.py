@@ -384,7 +384,7 @@ def test_what_tall_bodies_take_up():
     )
     floor = sc.RigidPlane((0, 0, 0), (0, 0, 1))
     result = sc.ContactSolver([column], [sc.Contact(column.surface(at(2, 0.0)), floor)]).solve()
-    (drift,) = answer_of(result).watched.drifts
+    (drift,) = answer_of(result).diagnostics.drifts
     assert drift.approach == pytest.approx(0.01, rel=1e-6)
     assert drift.strain == pytest.approx(0.0025, rel=0.2)
 

@@ -154,7 +154,7 @@ def test_a_solid_under_a_light_tool(shape):
     tool = shape((0, 0, 3.0), 3.0, name="tool", **axis)
     under_tool = sc.ContactSolver(body, sc.Contact(body.surface("top"), tool))
     (deep,) = under_tool.history([{"motion": {"tool": (0, 0, -0.05)}}])
-    assert not answer_of(deep).watched.said
+    assert not answer_of(deep).diagnostics.issued
     with pytest.warns(sc.ContactWarning, match=LONG):
         list(under_tool.history([{"motion": {"tool": (0, 0, -2e-3)}}]))
 

@@ -144,7 +144,7 @@ def test_the_height_over_a_facet(sliding):
     """The sagitta of the longer facet, also where points have slid on."""
     for facets in ((CHORD, 0.06), (0.06, CHORD)):
         _, _, result = said(3, facets, sliding=sliding)
-        assert answer_of(result).watched.drifts[0].sagitta == pytest.approx(HEIGHT, rel=0.02)
+        assert answer_of(result).diagnostics.drifts[0].sagitta == pytest.approx(HEIGHT, rel=0.02)
 
 
 def test_facets_are_those_that_points_have_slid_to():
@@ -163,7 +163,7 @@ def test_facets_are_those_that_points_have_slid_to():
     for way in (-0.3, 0.0, 0.4, 0.6):
         x = np.zeros(upper.N)
         x[top.all("u^1")], x[top.all("u^2")] = way, -0.05
-        heights.append(answer_of(solver.solve(x={"arc": x})).watched.drifts[0].sagitta)
+        heights.append(answer_of(solver.solve(x={"arc": x})).diagnostics.drifts[0].sagitta)
     # facets of equal steps in x are longer along the arc, by 2 % where it stands
     np.testing.assert_allclose(np.array(heights)[[0, 3]], np.array([0.06, 0.18]) ** 2 / 8, rtol=0.03)
     assert (np.diff(heights) > -1e-6).all()

@@ -154,7 +154,7 @@ def test_the_height_over_a_face(sliding):
         ("node", "flat", 2),
     ):
         *_, result = said(10, PLACES[1], secondary, method, sliding=sliding)
-        sagitta = answer_of(result).watched.drifts[0].sagitta
+        sagitta = answer_of(result).diagnostics.drifts[0].sagitta
         # faces of equal steps in x are longer on the sphere, by 1 to 2 % where it stands
         assert sagitta == pytest.approx(times * HEIGHT, rel=0.06)
 

@@ -19,8 +19,8 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import LARGE
 from skfem_contact.answers.validity.boundaries import Boundary, Meeting, at_obstacle, between, boundary
 from skfem_contact.answers.validity.chords import chord_height, drawn_off
-from skfem_contact.answers.validity.plane_overlaps import Intrusions
-from skfem_contact.answers.validity.solid_overlaps import Lookouts
+from skfem_contact.answers.validity.plane_overlaps import PlaneOverlaps
+from skfem_contact.answers.validity.solid_overlaps import SolidOverlaps
 from skfem_contact.answers.validity.strain import leaning, lockable, locked_share, strains
 from skfem_contact.answers.validity.support import beyond_round_off, elastic_approach
 from skfem_contact.answers.validity.track import tool_motion
@@ -58,7 +58,7 @@ def assess(result: Answer) -> Validity:
     """
     measured = Assessment(result)
     problems: dict[tuple[str, str], str] = {}
-    if result.watched.tracks:  # scalar fields move nothing
+    if result.diagnostics.tracks:  # scalar fields move nothing
         for i, (contact, name) in enumerate(zip(result.contacts, result.names, strict=True)):
             label = f"Contact {name!r} ({contact.label}): "
             found = measured.of_contact(i)
@@ -66,25 +66,25 @@ def assess(result: Answer) -> Validity:
     for name in measured.solids:
         found = measured.of_body(name)
         problems |= {(kind, name): words for kind, words in found.items()}
-    problems |= leaning(result.watched.leaning)
+    problems |= leaning(result.diagnostics.leaning)
     for (kind, name), text in problems.items():
-        told = (kind, name) in result.watched.said
-        told |= kind == "overlap" and result.watched.prescribed(name)
-        if result.converged and not told:
+        issued = (kind, name) in result.diagnostics.issued
+        issued |= kind == "overlap" and result.diagnostics.prescribed(name)
+        if result.converged and not issued:
             warn(text)
     size, largest, rotation = (
         {name: measured.strains(name)[k] for name in measured.solids} for k in range(3)
     )
-    contacts = range(len(result.names)) if result.watched.tracks else ()
+    contacts = range(len(result.names)) if result.diagnostics.tracks else ()
     return Validity(
         {result.names[i]: measured.contact(i) for i in contacts},
         size,
         largest,
         rotation,
         problems,
-        dict(result.watched.leaning),
+        dict(result.diagnostics.leaning),
         {name: measured.locked(name) for name in measured.lockable},
-        tuple(key for key in result.watched.beyond if key not in problems),
+        tuple(key for key in result.diagnostics.beyond if key not in problems),
     )
 
 
@@ -94,17 +94,17 @@ class Assessment:
     Parameters
     ----------
     result : Answer
-    lookouts, intrusions : optional
+    solid_overlaps, plane_overlaps : optional
         Those of all contacts, where they are known from steps.
     """
 
     def __init__(
         self,
         result: Answer,
-        lookouts: Lookouts | None = None,
-        intrusions: Intrusions | None = None,
+        solid_overlaps: SolidOverlaps | None = None,
+        plane_overlaps: PlaneOverlaps | None = None,
     ) -> None:
-        self._lookouts, self._intrusions = lookouts, intrusions
+        self._solid_overlaps, self._plane_overlaps = solid_overlaps, plane_overlaps
         self.result, self.system = result, result.system
         self.solids: dict[str, Body] = {n: b for n, b in self.system.solids.items() if b.components > 1}
         self.lockable = lockable(result)
@@ -171,30 +171,30 @@ class Assessment:
     def _overlap(self, i: int) -> str:
         """What contact conditions do not see of one contact, in words; empty for nothing."""
         result, drift = self.result, self.drift(i)
-        if i in result.watched.unseen:
-            return result.watched.unseen[i]
+        if i in result.diagnostics.undetected:
+            return result.diagnostics.undetected[i]
         # facets that are too long are the reason already
-        if i in result.watched.standing and not drift.facets_too_long:
-            words = self.lookouts.sure(i, result, drift)
+        if i in result.diagnostics.hidden and not drift.facets_too_long:
+            words = self.solid_overlaps.sure(i, result, drift)
             if words:
                 return words
         part = self.contact(i)
         if part.excess <= 1.0:
             return ""
-        if result.watched.prescribed(result.names[i]):
+        if result.diagnostics.prescribed(result.names[i]):
             return prescribed_words(part)
-        found = self.intrusions.sure(i, result) if i in result.watched.intrusions else None
+        found = self.plane_overlaps.sure(i, result) if i in result.diagnostics.intrusions else None
         return overlap_words(part, result.contacts[i], found)
 
     @cached_property
-    def lookouts(self) -> Lookouts:
+    def solid_overlaps(self) -> SolidOverlaps:
         """Of solids' vertices and edges."""
-        return self._lookouts or Lookouts(self._geometry, lambda: np.arange(self.system.n))
+        return self._solid_overlaps or SolidOverlaps(self._geometry, lambda: np.arange(self.system.n))
 
     @cached_property
-    def intrusions(self) -> Intrusions:
+    def plane_overlaps(self) -> PlaneOverlaps:
         """Of plane bodies that slide far."""
-        return self._intrusions or Intrusions(self._geometry, self.result.contacts)
+        return self._plane_overlaps or PlaneOverlaps(self._geometry)
 
     @property
     def _geometry(self) -> Geometry:
@@ -222,7 +222,7 @@ class Assessment:
     def _meeting(self, i: int, closed: NDArray[np.bool_]) -> tuple[float, Meeting]:
         """What chords explain, and how the deformed boundaries meet."""
         result, system = self.result, self.system
-        contact, part, track = result.contacts[i], result.slices()[i], result.watched.tracks[i]
+        contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
         secondary = contact.secondary
         moved = secondary.points + result.displacement(secondary.body)[secondary.dofs]
         added = track.added - result.worn_case.interference[part]
@@ -249,9 +249,9 @@ class Assessment:
 
 
 def _drift(result: Answer, i: int) -> Drift:
-    contact, part, track = result.contacts[i], result.slices()[i], result.watched.tracks[i]
+    contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
     closed = (result.state.status[part] != 0) & result.kin.paired[part]
-    drift = result.watched.drifts[i]
+    drift = result.diagnostics.drifts[i]
     if contact.sliding == "small":
         slip = _slip(result, part)
         gap = result.gap[part]

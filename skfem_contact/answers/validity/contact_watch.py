@@ -13,8 +13,12 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.validity.obstacles import (
     depth_in_solid,
     in_solid_words,
+    of_triangles,
+    past_words,
     pierced,
     pierced_words,
+    slides_off,
+    triangle_words,
 )
 from skfem_contact.answers.validity.support import (
     Support,
@@ -68,6 +72,8 @@ class ContactWatch:
         Motions of bodies where neither friction nor supports say how they slide.
     inside : bool
         Whether some of these show in the interior alone.
+    asks : bool
+        Whether displacements at the contact DOFs are asked for.
     """
 
     def __init__(
@@ -106,6 +112,9 @@ class ContactWatch:
             along = np.moveaxis(pairing.tangent[pairing.paired], 1, 0)
             if not all(s.holds(points, way) for s in held_by for way in along):
                 self.loose = [self._free(b, known()) for b in bodies]
+        self.of_triangles, self.slides_off = of_triangles(contact), slides_off(contact)
+        self.asks = self.of_triangles or self.slides_off or self.loose is not None
+        self.asks |= contact.rigid_body is not None and contact.sliding == "small"
 
     def _free(self, b: int, known: Index) -> Support:
         """How a body moves as a whole, by what is known of its displacements."""
@@ -210,20 +219,29 @@ class ContactWatch:
             moved = one, other
         return track.sagitta(force, moved)
 
-    def untouched(self, gap: Array) -> str:
-        """What is wrong where nothing touches an obstacle, in words; empty if nothing is.
+    def undetected(self, state: State, gap: Array, case: LoadCase, u: Array, drift: Drift) -> str:
+        """What contact conditions do not see of obstacles, or past an end, in words; or nothing.
 
-        `gap` is that of the answer.
+        Parameters are those of `drift`, and what it has found.
         """
+        words = ""
+        if self.of_triangles:
+            words = triangle_words(self.geometry, self.i, state, gap, case, u)
+        elif self.slides_off:
+            words = past_words(self.geometry, self.i, gap, case, u, drift.approach)
+        return words or ("" if drift.closed else self._untouched(gap[self.part]))
+
+    def _untouched(self, gap: Array) -> str:
+        """What is wrong where nothing touches an obstacle, in words; by the gaps of the answer."""
         contact, track = self.contact, self.track
         if not isinstance(contact.primary, Obstacle) or contact.bilateral:
             return ""
         # what finds partners that it did not have has come to another place
-        if self._depth_in_solid and (self.track.paired.any() or not np.isfinite(gap[self.part]).any()):
+        if self._depth_in_solid and (track.paired.any() or not np.isfinite(gap).any()):
             return in_solid_words(contact, self._depth_in_solid)
         if track.bend is None:
             return ""
-        found = pierced(track.secondary, track.bend, gap[self.part])
+        found = pierced(track.secondary, track.bend, gap)
         return pierced_words(track.secondary, *found, contact.primary.label) if found else ""
 
     @cached_property

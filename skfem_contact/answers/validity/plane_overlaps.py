@@ -35,24 +35,24 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class Intrusions:
+class PlaneOverlaps:
     """What is known beforehand of all contacts between two bodies that slide far."""
 
-    def __init__(self, geometry: Geometry, contacts: Sequence[Contact]) -> None:
-        self.geometry, self.system, self.contacts = geometry, geometry.system, contacts
+    def __init__(self, geometry: Geometry) -> None:
+        self.geometry, self.system, self.contacts = geometry, geometry.system, geometry.contacts
         known = np.zeros(self.system.n, dtype=bool)
         known[geometry.surface_dofs] = True
         known[self.system.D] = True
         self.held = np.asarray(self.system.D)
-        self.looked = [i for i, contact in enumerate(contacts) if _looked_at(contact)]
-        bodies = {self.system.index(s.body) for i in self.looked for s in _sides(contacts[i])}
+        self.looked = [i for i, contact in enumerate(self.contacts) if _looked_at(contact)]
+        bodies = {self.system.index(s.body) for i in self.looked for s in _sides(self.contacts[i])}
         self.nodes = {
             b: BoundaryNodes.of(body)
             for b, body in enumerate(self.system.bodies)
             if b in bodies and isinstance(body, Body)
         }
         self.unknown = {b: self._unknown(nodes, known) for b, nodes in self.nodes.items()}
-        self.chords = {i: _chords(_sides(contacts[i])) for i in self.looked}
+        self.chords = {i: _chords(_sides(self.contacts[i])) for i in self.looked}
 
     def look(
         self, state: State, case: LoadCase, tracks: Sequence[Track], drifts: Sequence[Drift]
@@ -86,7 +86,7 @@ class Intrusions:
         parts = {
             self.system.index(s.body): result.displacement(s.body) for s in _sides(self.contacts[i])
         }
-        found = self._found(i, parts, result.worn_case, result.watched.tracks)
+        found = self._found(i, parts, result.worn_case, result.diagnostics.tracks)
         if found is None:
             return None
         place = (

@@ -30,7 +30,7 @@ from skfem_contact.answers.thresholds import ALONE, CHORDS, STANDING, TILT
 from skfem_contact.answers.validity.chords import heights
 from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
-from skfem_contact.answers.validity.validity import Drift, Standing
+from skfem_contact.answers.validity.validity import Drift, HiddenOverlap
 from skfem_contact.answers.validity.words import hidden_words
 from skfem_contact.bodies.faces import area_vectors
 from skfem_contact.bodies.surface import FaceSurface
@@ -51,7 +51,7 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
-class Lookouts:
+class SolidOverlaps:
     """What is known beforehand of all contacts of two solids.
 
     Parameters
@@ -64,23 +64,23 @@ class Lookouts:
     def __init__(self, geometry: Geometry, known: Callable[[], Index]) -> None:
         self.geometry, self.system = geometry, geometry.system
         self.each = {
-            i: Lookout(contact, self.system.extent)
+            i: SolidPair(contact, self.system.extent)
             for i, contact in enumerate(geometry.contacts)
-            if _looked_out_for(contact)
+            if _looked_at(contact)
         }
-        small = [i for i in self.each if geometry.contacts[i].sliding == "small"]
+        small = {i for i in self.each if geometry.contacts[i].sliding == "small"}
         self.asks = bool(small)  # for displacements at the contact DOFs
-        there = np.zeros(self.system.n, dtype=bool)
+        at_contact, on_surfaces = (np.zeros(self.system.n, dtype=bool) for _ in range(2))
         if small:
-            there[known()] = True
+            at_contact[known()] = True
+        on_surfaces[geometry.surface_dofs] = True
+        for there in (at_contact, on_surfaces):
             there[self.system.D] = True
-        sides = {i: (self.each[i].secondary, self.each[i].primary) for i in small}
-        self.missing = {i: [self._missing(side, there) for side in sides[i]] for i in small}
-        far = [i for i in self.each if i not in small]
-        there[:] = False
-        there[geometry.surface_dofs] = True
-        there[self.system.D] = True
-        self.flanks = {i: self._flanks(self.each[i], there) for i in far}
+        self.unknown = {
+            i: [self._unknown(side, at_contact if i in small else on_surfaces) for side in one.sides]
+            for i, one in self.each.items()
+        }
+        self.flanks = {i: self._flanks(self.each[i], on_surfaces) for i in self.each if i not in small}
 
     def look(
         self,
@@ -89,7 +89,7 @@ class Lookouts:
         u: Array,
         tracks: Sequence[Track],
         drifts: Sequence[Drift],
-    ) -> dict[int, Standing]:
+    ) -> dict[int, HiddenOverlap]:
         """Overlaps that seem to be too deep, by the number of the contact.
 
         Parameters
@@ -101,59 +101,56 @@ class Lookouts:
             Of every contact.
         """
         found = {}
-        for i in self.each:
-            if self.geometry.contacts[i].sliding == "small":
-                parts = [self._part(missing, u) for missing in self.missing[i]]
-            else:
+        for i, one in self.each.items():
+            known, approach = u, drifts[i].approach
+            if i in self.flanks:
                 known = self.geometry.spread(state.surface)
                 known[self.system.D] = case.x[self.system.D]
-                sides = self.each[i].secondary, self.each[i].primary
-                parts = [known[self.system.slice(side.body)] for side in sides]
-            standing = self._look(i, parts, case, tracks, drifts[i].approach)
-            if standing is None and i in self.missing:
-                unknown = [missing.nodes for missing in self.missing[i]]
-                standing = self.each[i].unsure(parts, unknown, drifts[i].approach)
-            if standing is None and i in self.flanks:
-                standing = self._beside_surfaces(i, parts, known, drifts[i].approach)
-            if standing is not None:
-                found[i] = standing
+            parts = [self._part(unknown, known) for unknown in self.unknown[i]]
+            overlap = self._look(i, parts, case, tracks, approach)
+            if overlap is None and i in self.flanks:
+                overlap = self._beside_surfaces(i, parts, known, approach)
+            elif overlap is None:
+                overlap = one.unsure(parts, [unknown.nodes for unknown in self.unknown[i]], approach)
+            if overlap is not None:
+                found[i] = overlap
         return found
 
     def sure(self, i: int, result: Answer, drift: Drift) -> str:
         """What to say of one contact, with the displacements of whole bodies; empty for nothing."""
         one = self.each[i]
-        parts = [result.displacement(side.body) for side in (one.secondary, one.primary)]
-        found = self._look(i, parts, result.worn_case, result.watched.tracks, drift.approach)
+        parts = [result.displacement(side.body) for side in one.sides]
+        found = self._look(i, parts, result.worn_case, result.diagnostics.tracks, drift.approach)
         if found is None and i in self.flanks:
             found = self._beside_surfaces(i, parts, None, drift.approach)
         if found is None or (found.what == "touch" and not self._beside(i, result, found)):
             return ""
         return hidden_words(found, one.secondary.label, one.primary.label, one.contact.method)
 
-    def _flanks(self, one: Lookout, there: Mask) -> list[tuple[Flanks, Extrapolation]]:
+    def _flanks(self, one: SolidPair, there: Mask) -> list[tuple[Flanks, Extrapolation]]:
         """The sides beside both surfaces of a contact, and what is not known of their places."""
         found = []
         for selected, own in ((one.primary, one.secondary), (one.secondary, one.primary)):
             whole = boundary(selected)
             if whole is not None:
-                found.append((Flanks(whole, selected, own), self._missing(whole, there)))
+                found.append((Flanks(whole, selected, own), self._unknown(whole, there)))
         return found
 
     def _beside_surfaces(
         self, i: int, parts: Sequence[Array], known: Array | None, approach: float
-    ) -> Standing | None:
+    ) -> HiddenOverlap | None:
         """What is in a side of the other body; with all displacements where nothing is `known`."""
         one, best = self.each[i], None
         least = max(one.noise, STANDING * approach)
-        for flanks, missing in self.flanks[i]:
+        for flanks, unknown in self.flanks[i]:
             k = 0 if flanks.own is one.secondary else 1
-            u = parts[1 - k] if known is None else missing.filled(parts[1 - k], known)
+            u = parts[1 - k] if known is None else unknown.filled(parts[1 - k], known)
             found = flanks.look(u, parts[k], least)
             if found and (best is None or found.depth > best.depth):
                 best = replace(found, what="flank of primary" if k == 0 else "flank of secondary")
         return best
 
-    def _beside(self, i: int, result: Answer, found: Standing) -> bool:
+    def _beside(self, i: int, result: Answer, found: HiddenOverlap) -> bool:
         """Whether the point that presses where two edges touch does so in another direction."""
         assert found.across is not None
         part, side = self.geometry.point_slices[i], self.each[i].secondary
@@ -169,31 +166,32 @@ class Lookouts:
 
     def _look(
         self, i: int, parts: Sequence[Array], case: LoadCase, tracks: Sequence[Track], approach: float
-    ) -> Standing | None:
+    ) -> HiddenOverlap | None:
         added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
         return self.each[i].look(parts, added, approach)
 
-    def _missing(self, side: FaceSurface, there: Mask) -> Extrapolation:
+    def _unknown(self, side: FaceSurface, there: Mask) -> Extrapolation:
         start = int(self.system.slice(side.body).start)
         return Extrapolation(side, start, np.flatnonzero(there[self.system.slice(side.body)]))
 
-    def _part(self, missing: Extrapolation, u: Array) -> Array:
-        return missing.filled(u[self.system.slice(missing.side.body)], u)
+    def _part(self, unknown: Extrapolation, u: Array) -> Array:
+        return unknown.filled(u[self.system.slice(unknown.side.body)], u)
 
 
-class Lookout:
+class SolidPair:
     """What is known beforehand of one contact of two solids."""
 
     def __init__(self, contact: Contact, extent: float) -> None:
         assert isinstance(contact.secondary, FaceSurface)
         assert isinstance(contact.primary, FaceSurface)
         self.contact, self.secondary, self.primary = contact, contact.secondary, contact.primary
+        self.sides = self.secondary, self.primary
         self.noise = SOLVED * extent
-        self.chords = [CHORDS * heights(side) for side in (self.secondary, self.primary)]
+        self.chords = [CHORDS * heights(side) for side in self.sides]
         self.near = [Nearby(self.secondary), Nearby(self.primary)]
-        self.edges = [sharp_edges_of(side) for side in (self.secondary, self.primary)]
+        self.edges = [sharp_edges_of(side) for side in self.sides]
 
-    def look(self, u: Sequence[Array], added: Array, approach: float) -> Standing | None:
+    def look(self, u: Sequence[Array], added: Array, approach: float) -> HiddenOverlap | None:
         """The deepest overlap that no row sees and that is too deep.
 
         Parameters
@@ -206,8 +204,7 @@ class Lookout:
             What the bodies take up elastically [length].
         """
         least = max(self.noise, ALONE * approach)
-        sides = self.secondary, self.primary
-        x = [side.points + v[side.dofs] for side, v in zip(sides, u, strict=True)]
+        x = [side.points + v[side.dofs] for side, v in zip(self.sides, u, strict=True)]
         # of nearly all answers this is all that is asked
         pairs = [self.near[0].under(x[0], x[1], least), self.near[1].under(x[1], x[0], least)]
         found = None
@@ -216,7 +213,9 @@ class Lookout:
             found = self._vertices(*moved, pairs, added, approach)
         return found or self._edges(x, added, max(self.noise, STANDING * approach))
 
-    def unsure(self, u: Sequence[Array], unknown: Sequence[Index], approach: float) -> Standing | None:
+    def unsure(
+        self, u: Sequence[Array], unknown: Sequence[Index], approach: float
+    ) -> HiddenOverlap | None:
         """Nodes that may stand in faces of the other side, where one of their places is not known.
 
         These are as uncertain as the approach: faces with unknown corners are pressed in as well.
@@ -230,22 +229,21 @@ class Lookout:
         approach : float
             [length]
         """
-        sides = self.secondary, self.primary
         for near, own in zip(self.near, (1, 0), strict=True):
             if not (len(unknown[0]) or len(unknown[1])) or approach <= self.noise:
                 continue
-            x = [side.points + v[side.dofs] for side, v in zip(sides, u, strict=True)]
+            x = [side.points + v[side.dofs] for side, v in zip(self.sides, u, strict=True)]
             node, face = near.under(x[1 - own], x[own], -approach)
-            hangs: Mask = np.any(np.isin(sides[1 - own].facets, unknown[1 - own]), axis=1)
+            hangs: Mask = np.any(np.isin(self.sides[1 - own].facets, unknown[1 - own]), axis=1)
             mine = np.isin(node, unknown[own]) | hangs[face]
             if not mine.any():
                 continue
-            moved = [side.moved(v) for side, v in zip(sides, u, strict=True)]
-            over = standing_nodes(moved[1 - own], moved[own], node[mine], face[mine], -approach)
+            moved = [side.moved(v) for side, v in zip(self.sides, u, strict=True)]
+            over = nodes_in_faces(moved[1 - own], moved[own], node[mine], face[mine], -approach)
             if len(over[0]):
                 k = int(np.argmax(over[2]))
                 place = moved[own].points[over[0][k]]
-                return Standing(len(over[0]), float(over[2][k]), place, "unknown")
+                return HiddenOverlap(len(over[0]), float(over[2][k]), place, "unknown")
         return None
 
     def _vertices(
@@ -255,15 +253,15 @@ class Lookout:
         pairs: Sequence[tuple[Index, Index]],
         added: Array,
         approach: float,
-    ) -> Standing | None:
+    ) -> HiddenOverlap | None:
         """The deepest vertex of either side in the other one."""
-        best: Standing | None = None
+        best: HiddenOverlap | None = None
         least, most = (max(self.noise, share * approach) for share in (ALONE, STANDING))
         for what, meshed, own, other, chords, pair in (
             ("primary", self.primary, primary, secondary, self.chords[0], pairs[0]),
             ("secondary", self.secondary, secondary, primary, self.chords[1], pairs[1]),
         ):
-            node, face, depth = standing_nodes(other, own, *pair, least)
+            node, face, depth = nodes_in_faces(other, own, *pair, least)
             if added.any() and len(node):
                 nearest = Tree(secondary.points).query(own.points[node])[1]
                 depth = depth - added[nearest]
@@ -275,10 +273,10 @@ class Lookout:
                 continue
             deepest = np.argmax(np.where(hidden, depth, 0.0))
             place = own.points[node[deepest]]
-            best = Standing(int(hidden.sum()), float(depth[deepest]), place, what)
+            best = HiddenOverlap(int(hidden.sum()), float(depth[deepest]), place, what)
         return best
 
-    def _edges(self, points: Sequence[Array], added: Array, least: float) -> Standing | None:
+    def _edges(self, points: Sequence[Array], added: Array, least: float) -> HiddenOverlap | None:
         """The deepest crossing of two edges; or the nearest one, where they only touch."""
         if not all(len(edges.ends) for edges in self.edges):
             return None
@@ -291,10 +289,10 @@ class Lookout:
             return None
         i, count = int(np.argmax(depth)), int(np.count_nonzero(depth > least))
         what = "edges" if count else "touch"
-        return Standing(max(count, 1), float(depth[i]), place[i], what, across[i])
+        return HiddenOverlap(max(count, 1), float(depth[i]), place[i], what, across[i])
 
 
-def _looked_out_for(contact: Contact) -> bool:
+def _looked_at(contact: Contact) -> bool:
     """Whether two solids press each other where the meshes say."""
     secondary, primary = contact.secondary, contact.primary
     if not (isinstance(secondary, FaceSurface) and isinstance(primary, FaceSurface)):
@@ -364,7 +362,7 @@ class Nearby:
         return node, np.repeat(np.arange(len(middle)), count)
 
 
-def standing_nodes(
+def nodes_in_faces(
     other: FaceSurface, own: FaceSurface, node: Index, face: Index, least: float
 ) -> tuple[Index, Index, Array]:
     """Nodes of one surface that lie in the body of the other, under a face that looks at them.
@@ -444,7 +442,7 @@ class Flanks:
         self.beside = ~np.isin(whole.mesh_facets, selected.mesh_facets)
         self.near = Nearby(whole)
 
-    def look(self, u: Array, u_own: Array, least: float) -> Standing | None:
+    def look(self, u: Array, u_own: Array, least: float) -> HiddenOverlap | None:
         """The node that is deepest in, if it is deeper than a length.
 
         Parameters
@@ -479,7 +477,7 @@ class Flanks:
         if not len(hidden):
             return None
         deepest = hidden[np.argmax(depth[hidden])]
-        return Standing(
+        return HiddenOverlap(
             len(np.unique(node[hidden])), float(depth[deepest]), points[node[deepest]], "flank"
         )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skfem_contact.answers.thresholds import GAP, LOCKED, TILT
-from skfem_contact.answers.validity.validity import ContactValidity, Drift, Standing
+from skfem_contact.answers.validity.validity import ContactValidity, Drift, HiddenOverlap
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.contact import Contact
@@ -167,7 +167,7 @@ def locking_words(name: str, body: Body, share: float) -> str:
     )
 
 
-def hidden_words(found: Standing, secondary: str, primary: str, method: str) -> str:
+def hidden_words(found: HiddenOverlap, secondary: str, primary: str, method: str) -> str:
     """Which vertices and edges of solids overlap where no row sees it, and what to change."""
     at, deep = written(found.place), f"{found.depth:.3g}"
     if found.what == "edges":
