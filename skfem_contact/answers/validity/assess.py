@@ -7,10 +7,10 @@ are the same findings.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,10 +39,13 @@ from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
+from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import warn
 from skfem_contact.obstacles.obstacle import Obstacle
 
 Array = NDArray[np.float64]
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 
 #: What may be wrong with a contact, in the order in which it is told.
 OF_CONTACTS = ("sliding", "overlap", "facets")
@@ -88,6 +91,20 @@ def assess(result: Answer) -> Validity:
     )
 
 
+def _once(measure: Callable[[Any, Key], Value]) -> Callable[[Any, Key], Value]:
+    """A method of one argument, which is computed once for each."""
+
+    @wraps(measure)
+    def kept(self: Any, key: Key) -> Value:
+        known = measure.__name__, key
+        if known not in self._known:
+            self._known[known] = measure(self, key)
+        found: Value = self._known[known]
+        return found
+
+    return kept
+
+
 class Assessment:
     """The measures of one answer, each taken when it is first asked for.
 
@@ -112,21 +129,20 @@ class Assessment:
 
     # -- bodies -------------------------------------------------------------------------------
 
+    @_once
     def strains(self, name: str) -> tuple[float, float, float]:
         """Mean and largest strain, and rotation, of a body; see `strain.strains`."""
-        body = self.solids[name]
-        found: tuple[float, float, float] = self._once(
-            "strain", name, lambda: strains(body, self.result.displacement(body))
-        )
-        return found
+        return strains(self.solids[name], self.result.displacement(name))
 
+    @_once
     def locked(self, name: str) -> float:
         """Share of a body's energy that neighbouring elements take back; see `strain`."""
-        body = self.solids[name]
-        found: float = self._once(
-            "locking", name, lambda: locked_share(body, self.result.displacement(body))
-        )
-        return found
+        return locked_share(self.solids[name], self.result.displacement(name))
+
+    @_once
+    def boundary(self, name: str) -> Boundary:
+        """The deformed boundary of a body."""
+        return boundary(self.solids[name], self.result.displacement(name))
 
     def of_body(self, name: str) -> dict[str, str]:
         """What is beyond its bound of one body, in words by kind.
@@ -158,15 +174,22 @@ class Assessment:
             found["facets"] = facet_words(drift, contact.rigid)
         return {kind: words for kind, words in found.items() if words and kind in kinds}
 
+    @_once
     def drift(self, i: int) -> Drift:
         """How far a contact has drifted, with the slips of the displacements."""
-        found: Drift = self._once("drift", i, lambda: _drift(self.result, i))
-        return found
+        return _drift(self.result, i)
 
+    @_once
     def contact(self, i: int) -> ContactValidity:
         """All that is measured of one contact."""
-        found: ContactValidity = self._once("contact", i, lambda: self._contact(i))
-        return found
+        result, part = self.result, self.result.slices()[i]
+        closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
+        chords, meeting = self.meeting(i)
+        angle = float(np.max(result.kin.tilt[part][closed], initial=0.0))
+        mu = float(np.max(_coefficient(result.contacts[i].friction)))
+        share = angle / mu if mu > 0 else np.nan
+        seen = meeting.overlap, chords, meeting.unseen, meeting.opening
+        return ContactValidity(self.drift(i), *seen, angle, share)
 
     def _overlap(self, i: int) -> str:
         """What contact conditions do not see of one contact, in words; empty for nothing."""
@@ -183,8 +206,8 @@ class Assessment:
             return ""
         if result.diagnostics.prescribed(result.names[i]):
             return prescribed_words(part)
-        found = self.plane_overlaps.sure(i, result) if i in result.diagnostics.intrusions else None
-        return overlap_words(part, result.contacts[i], found)
+        way = self.plane_overlaps.reasons(i, result.state) if i in result.diagnostics.intrusions else ""
+        return overlap_words(part, result.contacts[i], self.meeting(i)[1], way)
 
     @cached_property
     def solid_overlaps(self) -> SolidOverlaps:
@@ -201,25 +224,8 @@ class Assessment:
         geometry: Geometry = self.result.recover.model.geometry
         return geometry
 
-    def _boundary(self, name: str) -> Boundary:
-        body = self.solids[name]
-        found: Boundary = self._once(
-            "boundary", name, lambda: boundary(body, self.result.displacement(body))
-        )
-        return found
-
-    def _contact(self, i: int) -> ContactValidity:
-        result = self.result
-        contact, part = result.contacts[i], result.slices()[i]
-        closed = (result.state.status[part] != 0) & result.kin.paired[part]
-        chords, meeting = self._meeting(i, closed)
-        angle = float(np.max(result.kin.tilt[part][closed], initial=0.0))
-        mu = float(np.max(_coefficient(contact.friction)))
-        share = angle / mu if mu > 0 else np.nan
-        seen = meeting.overlap, chords, meeting.unseen, meeting.opening
-        return ContactValidity(self.drift(i), *seen, angle, share)
-
-    def _meeting(self, i: int, closed: NDArray[np.bool_]) -> tuple[float, Meeting]:
+    @_once
+    def meeting(self, i: int) -> tuple[float, Meeting]:
         """What chords explain, and how the deformed boundaries meet."""
         result, system = self.result, self.system
         contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
@@ -227,6 +233,7 @@ class Assessment:
         moved = secondary.points + result.displacement(secondary.body)[secondary.dofs]
         added = track.added - result.worn_case.interference[part]
         paired = result.kin.paired[part]
+        closed = (result.state.status[part] != OPEN) & paired
         if isinstance(contact.primary, Obstacle):
             # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
             chords = chord_height(secondary)
@@ -239,18 +246,13 @@ class Assessment:
             return 0.0, Meeting()
         one, other = (system.names[system.index(s.body)] for s in (secondary, contact.primary))
         chords = drawn_off(secondary) + drawn_off(contact.primary)
-        first, second = self._boundary(one), self._boundary(other)
+        first, second = self.boundary(one), self.boundary(other)
         return chords, between(first, second, chords, system.extent, moved, added, closed, paired)
-
-    def _once(self, what: str, which: Any, measure: Any) -> Any:
-        if (what, which) not in self._known:
-            self._known[what, which] = measure()
-        return self._known[what, which]
 
 
 def _drift(result: Answer, i: int) -> Drift:
     contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
-    closed = (result.state.status[part] != 0) & result.kin.paired[part]
+    closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
     drift = result.diagnostics.drifts[i]
     if contact.sliding == "small":
         slip = _slip(result, part)

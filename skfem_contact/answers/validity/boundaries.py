@@ -277,11 +277,17 @@ class Meeting:
         Points of the secondary without a partner that overlap by more than chords explain.
     opening : float
         Largest true gap of a closed point [length].
+    place : ndarray, shape (d,), or None
+        Of the deepest point, where one boundary is in the other [length].
+    side : int
+        Whose point it is: 0 of the secondary, 1 of the primary.
     """
 
     overlap: float = np.nan
     unseen: int = 0
     opening: float = np.nan
+    place: Array | None = None
+    side: int = 0
 
 
 def between(
@@ -308,21 +314,23 @@ def between(
     closed, paired : ndarray of bool, shape (m,)
     """
     noise = SOLVED * extent
-    deepest = 0.0
-    for one, other in ((secondary, primary), (primary, secondary)):
+    deepest, place, side = 0.0, None, 0
+    for k, (one, other) in enumerate(((secondary, primary), (primary, secondary))):
         points = one.samples(other.box)  # the others lie outside
         depth = other.depth(points)
-        inside = depth > noise
-        if inside.any() and added[paired].any():
-            depth[inside] -= added[paired][Tree(nodes[paired]).query(points[inside])[1]]
-        deepest = max(deepest, float(np.max(depth[inside], initial=0.0)))
+        points, depth = points[depth > noise], depth[depth > noise]
+        if len(points) and added[paired].any():
+            depth = depth - added[paired][Tree(nodes[paired]).query(points)[1]]
+        if np.max(depth, initial=0.0) > deepest:
+            deepest, place, side = float(depth.max()), points[np.argmax(depth)], k
     lonely = primary.depth(nodes[~paired]) > max(chords, noise)
     # with an interference bodies may overlap before their meshes do: this shows at the nodes
     true = np.full(len(nodes), np.inf)
     true[paired] = primary.signed(nodes[paired]) + added[paired]
     sunk = float(np.max(-true[paired], initial=0.0))
     deepest = max(deepest, sunk if sunk > noise else 0.0)
-    return Meeting(deepest, int(lonely.sum()), float(np.max(true[closed], initial=0.0)))
+    opening = float(np.max(true[closed], initial=0.0))
+    return Meeting(deepest, int(lonely.sum()), opening, place, side)
 
 
 def at_obstacle(

@@ -13,13 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import OVERLAP
 from skfem_contact.answers.validity.boundaries import BoundaryNodes, weights_between, within
 from skfem_contact.answers.validity.chords import drawn_off
 from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
-from skfem_contact.answers.validity.validity import Drift, Intrusion
+from skfem_contact.answers.validity.validity import Drift
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
@@ -52,12 +51,12 @@ class PlaneOverlaps:
             if b in bodies and isinstance(body, Body)
         }
         self.unknown = {b: self._unknown(nodes, known) for b, nodes in self.nodes.items()}
-        self.chords = {i: _chords(_sides(self.contacts[i])) for i in self.looked}
+        self.chords = {i: sum(map(drawn_off, _sides(self.contacts[i]))) for i in self.looked}
 
     def look(
         self, state: State, case: LoadCase, tracks: Sequence[Track], drifts: Sequence[Drift]
-    ) -> dict[int, Intrusion]:
-        """Overlaps that seem to be beyond their bounds, by the number of the contact.
+    ) -> dict[int, float]:
+        """Depths of overlaps that seem to be beyond their bounds, by the number of the contact.
 
         Parameters
         ----------
@@ -73,65 +72,30 @@ class PlaneOverlaps:
             b: unknown.filled(u[self.system.slice(unknown.side.body)], u)
             for b, unknown in self.unknown.items()
         }
-        found = {i: self._found(i, parts, case, tracks) for i in self.looked}
-        # the bound of `ContactValidity.excess`, with what is known of the approach
-        least = {i: self.chords[i] + OVERLAP * drifts[i].approach for i in self.looked}
-        return {i: one for i, one in found.items() if one is not None and one.depth > least[i]}
-
-    def sure(self, i: int, result: Answer) -> tuple[str, str] | None:
-        """Where the deepest overlap of one contact is, and what to do, in words; None without one.
-
-        With the displacements of whole bodies.
-        """
-        parts = {
-            self.system.index(s.body): result.displacement(s.body) for s in _sides(self.contacts[i])
-        }
-        found = self._found(i, parts, result.worn_case, result.diagnostics.tracks)
-        if found is None:
-            return None
-        place = (
-            f", at {written(np.array(found.at))}, where {found.surface!r} lies in the body of "
-            f"{found.body!r}"
-        )
-        return place, " ".join(self.reasons(i, result.state))
+        found = {}
+        for i in self.looked:
+            added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
+            depth = self._deepest(i, parts, np.nan_to_num(added))
+            # the bound of `ContactValidity.excess`, with what is known of the approach
+            if depth > self.chords[i] + OVERLAP * drifts[i].approach:
+                found[i] = depth
+        return found
 
     def _unknown(self, nodes: BoundaryNodes, known: Mask) -> Extrapolation:
         part = self.system.slice(nodes.body)
         return Extrapolation(nodes, int(part.start), np.flatnonzero(known[part]))
 
-    def _found(
-        self,
-        i: int,
-        parts: dict[int, Array],
-        case: LoadCase,
-        tracks: Sequence[Track],
-    ) -> Intrusion | None:
+    def _deepest(self, i: int, parts: dict[int, Array], added: Array) -> float:
+        """How deep points of each surface lie in the other body, less what the user `added` (m,)."""
         sides = _sides(self.contacts[i])
         numbers = [self.system.index(side.body) for side in sides]
         nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
-        added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
-        deepest = self._deepest(sides, numbers, nodes, parts, np.nan_to_num(added))
-        if deepest is None:
-            return None
-        depth, at, k = deepest
-        return Intrusion(depth, at, sides[k].label, sides[1 - k].label)
-
-    def _deepest(
-        self,
-        sides: tuple[ContactSurface, ContactSurface],
-        numbers: list[int],
-        nodes: list[Array],
-        parts: dict[int, Array],
-        added: Array,
-    ) -> tuple[float, tuple[float, ...], int] | None:
-        """Depth, place, and the side whose point it is; None where nothing overlaps."""
-        noise = SOLVED * self.system.extent
-        best = None
-        for k in range(2):
+        deepest = 0.0
+        for k, side in enumerate(sides):
             # what supports hold in the other body is warned of as that
-            free: Mask = np.logical_not(np.all(sides[k].held, axis=1))
-            ends = sides[k].facets[free[sides[k].facets].all(axis=1)]
-            between = np.einsum("pk,fkd->pfd", weights_between(sides[k].kind), nodes[k][ends])
+            free: Mask = np.logical_not(np.all(side.held, axis=1))
+            ends = side.facets[free[side.facets].all(axis=1)]
+            between = np.einsum("pk,fkd->pfd", weights_between(side.kind), nodes[k][ends])
             points = np.concatenate([nodes[k][free], between.reshape(-1, 2)])
             body = self.nodes[numbers[1 - k]]
             places = body.points + parts[numbers[1 - k]][body.dofs]
@@ -145,12 +109,10 @@ class PlaneOverlaps:
             depth = boundary.distance(points)
             if added.any():
                 depth = depth - added[Tree(nodes[0]).query(points)[1]]
-            deepest = int(np.argmax(depth))
-            if depth[deepest] > max(noise, best[0] if best else 0.0):
-                best = float(depth[deepest]), tuple(map(float, points[deepest])), k
-        return best
+            deepest = max(deepest, float(depth.max()))
+        return deepest if deepest > SOLVED * self.system.extent else 0.0
 
-    def reasons(self, i: int, state: State) -> tuple[str, ...]:
+    def reasons(self, i: int, state: State) -> str:
         """Where a surface ends and the other body lies on the side beyond: what nothing holds."""
         u = self.geometry.spread(state.surface)
         sides = [side.moved(u[self.system.slice(side.body)]) for side in _sides(self.contacts[i])]
@@ -170,7 +132,7 @@ class PlaneOverlaps:
                     f"that does not belong to {own.label!r}: nothing holds it there. Take that side "
                     "into the surface, or make a second contact with it."
                 )
-        return tuple(words)
+        return " ".join(words)
 
 
 def _looked_at(contact: Contact) -> bool:
@@ -188,7 +150,3 @@ def _looked_at(contact: Contact) -> bool:
 def _sides(contact: Contact) -> tuple[ContactSurface, ContactSurface]:
     assert isinstance(contact.primary, ContactSurface)
     return contact.secondary, contact.primary
-
-
-def _chords(sides: Sequence[ContactSurface]) -> float:
-    return sum(drawn_off(side) for side in sides)

@@ -191,26 +191,6 @@ class HiddenOverlap:
 
 
 @dataclass(frozen=True)
-class Intrusion:
-    """The deepest overlap of one contact that slides far.
-
-    Attributes
-    ----------
-    depth : float
-        Less gaps and with interferences given by the user [length].
-    at : tuple of float
-        Where [length].
-    surface, body : str
-        Labels of the surface of the point, and of the one whose body it lies in.
-    """
-
-    depth: float
-    at: tuple[float, ...]
-    surface: str
-    body: str
-
-
-@dataclass(frozen=True)
 class Diagnostics:
     """What is known of the bounds of the model at an answer: what a step has measured and suspects.
 
@@ -226,8 +206,8 @@ class Diagnostics:
     tracks : tuple of Track
         Of every contact, for `validity`.
     intrusions : dict
-        Overlaps of contacts that slide far that seem to be beyond their bounds, by the contact's
-        number.
+        Depths of overlaps that seem to be beyond their bounds where plane contacts slide far, by the
+        contact's number [length].
     undetected : dict
         What is to be said of corners of obstacles that stand between nodes, by the contact's number.
     hidden : dict
@@ -242,7 +222,7 @@ class Diagnostics:
     turns: dict[str, float] = field(default_factory=dict)
     issued: Issued = frozenset()
     tracks: tuple[Track, ...] = ()
-    intrusions: dict[int, Intrusion] = field(default_factory=dict)
+    intrusions: dict[int, float] = field(default_factory=dict)
     undetected: dict[int, str] = field(default_factory=dict)
     hidden: dict[int, HiddenOverlap] = field(default_factory=dict)
     leaning: dict[str, float] = field(default_factory=dict)

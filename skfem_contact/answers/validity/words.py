@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skfem_contact.answers.thresholds import GAP, LOCKED, TILT
+from skfem_contact.answers.validity.boundaries import Meeting
 from skfem_contact.answers.validity.validity import ContactValidity, Drift, HiddenOverlap
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written
@@ -82,12 +83,13 @@ def strain_words(name: str, strain: float) -> str:
     )
 
 
-def overlap_words(part: ContactValidity, contact: Contact, found: tuple[str, str] | None) -> str:
-    """That bodies overlap where contact conditions do not see it, and what to do.
-
-    `found`: where the deepest point lies, and what to do about it, where that is known.
-    """
-    place, way = found or ("", "")
+def overlap_words(part: ContactValidity, contact: Contact, meeting: Meeting, way: str = "") -> str:
+    """That bodies overlap where contact conditions do not see it, where, and what to do."""
+    place = ""
+    if meeting.place is not None:
+        own, other = contact.secondary.label, contact.primary.label
+        own, other = (own, other) if meeting.side == 0 else (other, own)
+        place = f", at {written(meeting.place)}, where {own!r} lies in the body of {other!r}"
     lonely = f", {part.unseen} points without partner among them" if part.unseen else ""
     return (
         f"the deformed bodies overlap by up to {part.overlap:.3g}{place}{lonely}, where chords explain "
