@@ -455,7 +455,7 @@ ROWS = (
         validity,
         (
             "answers/validity/assess:",
-            "answers/validity/boundaries:",
+            "answers/validity/deformed_boundaries:",
             "problem/condensed:recover",
         ),
     ),

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skfem_contact.answers.validity import boundaries as module
-from skfem_contact.answers.validity.boundaries import ACROSS, RAY, Boundary
+from skfem_contact.answers.validity import deformed_boundaries as module
+from skfem_contact.answers.validity.deformed_boundaries import ACROSS, RAY, Boundary
 
 
 def inside_by_all_pairs(hull: Boundary, points: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.answers.validity.boundaries import Boundary
+from skfem_contact.answers.validity.deformed_boundaries import Boundary
 from skfem_contact.pairing.node import node_to_segment
 
 

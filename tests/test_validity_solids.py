@@ -17,7 +17,7 @@ from solid_meshes import KINDS, at, body, cube, elastic, onto_ball
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.validity.assess import assess
-from skfem_contact.answers.validity.boundaries import boundary
+from skfem_contact.answers.validity.deformed_boundaries import boundary
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.track import Rim, Track, curvatures
 from skfem_contact.conditions.discretisation import pair

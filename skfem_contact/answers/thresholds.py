@@ -133,7 +133,7 @@ NO_APPROACH = 1e-10
 # Of what moments of second order change of the motion of a tool, over that motion.
 SECOND_ORDER = 0.1
 
-# -- validity.boundaries -----------------------------------------
+# -- validity.deformed_boundaries -----------------------------------------
 
 # Straight pieces that a quadratic facet is drawn with: they miss 1/256 of its sagitta.
 PIECES = 8

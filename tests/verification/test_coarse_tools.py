@@ -20,7 +20,7 @@ from scenes import elastic
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.validity.chords import tool_sagittas
-from skfem_contact.answers.validity.obstacles import pierced
+from skfem_contact.answers.validity.obstacle_overlaps import pierced
 
 QUAD = fem.ElementVector(fem.ElementQuad1())
 LONG, NOTHING = "over the length of one facet the two sides stand", "presses on nothing"

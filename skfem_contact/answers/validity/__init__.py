@@ -1,9 +1,8 @@
 """Is the model valid at the answer? Small sliding, small rotations, no overlaps that nobody looked for.
 
 * `validity`: the values that steps and `assess` measure; `words`: what is beyond its bound, in words;
-* `boundaries`: deformed boundaries against each other, seen from outside; `plane_overlaps`,
-  `solid_overlaps`: what every step looks for of overlaps that no row sees; `obstacles`: the same of
-  obstacles, whose shapes are known;
+* `deformed_boundaries`: deformed boundaries against each other, seen from outside; `plane_overlaps`,
+  `solid_overlaps`, `obstacle_overlaps`: overlaps that no row sees, which every step looks for;
 * `track`: where points are led by their slip, how the other side curves and where it ends; `chords`:
   facets that are too long for what presses on a curve;
 * `support`: how bodies move as a whole, and how far they give under contact; `strain`: how far they are

@@ -17,8 +17,14 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import LARGE
-from skfem_contact.answers.validity.boundaries import Boundary, Meeting, at_obstacle, between, boundary
 from skfem_contact.answers.validity.chords import chord_height, drawn_off
+from skfem_contact.answers.validity.deformed_boundaries import (
+    Boundary,
+    Meeting,
+    at_obstacle,
+    between,
+    boundary,
+)
 from skfem_contact.answers.validity.plane_overlaps import PlaneOverlaps
 from skfem_contact.answers.validity.solid_overlaps import SolidOverlaps
 from skfem_contact.answers.validity.strain import leaning, lockable, locked_share, strains

@@ -1,9 +1,9 @@
 """Where contact slides far: does anything overlap that the pairing does not see?
 
-The points of both surfaces, and the middles between them, are looked for in the whole body on the
-other side after every step (`boundaries`), by what a load step knows of displacements: those of contact
-surfaces and supports, extrapolated to the rest of the boundary (`Extrapolation`). That is a suspicion:
-the verdict is that of `assess`, with all displacements.
+The points of both surfaces, and the middles between them, are looked for in the whole body on the other
+side after every step (`deformed_boundaries`), by what a load step knows of displacements: those of
+contact surfaces and supports, extrapolated to the rest of the boundary (`Extrapolation`). That is a
+suspicion: the verdict is that of `assess`, with all displacements.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import OVERLAP
-from skfem_contact.answers.validity.boundaries import BoundaryNodes, weights_between, within
 from skfem_contact.answers.validity.chords import drawn_off
+from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes, weights_between, within
 from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.answers.validity.validity import Drift
@@ -50,7 +50,7 @@ class PlaneOverlaps:
             for b, body in enumerate(self.system.bodies)
             if b in bodies and isinstance(body, Body)
         }
-        self.unknown = {b: self._unknown(nodes, known) for b, nodes in self.nodes.items()}
+        self.unknown = {b: Extrapolation(self.system, nodes, known) for b, nodes in self.nodes.items()}
         self.chords = {i: sum(map(drawn_off, _sides(self.contacts[i]))) for i in self.looked}
 
     def look(
@@ -68,10 +68,7 @@ class PlaneOverlaps:
             return {}
         u = self.geometry.spread(state.surface)
         u[self.held] = case.x[self.held]
-        parts = {
-            b: unknown.filled(u[self.system.slice(unknown.side.body)], u)
-            for b, unknown in self.unknown.items()
-        }
+        parts = {b: unknown.filled(u) for b, unknown in self.unknown.items()}
         found = {}
         for i in self.looked:
             added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
@@ -80,10 +77,6 @@ class PlaneOverlaps:
             if depth > self.chords[i] + OVERLAP * drifts[i].approach:
                 found[i] = depth
         return found
-
-    def _unknown(self, nodes: BoundaryNodes, known: Mask) -> Extrapolation:
-        part = self.system.slice(nodes.body)
-        return Extrapolation(nodes, int(part.start), np.flatnonzero(known[part]))
 
     def _deepest(self, i: int, parts: dict[int, Array], added: Array) -> float:
         """How deep points of each surface lie in the other body, less what the user `added` (m,)."""

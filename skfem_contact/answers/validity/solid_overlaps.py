@@ -77,7 +77,10 @@ class SolidOverlaps:
         for there in (at_contact, on_surfaces):
             there[self.system.D] = True
         self.unknown = {
-            i: [self._unknown(side, at_contact if i in small else on_surfaces) for side in one.sides]
+            i: [
+                Extrapolation(self.system, side, at_contact if i in small else on_surfaces)
+                for side in one.sides
+            ]
             for i, one in self.each.items()
         }
         self.flanks = {i: self._flanks(self.each[i], on_surfaces) for i in self.each if i not in small}
@@ -106,7 +109,7 @@ class SolidOverlaps:
             if i in self.flanks:
                 known = self.geometry.spread(state.surface)
                 known[self.system.D] = case.x[self.system.D]
-            parts = [self._part(unknown, known) for unknown in self.unknown[i]]
+            parts = [unknown.filled(known) for unknown in self.unknown[i]]
             overlap = self._look(i, parts, case, tracks, approach)
             if overlap is None and i in self.flanks:
                 overlap = self._beside_surfaces(i, parts, known, approach)
@@ -133,7 +136,7 @@ class SolidOverlaps:
         for selected, own in ((one.primary, one.secondary), (one.secondary, one.primary)):
             whole = boundary(selected)
             if whole is not None:
-                found.append((Flanks(whole, selected, own), self._unknown(whole, there)))
+                found.append((Flanks(whole, selected, own), Extrapolation(self.system, whole, there)))
         return found
 
     def _beside_surfaces(
@@ -144,7 +147,7 @@ class SolidOverlaps:
         least = max(one.noise, STANDING * approach)
         for flanks, unknown in self.flanks[i]:
             k = 0 if flanks.own is one.secondary else 1
-            u = parts[1 - k] if known is None else unknown.filled(parts[1 - k], known)
+            u = parts[1 - k] if known is None else unknown.filled(known)
             found = flanks.look(u, parts[k], least)
             if found and (best is None or found.depth > best.depth):
                 best = replace(found, what="flank of primary" if k == 0 else "flank of secondary")
@@ -169,13 +172,6 @@ class SolidOverlaps:
     ) -> HiddenOverlap | None:
         added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
         return self.each[i].look(parts, added, approach)
-
-    def _unknown(self, side: FaceSurface, there: Mask) -> Extrapolation:
-        start = int(self.system.slice(side.body).start)
-        return Extrapolation(side, start, np.flatnonzero(there[self.system.slice(side.body)]))
-
-    def _part(self, unknown: Extrapolation, u: Array) -> Array:
-        return unknown.filled(u[self.system.slice(unknown.side.body)], u)
 
 
 class SolidPair:

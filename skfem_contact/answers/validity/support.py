@@ -14,6 +14,7 @@ from skfem_contact.answers.thresholds import NO_APPROACH, SUPPORTED
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import System
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.trees import Tree
 
@@ -143,11 +144,10 @@ class Extrapolation:
 
     Parameters
     ----------
+    system : System
     side : NodesOfBody
-    start : int
-        Where the DOFs of the body begin.
-    known : ndarray of int
-        DOFs of the body whose displacements are known.
+    there : ndarray of bool, shape (n,)
+        DOFs of the system whose displacements are known.
 
     Attributes
     ----------
@@ -155,20 +155,22 @@ class Extrapolation:
         The numbers of those that are not known.
     """
 
-    def __init__(self, side: NodesOfBody, start: int, known: Index) -> None:
-        self.side = side
-        there = np.isin(side.dofs, known).all(axis=1)
-        self.nodes, known_nodes = np.flatnonzero(~there), np.flatnonzero(there)
+    def __init__(self, system: System, side: NodesOfBody, there: Mask) -> None:
+        self.side, self.part = side, system.slice(side.body)
+        known = np.flatnonzero(there[self.part])
+        is_known = np.isin(side.dofs, known).all(axis=1)
+        self.nodes, known_nodes = np.flatnonzero(~is_known), np.flatnonzero(is_known)
         if not len(self.nodes):
             return
-        self.support = Support.of(side.body, start, known)
+        self.support = Support.of(side.body, int(self.part.start), known)
         self.beside = known_nodes[:0]
         if len(known_nodes):
             nearest = Tree(side.points[known_nodes]).query(side.points[self.nodes])[1]
             self.beside = known_nodes[nearest]
 
-    def filled(self, part: Array, u: Array) -> Array:
-        """Displacements of the body, with those of the missing nodes as near as one can say."""
+    def filled(self, u: Array) -> Array:
+        """Displacements of the body from those of the system (n,), unknown ones as near as can be."""
+        part = u[self.part]
         if not len(self.nodes):
             return part
         x, dofs = self.side.points, self.side.dofs

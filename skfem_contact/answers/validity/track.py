@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.validity.boundaries import distances
 from skfem_contact.answers.validity.chords import sagittas, tool_sagittas
+from skfem_contact.answers.validity.deformed_boundaries import distances
 from skfem_contact.arrays import largest
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
 from skfem_contact.bodies.system import System

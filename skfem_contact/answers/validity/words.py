@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skfem_contact.answers.thresholds import GAP, LOCKED, TILT
-from skfem_contact.answers.validity.boundaries import Meeting
+from skfem_contact.answers.validity.deformed_boundaries import Meeting
 from skfem_contact.answers.validity.validity import ContactValidity, Drift, HiddenOverlap
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written

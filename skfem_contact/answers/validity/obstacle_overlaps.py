@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import GAP, SAGITTA, TILT
-from skfem_contact.answers.validity.boundaries import signed_distance
 from skfem_contact.answers.validity.chords import bends, kinked_faces
+from skfem_contact.answers.validity.deformed_boundaries import signed_distance
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.conditions.contact import Contact
