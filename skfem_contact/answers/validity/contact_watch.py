@@ -36,6 +36,7 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -64,8 +65,8 @@ class ContactWatch:
         What a force on a point presses it in [length/force].
     spared : ndarray, shape (m,), or None
         What of `soft` points do not feel, because supports take up their force on one side.
-    normal_rows, all_rows : list of ndarray
-        How far motions of each body move points along their normals, (m, r), and at all, (m, d, r).
+    motions : list of ndarray, shape (m, d, r)
+        How far motions of each body move points.
     held : bool
         Whether supports hold both sides along the normals.
     loose : list of Support, or None
@@ -103,8 +104,7 @@ class ContactWatch:
             bodies.append(self.system.index(contact.rigid_body))
         self.bodies = bodies
         held_by = [supports[b] for b in bodies]
-        self.normal_rows = [s.along(self.track.points, self.track.normal) for s in held_by]
-        self.all_rows = [unit_motions(self.track.points, s.centre, s.arm) for s in held_by]
+        self.motions = [unit_motions(self.track.points, s.centre, s.arm) for s in held_by]
         points, normal = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
         self.held = all(s.holds(points, normal) for s in held_by)
         self.inside, self.loose = False, None
@@ -132,9 +132,13 @@ class ContactWatch:
         """How far supports of all bodies lift and drag the points; None where contact slides far."""
         if self.contact.sliding != "small":
             return None
-        moved = [motions[b] for b in self.bodies]
-        lifted = relative(self.normal_rows, moved)
-        return lifted, self.track.tangential(relative(self.all_rows, moved))
+        moved = self._apart([motions[b] for b in self.bodies])
+        return dot(moved, self.track.normal), self.track.tangential(moved)
+
+    def _apart(self, motions: Sequence[Array]) -> Array:
+        """How far points move against each other by the motions (r,) of the bodies, (m, d)."""
+        own = self.motions[0] @ motions[0]
+        return np.asarray(own - self.motions[1] @ motions[1] if len(motions) > 1 else own)
 
     def drift(
         self,
@@ -183,8 +187,7 @@ class ContactWatch:
         else:
             slip = dragged
             if self.loose is not None:
-                moved = [body.motion(u) for body in self.loose]
-                slip = track.tangential(relative(self.all_rows, moved))
+                slip = track.tangential(self._apart([body.motion(u) for body in self.loose]))
         approach = beyond_round_off(approach, self.extent)
         force = state.normal_force[part]
         tool = tool_motion(self.system, contact, track, u)
@@ -257,9 +260,3 @@ class ContactWatch:
         u[self.system.D] = result.case.x[self.system.D]
         elastic = beyond_round_off(elastic_approach(result, self.i, closed, u), self.extent)
         return replace(drift, approach=max(drift.approach, elastic)).facets_too_long
-
-
-def relative(rows: Sequence[Array], motions: Sequence[Array]) -> Array:
-    """How far points move against each other, from the rows (m, r) or (m, d, r) and motions (r,)."""
-    own = rows[0] @ motions[0]
-    return np.asarray(own - rows[1] @ motions[1] if len(rows) > 1 else own)
