@@ -741,7 +741,7 @@ def test_ways_to_the_ends_of_surfaces():
     rim = rim.surface(lambda x: x[0] ** 2 + x[1] ** 2 > 0.9, name="rim")
     assert np.isinf(Rim.of(rim).at_least(rim.points)).all()
     assert np.isneginf(Rim.of(rim).beyond(rim.points)).all()
-    assert_allclose(np.trace(curvatures(rim), axis1=1, axis2=2), 1.0, rtol=0.01)  # facets of 0.1
+    assert_allclose(curvatures(rim)[:, 0, 0], 1.0, rtol=0.01)  # facets of 0.1
 
 
 def test_ends_are_looked_at_where_a_point_may_have_passed_them():

@@ -458,6 +458,9 @@ def curvatures(surface: ContactSurface) -> Array:
     c, d = surface.kind.corners, surface.dim
     x = surface.points[surface.facets[:, :c]]
     n = surface.facet_node_normals[:, :c]
+    if d == 2:
+        turn = np.linalg.norm(n[:, 1] - n[:, 0], axis=1) / surface.lengths
+        return turn[:, None, None] * np.eye(2)
     if np.max(np.abs(n - surface.facet_normals[:, None])) < COMPUTED**0.5:
         return np.zeros((len(x), d, d))
     x, n = x - x.mean(axis=1, keepdims=True), n - n.mean(axis=1, keepdims=True)
