@@ -455,8 +455,7 @@ ROWS = (
         validity,
         (
             "answers/validity/assess:",
-            "answers/validity/overlap:",
-            "answers/validity/meeting:",
+            "answers/validity/deformed_boundaries:",
             "problem/condensed:recover",
         ),
     ),

@@ -37,8 +37,7 @@ from skfem_contact.answers.certificate import Certificate
 from skfem_contact.answers.error.sources import ErrorEstimate, ErrorSources
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.uniqueness import Uniqueness
-from skfem_contact.answers.validity.drift import Drift
-from skfem_contact.answers.validity.validity import ContactValidity, Validity
+from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface

@@ -180,7 +180,7 @@ def test_increments_do_not_touch_the_interior(mu: Any, sliding: str, monkeypatch
 
 def test_increments_compute_nothing_that_only_questions_need(blocks: Any, monkeypatch: Any) -> None:
     """Forces that displacements follow from, singular values and ends of surfaces: where asked for."""
-    from skfem_contact.answers.validity.curve_track import CurveTrack
+    from skfem_contact.answers.validity.track import Track
     from skfem_contact.problem.condensed import PointProblem
 
     upper = blocks.floating  # contact alone holds it sideways
@@ -200,7 +200,7 @@ def test_increments_compute_nothing_that_only_questions_need(blocks: Any, monkey
         monkeypatch.setattr(owner, name, counted)
 
     count(PointProblem, "source")
-    count(CurveTrack, "_past_end")
+    count(Track, "_past_end")
     count(np.linalg, "svd")
     results = list(history)
     assert len(results) == 2 and not calls

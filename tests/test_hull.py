@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skfem_contact.answers.validity import hull as module
-from skfem_contact.answers.validity.hull import ACROSS, RAY, Hull
+from skfem_contact.answers.validity import deformed_boundaries as module
+from skfem_contact.answers.validity.deformed_boundaries import ACROSS, RAY, Boundary
 
 
-def inside_by_all_pairs(hull: Hull, points: np.ndarray) -> np.ndarray:
+def inside_by_all_pairs(hull: Boundary, points: np.ndarray) -> np.ndarray:
     """The rule itself: a ray from a point meets an odd number of triangles."""
     odd = np.zeros(len(points), dtype=bool)
     for x in hull.corners:
-        seen, p = x @ ACROSS.T, points @ ACROSS.T
+        seen, p = x @ ACROSS[3].T, points @ ACROSS[3].T
         rise = np.roll(seen, -1, axis=0) - seen
         away = p[:, None] - seen
         side = rise[:, 0] * away[..., 1] - rise[:, 1] * away[..., 0]
@@ -51,7 +51,7 @@ def test_ten_thousand_points_are_judged_as_by_all_pairs(
         else:
             corners = rng.normal(size=(30, 1, 3)) + 0.5 * rng.normal(size=(30, 3, 3))
         at = corners.reshape(-1, 3)
-        hull, points = Hull(corners), rng.uniform(at.min(axis=0), at.max(axis=0), (100, 3))
+        hull, points = Boundary(corners), rng.uniform(at.min(axis=0), at.max(axis=0), (100, 3))
         found = hull.inside(points)
         np.testing.assert_array_equal(found, inside_by_all_pairs(hull, points))
         inner, outer = inner + found.sum(), outer + (~found).sum()
@@ -60,7 +60,7 @@ def test_ten_thousand_points_are_judged_as_by_all_pairs(
 
 def test_points_beside_the_box_are_outside() -> None:
     """Without any point near there is nothing to sort."""
-    hull = Hull(ball(np.random.default_rng(0), 1))
+    hull = Boundary(ball(np.random.default_rng(0), 1))
     assert not hull.inside(np.array([[50.0, 0, 0], [0, 0, -50.0]])).any()
     assert hull.inside(np.zeros((0, 3))).shape == (0,)
     assert not len(hull.samples((np.full(3, 50.0), np.full(3, 60.0))))
@@ -69,7 +69,7 @@ def test_points_beside_the_box_are_outside() -> None:
 def test_samples_of_a_box_are_those_of_all_that_lie_in_it() -> None:
     """Each corner, middle of an edge and middle of a triangle once."""
     x = np.vstack([np.zeros(3), np.eye(3)])
-    hull = Hull(x[[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]])
+    hull = Boundary(x[[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]])
     everywhere = hull.samples(hull.box)
     assert len(everywhere) == 4 + 6 + 4
     box = np.zeros(3), np.full(3, 0.5)

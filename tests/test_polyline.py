@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.answers.validity.overlap import Outline
+from skfem_contact.answers.validity.deformed_boundaries import Boundary
 from skfem_contact.pairing.node import node_to_segment
 
 
@@ -160,7 +160,7 @@ def test_signed_distances_are_those_of_polygons_in_polygons(seed):
     points = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     shape = sc.RigidPolyline(points, closed=True, hollow=bool(seed % 2))
     x = np.vstack([rng.uniform(-2.2, 2.2, (500, 2)), points + 1e-3 * rng.normal(size=points.shape)])
-    outline = Outline(points, np.roll(points, -1, axis=0))
+    outline = Boundary(np.stack([points, np.roll(points, -1, axis=0)], axis=1))
     known = outline.signed(x) * (-1 if seed % 2 else 1)
     assert_allclose(shape.signed_distance(x), known, atol=1e-14)
 

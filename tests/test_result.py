@@ -15,7 +15,7 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.single import OfTheContact
+from skfem_contact.answers.by_contact import OfTheContact
 
 
 def block(name, y, **data):
@@ -88,7 +88,7 @@ def test_warnings_point_at_the_line_that_asked():
         warnings.simplefilter("always")
         solver.solve()
         history = list(solver.history([1.0]))
-        object.__setattr__(history[0]._answer.watched, "said", frozenset())
+        object.__setattr__(history[0]._answer.diagnostics, "issued", frozenset())
         assert not history[0].validity.holds
         sc.ContactSolver(body, replace(solver.contacts[0], interference=10.0)).solve()
     assert len(told) >= 4  # the last says it of the load as well

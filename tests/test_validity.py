@@ -15,10 +15,9 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.validity.curvature import curvatures
-from skfem_contact.answers.validity.curve_track import CurveTrack, node_lengths
-from skfem_contact.answers.validity.ends import ways_to_ends
-from skfem_contact.answers.validity.overlap import Outline, outline
+from skfem_contact.answers.validity.deformed_boundaries import Boundary, boundary
+from skfem_contact.answers.validity.track import Rim, Track, curvatures, node_lengths
+from skfem_contact.conditions.discretisation import pair
 
 QUAD = fem.ElementVector(fem.ElementQuad1())
 E = 1e3
@@ -204,7 +203,7 @@ def test_block_dragged_off_its_track(mu, method):
     # beyond the end; elastic slip is below half a facet
     assert "4 of 9 closed points lie beyond the end" in str(warning.message)
     assert result.force[1] > 0  # still presses
-    (drift,) = answer_of(result).watched.drifts
+    (drift,) = answer_of(result).diagnostics.drifts
     assert_allclose(drift.slip, 3.5, rtol=0.01)
     assert_allclose(drift.overhang, 0.5, atol=0.01)
 
@@ -223,7 +222,8 @@ def test_block_dragged_with_finite_sliding():
     result = dragged(2.0, sliding="finite", steps=3)
     assert result.validity.holds
     assert (
-        result.validity.contacts["joint"].overlap < 0.2 * answer_of(result).watched.drifts[0].approach
+        result.validity.contacts["joint"].overlap
+        < 0.2 * answer_of(result).diagnostics.drifts[0].approach
     )
 
 
@@ -237,7 +237,7 @@ def test_points_that_come_into_contact_on_the_way_are_watched():
     before, after = sc.ContactSolver([block, track], [contact]).history([0.0, 2.0])
     assert not np.any((before.status != 0) & (after.status != 0))
     # the same two bodies two block lengths on, and 2 from either end: as strained as before
-    (here,), (there,) = answer_of(before).watched.drifts, answer_of(after).watched.drifts
+    (here,), (there,) = answer_of(before).diagnostics.drifts, answer_of(after).diagnostics.drifts
     assert there.closed == here.closed
     assert_allclose([there.approach, there.strain], [here.approach, here.strain], rtol=1e-6)
     assert after.validity.holds
@@ -251,8 +251,8 @@ def test_disc_moved_away(mu):
     ):
         before, after = under_disc(moved(0.03), mu=mu)
     assert after.force[1] < 50 * before.force[1] < 0
-    assert answer_of(after).watched.drifts[0].tilt > 0.3
-    assert_allclose(answer_of(after).watched.drifts[0].motion, 0.03, rtol=1e-3)
+    assert answer_of(after).diagnostics.drifts[0].tilt > 0.3
+    assert_allclose(answer_of(after).diagnostics.drifts[0].motion, 0.03, rtol=1e-3)
 
 
 def test_disc_moved_a_little():
@@ -260,7 +260,7 @@ def test_disc_moved_a_little():
     result = under_disc(moved(0.5e-3))[-1]
     # the distance to a circle, to second order of s/R = 0.01
     assert_allclose(
-        answer_of(result).watched.drifts[0].gap_share, 0.5 * 0.5e-3**2 / 0.05 / 1e-4, rtol=1e-3
+        answer_of(result).diagnostics.drifts[0].gap_share, 0.5 * 0.5e-3**2 / 0.05 / 1e-4, rtol=1e-3
     )
     assert result.validity.holds
 
@@ -281,7 +281,7 @@ def test_spinning_disc_loses_its_force(angle, mu):
     assert abs(after.force[1]) < 0.8 * abs(before.force[1])
     error = min(0.05 * (1 - np.cos(angle)), 1e-4)  # no more than it was pressed in
     # friction drags the points along by its share of the force: 1e-5 of the radius
-    assert_allclose(answer_of(after).watched.drifts[0].gap_error, error, rtol=1e-3)
+    assert_allclose(answer_of(after).diagnostics.drifts[0].gap_error, error, rtol=1e-3)
 
 
 def test_a_whole_turn_is_no_rest():
@@ -296,7 +296,7 @@ def test_spinning_disc_keeps_its_force():
     turned = under_disc(moved(0.0, 0.01))[-1]
     assert turned.validity.holds
     # the arc that has passed: the lowest point of the disc is 0.1 mm below the surface
-    assert_allclose(answer_of(turned).watched.drifts[0].slip, 0.05 * 0.01, rtol=5e-3)
+    assert_allclose(answer_of(turned).diagnostics.drifts[0].slip, 0.05 * 0.01, rtol=5e-3)
     before, after = under_disc(moved(0.0, 1.0), mu=0.3, sliding="finite")
     assert_allclose(after.force[1], before.force[1], rtol=0.01)  # friction lifts it a little
 
@@ -304,8 +304,8 @@ def test_spinning_disc_keeps_its_force():
 def test_level_set_is_watched_like_the_disc():
     """An obstacle given by a function is looked at to first order: right where it touches."""
     circle = sc.LevelSet(lambda x: x[0] ** 2 + (x[1] - 0.05) ** 2 - 0.05**2, name="disc")
-    plain = answer_of(under_disc(moved(0.5e-3))[-1]).watched.drifts[0]
-    drift = answer_of(under_disc(moved(0.5e-3), disc=circle)[-1]).watched.drifts[0]
+    plain = answer_of(under_disc(moved(0.5e-3))[-1]).diagnostics.drifts[0]
+    drift = answer_of(under_disc(moved(0.5e-3), disc=circle)[-1]).diagnostics.drifts[0]
     # the second order of the gap over the radius
     assert_allclose(drift.gap_error, plain.gap_error, rtol=1e-2)
     with pytest.warns(sc.ContactWarning, match="gaps are wrong by"):
@@ -394,7 +394,7 @@ def test_shaft_turned_in_its_hub(mu):
             warnings.simplefilter("always")
             result = solver.solve(x={"shaft": x})
         # friction holds back by a bound over a shear stiffness: 1e-3 of the radius; chords: 5e-4
-        (drift,) = answer_of(result).watched.drifts
+        (drift,) = answer_of(result).diagnostics.drifts
         assert_allclose(drift.tilt, turn, atol=2e-3)
         assert_allclose(drift.gap_error, turn**2 / 2, rtol=0.3 if mu else 0.01)
         said = " ".join(str(w.message) for w in caught)
@@ -417,7 +417,7 @@ def test_turned_plane():
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             *_, last = solver.history(steps)
-        assert_allclose(answer_of(last).watched.drifts[0].tilt, turn, rtol=1e-12)
+        assert_allclose(answer_of(last).diagnostics.drifts[0].tilt, turn, rtol=1e-12)
         said = " ".join(str(w.message) for w in caught)
         assert (f"normals are off by up to {turn:.3g} rad" in said) == (turn > 0.1)
 
@@ -434,7 +434,7 @@ def test_interference_of_a_step_is_no_error():
         [{"interference": {"joint": 1e-4}}, {"interference": {"joint": 4e-5}}]
     ):
         # elastic displacements along the surface squared over the radius
-        assert answer_of(result).watched.drifts[0].gap_error < 1e-8
+        assert answer_of(result).diagnostics.drifts[0].gap_error < 1e-8
         assert result.validity.holds
 
 
@@ -476,7 +476,7 @@ def test_prescribed_turn_is_a_rotation():
             result = turned(angle)
         said = [str(w.message) for w in caught if "has turned by" in str(w.message)]
         assert len(said) == (angle > 0.1)
-        assert_allclose(answer_of(result).watched.turns["block"], angle, rtol=1e-9)
+        assert_allclose(answer_of(result).diagnostics.turns["block"], angle, rtol=1e-9)
 
 
 # -- the line of print(result) ------------------------------------------------------------------
@@ -690,7 +690,7 @@ def test_hole_is_outside():
     joined, at = np.unique(np.round(ring.p, 9), axis=1, return_inverse=True)
     ring = fem.MeshQuad(joined, at.reshape(-1)[ring.t])
     body = sc.Body(fem.Basis(ring, QUAD), linear_elasticity())
-    line = outline(body, np.zeros(body.n))
+    line = boundary(body, np.zeros(body.n))
     points = np.array([[1.5, 0.0], [0.5, 0.1], [2.5, 0.0], [0.0, -1.2]])
     assert line.inside(points).tolist() == [True, False, False, True]
     # chords of 64 sides miss the circle by R (1 - cos(pi / 64)) = 2.4e-3 at the most
@@ -701,10 +701,11 @@ def test_curved_facets_are_followed():
     """Quadratic facets of a disc: eight pieces miss 1/64 of the sagitta of one chord."""
     mesh = fem.MeshTri2.init_circle(2)
     body = sc.Body(fem.Basis(mesh, fem.ElementVector(fem.ElementTriP2())), linear_elasticity())
-    line = outline(body, np.zeros(body.n))
-    r = np.linalg.norm(line.start, axis=1)
-    middle = np.linalg.norm(0.5 * (line.start + line.end), axis=1)
-    chord = np.linalg.norm(line.end - line.start, axis=1)
+    line = boundary(body, np.zeros(body.n))
+    start, end = np.moveaxis(line.corners, 1, 0)
+    r = np.linalg.norm(start, axis=1)
+    middle = np.linalg.norm(0.5 * (start + end), axis=1)
+    chord = np.linalg.norm(end - start, axis=1)
     # a parabola through three points of the circle, and its chords
     assert_allclose(r, 1.0, atol=1e-4)
     assert_allclose(middle, 1 - chord**2 / 8, atol=1e-4)
@@ -713,10 +714,10 @@ def test_curved_facets_are_followed():
 def test_many_points_go_in_blocks(monkeypatch):
     """What does not fit into one block is done in several, with the same result."""
     corners = np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0, 2 * np.pi, 100)[:-1]])
-    circle = Outline(corners, np.roll(corners, -1, axis=0))
+    circle = Boundary(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
     points = np.random.default_rng(1).uniform(-1.2, 1.2, (500, 2))
     whole = circle.signed(points)
-    monkeypatch.setattr("skfem_contact.answers.validity.overlap.PAIRS_AT_ONCE", 1000)
+    monkeypatch.setattr("skfem_contact.answers.validity.deformed_boundaries.PAIRS_AT_ONCE", 1000)
     np.testing.assert_array_equal(circle.signed(points), whole)
     assert_allclose(whole, np.linalg.norm(points, axis=1) - 1, atol=1e-3)  # chords: 5e-4
 
@@ -726,18 +727,21 @@ def test_ways_to_the_ends_of_surfaces():
     grid = np.linspace(0, 2, 5)
     body = rectangle(grid, grid, name="block")
     both = body.surface(["bottom", "top"], name="both")
-    facet = np.arange(len(both.facets))
-    start, end = (both.points[both.facets[:, k]] for k in (0, 1))
-    behind, ahead = ways_to_ends(both, facet, 0.5 * (start + end))
-    assert_allclose(behind + ahead, 2.0)
-    assert_allclose(np.sort(behind), np.repeat([0.25, 0.75, 1.25, 1.75], 2))
-    assert_allclose(node_lengths(both).sum(), 4.0)
+    middles = both.points[both.facets].mean(axis=1)
+    ends = Rim.of(both)
+    assert_allclose(-ends.beyond(middles), np.minimum(middles[:, 0], 2.0 - middles[:, 0]))
+    assert_allclose(ends.at_least(middles), -ends.beyond(middles))
+    assert_allclose(ends.beyond(middles + [2.0, 0.0]), middles[:, 0])
+    assert_allclose(ends.beyond(middles - [2.0, 0.0]), 2.0 - middles[:, 0])
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    bottom = body.surface("bottom")
+    assert_allclose(node_lengths(bottom, pair(sc.Contact(bottom, floor))).sum(), 2.0)
     disc = fem.MeshTri.init_circle(3)
     rim = sc.Body(fem.Basis(disc, fem.ElementVector(fem.ElementTriP1())), linear_elasticity())
     rim = rim.surface(lambda x: x[0] ** 2 + x[1] ** 2 > 0.9, name="rim")
-    behind, ahead = ways_to_ends(rim, np.arange(len(rim.facets)), rim.points[rim.facets[:, 0]])
-    assert np.isinf(behind).all() and np.isinf(ahead).all()
-    assert_allclose(curvatures(rim), 1.0, rtol=0.01)  # facets of 0.1
+    assert np.isinf(Rim.of(rim).at_least(rim.points)).all()
+    assert np.isneginf(Rim.of(rim).beyond(rim.points)).all()
+    assert_allclose(curvatures(rim)[:, 0, 0], 1.0, rtol=0.01)  # facets of 0.1
 
 
 def test_ends_are_looked_at_where_a_point_may_have_passed_them():
@@ -747,14 +751,14 @@ def test_ends_are_looked_at_where_a_point_may_have_passed_them():
     contact = sc.Contact(up.surface("bottom"), low.surface("top"), friction=sc.Coulomb(0.3))
     solver = sc.ContactSolver([low, up], contact)
     gap, part = np.zeros(9), slice(0, 9)
-    short, long = (CurveTrack(contact, solver.geometry.pairings[0], solver.kin.gap0) for _ in range(2))
+    short, long = (Track(contact, solver.geometry.pairings[0], solver.kin.gap0) for _ in range(2))
     long.room = np.full(9, -np.inf)
     order = np.argsort(short.points[:, 0])
     for first in range(5):
         closed = np.zeros(9, dtype=bool)
         closed[order[first : 9 - first]] = True
         for slip in (0.0, 0.02, 0.06, 0.07, 0.13, -0.19, 0.4, -0.5):
-            given = closed, np.full(9, slip), gap, np.ones(9), 1e-3, None, 0, part
+            given = closed, slip * short.tangent[:, 0], gap, np.ones(9), 1e-3, None, 0, part
             found = short.drift(*given)
             assert found == long.drift(*given)
             # a point counts with the 1/8 of the surface around it, of which the slip takes its part
@@ -831,12 +835,12 @@ def test_force_beyond_an_end_within_a_facet(held):
     for way, lost in ((0.03, 0.03), (0.0625, 0.0625), (0.16, 0.16)):
         history = solver.history([step(0.0), step(way)])
         first = next(history)
-        assert answer_of(first).watched.drifts[0].beyond_share < 1e-6
+        assert answer_of(first).diagnostics.drifts[0].beyond_share < 1e-6
         if lost < 0.1:
-            share = answer_of(next(history)).watched.drifts[0].beyond_share
+            share = answer_of(next(history)).diagnostics.drifts[0].beyond_share
         else:
             with pytest.warns(sc.ContactWarning, match="% of the normal force acts beyond the end"):
-                share = answer_of(next(history)).watched.drifts[0].beyond_share
+                share = answer_of(next(history)).diagnostics.drifts[0].beyond_share
         assert abs(share - lost) < 0.005
 
 
@@ -877,7 +881,7 @@ def test_what_supports_take_up_is_no_strain(soft_is_secondary, recwarn):
     contact = sc.Contact(*(sides if soft_is_secondary else sides[::-1]), method="node")
     down = np.where(bodies[1].dof_component == 1, -1e-4, 0.0)
     result = sc.ContactSolver(bodies, [contact]).solve(x={"stiff": down})
-    drift = answer_of(result).watched.drifts[0]
+    drift = answer_of(result).diagnostics.drifts[0]
     assert result.normal_force.max() > 1e-5  # of which the soft body would give by a tenth of itself
     assert 0.5e-4 < drift.approach < 2e-4
     assert not recwarn

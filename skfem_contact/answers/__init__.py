@@ -1,12 +1,11 @@
 """What an answer is and what can be said of it.
 
 * `answer`: all numbers of a load step, for the modules of this library; `fields`, `contours`,
-  `values`, `split`: those of each contact; `reaction`: forces of supports;
+  `values`: those of each contact; `reaction`: forces of supports;
 * `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers,
-  by the `pieces` of the equation, and by a proof that there is only `one_answer`; `undetermined`:
-  contacts whose forces are not unique;
+  by the `pieces` of the equation, and by a proof that there is only `one_answer`, or other forces;
 * `validity`: whether the model holds; `error`: how far the mesh may be off;
-* `result`, `by_contact`, `single`: all of it as users see it, by contacts, and of the one there may be;
+* `result`, `by_contact`: all of it as users see it, by contacts, and of the one there may be;
 * `contact_report`, `report`: all of it printed;
 * `thresholds`: numbers, and where they come from.
 """

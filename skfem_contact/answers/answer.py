@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.validity.watched import Watched
+from skfem_contact.answers.validity.validity import Diagnostics
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.identity import Identity
@@ -52,7 +52,7 @@ class Answer:
         A sentence per motion that nothing loads and nothing holds.
     springs : bool
         Whether contact rows depend on each other, so that points were seen through springs.
-    watched : Watched
+    diagnostics : Diagnostics
         What every step tells of the bounds of the model; `validity` has more.
     """
 
@@ -83,16 +83,16 @@ class Answer:
     linear: str = ""
     indifferent: tuple[str, ...] = ()
     springs: bool = False
-    watched: Watched = field(default_factory=Watched, repr=False)
+    diagnostics: Diagnostics = field(default_factory=Diagnostics, repr=False)
 
     def __post_init__(self) -> None:
         # points without a multiplier of their own show the gap of the point that has it
         object.__setattr__(self, "gap", self.gap[self.kin.heir])
         self._seal()
 
-    def watch(self, watched: Watched) -> None:
+    def diagnose(self, found: Diagnostics) -> None:
         """What was seen of the model's validity; set while the answer is made, which seals it once."""
-        object.__setattr__(self, "watched", watched)
+        object.__setattr__(self, "diagnostics", found)
 
     def _seal(self) -> None:
         for part in (self, self.state, self.case, self.conditions):

@@ -13,10 +13,9 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.by_contact import ByContact
 from skfem_contact.answers.certificate import Certificate, certify
 from skfem_contact.answers.reaction import reaction
-from skfem_contact.answers.undetermined import undetermined
-from skfem_contact.answers.uniqueness import Uniqueness, uniqueness
+from skfem_contact.answers.uniqueness import Uniqueness, undetermined, uniqueness
 from skfem_contact.answers.validity.assess import assess
-from skfem_contact.answers.validity.rotation import rigid_rotations
+from skfem_contact.answers.validity.strain import rigid_rotations
 from skfem_contact.answers.validity.validity import Validity
 from skfem_contact.arguments import known_keywords
 from skfem_contact.bodies.member import Member

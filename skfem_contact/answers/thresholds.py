@@ -95,7 +95,7 @@ CURVED = 0.5
 # the edges of a triangle of 10:1 .14.
 TWIST = 0.1
 
-# -- validity.drift ----------------------------------------------
+# -- validity.validity: `Drift` ----------------------------------
 
 # Slip over a facet of the primary: below one the mesh does not resolve where a force acts.
 FACETS = 1.0
@@ -110,7 +110,7 @@ TILT = 0.1
 GAP = 0.1
 
 # Height of curves over one facet, over the elastic approach: forces are up to 15 % off by mortar and
-# 23 % node by node, half of that in general (`chords`); on balls, by 21 % with either (`face_chords`).
+# 23 % node by node, half of that in general (`chords`); on balls, by 21 % with either.
 SAGITTA = 0.2
 
 # Force of points beyond the end of the primary over that of the contact: 10 % presses on nothing.
@@ -133,7 +133,7 @@ NO_APPROACH = 1e-10
 # Of what moments of second order change of the motion of a tool, over that motion.
 SECOND_ORDER = 0.1
 
-# -- validity.overlap --------------------------------------------
+# -- validity.deformed_boundaries -----------------------------------------
 
 # Straight pieces that a quadratic facet is drawn with: they miss 1/256 of its sagitta.
 PIECES = 8
@@ -141,13 +141,7 @@ PIECES = 8
 # Pairs of points and pieces that are compared at a time.
 PAIRS_AT_ONCE = 2_000_000
 
-# -- validity.skin -----------------------------------------------
-
-# Of a wire from every node to the rigid motion, over the conductance of the shortest facet: one lets
-# what is known die off by 0.38 from node to node.
-LEAK = 1.0
-
-# -- validity.standing, lookout ----------------------------------
+# -- validity.solid_overlaps -------------------------------------
 
 # Overlap of a vertex or an edge over the elastic approach. What is pressed in only there loses as
 # large a part of its force; on flat seats vertices at sharp edges sink in by .26 (the head of a bolt
@@ -156,7 +150,11 @@ LEAK = 1.0
 # tips of domes between .25 and .5 forces are off by 2 to 19 % where they do, by 0 to 7 % elsewhere.
 STANDING, ALONE = 0.5, 0.25
 
-# -- validity.locking --------------------------------------------
+# Overlap over the sagitta of the chords: contact that is held somewhere along a chord leaves up to one
+# sagitta at its middle or its ends; half of one more is room for chords that the bodies have bent.
+CHORDS = 1.5
+
+# -- validity.strain ---------------------------------------------
 
 # Bulk over shear modulus from which on a body is looked at: a Poisson's ratio of .46, where four
 # elements of first order under a contact give forces that are 6 % larger, over true ones, than at .3.
@@ -183,9 +181,3 @@ SUPPORTED = 1e-3
 # points of one side, between them unlike meshes overlap by a part of what they are pressed in. At the
 # end of a wedge that is driven in it is 0.28, whatever the mesh, with forces that are right to 1e-3.
 OVERLAP = 0.35
-
-# -- validity.lookout ---------------------------------------------
-
-# Overlap over the sagitta of the chords: contact that is held somewhere along a chord leaves up to one
-# sagitta at its middle or its ends; half of one more is room for chords that the bodies have bent.
-CHORDS = 1.5

@@ -11,8 +11,8 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.validity.validity import Issued
 from skfem_contact.answers.validity.watch import Watch
-from skfem_contact.answers.validity.watched import Said
 from skfem_contact.arguments import check_kind
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.diagnosis import check_loads
@@ -67,7 +67,7 @@ class Answering(ByFields):
         model = self.stepper.model
         geometry, kin = model.geometry, model.kin
         fixed = geometry.prescribed
-        said = check_loads(model.system, model.interface, kin, fixed, target, _said(start))
+        issued = check_loads(model.system, model.interface, kin, fixed, target, _issued(start))
         if start is None:
             before = self.reader.unloaded()
             state = natural_state(kin, len(geometry.surface_dofs))
@@ -81,19 +81,19 @@ class Answering(ByFields):
         found.find()
         result = self._answer(found, time.perf_counter() - begin)
         if result.converged:
-            watched = self.watch.look(
+            diagnostics = self.watch.look(
                 result.state,
                 result.gap,
                 result.worn_case,
-                said,
+                issued,
                 result.recover.at_contact,
                 lambda: result.u,
             )
             leaning = second_order(found.advance.attempt) if found.settled is None else {}
             if leaning:
-                watched = replace(watched, leaning=leaning)
-            result.watch(watched)
-            result.watch(self.watch.warn(result))
+                diagnostics = replace(diagnostics, leaning=leaning)
+            result.diagnose(diagnostics)
+            result.diagnose(self.watch.warn(result))
             _warn(result)
         if result.converged or not throw:
             return result
@@ -203,17 +203,18 @@ class Answering(ByFields):
 
 def _warn(result: Answer) -> None:
     """Warn of places that are indifferent and have not been said to be so in this history."""
-    watched = result.watched
-    new = [words for words in result.indifferent if ("place", words) not in watched.said]
+    known = result.diagnostics
+    new = [words for words in result.indifferent if ("place", words) not in known.issued]
     if not new or not np.any(result.u):
         return
     warn(
         " ".join(new) + " Prescribe a DOF (D=...) if the place matters, or the load should hold it. "
         "(Said once in a history; result.indifferent has it in every step.)"
     )
-    result.watch(replace(watched, said=watched.said | {("place", words) for words in new}))
+    issued = known.issued | {("place", words) for words in new}
+    result.diagnose(replace(known, issued=issued))
 
 
-def _said(start: Known) -> Said:
+def _issued(start: Known) -> Issued:
     """What has been warned of in the history so far; a file does not know."""
-    return start.watched.said if isinstance(start, Answer) else frozenset()
+    return start.diagnostics.issued if isinstance(start, Answer) else frozenset()

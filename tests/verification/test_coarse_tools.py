@@ -19,7 +19,8 @@ from scenes import elastic
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.validity.tool_chords import pierced, tool_sagittas
+from skfem_contact.answers.validity.chords import tool_sagittas
+from skfem_contact.answers.validity.obstacle_overlaps import pierced
 
 QUAD = fem.ElementVector(fem.ElementQuad1())
 LONG, NOTHING = "over the length of one facet the two sides stand", "presses on nothing"
@@ -153,7 +154,7 @@ def test_a_solid_under_a_light_tool(shape):
     tool = shape((0, 0, 3.0), 3.0, name="tool", **axis)
     under_tool = sc.ContactSolver(body, sc.Contact(body.surface("top"), tool))
     (deep,) = under_tool.history([{"motion": {"tool": (0, 0, -0.05)}}])
-    assert not answer_of(deep).watched.said
+    assert not answer_of(deep).diagnostics.issued
     with pytest.warns(sc.ContactWarning, match=LONG):
         list(under_tool.history([{"motion": {"tool": (0, 0, -2e-3)}}]))
 

@@ -106,7 +106,7 @@ def said_before(results, caught):
     if not said:
         return len(results), ""
     return next(
-        k for k, r in enumerate(results) if ("overlap", "c") in answer_of(r).watched.said
+        k for k, r in enumerate(results) if ("overlap", "c") in answer_of(r).diagnostics.issued
     ), said[0]
 
 
@@ -128,8 +128,12 @@ def test_no_overlap_is_passed_over(way, turn):
     first, words = said_before(results, caught)
     # whole bodies only where something seems to overlap, to be strained or to have turned
     for seen in map(answer_of, results):
-        turn = max(map(abs, seen.watched.turns.values()))
-        if not seen.watched.intrusions and seen.watched.drifts[0].strain < 0.05 and turn < 0.025:
+        turn = max(map(abs, seen.diagnostics.turns.values()))
+        if (
+            not seen.diagnostics.intrusions
+            and seen.diagnostics.drifts[0].strain < 0.05
+            and turn < 0.025
+        ):
             assert "u" not in vars(seen)
     for r in results[:first]:
         # the one bound, of steps and of `validity`: a third of the elastic approach more than chords;
@@ -151,11 +155,11 @@ def test_flat_tracks_and_rounded_tools_are_silent():
     for method, facets in itertools.product(("node", "mortar"), (81,)):
         solver = dragged_block(rigid=False, method=method, facets=np.linspace(-0.5, 5, facets))
         results = travel(solver, np.linspace(0, 0.5, 3))
-        assert not any(answer_of(r).watched.intrusions for r in results)
+        assert not any(answer_of(r).diagnostics.intrusions for r in results)
     solver, put = scene("disc", "mortar", other=FACET / 2)
     results = list(solver.history([put(*place) for place in path("straight", 2)[1:3]]))
     assert max(r.normal_force.max() for r in results) > 0
-    assert not any(answer_of(r).watched.intrusions for r in results)
+    assert not any(answer_of(r).diagnostics.intrusions for r in results)
 
 
 class Weakening(sc.FrictionLaw):

@@ -23,8 +23,7 @@ from solid_meshes import KINDS, at, body, cube, elastic, octant_shell
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.thresholds import SAGITTA
-from skfem_contact.answers.validity.chords import sagittas
-from skfem_contact.answers.validity.face_chords import face_bends
+from skfem_contact.answers.validity.chords import bends, sagittas
 
 SIZE = 0.6
 CHORD = np.pi / 18
@@ -155,7 +154,7 @@ def test_the_height_over_a_face(sliding):
         ("node", "flat", 2),
     ):
         *_, result = said(10, PLACES[1], secondary, method, sliding=sliding)
-        sagitta = answer_of(result).watched.drifts[0].sagitta
+        sagitta = answer_of(result).diagnostics.drifts[0].sagitta
         # faces of equal steps in x are longer on the sphere, by 1 to 2 % where it stands
         assert sagitta == pytest.approx(times * HEIGHT, rel=0.06)
 
@@ -176,7 +175,7 @@ def test_how_a_sphere_bends(kind):
     radius = np.linalg.norm(mesh.p[:, mesh.facets[:, faces]], axis=0)
     for R, sign in ((1.0, -1.0), (2.0, 1.0)):
         side = part.surface(faces[np.isclose(radius, R).all(axis=0)], name="side")
-        bend, edges = face_bends(side)
+        bend, edges = bends(side)
         middle, n = beside_no_rim(side), side.facet_normals
         assert len(middle) > 5
         plane = np.eye(3) - np.einsum("fd,fe->fde", n, n)
@@ -213,7 +212,7 @@ def test_what_is_no_curve_does_not_bend():
     """A cylinder bends across its axis, whatever the length of faces; chamfers and roofs do not."""
     turn = np.linspace(-0.6, 0.6, 9)
     arc = bent(np.column_stack([np.sin(turn), np.cos(turn) - 1]))
-    bend, _ = face_bends(arc)
+    bend, _ = bends(arc)
     # faces beside both ends know one normal only
     inner = (np.abs(arc.points[arc.facets, 0]) < 0.5).all(axis=1)
     along = np.array([0.0, 1.0, 0.0])
@@ -226,7 +225,7 @@ def test_what_is_no_curve_does_not_bend():
         [(-3, -1), (-1, 0), (1, 0), (3, -1)],  # chamfers of 27 degrees
         [(-2, -0.5), (-1, -0.2), (0, 0.3), (1, -0.2), (2, -0.5)],  # a roof
     ):
-        assert not face_bends(bent(steps))[0].any()
+        assert not bends(bent(steps))[0].any()
 
 
 @pytest.mark.parametrize("kind", ["quad4", "quad8"])
@@ -239,7 +238,7 @@ def test_nearly_parallel_edges_do_not_tell_the_twist(kind):
 
     mesh = cube(kind, 4, wavy)
     side = body(mesh, kind).surface(lambda x: x[2] > 0.65)
-    bend, _ = face_bends(side)
+    bend, _ = bends(side)
     assert 0.05 < np.abs(bend).max() < 0.04 * 4 * 1.5  # its curvatures are .04 x 4 at most
 
 

@@ -1,7 +1,7 @@
 """The discretisation error of tractions, estimated from the answer alone.
 
 * `sources`: what is estimated;
-* `misfit`, `surface`, `faces`, `second_order`: from the surface, curves or faces of solids;
-* `body`: from the bodies behind it; `chords`: from what straight facets make of curves;
+* `surface`, `faces`: from the surface, curves or faces of solids;
+* `body`: from the bodies behind it;
 * `estimate`: all together, with advice.
 """

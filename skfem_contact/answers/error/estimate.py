@@ -19,10 +19,10 @@ from that of the continuous problem, in the L2 norm over the contact, from six s
     On curves of straight facets nodal forces act along normals of the curve, pressures along the
     facets'.
 
-The first three are in `surface`, in 3-D in `faces` and `second_order`, the last in `chords`, the others
-in `body`. An answer is not rated, and its total NaN, where one of them is not known: `chords` of
-second-order faces that stand straight for a curve, `scatter` where all points are near ends of the
-surface; and where a body locks (`validity.locking`), since its answer shows nothing of that error.
+The first three and the last are in `surface`, in 3-D the first three in `faces`, the others in `body`.
+An answer is not rated, and its total NaN, where one of them is not known: `chords` of second-order
+faces that stand straight for a curve, `scatter` where all points are near ends of the surface; and
+where a body locks (`validity.strain`), since its answer shows nothing of that error.
 
 What no answer shows of itself is not in it: what else curved bodies lose with straight facets, load
 steps too long for a history that depends on the path, the limits of the linear theory.
@@ -37,11 +37,9 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.error.body import bodies_error, stiffness_error
-from skfem_contact.answers.error.chords import chords_error, net
 from skfem_contact.answers.error.faces import FacesError
-from skfem_contact.answers.error.misfit import Line
 from skfem_contact.answers.error.sources import Elements, ErrorEstimate, ErrorSources
-from skfem_contact.answers.error.surface import points_across, surface_error
+from skfem_contact.answers.error.surface import Line, chords_error, net, points_across, surface_error
 from skfem_contact.answers.thresholds import LOCKED
 from skfem_contact.answers.validity.locking import lockable, locked_share
 from skfem_contact.answers.values import ContactValues

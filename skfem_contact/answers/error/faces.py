@@ -13,11 +13,18 @@ As on curves (`surface`), with what neighbours tell in the tangent plane.
 Second-order faces are cut into linear ones where contact, stick and the surface end. Elsewhere they
 have one part in place of the second and the last: what their nodal values are off smooth ones, see
 `second_order`.
+
+Multipliers of second-order faces scatter between corners and middles of edges, by some percent where
+both sides are curved. What a face makes of it depends on its shape functions: serendipity ones have the
+fourfold opposite of the corners' in the middle, corners of quadratic triangles count next to nothing.
+So the difference of the nodal values to parabolas through those around, by least squares with the areas
+of the nodes, is interpolated on each face as the traction is, and integrated. Where contact ends shape
+functions matter less: there the faces are cut into linear ones along their nodes.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,10 +39,11 @@ from skfem_contact.answers.contours import (
     with_centres,
 )
 from skfem_contact.answers.contours import contour as contour_of
-from skfem_contact.answers.error.second_order import cut, ripple
 from skfem_contact.answers.fields import displaced
 from skfem_contact.answers.thresholds import SEGMENTS_NEAR, SHARPER
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.bodies.face_normals import areas_and_normals, face_areas
+from skfem_contact.bodies.faces import twin_edges
 from skfem_contact.bodies.facet_kinds import KINDS
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import FaceSurface
@@ -47,6 +55,8 @@ from skfem_contact.trees import Tree
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
+
+
 Three = tuple[float, float, float]
 
 
@@ -340,3 +350,40 @@ def _scatter(net: Net, first: Array, left_out: Mask) -> Array:
     growth = min(float(np.sqrt(np.sum(third**2) / scale)), 2.0) if scale > 0 else 1.0
     height = (3.0 - growth) / 3.0 * second / max(growth, 1.0) ** 2
     return np.asarray(np.sum(height**2, axis=1))
+
+
+#: Linear faces by the nodes of a second-order one; without a node in the middle these are triangles.
+WITHIN: dict[str, list[tuple[int, ...]]] = {
+    "tri6": [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
+    "quad8": [(0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 6), (4, 6, 7)],
+    "quad9": [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)],
+}
+
+
+def cut(surface: FaceSurface) -> FaceSurface:
+    """The linear faces between the nodes of a second-order surface; a linear one as it is."""
+    if not surface.kind.quadratic:
+        return surface
+    parts = WITHIN[surface.kind.name]
+    facets = np.concatenate([surface.facets[:, part] for part in parts])
+    kind = KINDS[{3: "tri3", 4: "quad4"}[facets.shape[1]]]
+    points, twins = surface.points, twin_edges(facets)
+    return replace(
+        surface,
+        facets=facets,
+        twins=twins,
+        mesh_facets=np.tile(surface.mesh_facets, len(parts)),
+        area=face_areas(points, facets, kind, surface.body.measure, surface.label),
+        **areas_and_normals(points, facets, kind, surface.held, twins),
+    )
+
+
+def ripple(surface: FaceSurface, faces: Mask, off: Array) -> Array:
+    """Square integrals over faces of what nodal values (m, k) are off, by nodes, (m,)."""
+    out = np.zeros(len(surface.points))
+    at, weight = surface.kind.quadrature(4)
+    nodes = surface.facets[faces]
+    between = np.einsum("qa,fak->fqk", surface.kind.shapes(at)[0], off[nodes])
+    square = np.einsum("q,fqk->f", weight / weight.sum(), between**2) * surface.facet_areas[faces]
+    np.add.at(out, nodes, square[:, None] / nodes.shape[1])
+    return out

@@ -7,33 +7,37 @@ are the same findings.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import LARGE
-from skfem_contact.answers.validity.drift import Drift
-from skfem_contact.answers.validity.give import beyond_round_off, elastic_approach
-from skfem_contact.answers.validity.hull import Hull, hull
-from skfem_contact.answers.validity.intrusion import Intrusions
-from skfem_contact.answers.validity.locking import lockable, locked_share, locking_words
-from skfem_contact.answers.validity.lookout import Lookouts
-from skfem_contact.answers.validity.meeting import Meeting, at_obstacle, between, drawn_off, sagitta
-from skfem_contact.answers.validity.overlap import Outline, outline
-from skfem_contact.answers.validity.rotation import leaning, rotation_words
-from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
-from skfem_contact.answers.validity.strain import strains
+from skfem_contact.answers.validity.chords import chord_height, drawn_off
+from skfem_contact.answers.validity.deformed_boundaries import (
+    Boundary,
+    Meeting,
+    at_obstacle,
+    between,
+    boundary,
+)
+from skfem_contact.answers.validity.locking import lockable, locked_share
+from skfem_contact.answers.validity.plane_overlaps import PlaneOverlaps
+from skfem_contact.answers.validity.solid_overlaps import SolidOverlaps
+from skfem_contact.answers.validity.strain import leaning, strains
+from skfem_contact.answers.validity.support import beyond_round_off, elastic_approach
 from skfem_contact.answers.validity.track import tool_motion
-from skfem_contact.answers.validity.validity import ContactValidity, Validity
+from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
 from skfem_contact.answers.validity.words import (
     facet_words,
+    locking_words,
     overlap_words,
     prescribed_words,
+    rotation_words,
     sliding_words,
     strain_words,
 )
@@ -42,10 +46,13 @@ from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
+from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import warn
 from skfem_contact.obstacles.obstacle import Obstacle
 
 Array = NDArray[np.float64]
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 
 #: What may be wrong with a contact, in the order in which it is told.
 OF_CONTACTS = ("sliding", "overlap", "facets")
@@ -61,7 +68,7 @@ def assess(result: Answer) -> Validity:
     """
     measured = Assessment(result)
     problems: dict[tuple[str, str], str] = {}
-    if result.watched.tracks:  # scalar fields move nothing
+    if result.diagnostics.tracks:  # scalar fields move nothing
         for i, (contact, name) in enumerate(zip(result.contacts, result.names, strict=True)):
             label = f"Contact {name!r} ({contact.label}): "
             found = measured.of_contact(i)
@@ -69,26 +76,40 @@ def assess(result: Answer) -> Validity:
     for name in measured.solids:
         found = measured.of_body(name)
         problems |= {(kind, name): words for kind, words in found.items()}
-    problems |= leaning(result.watched.leaning)
+    problems |= leaning(result.diagnostics.leaning)
     for (kind, name), text in problems.items():
-        told = (kind, name) in result.watched.said
-        told |= kind == "overlap" and result.watched.prescribed(name)
-        if result.converged and not told:
+        issued = (kind, name) in result.diagnostics.issued
+        issued |= kind == "overlap" and result.diagnostics.prescribed(name)
+        if result.converged and not issued:
             warn(text)
     size, largest, rotation = (
         {name: measured.strains(name)[k] for name in measured.solids} for k in range(3)
     )
-    contacts = range(len(result.names)) if result.watched.tracks else ()
+    contacts = range(len(result.names)) if result.diagnostics.tracks else ()
     return Validity(
         {result.names[i]: measured.contact(i) for i in contacts},
         size,
         largest,
         rotation,
         problems,
-        dict(result.watched.leaning),
+        dict(result.diagnostics.leaning),
         {name: measured.locked(name) for name in measured.lockable},
-        tuple(key for key in result.watched.beyond if key not in problems),
+        tuple(key for key in result.diagnostics.beyond if key not in problems),
     )
+
+
+def _once(measure: Callable[[Any, Key], Value]) -> Callable[[Any, Key], Value]:
+    """A method of one argument, which is computed once for each."""
+
+    @wraps(measure)
+    def kept(self: Any, key: Key) -> Value:
+        known = measure.__name__, key
+        if known not in self._known:
+            self._known[known] = measure(self, key)
+        found: Value = self._known[known]
+        return found
+
+    return kept
 
 
 class Assessment:
@@ -97,17 +118,17 @@ class Assessment:
     Parameters
     ----------
     result : Answer
-    lookouts, intrusions : optional
+    solid_overlaps, plane_overlaps : optional
         Those of all contacts, where they are known from steps.
     """
 
     def __init__(
         self,
         result: Answer,
-        lookouts: Lookouts | None = None,
-        intrusions: Intrusions | None = None,
+        solid_overlaps: SolidOverlaps | None = None,
+        plane_overlaps: PlaneOverlaps | None = None,
     ) -> None:
-        self._lookouts, self._intrusions = lookouts, intrusions
+        self._solid_overlaps, self._plane_overlaps = solid_overlaps, plane_overlaps
         self.result, self.system = result, result.system
         self.solids: dict[str, Body] = {n: b for n, b in self.system.solids.items() if b.components > 1}
         self.lockable = lockable(result)
@@ -115,21 +136,20 @@ class Assessment:
 
     # -- bodies -------------------------------------------------------------------------------
 
+    @_once
     def strains(self, name: str) -> tuple[float, float, float]:
         """Mean and largest strain, and rotation, of a body; see `strain.strains`."""
-        body = self.solids[name]
-        found: tuple[float, float, float] = self._once(
-            "strain", name, lambda: strains(body, self.result.displacement(body))
-        )
-        return found
+        return strains(self.solids[name], self.result.displacement(name))
 
+    @_once
     def locked(self, name: str) -> float:
-        """Share of a body's energy that neighbouring elements take back; see `locking`."""
-        body = self.solids[name]
-        found: float = self._once(
-            "locking", name, lambda: locked_share(body, self.result.displacement(body))
-        )
-        return found
+        """Share of a body's energy that neighbouring elements take back; see `strain`."""
+        return locked_share(self.solids[name], self.result.displacement(name))
+
+    @_once
+    def boundary(self, name: str) -> Boundary:
+        """The deformed boundary of a body."""
+        return boundary(self.solids[name], self.result.displacement(name))
 
     def of_body(self, name: str) -> dict[str, str]:
         """What is beyond its bound of one body, in words by kind.
@@ -161,79 +181,69 @@ class Assessment:
             found["facets"] = facet_words(drift, contact.rigid)
         return {kind: words for kind, words in found.items() if words and kind in kinds}
 
+    @_once
     def drift(self, i: int) -> Drift:
         """How far a contact has drifted, with the slips of the displacements."""
-        found: Drift = self._once("drift", i, lambda: _drift(self.result, i))
-        return found
+        return _drift(self.result, i)
 
+    @_once
     def contact(self, i: int) -> ContactValidity:
         """All that is measured of one contact."""
-        found: ContactValidity = self._once("contact", i, lambda: self._contact(i))
-        return found
+        result, part = self.result, self.result.slices()[i]
+        closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
+        chords, meeting = self.meeting(i)
+        angle = float(np.max(result.kin.tilt[part][closed], initial=0.0))
+        mu = float(np.max(_coefficient(result.contacts[i].friction)))
+        share = angle / mu if mu > 0 else np.nan
+        seen = meeting.overlap, chords, meeting.unseen, meeting.opening
+        return ContactValidity(self.drift(i), *seen, angle, share)
 
     def _overlap(self, i: int) -> str:
         """What contact conditions do not see of one contact, in words; empty for nothing."""
         result, drift = self.result, self.drift(i)
-        if i in result.watched.unseen:
-            return result.watched.unseen[i]
+        if i in result.diagnostics.undetected:
+            return result.diagnostics.undetected[i]
         # facets that are too long are the reason already
-        if i in result.watched.standing and not drift.facets_too_long:
-            words = self.lookouts.sure(i, result, drift)
+        if i in result.diagnostics.hidden and not drift.facets_too_long:
+            words = self.solid_overlaps.sure(i, result, drift)
             if words:
                 return words
         part = self.contact(i)
         if part.excess <= 1.0:
             return ""
-        if result.watched.prescribed(result.names[i]):
+        if result.diagnostics.prescribed(result.names[i]):
             return prescribed_words(part)
-        found = self.intrusions.sure(i, result) if i in result.watched.intrusions else None
-        return overlap_words(part, result.contacts[i], found)
+        way = self.plane_overlaps.reasons(i, result.state) if i in result.diagnostics.intrusions else ""
+        return overlap_words(part, result.contacts[i], self.meeting(i)[1], way)
 
     @cached_property
-    def lookouts(self) -> Lookouts:
+    def solid_overlaps(self) -> SolidOverlaps:
         """Of solids' vertices and edges."""
-        return self._lookouts or Lookouts(self._geometry, lambda: np.arange(self.system.n))
+        return self._solid_overlaps or SolidOverlaps(self._geometry, lambda: np.arange(self.system.n))
 
     @cached_property
-    def intrusions(self) -> Intrusions:
+    def plane_overlaps(self) -> PlaneOverlaps:
         """Of plane bodies that slide far."""
-        return self._intrusions or Intrusions(self._geometry, self.result.contacts)
+        return self._plane_overlaps or PlaneOverlaps(self._geometry)
 
     @property
     def _geometry(self) -> Geometry:
         geometry: Geometry = self.result.recover.model.geometry
         return geometry
 
-    def _outline(self, name: str) -> Outline | Hull:
-        body = self.solids[name]
-        draw = outline if body.dim == 2 else hull
-        found: Outline | Hull = self._once(
-            "outline", name, lambda: draw(body, self.result.displacement(body))
-        )
-        return found
-
-    def _contact(self, i: int) -> ContactValidity:
-        result = self.result
-        contact, part = result.contacts[i], result.slices()[i]
-        closed = (result.state.status[part] != 0) & result.kin.paired[part]
-        chords, meeting = self._meeting(i, closed)
-        angle = float(np.max(result.kin.tilt[part][closed], initial=0.0))
-        mu = float(np.max(_coefficient(contact.friction)))
-        share = angle / mu if mu > 0 else np.nan
-        seen = meeting.overlap, chords, meeting.unseen, meeting.opening
-        return ContactValidity(self.drift(i), *seen, angle, share)
-
-    def _meeting(self, i: int, closed: NDArray[np.bool_]) -> tuple[float, Meeting]:
+    @_once
+    def meeting(self, i: int) -> tuple[float, Meeting]:
         """What chords explain, and how the deformed boundaries meet."""
         result, system = self.result, self.system
-        contact, part, track = result.contacts[i], result.slices()[i], result.watched.tracks[i]
+        contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
         secondary = contact.secondary
         moved = secondary.points + result.displacement(secondary.body)[secondary.dofs]
         added = track.added - result.worn_case.interference[part]
         paired = result.kin.paired[part]
+        closed = (result.state.status[part] != OPEN) & paired
         if isinstance(contact.primary, Obstacle):
             # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
-            chords = sagitta(secondary, secondary.facet_node_normals)
+            chords = chord_height(secondary)
             motion = result.case.motion[i].as_argument()
             if contact.rigid_body is not None:
                 motion = as_motion(system, contact.rigid_body, result.u)
@@ -243,28 +253,20 @@ class Assessment:
             return 0.0, Meeting()
         one, other = (system.names[system.index(s.body)] for s in (secondary, contact.primary))
         chords = drawn_off(secondary) + drawn_off(contact.primary)
-        first, second = self._outline(one), self._outline(other)
+        first, second = self.boundary(one), self.boundary(other)
         return chords, between(first, second, chords, system.extent, moved, added, closed, paired)
-
-    def _once(self, what: str, which: Any, measure: Any) -> Any:
-        if (what, which) not in self._known:
-            self._known[what, which] = measure()
-        return self._known[what, which]
 
 
 def _drift(result: Answer, i: int) -> Drift:
-    contact, part, track = result.contacts[i], result.slices()[i], result.watched.tracks[i]
-    closed = (result.state.status[part] != 0) & result.kin.paired[part]
-    drift = result.watched.drifts[i]
+    contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
+    closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
+    drift = result.diagnostics.drifts[i]
     if contact.sliding == "small":
         slip = _slip(result, part)
         gap = result.gap[part]
         force = result.state.normal_force[part]
         tool = tool_motion(result.system, contact, track, result.u)
         found = track.drift(closed, slip, gap, force, drift.approach, result.worn_case, i, part, tool)
-        if looked_at(contact):
-            answer = result.state, result.gap, result.worn_case, result.u, drift.approach
-            found |= obstacle_drift(result.recover.model.geometry, i, *answer)
         return replace(drift, **found)
     elastic = beyond_round_off(elastic_approach(result, i, closed), result.system.extent)
     return replace(drift, approach=max(drift.approach, elastic))
@@ -276,9 +278,7 @@ def _coefficient(law: FrictionLaw | None) -> Any:
 
 
 def _slip(result: Answer, part: slice) -> Array:
-    """By the displacements: along the tangents (m,), in 3-D vectors (m, 3)."""
+    """By the displacements, vectors in the tangent planes (m, d)."""
     t = result.kin.tangents
     slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
-    if t == 1:
-        return slip.ravel()
     return np.asarray(np.einsum("mk,mkd->md", slip.reshape(-1, t), result.kin.duals[part]))

@@ -1,4 +1,4 @@
-r"""What facets that are long for a light contact make of it: the height of curves over one facet.
+r"""Heights of curved boundaries over facets that are long for a light contact, or drawn by pieces.
 
 Between two nodes a curve stands off its chord, and off the other side of the interface more than at
 the nodes: over a facet of length h by the sagitta
@@ -6,13 +6,31 @@ the nodes: over a facet of length h by the sagitta
     e = k h^2 / 8,        k = k_s + k_p,
 
 with the curvatures of both sides (convex ones positive, so that curves that fit have none) and the
-longer of the facets that meet; faces have the same in `face_chords`. Contact that is pressed in by less
-ends within one facet. Then polygons touch where curves do not, or do not touch where curves do; gaps at
-the nodes of a flat side do not see an arc that comes down between them; and a weighted gap, which knows
-a parabola as a mean only, has an overlap of 2/3 of e where the curve just touches. Forces that follow
-from a prescribed approach d are wrong by ``d / e`` or its inverse. So e is compared with what the
-bodies take up elastically: forces are wrong by as large a part of them at most, and by less than half
-of that in general (`answers.thresholds.SAGITTA`).
+longer of the facets that meet. Contact that is pressed in by less ends within one facet. Then polygons
+touch where curves do not, or do not touch where curves do; gaps at the nodes of a flat side do not see
+an arc that comes down between them; and a weighted gap, which knows a parabola as a mean only, has an
+overlap of 2/3 of e where the curve just touches. Forces that follow from a prescribed approach d are
+wrong by ``d / e`` or its inverse. So e is compared with what the bodies take up elastically: forces are
+wrong by as large a part of them at most, and by less than half of that in general
+(`answers.thresholds.SAGITTA`).
+
+In the plane and in space, curvatures are tensors K. Along a facet of the plane, or an edge or diagonal
+of a face, a smooth boundary is a curve over a chord: its slopes at both ends follow from the averaged
+normals, and say how it bends, ``k h`` of a chord of length h, by the rules of
+`bodies.normals.end_slopes` (what is straight, a kink, or a polygon of less than 16 sides does not
+bend). The tensor of a face takes what all its chords say. Between two sides
+
+    e = max |x' (K_s + K_p) x| / 8
+
+over the edges x of the facets that meet is the height of the gap's paraboloid over the longest of them.
+A long face along the axis of a cylinder has none: it is straight there. Node by node nothing is known
+of what comes down in the middle of a face of the secondary: there it is the height over the whole
+face, ``tr(K S) / 2`` with the mean S of ``x x'`` over its corners x seen from its middle, twice that
+over the edge of a square. What the secondary itself bends does not count in it, as its nodes are on it.
+
+A rigid cylinder, sphere or plane is met node by node: K_p is its own. Where the bodies are pressed in
+by a given d that is not large beside e, forces depend on where the nodes are: on a disc that is pressed
+into a block by up to 15 % at ``e / d = .25``, 30 % at .5 (`tests/verification/test_coarse_tools.py`).
 """
 
 from __future__ import annotations
@@ -20,19 +38,24 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import CURVED
-from skfem_contact.answers.validity.face_chords import face_sagittas
+from skfem_contact.answers.thresholds import CURVED, FLAT, PIECES, TWIST
+from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import end_slopes
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.bodies.thresholds import ALIKE, STEEPEST
+from skfem_contact.digits import COMPUTED
+from skfem_contact.pairing.thresholds import FACING
+from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 
 def sagittas(
     secondary: ContactSurface, primary: ContactSurface, facet: Index, by_node: bool = False
 ) -> Array:
-    """Height of the gap's parabola over the longer of the facets that meet, shape (m,) [length].
+    """Height of the gap's paraboloid over the edges of the facets that meet, shape (m,) [length].
 
     Parameters
     ----------
@@ -47,33 +70,253 @@ def sagittas(
     ndarray, shape (m,)
         Zero where no side is a curve: on straight sides, kinks and polygons of less than 16 sides.
     """
-    if isinstance(secondary, FaceSurface) and isinstance(primary, FaceSurface):
-        return face_sagittas(secondary, primary, facet, by_node)
-    assert isinstance(secondary, CurveSurface) and isinstance(primary, CurveSurface)
-    of_primary, longest = bends(primary)
-    bend, length = bends(secondary)
-    m, ends = len(secondary.points), secondary.facets
-    every = np.broadcast_to(bend[:, None], ends.shape)
-    mean = np.bincount(ends.ravel(), every.ravel(), m) / np.bincount(ends.ravel(), minlength=m)
-    step = np.zeros(m)
-    np.maximum.at(step, ends, length[:, None])
-    return np.asarray(np.abs(mean + of_primary[facet]) * np.maximum(step, longest[facet]) ** 2 / 8)
+    m, facets, d = len(secondary.points), secondary.facets, secondary.dim
+    own, edges = bends(secondary)
+    of_primary, others = bends(primary)
+    # curved faces that fit are known to differ little; which of them bend is not known well enough
+    fit = d == 3 and secondary.quadratic and primary.quadratic
+    if fit or not (own.any() or of_primary.any()):
+        return np.zeros(m)
+    mean = np.zeros((m, d, d))
+    np.add.at(mean, facets, own[:, None])
+    mean /= np.bincount(facets.ravel(), minlength=m)[:, None, None]
+    bend = mean + of_primary[facet]
+    out = _rise(others[facet], bend)
+    if by_node:
+        around = _rise_over(edges, bend[facets], of_primary[facet][facets], secondary.kind)
+    else:
+        around = _rise(edges[:, None], bend[facets])
+    np.maximum.at(out, facets, around)
+    # what normals of plane faces differ by
+    return np.where(out > 8 * COMPUTED * np.abs(secondary.points).max(), out / 8, 0.0)
 
 
-def bends(surface: CurveSurface) -> tuple[Array, Array]:
-    """Curvature of every facet [1/length], positive where it is convex, and the length of its pieces.
+def tool_sagittas(surface: ContactSurface, bend: Array) -> Array:
+    """Height of the gap's paraboloid over the longest facet at each node, shape (m,) [length].
 
-    A quadratic facet has two pieces, unless it is straight and stands for an arc nevertheless.
+    Parameters
+    ----------
+    surface : ContactSurface
+        The secondary surface.
+    bend : ndarray, shape (d, d)
+        Of the obstacle.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Zero where neither side is a curve. What curved faces of quadratic elements leave is not known.
     """
-    slopes = surface.slopes
+    out = np.zeros(len(surface.points))
+    own, edges = bends(surface)
+    if surface.dim == 3 and surface.quadratic:
+        if own.any():
+            return out
+        edges = 0.5 * edges
+    over = _rise_over(edges, own + bend, bend[None], surface.kind)
+    np.maximum.at(out, surface.facets, over[:, None])
+    return out / 8
+
+
+def heights(surface: ContactSurface) -> Array:
+    """How far the smooth boundary stands off the middles of facets, shape (nf,) [length]."""
+    bend, edges = bends(surface)
+    return np.asarray(0.5 * np.abs(np.einsum("fde,fde->f", bend, _spread(edges, surface.kind))))
+
+
+def chord_height(surface: ContactSurface) -> float:
+    """Largest distance between straight facets and the curve with the normals at their ends.
+
+    Zero of quadratic facets, which are curved themselves.
+    """
+    if surface.quadratic:
+        return 0.0
+    corners = range(surface.kind.corners)
+    x, n = surface.points[surface.facets], surface.facet_node_normals
+    rises = [
+        np.linalg.norm(n[:, i] - n[:, j], axis=1) * np.linalg.norm(x[:, i] - x[:, j], axis=1)
+        for i in corners
+        for j in range(i)
+    ]
+    return float(np.max(rises) / 8)
+
+
+def drawn_off(surface: ContactSurface) -> float:
+    """Largest distance between a surface and the straight pieces that stand for it where it is drawn.
+
+    Second-order facets are parabolas: over one of n pieces by the nth part squared as high as over
+    the whole. Straight ones on a curve are off it by the height of their chords.
+    """
     if not surface.quadratic:
-        return (slopes[:, 0] - slopes[:, 1]) / surface.lengths, surface.lengths
-    chain = surface.facets[:, :2]
-    slopes = end_slopes(surface.points, chain, surface.facet_node_normals)
-    start, end, middle = (surface.points[surface.facets[:, k]] for k in range(3))
-    chord = end - start
-    away = middle - 0.5 * (start + end)
-    height = np.abs(chord[:, 0] * away[:, 1] - chord[:, 1] * away[:, 0]) / surface.lengths
-    rise = np.abs(slopes[:, 0] - slopes[:, 1]) / 8 * surface.lengths
-    pieces = np.where(height >= CURVED * rise, 0.5, 1.0)
-    return (slopes[:, 0] - slopes[:, 1]) / surface.lengths, pieces * surface.lengths
+        return chord_height(surface)
+    x, corners = surface.points[surface.facets], surface.kind.corners
+    edges, parts = (1, PIECES) if surface.dim == 2 else (corners, 2)
+    rises = [
+        np.linalg.norm(x[:, corners + i] - 0.5 * (x[:, i] + x[:, (i + 1) % corners]), axis=1)
+        for i in range(edges)
+    ]
+    return max(float(np.max(rises) / parts**2), _height_of_plane_facets(surface))
+
+
+def _height_of_plane_facets(surface: ContactSurface) -> float:
+    """Height of the smooth boundary over straight facets, by the curvature at their corners."""
+    quadrics = surface.quadrics
+    corners = surface.facets[quadrics.curved & ~quadrics.bowed, : surface.kind.corners]
+    if not len(corners):
+        return 0.0
+    edges = surface.points[np.roll(corners, -1, axis=1)] - surface.points[corners]
+    rises = [
+        np.abs(np.einsum("fed,fedc,fec->fe", edges, quadrics.tensor[ends], edges)) / 8
+        for ends in (corners, np.roll(corners, -1, axis=1))
+    ]
+    return float(np.max(rises))
+
+
+def _rise_over(edges: Array, bend: Array, of_primary: Array, kind: FacetKind) -> Array:
+    """Eight times the height over facets whose nodes alone see the primary.
+
+    Parameters
+    ----------
+    edges : ndarray, shape (nf, c, d)
+    bend : ndarray, shape (nf, k, d, d) or (nf, d, d)
+        Of both sides together.
+    of_primary : ndarray, shape (nf, k, d, d) or (1, d, d)
+    kind : FacetKind
+
+    Returns
+    -------
+    ndarray, shape (nf, k) or (nf,)
+    """
+    around = _rise(edges[:, None] if bend.ndim > edges.ndim else edges, bend)
+    spread = _spread(edges, kind)
+    whole = [np.abs(np.einsum("f...de,fde->f...", K, spread)) for K in (bend, of_primary)]
+    return np.maximum(around, 4 * np.minimum(*whole))
+
+
+def _rise(edges: Array, bend: Array) -> Array:
+    """Largest |x' K x| of edges (..., c, d) and tensors (..., d, d)."""
+    return np.abs(np.einsum("...cd,...de,...ce->...c", edges, bend, edges)).max(axis=-1)
+
+
+def _spread(edges: Array, kind: FacetKind) -> Array:
+    """Mean of ``x x'`` over corners seen from the middle, by the edges of triangles, parallelograms."""
+    count = {2: 4, 3: 9, 4: 8}[kind.corners]
+    return np.einsum("fcd,fce->fde", edges, edges) / count
+
+
+def bends(surface: ContactSurface) -> tuple[Array, Array]:
+    """How every facet bends, and the edges of the pieces that stand for it.
+
+    Returns
+    -------
+    bend : ndarray, shape (nf, d, d)
+        Tensors K; ``x' K x / |x|^2`` is the curvature along x, positive where the surface is convex, in
+        the plane the same along all x [1/length].
+    edges : ndarray, shape (nf, c, d)
+        Of a facet of the plane its chord. Of a quadratic facet those of its halves or quarters, unless
+        it is straight and stands for a curved boundary nevertheless [length].
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> from skfem_contact.bodies.body import Body
+    >>> mesh = fem.MeshHex.init_tensor(*3 * [np.linspace(0, 1, 3)]).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    >>> bend, edges = bends(Body(basis, np.eye(basis.N)).surface("top"))
+    >>> bool(bend.any()), edges.shape
+    (False, (4, 4, 3))
+    """
+    if isinstance(surface, CurveSurface):
+        rise, edges = _curve_rises(surface)
+        bend = (rise / surface.lengths[:, None] ** 2)[:, :, None] * np.eye(2)
+    else:
+        assert isinstance(surface, FaceSurface)
+        rise, edges, bend = _face_bends(surface)
+        if not rise.any():
+            return bend, edges
+    if not surface.quadratic:
+        return bend, edges
+    kind, count = surface.kind, edges.shape[1]
+    x = surface.points[surface.facets]
+    ends = x[:, : kind.corners]
+    away = (
+        x[:, kind.corners : kind.corners + count] - 0.5 * (ends + np.roll(ends, -1, axis=1))[:, :count]
+    )
+    height = np.abs(np.einsum("fcd,fd->fc", away, surface.facet_normals)).max(axis=1)
+    curved = height >= CURVED * np.abs(rise[:, :count]).max(axis=1) / 8
+    return bend, np.where(curved[:, None, None], 0.5, 1.0) * edges
+
+
+def _curve_rises(surface: CurveSurface) -> tuple[Array, Array]:
+    """Curvature times length squared of facets of the plane, (nf, 1), and chords of their length."""
+    chain, slopes = surface.facets[:, :2], surface.slopes
+    if surface.quadratic:
+        slopes = end_slopes(surface.points, chain, surface.facet_node_normals)
+    rise = (slopes[:, 0] - slopes[:, 1]) * surface.lengths
+    along = surface.points[chain[:, 1]] - surface.points[chain[:, 0]]
+    along *= (surface.lengths / np.linalg.norm(along, axis=1))[:, None]
+    return rise[:, None], along[:, None]
+
+
+def _face_bends(surface: FaceSurface) -> tuple[Array, Array, Array]:
+    """Curvature times the square of the length of chords, edges and tensors of faces; see `bends`."""
+    kind, corners = surface.kind, surface.facets[:, : surface.kind.corners]
+    chords = _chords(kind)
+    x, n = surface.points[corners], surface.facet_node_normals[:, : kind.corners]
+    start, end = chords.T
+    along = x[:, end] - x[:, start]
+    across = surface.facet_normals
+    rise, kinked = _rises(along, across, n[:, start], n[:, end])
+    # a diagonal is longer than the edges: beside a kink it turns by less, and is no curve either
+    smooth = ~kinked[:, : kind.corners].any(axis=1)
+    rise[:, kind.corners :][~smooth] = 0.0
+    edges = along[:, : kind.corners]
+    if not rise.any():
+        return rise, edges, np.zeros((len(x), 3, 3))
+    # in the plane of each face, in sizes of a face: the least tensor of those that say so
+    first = edges[:, 0] - dot(edges[:, 0], across)[:, None] * across
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    axes = np.stack([first, np.cross(across, first)], axis=1)
+    size = surface.lengths[:, None]
+    s, t = np.moveaxis(np.einsum("fad,fcd->fca", axes, along) / size[..., None], -1, 0)
+    asked = np.stack([s * s, 2 * s * t, t * t], axis=2)
+    asked[:, kind.corners :][~smooth] = 0.0
+    # edges that are nearly parallel in pairs do not tell the twist: without diagonals it is none
+    unit = asked / np.maximum((s * s + t * t)[..., None], np.finfo(float).tiny)
+    asked[np.linalg.svd(unit, compute_uv=False)[:, -1] < TWIST, :, 1] = 0.0
+    found = np.linalg.pinv(asked) @ rise[..., None]
+    a, b, c = np.moveaxis(found[..., 0] / size**2, -1, 0)
+    plane = np.stack([np.stack([a, b], axis=-1), np.stack([b, c], axis=-1)], axis=-1)
+    return rise, edges, np.einsum("fad,fab,fbe->fde", axes, plane, axes)
+
+
+def kinked_faces(surface: FaceSurface) -> Mask:
+    """Faces at whose edges the surface turns, but not as a curve does, shape (nf,)."""
+    corners = surface.facets[:, : surface.kind.corners]
+    start, end = np.arange(corners.shape[1]), np.roll(np.arange(corners.shape[1]), -1)
+    x, n = surface.points[corners], surface.facet_node_normals[:, : surface.kind.corners]
+    kinked = _rises(x[:, end] - x[:, start], surface.facet_normals, n[:, start], n[:, end])[1]
+    return np.asarray(kinked.any(axis=1))
+
+
+def _chords(kind: FacetKind) -> Index:
+    """Corners of a face that chords go between: its edges, then the diagonals of a quadrilateral."""
+    start = np.arange(kind.corners)
+    edges = np.column_stack([start, np.roll(start, -1)])
+    return edges if kind.corners == 3 else np.vstack([edges, [[0, 2], [1, 3]]])
+
+
+def _rises(along: Array, across: Array, first: Array, last: Array) -> tuple[Array, Mask]:
+    """Curvature times the square of the length of chords (nf, c, 3), from the normals at their ends.
+
+    Zero where a chord is no piece of a curve, as in `bodies.normals.end_slopes`; and those which are
+    neither that nor straight.
+    """
+    length = np.linalg.norm(along, axis=2)
+    # slopes of the smooth boundary over the plane of the face
+    start, end = (
+        sign * dot(n, along) / length / np.maximum(dot(n, across[:, None]), FACING)
+        for sign, n in ((-1.0, first), (1.0, last))
+    )
+    least, most = np.minimum(np.abs(start), np.abs(end)), np.maximum(np.abs(start), np.abs(end))
+    curve = (start * end > 0) & (most <= STEEPEST) & (least >= ALIKE * most)
+    return np.where(curve, (start + end) * length, 0.0), ~curve & (most > FLAT)

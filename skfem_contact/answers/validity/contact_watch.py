@@ -10,21 +10,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.behind import behind_words, depth_behind
-from skfem_contact.answers.validity.curve_track import CurveTrack
-from skfem_contact.answers.validity.drift import Drift
-from skfem_contact.answers.validity.face_track import FaceTrack
-from skfem_contact.answers.validity.give import beyond_round_off, elastic_approach, soft, spared
-from skfem_contact.answers.validity.solids import looked_at, obstacle_drift
-from skfem_contact.answers.validity.support import Support, unit_motions
-from skfem_contact.answers.validity.tool_chords import pierced, pierced_words
+from skfem_contact.answers.validity.obstacle_overlaps import (
+    depth_in_solid,
+    in_solid_words,
+    of_triangles,
+    past_words,
+    pierced,
+    pierced_words,
+    slides_off,
+    triangle_words,
+)
+from skfem_contact.answers.validity.support import (
+    Support,
+    beyond_round_off,
+    elastic_approach,
+    soft,
+    spared,
+    unit_motions,
+)
 from skfem_contact.answers.validity.track import Track, off_arc, tool_motion
+from skfem_contact.answers.validity.validity import Drift
 from skfem_contact.arrays import largest
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -53,14 +65,16 @@ class ContactWatch:
         What a force on a point presses it in [length/force].
     spared : ndarray, shape (m,), or None
         What of `soft` points do not feel, because supports take up their force on one side.
-    normal_rows, tangential_rows : list of ndarray
-        How far motions of each body move points along their normals and tangents.
+    motions : list of ndarray, shape (m, d, r)
+        How far motions of each body move points.
     held : bool
         Whether supports hold both sides along the normals.
     loose : list of Support, or None
         Motions of bodies where neither friction nor supports say how they slide.
     inside : bool
         Whether some of these show in the interior alone.
+    asks : bool
+        Whether displacements at the contact DOFs are asked for.
     """
 
     def __init__(
@@ -75,10 +89,8 @@ class ContactWatch:
         self.contact, self.part = geometry.contacts[i], geometry.point_slices[i]
         contact, pairing = self.contact, geometry.pairings[i]
         self.dim = geometry.kin.points.shape[1]
-        make = CurveTrack if self.dim == 2 else FaceTrack
         own = geometry.interference[i]
-        self.track = make(contact, pairing, geometry.kin.gap0[self.part], own)
-        self.on_obstacle = looked_at(contact)
+        self.track = Track(contact, pairing, geometry.kin.gap0[self.part], own)
         sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
         bodies = [self.system.index(side.body) for side in sides]
         # the diagonal of K at a surface is of the order of the modulus, whatever the mesh; in 3-D
@@ -92,8 +104,7 @@ class ContactWatch:
             bodies.append(self.system.index(contact.rigid_body))
         self.bodies = bodies
         held_by = [supports[b] for b in bodies]
-        self.normal_rows = [s.along(self.track.points, self.track.normal) for s in held_by]
-        self.tangential_rows = [self._along(s) for s in held_by]
+        self.motions = [unit_motions(self.track.points, s.centre, s.arm) for s in held_by]
         points, normal = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
         self.held = all(s.holds(points, normal) for s in held_by)
         self.inside, self.loose = False, None
@@ -101,13 +112,9 @@ class ContactWatch:
             along = np.moveaxis(pairing.tangent[pairing.paired], 1, 0)
             if not all(s.holds(points, way) for s in held_by for way in along):
                 self.loose = [self._free(b, known()) for b in bodies]
-
-    def _along(self, support: Support) -> Array:
-        """How motions move points along their tangents, (m, 3); in 3-D all of it, (m, 3, 6)."""
-        track: Track = self.track
-        if self.dim == 2:
-            return support.along(track.points, track.tangent[:, 0])
-        return unit_motions(track.points, support.centre, support.arm)
+        self.of_triangles, self.slides_off = of_triangles(contact), slides_off(contact)
+        self.asks = self.of_triangles or self.slides_off or self.loose is not None
+        self.asks |= contact.rigid_body is not None and contact.sliding == "small"
 
     def _free(self, b: int, known: Index) -> Support:
         """How a body moves as a whole, by what is known of its displacements."""
@@ -125,9 +132,13 @@ class ContactWatch:
         """How far supports of all bodies lift and drag the points; None where contact slides far."""
         if self.contact.sliding != "small":
             return None
-        moved = [motions[b] for b in self.bodies]
-        lifted = relative(self.normal_rows, moved)
-        return lifted, self.track.tangential(relative(self.tangential_rows, moved))
+        moved = self._apart([motions[b] for b in self.bodies])
+        return dot(moved, self.track.normal), self.track.tangential(moved)
+
+    def _apart(self, motions: Sequence[Array]) -> Array:
+        """How far points move against each other by the motions (r,) of the bodies, (m, d)."""
+        own = self.motions[0] @ motions[0]
+        return np.asarray(own - self.motions[1] @ motions[1] if len(motions) > 1 else own)
 
     def drift(
         self,
@@ -172,20 +183,17 @@ class ContactWatch:
             slip = track.slip(state.slip[part], given)
             # a belt is pressed in by its stretch along the drum
             stretch = slip - dragged
-            approach = max(approach, track.spread(stretch[closed]) if count else 0.0)
+            approach = max(approach, track.spread(stretch, closed) if count else 0.0)
         else:
             slip = dragged
             if self.loose is not None:
-                moved = [body.motion(u) for body in self.loose]
-                slip = track.tangential(relative(self.tangential_rows, moved))
+                slip = track.tangential(self._apart([body.motion(u) for body in self.loose]))
         approach = beyond_round_off(approach, self.extent)
         force = state.normal_force[part]
         tool = tool_motion(self.system, contact, track, u)
         found = track.drift(closed, slip, gap[part], force, approach, case, self.i, part, tool)
         if contact.rigid and tool is None and contact.friction is not None:
             found["off_arc"] = off_arc(case.motion[self.i], track, np.where(closed, force, 0.0))
-        if self.on_obstacle:
-            found |= obstacle_drift(self.geometry, self.i, state, gap, case, u, approach)
         return Drift(count, approach=approach, strain=strain, sagitta=sagitta, **found)
 
     def _pressed(self, closed: NDArray[np.bool_], force: Array) -> tuple[float, float]:
@@ -214,25 +222,34 @@ class ContactWatch:
             moved = one, other
         return track.sagitta(force, moved)
 
-    def untouched(self, gap: Array) -> str:
-        """What is wrong where nothing touches an obstacle, in words; empty if nothing is.
+    def undetected(self, state: State, gap: Array, case: LoadCase, u: Array, drift: Drift) -> str:
+        """What contact conditions do not see of obstacles, or past an end, in words; or nothing.
 
-        `gap` is that of the answer.
+        Parameters are those of `drift`, and what it has found.
         """
+        words = ""
+        if self.of_triangles:
+            words = triangle_words(self.geometry, self.i, state, gap, case, u)
+        elif self.slides_off:
+            words = past_words(self.geometry, self.i, gap, case, u, drift.approach)
+        return words or ("" if drift.closed else self._untouched(gap[self.part]))
+
+    def _untouched(self, gap: Array) -> str:
+        """What is wrong where nothing touches an obstacle, in words; by the gaps of the answer."""
         contact, track = self.contact, self.track
         if not isinstance(contact.primary, Obstacle) or contact.bilateral:
             return ""
         # what finds partners that it did not have has come to another place
-        if self._behind and (self.track.paired.any() or not np.isfinite(gap[self.part]).any()):
-            return behind_words(contact, self._behind)
+        if self._depth_in_solid and (track.paired.any() or not np.isfinite(gap).any()):
+            return in_solid_words(contact, self._depth_in_solid)
         if track.bend is None:
             return ""
-        found = pierced(track.secondary, track.bend, gap[self.part])
+        found = pierced(track.secondary, track.bend, gap)
         return pierced_words(track.secondary, *found, contact.primary.label) if found else ""
 
     @cached_property
-    def _behind(self) -> float:
-        return depth_behind(self.contact, self.geometry.pairings[self.i])
+    def _depth_in_solid(self) -> float:
+        return depth_in_solid(self.contact, self.geometry.pairings[self.i])
 
     def seems_coarse(self, result: Answer, drift: Drift) -> bool:
         """Whether facets seem too long: where points slide far, by the approach since the beginning."""
@@ -243,9 +260,3 @@ class ContactWatch:
         u[self.system.D] = result.case.x[self.system.D]
         elastic = beyond_round_off(elastic_approach(result, self.i, closed, u), self.extent)
         return replace(drift, approach=max(drift.approach, elastic)).facets_too_long
-
-
-def relative(rows: Sequence[Array], motions: Sequence[Array]) -> Array:
-    """How far points move against each other, from the rows (m, r) or (m, d, r) and motions (r,)."""
-    own = rows[0] @ motions[0]
-    return np.asarray(own - rows[1] @ motions[1] if len(rows) > 1 else own)

@@ -164,25 +164,3 @@ def _strain(body: Body, basis: Any, u: Array, elements: Any) -> tuple[Array, Arr
         hoop = u[dofs[::d]].T @ values / np.maximum(x, np.finfo(float).tiny)
         theta, square = theta + hoop, square + hoop**2
     return np.asarray(theta), np.asarray(square - theta**2 / d)
-
-
-def locking_words(name: str, body: Body, share: float) -> str:
-    """That a body locks, why, and what to do; empty where it does not."""
-    if share <= LOCKED:
-        return ""
-    assert body.moduli is not None
-    ratio = body.moduli.quotient
-    where = (
-        f"{100 * share:.0f} % of its energy is in changes of volume that take turns from one element, "
-        "or point of integration, to the next"
-    )
-    factor = f"about {1 / (1 - min(share, 0.99)):.2g} times too large, or more"
-    if share == 1.0:
-        where = "pressure and shear take turns from one element to the next, and no volume changes"
-        factor = "twice to a hundred times too large"
-    return (
-        f"Body {name!r} locks: {where}. Its material, of a bulk modulus {ratio:.3g} times the shear "
-        "modulus, hardly changes its volume, and elements of first order keep theirs by hardly moving: "
-        f"the forces of prescribed displacements are {factor}. Take elements of second order, or "
-        "hexahedra (quadrilaterals) with the part of the bulk modulus integrated at one point."
-    )

@@ -1,18 +1,26 @@
-"""The rigid motion that the supports of a body give it, told from its prescribed displacements."""
+"""How bodies move by what is known of them, and how far they give under the forces of a contact."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import SUPPORTED
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.thresholds import NO_APPROACH, SUPPORTED
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import System
+from skfem_contact.pairing.node import Pairing
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,3 +124,113 @@ def unit_motions(points: Array, centre: Array, arm: float) -> Array:
     x = (points - centre) / arm
     modes[:, 0, 2], modes[:, 1, 2] = -x[:, 1], x[:, 0]
     return modes
+
+
+class NodesOfBody(Protocol):
+    """Nodes of a body, such as those of a surface: their places and DOFs, (m, d) each."""
+
+    @property
+    def body(self) -> Body: ...
+    @property
+    def points(self) -> Array: ...
+    @property
+    def dofs(self) -> NDArray[Any]: ...
+
+
+class Extrapolation:
+    """Displacements of nodes that are not known without the interior of their body.
+
+    They follow the rigid motion of what is known, and the nearest node that is known.
+
+    Parameters
+    ----------
+    system : System
+    side : NodesOfBody
+    there : ndarray of bool, shape (n,)
+        DOFs of the system whose displacements are known.
+
+    Attributes
+    ----------
+    nodes : ndarray of int
+        The numbers of those that are not known.
+    """
+
+    def __init__(self, system: System, side: NodesOfBody, there: Mask) -> None:
+        self.side, self.part = side, system.slice(side.body)
+        known = np.flatnonzero(there[self.part])
+        is_known = np.isin(side.dofs, known).all(axis=1)
+        self.nodes, known_nodes = np.flatnonzero(~is_known), np.flatnonzero(is_known)
+        if not len(self.nodes):
+            return
+        self.support = Support.of(side.body, int(self.part.start), known)
+        self.beside = known_nodes[:0]
+        if len(known_nodes):
+            nearest = Tree(side.points[known_nodes]).query(side.points[self.nodes])[1]
+            self.beside = known_nodes[nearest]
+
+    def filled(self, u: Array) -> Array:
+        """Displacements of the body from those of the system (n,), unknown ones as near as can be."""
+        part = u[self.part]
+        if not len(self.nodes):
+            return part
+        x, dofs = self.side.points, self.side.dofs
+        motion = self.support.motion(u)
+        moved = self.support.at(x[self.nodes], motion)
+        if len(self.beside):
+            moved += part[dofs[self.beside]] - self.support.at(x[self.beside], motion)
+        part = part.copy()
+        part[dofs[self.nodes]] = moved
+        return part
+
+
+def soft(size: float, stiff: Array) -> float:
+    """Approach of a side under a force, from the diagonal of its K; zero of a rigid one."""
+    return float(size / np.median(stiff[stiff > 0])) if (stiff > 0).any() else 0.0
+
+
+def beyond_round_off(approach: float, extent: float) -> float:
+    """An elastic approach, or zero where nothing presses and round-off is what there is [length]."""
+    return approach if approach > NO_APPROACH * extent else 0.0
+
+
+def spared(
+    pairing: Pairing, sides: Sequence[ContactSurface], stiff: Sequence[Array], size: Sequence[float]
+) -> Array | None:
+    """What `soft` of both sides is too much at points whose nodes supports hold, (m,), or None."""
+    too_much, any_held = np.zeros(len(pairing.gap)), False
+    weights = pairing.secondary_weights, pairing.primary_weights
+    for W, side, d, h in zip(weights, sides, stiff, size, strict=False):
+        held = side.held.all(axis=1)
+        if held.any():
+            any_held = True
+            total = np.asarray(abs(W).sum(axis=1)).ravel()
+            share = np.asarray(abs(W) @ held) / np.where(total > 0, total, 1.0)
+            too_much += share * soft(h, d)
+    return too_much if any_held else None
+
+
+def elastic_approach(result: Answer, i: int, closed: Mask, displacement: Array | None = None) -> float:
+    """What bodies take up at closed points, less their supports' rigid motions; 0 where they float.
+
+    Takes the displacements (n,) of all bodies, or some that are right on surfaces and at supports.
+
+    The force over the diagonal of K, which is all that is known without the interior, is far less in
+    bodies that are nearly incompressible.
+    """
+    contact, part, system = result.contacts[i], result.slices()[i], result.system
+    sides = [contact.secondary] if contact.rigid else [contact.secondary, contact.primary]
+    u = result.u if displacement is None else displacement
+    elastic = np.array(u)
+    for body in {id(side.body): side.body for side in sides}.values():  # type: ignore[union-attr]
+        support = Support.of(body, 0)
+        if not support.holds(contact.secondary.points[closed], result.kin.normal[part][closed]):
+            return 0.0
+        rigid = support.at(body.dof_points, support.motion(u[system.slice(body)]))
+        elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
+    if contact.rigid_body is not None:
+        own = Support.of(contact.rigid_body, 0, arm=system.extent)
+        if not own.holds(contact.secondary.points[closed], result.kin.normal[part][closed]):
+            return 0.0
+        elastic[system.slice(contact.rigid_body)] = 0.0
+    lifted = (result.kin.B_n[part] @ elastic)[closed]
+    return float(np.max(np.abs(lifted), initial=0.0))

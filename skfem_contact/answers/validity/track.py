@@ -1,26 +1,33 @@
-"""`Track`: where the points of one contact with small sliding may be led by their slip, see `drift`.
+r"""`Track`: where the points of one contact with small sliding may be led by their slip, see `Drift`.
 
-This is what curves and faces have in common; how they measure is in `curve_track` and `face_track`.
+With the slip vector s of a point, the curvature of the other side as a tensor K (``K t`` is the change
+of the normal along t) and the width w of the closed part, the root of its area in space: normals are
+off by ``|K s|``, gaps by ``|s.K s| / 2``, and forces act by ``|s| / w`` of the contact beside their
+place. At obstacles normals and gaps are compared with those where the obstacle and the points are.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.validity.chords import sagittas
-from skfem_contact.answers.validity.tool_chords import tool_sagittas
+from skfem_contact.answers.validity.chords import sagittas, tool_sagittas
+from skfem_contact.answers.validity.deformed_boundaries import distances
 from skfem_contact.arrays import largest
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase, Motion
+from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.rigid_body import shape_of
+from skfem_contact.obstacles.shapes import RigidPlane
 from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
@@ -31,8 +38,10 @@ Mask = NDArray[np.bool_]
 NONE_PAST = {"beyond": 0, "overhang": 0.0, "beyond_share": 0.0}
 
 
-class Track(ABC):
+class Track:
     """Where the points of one contact with small sliding may be led by their slip.
+
+    Slips are vectors in global axes, in the tangent plane of each point, (m, d).
 
     Parameters
     ----------
@@ -50,6 +59,8 @@ class Track(ABC):
         Of the points on the primary; the points themselves where there is none.
     spacing : ndarray, shape (m,)
         The share of each point in the surface, as a length.
+    width : ndarray, shape (m,)
+        That, twice at the ends of curves, where the surface has only half of it.
     added : ndarray, shape (m,)
         What a given or adjusted gap adds to the measured one, interference apart [length].
     follows : bool
@@ -70,6 +81,8 @@ class Track(ABC):
         How a rigid obstacle curves, where that is known and its gaps are measured [1/length].
     room : ndarray, shape (m,)
         Slips up to this leave a point with all of its share above the surface [length].
+    by_node : ndarray of bool, shape (m,)
+        Points whose row is of the node that they stand for, and of no corner.
     """
 
     facet: Array
@@ -86,9 +99,13 @@ class Track(ABC):
         self.normal, self.tangent = pairing.normal, pairing.tangent
         gap = np.where(pairing.paired, pairing.gap, 0.0)
         self.feet = self.points - gap[:, None] * pairing.normal
-        self.spacing = self._spacing(pairing)
+        self.spacing = self.width = node_lengths(self.secondary, pairing)
+        if isinstance(self.secondary, CurveSurface):
+            self.width = self.spacing.copy()
+            self.width[self.secondary.facets[:, :2][self.secondary.neighbours < 0]] *= 2.0
         self.added = np.where(self.paired, gap0 + own - gap, 0.0)
         self.follows, self.nodal = not contact.tied, contact.method == "node"
+        self.by_node = _by_node(pairing)
         self.curved = False
         # a gap that is given, or zero as meshed, knows the curves
         measured = contact.gap is None and not contact.adjust and not contact.bilateral
@@ -101,7 +118,10 @@ class Track(ABC):
         if isinstance(self.primary, ContactSurface):
             facet = np.where(self.paired, pairing.facet, 0)
             self.facet = self.primary.lengths[facet]
-            self._look_at_primary(self.primary, facet)
+            self.bends = curvatures(self.primary)[facet] * float(self.follows)
+            self.turns = bool(self.bends.any())
+            self.rim = Rim.of(self.primary)
+            self.room = self.rim.at_least(self.feet) - 0.5 * self.width
             # gaps of boundaries that fit are those of the curves, whatever the facets
             self.unlike = 1.0 if pairing.smooth is None else 1.0 - pairing.smooth
             self.sagittas = np.zeros(len(self.points))
@@ -111,8 +131,19 @@ class Track(ABC):
             self.curved = measured and bool(self.sagittas.any())
 
     def _on_one_surface(self, gap: Array) -> Mask:
-        """Points around which both sides are known to be one surface, by their gaps (m,)."""
-        return np.zeros(len(gap), dtype=bool)
+        """Where all nodes up to two facets away are on the other side: no curves differ between them.
+
+        Node by node that is all that contact asks. Faces of other kinds between the same nodes seem to
+        bend in other ways. Two by two faces say how a surface bends, less do not.
+        """
+        away = np.abs(gap) > COMPUTED * np.abs(self.points).max()
+        if not self.nodal or len(gap) < 9:
+            return np.zeros(len(gap), dtype=bool)
+        away |= ~self.paired
+        for _ in range(2):
+            facets = self.secondary.facets
+            away[facets[away[facets].any(axis=1)]] = True
+        return ~away
 
     def sagitta(self, force: Array, moved: tuple[Array, Array] | None) -> float:
         """Height of the curves over one facet where normal forces act, their mean [length].
@@ -136,6 +167,26 @@ class Track(ABC):
             heights = sagittas(self.secondary, self.primary, there, self.nodal) * self.unlike
         return float(force @ heights / total)
 
+    def breadth(self, closed: Mask) -> float:
+        """Length of the closed part, in space the root of its area [length]."""
+        if self.points.shape[1] == 2:
+            return float(self.spacing.dot(closed))
+        return float(np.sqrt(np.sum(self.spacing[closed] ** 2)))
+
+    def slip(self, vectors: Array, given: Array) -> Array:
+        """Slips from vectors (m, d), less what obstacles give along the tangents, (m, d-1)."""
+        return self.tangential(vectors) - np.einsum("mk,mkd->md", given, self.tangent)
+
+    def tangential(self, vectors: Array) -> Array:
+        """The part of vectors (m, d) in the tangent plane of each point."""
+        return np.asarray(vectors - dot(vectors, self.normal)[:, None] * self.normal)
+
+    def spread(self, stretch: Array, closed: Mask) -> float:
+        """By how much slips (m, d) of closed points differ; in the plane along the surface [length]."""
+        if stretch.shape[1] == 2:
+            return float(np.ptp(dot(stretch, self.tangent[:, 0])[closed]))
+        return float(np.linalg.norm(np.ptp(stretch[closed], axis=0)))
+
     def drift(
         self,
         closed: Mask,
@@ -153,8 +204,8 @@ class Track(ABC):
         Parameters
         ----------
         closed : ndarray of bool, shape (m,)
-        slip : ndarray, shape (m,), of solids (m, 3)
-            Displacement of the secondary along the tangents, relative to a deformable primary [length].
+        slip : ndarray, shape (m, d)
+            Of the secondary relative to a deformable primary [length].
         gap : ndarray, shape (m,)
             Of the answer [length].
         force : ndarray, shape (m,)
@@ -172,10 +223,10 @@ class Track(ABC):
         if on_obstacle:
             found = self._at_obstacle(closed, slip, gap, approach, case, i, part, tool)
         if on_obstacle and tool is None:  # else it is part of the slip
-            slip = slip - self._along_tangents(slid(case.motion[i], self.points))
+            slip = slip - self.tangential(slid(case.motion[i], self.points))
         if not np.count_nonzero(closed):
             return found
-        way = self._size(slip)
+        way = np.linalg.norm(slip, axis=1)
         breadth = self.breadth(closed)
         found["slip"] = largest(way[closed])
         found["widths"] = found["slip"] / breadth if breadth > 0 else np.inf
@@ -183,7 +234,9 @@ class Track(ABC):
             return found
         found["facets"] = largest((way / self.facet)[closed])
         if self.turns:
-            found["tilt"], error = self._off_by_curvature(closed, slip)
+            turned = np.einsum("mde,me->md", self.bends, slip)[closed]
+            error = float(np.max(0.5 * np.abs(dot(turned, slip[closed]))))
+            found["tilt"] = float(np.linalg.norm(turned, axis=1).max())
             found["gap_error"] = error
             found["gap_share"] = error / approach if approach > 0 else 0.0
         far = closed & (way >= self.room)
@@ -191,45 +244,23 @@ class Track(ABC):
             return found | NONE_PAST
         return found | self._past_end(closed, far, slip, np.abs(force))
 
-    @abstractmethod
-    def breadth(self, closed: Mask) -> float:
-        """Of the contact [length]."""
-
-    @abstractmethod
-    def slip(self, vectors: Array, given: Array) -> Array:
-        """Displacements along the tangents from slips (m, d), less given ones (m, d-1)."""
-
-    @abstractmethod
-    def tangential(self, vectors: Array) -> Array:
-        """What of the rows of motions is along the tangents."""
-
-    @abstractmethod
-    def spread(self, stretch: Array) -> float:
-        """By how much slips differ from point to point [length]."""
-
-    @abstractmethod
-    def _spacing(self, pairing: Pairing) -> Array:
-        """`spacing`."""
-
-    @abstractmethod
-    def _look_at_primary(self, primary: ContactSurface, facet: Index) -> None:
-        """Curvature and ends where points meet these facets."""
-
-    @abstractmethod
-    def _along_tangents(self, vectors: Array) -> Array:
-        """The part of vectors (m, d) along the tangents, as slips are."""
-
-    @abstractmethod
-    def _size(self, slip: Array) -> Array:
-        """Of slips, shape (m,) [length]."""
-
-    @abstractmethod
-    def _off_by_curvature(self, closed: Mask, slip: Array) -> tuple[float, float]:
-        """Largest angle [rad] and error of gaps [length] that slips along a curved primary bring."""
-
-    @abstractmethod
     def _past_end(self, closed: Mask, far: Mask, slip: Array, force: Array) -> dict[str, Any]:
         """What of `far` points has slid past the end of the primary."""
+        share = self.width[far]
+        before = self.rim.beyond(self.feet[far])
+        past = self.rim.beyond(self.feet[far] + slip[far])
+        beyond = (past >= 0.5 * self.spacing[far]) & (past > before)
+        # of the share of a point, as much as was above the surface and is no more
+        above = np.clip(0.5 * share - before, 0.0, share)
+        now = np.clip(0.5 * share - past, 0.0, above)
+        there = above > 0
+        lost = np.where(there, 1 - now / np.where(there, above, 1.0), 0.0)
+        total = max(float(force[closed].sum()), np.finfo(float).tiny)
+        return {
+            "beyond": int(beyond.sum()),
+            "overhang": float(np.max(past[beyond], initial=0.0)),
+            "beyond_share": float(lost @ force[far] / total),
+        }
 
     def _at_obstacle(
         self,
@@ -242,8 +273,54 @@ class Track(ABC):
         part: slice,
         tool: tuple[Motion, Array] | None,
     ) -> dict[str, Any]:
-        """Against the obstacle itself, where it and the points are now; of solids see `solids`."""
-        return {}
+        """Against the obstacle itself, where it and the points are now."""
+        assert isinstance(self.primary, Obstacle)
+        motion, carried = tool or (case.motion[i], np.zeros((1, 1)))
+        obstacle = shape_of(self.primary)
+        found: dict[str, Any] = {}
+        moved = np.linalg.norm(motion.shift(self.points), axis=1)
+        found["motion"] = float(np.max(moved[closed], initial=0.0))
+        if not self.follows or (isinstance(obstacle, RigidPlane) and not motion.turns):
+            return found
+        gap = np.where(self.paired, gap, 0.0)  # without a partner there is none
+        lifted = gap - np.where(self.paired, case.gap0[part], 0.0)
+        u = self.normal * lifted[:, None] + slip + carried
+        u[~self.paired] = 0.0
+        added = self.added - case.interference[part]
+        at = replace(self.secondary, points=self.points + u)
+        distance, normal, facing = distances(obstacle.moved(motion.as_argument()), at)
+        true = distance + added
+        compared = closed & self.by_node
+        angle = angles_between(self.normal, normal)
+        found["tilt"] = float(np.max(angle[compared], initial=0.0))
+        sunk, noise = ~closed & facing & self.paired, COMPUTED * float(np.max(np.abs(at.points)))
+        return found | _gaps_at_obstacle(true, gap, compared, sunk, approach, noise)
+
+
+def _by_node(pairing: Pairing) -> Mask:
+    """Points whose row is of the node that they stand for, and of no corner."""
+    own = np.diff(pairing.secondary_weights.tocsr().indptr) == 1
+    own[[node for side, node in pairing.corners if side == 0]] = False
+    if pairing.vertex is not None:
+        own &= pairing.vertex < 0
+    return np.asarray(own)
+
+
+def node_lengths(surface: ContactSurface, pairing: Pairing) -> Array:
+    """The share of every node in the surface, as a length, shape (m,) [length]."""
+    if surface.dim == 3:
+        return np.sqrt(np.maximum(pairing.area, 0.0))
+    share = np.array([0.5, 0.5] if surface.facets.shape[1] == 2 else [0.25, 0.25, 0.5])
+    length = (surface.lengths[:, None] * share).ravel()
+    return np.asarray(np.bincount(surface.facets.ravel(), length, len(surface.points)), dtype=float)
+
+
+def angles_between(one: Array, other: Array) -> Array:
+    """Angles between unit vectors (m, d), exact where they are small, (m,) [rad]."""
+    cross = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    if one.shape[1] == 3:
+        cross = np.linalg.norm(np.cross(one, other), axis=1)
+    return np.arctan2(np.abs(cross), dot(one, other))
 
 
 def tool_motion(
@@ -264,7 +341,7 @@ def tool_motion(
     return motion, motion.translation + turned
 
 
-def gaps_at_obstacle(
+def _gaps_at_obstacle(
     true: Array, gap: Array, closed: Mask, open_: Mask, approach: float, noise: float
 ) -> dict[str, float]:
     """`gap_error` and `gap_share` of `Drift` at an obstacle.
@@ -305,3 +382,92 @@ def off_arc(motion: Motion, track: Track, force: Array) -> float:
 def slid(motion: Motion, points: Array) -> Array:
     """How far an obstacle's surface has come along under points, the whole turn counted, (m, d)."""
     return motion.slid(Motion.none(len(motion.centre)), points)
+
+
+class Rim:
+    """Where a surface ends: the end points of a curve, or the edges of faces.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (e, d - 1, d)
+        Ends of curves, or of the chords of edges [length].
+    outward : ndarray, shape (e, d)
+        Unit vectors out of the surface, in the plane of the facet.
+    """
+
+    def __init__(self, corners: Array, outward: Array) -> None:
+        self.corners = corners
+        self.outward = outward / np.linalg.norm(outward, axis=1, keepdims=True)
+        middle = corners.mean(axis=1)
+        self.tree = Tree(middle) if len(corners) else None
+        self.half = float(np.max(np.linalg.norm(corners[:, 0] - middle, axis=1), initial=0.0))
+
+    @classmethod
+    def of(cls, surface: ContactSurface) -> Rim:
+        """That of a surface."""
+        x, c = surface.points, surface.kind.corners
+        if isinstance(surface, CurveSurface):
+            facet, end = np.nonzero(surface.neighbours < 0)
+            ends = x[surface.facets[facet[:, None], np.column_stack([end, 1 - end])]]
+            return cls(ends[:, :1], ends[:, 0] - ends[:, 1])
+        assert isinstance(surface, FaceSurface)
+        face, edge = np.nonzero(surface.twins < 0)
+        ends = x[surface.facets[face[:, None], np.column_stack([edge, (edge + 1) % c])]]
+        return cls(ends, np.cross(ends[:, 1] - ends[:, 0], surface.facet_normals[face]))
+
+    def at_least(self, points: Array) -> Array:
+        """What points are away from the rim at least, (m,); ``inf`` where there is none [length]."""
+        if self.tree is None:
+            return np.full(len(points), np.inf)
+        return np.maximum(self.tree.distances(points) - self.half, 0.0)
+
+    def beyond(self, points: Array) -> Array:
+        """How far points lie beyond the rim along the surface, negative above it, (p,) [length]."""
+        if self.tree is None:
+            return np.full(len(points), -np.inf)
+        few = min(8, len(self.corners))
+        near = np.asarray(self.tree.query(points, k=few)[1]).reshape(len(points), few)
+        start = self.corners[near, 0]
+        away = points[:, None] - start
+        if self.corners.shape[1] == 2:
+            way = self.corners[near, 1] - start
+            part = np.clip(np.sum(away * way, axis=2) / np.sum(way**2, axis=2), 0.0, 1.0)
+            away = away - part[..., None] * way
+        distance = np.linalg.norm(away, axis=2)
+        # of two edges that meet at the nearest corner the one that the point is farther out of
+        out = np.sum(away * self.outward[near], axis=2)
+        nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + SOLVED)
+        out = np.where(nearest, out, -np.inf).max(axis=1)
+        return np.where(out > 0, 1.0, -1.0) * distance.min(axis=1)
+
+
+def curvatures(surface: ContactSurface) -> Array:
+    """How normals change along each facet, by those at its corners, (nf, d, d) [1/length].
+
+    Normals are averaged with the neighbours', except over corners.
+
+    >>> import numpy as np
+    >>> import skfem as fem
+    >>> from skfem_contact.bodies.body import Body
+    >>> mesh = fem.MeshHex.init_tensor(*3 * [np.linspace(0, 1, 4)]).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    >>> cube = Body(basis, np.eye(basis.N)).surface("top")
+    >>> bool(curvatures(cube).any())
+    False
+    """
+    c, d = surface.kind.corners, surface.dim
+    x = surface.points[surface.facets[:, :c]]
+    n = surface.facet_node_normals[:, :c]
+    if d == 2:
+        turn = np.linalg.norm(n[:, 1] - n[:, 0], axis=1) / surface.lengths
+        return turn[:, None, None] * np.eye(2)
+    if np.max(np.abs(n - surface.facet_normals[:, None])) < COMPUTED**0.5:
+        return np.zeros((len(x), d, d))
+    x, n = x - x.mean(axis=1, keepdims=True), n - n.mean(axis=1, keepdims=True)
+    square = np.einsum("fkd,fke->fde", x, x)
+    change = np.einsum("fkd,fke->fde", n, x)
+    K = change @ np.linalg.pinv(square, rcond=GIVEN, hermitian=True)
+    across = surface.facet_normals
+    plane = np.eye(d) - across[:, :, None] * across[:, None, :]
+    K = plane @ K @ plane
+    return np.asarray(0.5 * (K + np.swapaxes(K, 1, 2)))

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from skfem_contact.answers.thresholds import GAP, TILT
-from skfem_contact.answers.validity.drift import Drift
-from skfem_contact.answers.validity.validity import ContactValidity
+import numpy as np
+
+from skfem_contact.answers.thresholds import GAP, LOCKED, TILT
+from skfem_contact.answers.validity.deformed_boundaries import Meeting
+from skfem_contact.answers.validity.validity import ContactValidity, Drift, HiddenOverlap
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.obstacles.obstacle import Obstacle
 
@@ -79,12 +83,13 @@ def strain_words(name: str, strain: float) -> str:
     )
 
 
-def overlap_words(part: ContactValidity, contact: Contact, found: tuple[str, str] | None) -> str:
-    """That bodies overlap where contact conditions do not see it, and what to do.
-
-    `found`: where the deepest point lies, and what to do about it, where that is known.
-    """
-    place, way = found or ("", "")
+def overlap_words(part: ContactValidity, contact: Contact, meeting: Meeting, way: str = "") -> str:
+    """That bodies overlap where contact conditions do not see it, where, and what to do."""
+    place = ""
+    if meeting.place is not None:
+        own, other = contact.secondary.label, contact.primary.label
+        own, other = (own, other) if meeting.side == 0 else (other, own)
+        place = f", at {written(meeting.place)}, where {own!r} lies in the body of {other!r}"
     lonely = f", {part.unseen} points without partner among them" if part.unseen else ""
     return (
         f"the deformed bodies overlap by up to {part.overlap:.3g}{place}{lonely}, where chords explain "
@@ -123,3 +128,86 @@ def _way_out(part: ContactValidity, contact: Contact) -> str:
             "may touch"
         )
     return "See that both surfaces cover all that may touch, and refine them where they do"
+
+
+def rotation_words(far: dict[str, float]) -> str:
+    """That bodies have turned further than linear elasticity follows, and what to do.
+
+    Parameters
+    ----------
+    far : dict
+        Rotations by body name [rad].
+    """
+    worst = max(abs(angle) for angle in far.values())
+    listed = " and ".join(
+        f"'{name}' has turned by {angle:.3g} rad ({np.degrees(angle):.3g} degrees)"
+        for name, angle in far.items()
+    )
+    strain = 1 - np.cos(worst)
+    return (
+        f"Body {listed}, on the whole. Bodies are linear: "
+        f"their stiffness and loads do not turn with them, so a rotation is a strain of {strain:.1g} "
+        f"to them, and contact forces, whose directions do turn, are off by about {100 * worst:.0f} %. "
+        "Sliding may be large, rotations of deformable bodies may not. Turn the rigid obstacle "
+        "instead (motion=...), or rebuild the body in its turned position and continue there."
+    )
+
+
+def locking_words(name: str, body: Body, share: float) -> str:
+    """That a body locks, why, and what to do; empty where it does not."""
+    if share <= LOCKED:
+        return ""
+    assert body.moduli is not None
+    ratio = body.moduli.quotient
+    where = (
+        f"{100 * share:.0f} % of its energy is in changes of volume that take turns from one element, "
+        "or point of integration, to the next"
+    )
+    factor = f"about {1 / (1 - min(share, 0.99)):.2g} times too large, or more"
+    if share == 1.0:
+        where = "pressure and shear take turns from one element to the next, and no volume changes"
+        factor = "twice to a hundred times too large"
+    return (
+        f"Body {name!r} locks: {where}. Its material, of a bulk modulus {ratio:.3g} times the shear "
+        "modulus, hardly changes its volume, and elements of first order keep theirs by hardly moving: "
+        f"the forces of prescribed displacements are {factor}. Take elements of second order, or "
+        "hexahedra (quadrilaterals) with the part of the bulk modulus integrated at one point."
+    )
+
+
+def hidden_words(found: HiddenOverlap, secondary: str, primary: str, method: str) -> str:
+    """Which vertices and edges of solids overlap where no row sees it, and what to change."""
+    at, deep = written(found.place), f"{found.depth:.3g}"
+    if found.what == "edges":
+        return (
+            f"{found.count} edges of {secondary!r} and {primary!r} cross inside each other, by up "
+            f"to {deep} at {at}: no condition holds where edges meet between their nodes, and "
+            "nothing presses there. Refine both sides at the edges, so that nodes come close to "
+            "where they cross, or round the edges off by faces that turn by less than 45 degrees."
+        )
+    if found.what == "touch":
+        return (
+            f"edges of {secondary!r} and {primary!r} meet at {at}, where forces act along normals "
+            "of faces and not across both edges: their size and direction are wrong. Round the "
+            "edges off by faces that turn by less than 45 degrees, or take method='mortar'."
+        )
+    if found.what.startswith("flank"):
+        own, other = secondary, primary
+        if found.what.endswith("secondary"):
+            own, other = other, own
+        return (
+            f"{found.count} nodes of {own!r} are in the body of {other!r}, behind sides of it that "
+            f"do not belong to the contact, the deepest, at {at}, by {deep}: nothing holds them "
+            "there. Take these sides into the surface, or make a second contact with them."
+        )
+    mean = "in the mean over faces" if method == "mortar" else "at the nodes of the secondary"
+    own, other = (primary, secondary) if found.what == "primary" else (secondary, primary)
+    way = "Refine the larger faces"
+    if found.what == "primary":
+        way = "Swap the two, so that these are nodes of the secondary, or refine the larger faces"
+    elif method == "mortar":
+        way += ", or take method='node', which holds each of them"
+    return (
+        f"{found.count} vertices of {own!r} stand in faces of {other!r}, the deepest, at {at}, by "
+        f"{deep}: conditions hold {mean}, where this is not seen. {way}."
+    )

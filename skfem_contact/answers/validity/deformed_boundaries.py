@@ -1,0 +1,382 @@
+"""Deformed boundaries against each other and against obstacles: overlaps and gaps, seen from outside.
+
+The boundary of every body, moved by its displacement, is a set of simplices: straight pieces in the
+plane, triangles in space; a curved facet gives several. A point is inside where a ray from it meets an
+odd number of them. The ray has a direction that no mesh has, so that it hits no corner or edge. This
+knows of no surface, partner or normal of the contact modules, and shares no code with them: what they
+overlook is seen here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.contours import TRIANGLES
+from skfem_contact.answers.thresholds import PAIRS_AT_ONCE, PIECES
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.faces import seen_from_outside
+from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
+from skfem_contact.bodies.nodes import face_nodes, node_dofs
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.digits import SOLVED
+from skfem_contact.obstacles.level_set import LevelSet
+from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.pairing.closest import signed_distances
+from skfem_contact.pairing.faces.distance import signed_distances as distances_from_faces
+from skfem_contact.pairing.vectors import ragged
+from skfem_contact.trees import Tree
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+#: The direction of rays in space, its first two in the plane: of no mesh that has a reason.
+RAY = np.array([0.8127, 0.3491, 0.4669])
+#: Directions across it, by the dimension.
+ACROSS = {d: np.linalg.svd(RAY[None, :d])[2][1:] for d in (2, 3)}
+
+
+@dataclass(frozen=True, eq=False)
+class Boundary:
+    """The boundary of a body as simplices.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (s, d, d)
+        Of pieces or triangles, in any order and sense [length].
+
+    Examples
+    --------
+    A triangle in the plane and a tetrahedron, with points in and beside them:
+
+    >>> x = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    >>> triangle = Boundary(x[[[0, 1], [1, 2], [2, 0]]])
+    >>> triangle.depth(np.array([[0.25, 0.25], [0.75, 0.75]])).tolist()
+    [0.25, 0.0]
+    >>> x = np.vstack([np.zeros(3), np.eye(3)])
+    >>> tetrahedron = Boundary(x[[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]])
+    >>> tetrahedron.depth(np.array([[0.1, 0.2, 0.3], [0.5, 0.5, 0.5], [-1, 0, 0]])).tolist()
+    [0.1, 0.0, 0.0]
+    """
+
+    corners: Array
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Least and largest coordinates, (d,) each [length]."""
+        return self.corners.min(axis=(0, 1)), self.corners.max(axis=(0, 1))
+
+    def samples(self, box: tuple[Array, Array]) -> Array:
+        """Corners, middles of edges and of all simplices that lie in a box, each once, (p, d)."""
+        x = self.corners
+        edges = 0.5 * (x + np.roll(x, -1, axis=1))
+        d = x.shape[2]
+        points = np.concatenate([x.reshape(-1, d), edges.reshape(-1, d), x.mean(axis=1)])
+        return np.unique(points[within(points, box)], axis=0)
+
+    def inside(self, points: Array) -> Mask:
+        """Which points lie inside, shape (p,).
+
+        A simplex is compared only with the points that lie beside it along one axis across the ray:
+        among points that are sorted along it these follow each other.
+        """
+        out = np.zeros(len(points), dtype=bool)
+        near = np.flatnonzero(within(points, self.box))
+        if not len(near):
+            return out
+        start, lowest, highest, normal = self._across
+        p = points[near] @ ACROSS[points.shape[1]].T
+        order = np.argsort(p[:, 0])
+        near, p = near[order], p[order]
+        first = np.searchsorted(p[:, 0], lowest[:, 0], side="left")
+        count = np.searchsorted(p[:, 0], highest[:, 0], side="right") - first
+        met = np.zeros(len(near), dtype=np.intp)
+        for some in _blocks(count):
+            t = np.repeat(some, count[some])
+            row = ragged(first[some], count[some])
+            beside = np.all((p[row] >= lowest[t]) & (p[row] <= highest[t]), axis=1)
+            row, t = row[beside], t[beside]
+            side = _sides(start[t], p[row])
+            hit = np.all(side > 0, axis=1) | np.all(side < 0, axis=1)
+            row, t = row[hit], t[hit]
+            # where the ray meets the line or plane of the simplex: ahead or behind
+            height = np.einsum("pd,pd->p", self.corners[t, 0] - points[near[row]], normal[t])
+            ahead = height * (normal[t] @ RAY[: points.shape[1]]) > 0
+            met += np.bincount(row[ahead], minlength=len(near))
+        out[near] = met % 2 == 1
+        return out
+
+    @cached_property
+    def _across(self) -> tuple[Array, Array, Array, Array]:
+        """Seen along the ray: corners and bounds of the simplices; and their normals, of any length."""
+        x = self.corners @ ACROSS[self.corners.shape[2]].T  # (s, d, d - 1)
+        edges = self.corners[:, 1:] - self.corners[:, :1]
+        if edges.shape[2] == 2:
+            normal = np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
+        else:
+            normal = np.cross(edges[:, 0], edges[:, 1])
+        return x, x.min(axis=1), x.max(axis=1), normal
+
+    @cached_property
+    def _tree(self) -> tuple[Tree, float]:
+        """Middles of the simplices, and how far their corners are from these at most."""
+        middle = self.corners.mean(axis=1)
+        return Tree(middle), float(np.linalg.norm(self.corners - middle[:, None], axis=2).max())
+
+    def distance(self, points: Array) -> Array:
+        """Distances of points from the boundary, shape (p,) [length]."""
+        tree, radius = self._tree
+        nearest, first = tree.query(points)
+        bound = _to_simplices(points, self.corners[first])
+        out = np.minimum(bound, nearest)
+        candidates = tree.query_ball_point(points, bound + radius)
+        count = np.array([len(found) for found in candidates], dtype=np.intp)
+        for some in np.array_split(np.arange(len(points)), 1 + count.sum() // PAIRS_AT_ONCE):
+            if not len(some):
+                continue
+            row = np.repeat(some, count[some])
+            which = np.concatenate([np.asarray(candidates[k], dtype=np.intp) for k in some])
+            np.minimum.at(out, row, _to_simplices(points[row], self.corners[which]))
+        return out
+
+    def depth(self, points: Array) -> Array:
+        """How deep points lie inside, zero outside, shape (p,) [length]."""
+        out, inside = np.zeros(len(points)), self.inside(points)
+        if inside.any():
+            out[inside] = self.distance(points[inside])
+        return out
+
+    def signed(self, points: Array) -> Array:
+        """Distances of points, negative inside, shape (p,) [length]."""
+        return np.where(self.inside(points), -1.0, 1.0) * self.distance(points)
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryNodes:
+    """The nodes on the whole boundary of a body, of which nobody asks normals or areas.
+
+    Attributes
+    ----------
+    body : Body
+    kind : FacetKind
+    points : ndarray, shape (b, d)
+        Undeformed [length].
+    dofs : ndarray of int, shape (b, d)
+        Of the body.
+    facets : ndarray of int, shape (f, k)
+        Numbers of points.
+    """
+
+    body: Body
+    kind: FacetKind
+    points: Array
+    dofs: NDArray[np.int32]
+    facets: Index
+
+    @classmethod
+    def of(cls, body: Body) -> BoundaryNodes:
+        """Those of a body."""
+        basis, mesh = body.basis, body.basis.mesh
+        numbers = mesh.boundary_facets()
+        if body.dim == 2:
+            nodes = mesh.facets[:, numbers].T
+            if basis.facet_dofs.size:
+                nodes = np.column_stack([nodes, mesh.nvertices + numbers])
+        else:
+            nodes = face_nodes(basis, *seen_from_outside(mesh, numbers))
+        some, facets = np.unique(nodes, return_inverse=True)
+        dofs = node_dofs(basis, some, body.components)
+        points = basis.doflocs[:, dofs[:, 0]].T
+        return cls(body, kind_of(body.dim, nodes.shape[1]), points, dofs, facets.reshape(nodes.shape))
+
+    def at(self, points: Array) -> Boundary:
+        """The boundary with its nodes at these places (b, d)."""
+        weights, simplices = _drawing(self.kind)
+        x = points[self.facets]
+        if weights is not None:
+            x = np.einsum("qk,fkd->fqd", weights, x)
+        d = points.shape[1]
+        return Boundary(np.ascontiguousarray(x[:, simplices].reshape(-1, d, d)))
+
+
+def boundary(body: Body, u: Array) -> Boundary:
+    """The whole boundary of a body, displaced by u (n_body,) [length]."""
+    nodes = BoundaryNodes.of(body)
+    return nodes.at(nodes.points + u[nodes.dofs])
+
+
+def within(points: Array, box: tuple[Array, Array]) -> Mask:
+    """Which points (p, d) lie in a box of least and largest coordinates, its sides included."""
+    low, high = box
+    return np.asarray(np.all((points >= low) & (points <= high), axis=1))
+
+
+@lru_cache
+def _drawing(kind: FacetKind) -> tuple[Array | None, Index]:
+    """How facets of a kind are drawn: places by their nodes, where these are not enough; simplices."""
+    if kind.dim == 1:
+        if not kind.quadratic:
+            return None, np.array([[0, 1]])
+        at = np.linspace(0.0, 1.0, PIECES + 1)
+        return kind.shapes(at[:, None])[0], np.stack([np.arange(PIECES), 1 + np.arange(PIECES)], axis=1)
+    simplices = np.array(TRIANGLES[kind.name])
+    if simplices.max() < kind.nodes:
+        return None, simplices
+    return np.vstack([np.eye(kind.nodes), kind.shapes(kind.middle)[0]]), simplices
+
+
+def _sides(corners: Array, points: Array) -> Array:
+    """Numbers (p, d) that have one sign where a point is in a simplex, both seen along the ray."""
+    away = points[:, None] - corners
+    if corners.shape[2] == 1:
+        return np.asarray(away[..., 0] * [1.0, -1.0])
+    rise = np.roll(corners, -1, axis=1) - corners
+    return np.asarray(rise[..., 0] * away[..., 1] - rise[..., 1] * away[..., 0])
+
+
+def _to_simplices(points: Array, corners: Array) -> Array:
+    """Distances of points (p, d) from one piece or triangle each, (p, d, d)."""
+    side = np.roll(corners, -1, axis=1) - corners
+    away = points[:, None] - corners
+    square = np.maximum(np.einsum("psd,psd->ps", side, side), np.finfo(float).tiny)
+    part = np.clip(np.einsum("psd,psd->ps", away, side) / square, 0.0, 1.0)
+    to_edges = np.linalg.norm(away - part[..., None] * side, axis=2).min(axis=1)
+    if points.shape[1] == 2:
+        return np.asarray(to_edges)
+    normal = np.cross(side[:, 0], -side[:, 2])
+    size = np.linalg.norm(normal, axis=1)
+    height = np.abs(np.einsum("pd,pd->p", away[:, 0], normal)) / np.maximum(size, np.finfo(float).tiny)
+    turn = np.einsum("psd,pd->ps", np.cross(side, away), normal)
+    above = np.all(turn >= 0, axis=1) & (size > 0)
+    return np.asarray(np.where(above, np.minimum(height, to_edges), to_edges))
+
+
+def _blocks(count: Index) -> list[Index]:
+    """Simplices in parts that have not too many pairs, from how many each has."""
+    ends = np.cumsum(count)
+    parts = np.arange(PAIRS_AT_ONCE, ends[-1], PAIRS_AT_ONCE)
+    return np.split(np.arange(len(count)), np.searchsorted(ends, parts))
+
+
+# -- two sides of a contact -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """How two sides meet, seen from outside.
+
+    Attributes
+    ----------
+    overlap : float
+        Deepest overlap, less gaps given by the user and with interferences [length].
+    unseen : int
+        Points of the secondary without a partner that overlap by more than chords explain.
+    opening : float
+        Largest true gap of a closed point [length].
+    place : ndarray, shape (d,), or None
+        Of the deepest point, where one boundary is in the other [length].
+    side : int
+        Whose point it is: 0 of the secondary, 1 of the primary.
+    """
+
+    overlap: float = np.nan
+    unseen: int = 0
+    opening: float = np.nan
+    place: Array | None = None
+    side: int = 0
+
+
+def between(
+    secondary: Boundary,
+    primary: Boundary,
+    chords: float,
+    extent: float,
+    nodes: Array,
+    added: Array,
+    closed: Mask,
+    paired: Mask,
+) -> Meeting:
+    """Two deformed bodies, all of their boundaries.
+
+    Parameters
+    ----------
+    secondary, primary : Boundary
+    chords, extent : float
+        Overlap by chords, extent of the bodies [length].
+    nodes : ndarray, shape (m, d)
+        Of the secondary surface, displaced [length].
+    added : ndarray, shape (m,)
+        What the user has the gaps be larger than the meshes say [length].
+    closed, paired : ndarray of bool, shape (m,)
+    """
+    noise = SOLVED * extent
+    deepest, place, side = 0.0, None, 0
+    for k, (one, other) in enumerate(((secondary, primary), (primary, secondary))):
+        points = one.samples(other.box)  # the others lie outside
+        depth = other.depth(points)
+        points, depth = points[depth > noise], depth[depth > noise]
+        if len(points) and added[paired].any():
+            depth = depth - added[paired][Tree(nodes[paired]).query(points)[1]]
+        if np.max(depth, initial=0.0) > deepest:
+            deepest, place, side = float(depth.max()), points[np.argmax(depth)], k
+    lonely = primary.depth(nodes[~paired]) > max(chords, noise)
+    # with an interference bodies may overlap before their meshes do: this shows at the nodes
+    true = np.full(len(nodes), np.inf)
+    true[paired] = primary.signed(nodes[paired]) + added[paired]
+    sunk = float(np.max(-true[paired], initial=0.0))
+    deepest = max(deepest, sunk if sunk > noise else 0.0)
+    opening = float(np.max(true[closed], initial=0.0))
+    return Meeting(deepest, int(lonely.sum()), opening, place, side)
+
+
+def at_obstacle(
+    obstacle: Obstacle,
+    surface: ContactSurface,
+    chords: float,
+    nodes: Array,
+    added: Array,
+    closed: Mask,
+    paired: Mask,
+) -> Meeting:
+    """A deformed surface, its nodes and points between them, against an obstacle at its place."""
+    noise = SOLVED * float(np.max(np.ptp(surface.points, axis=0)))
+    at_nodes = signed_distance(obstacle, surface, nodes) + added
+    ends = surface.facets
+    between = [
+        signed_distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ w
+        for w in weights_between(surface.kind)
+    ]
+    deepest = -float(np.min(np.concatenate([at_nodes, *between])))
+    lonely = -at_nodes[~paired] > max(chords, noise)
+    opening = float(np.max(at_nodes[closed], initial=0.0))
+    return Meeting(deepest if deepest > noise else 0.0, int(lonely.sum()), opening)
+
+
+@lru_cache
+def weights_between(kind: FacetKind) -> Array:
+    """Shape functions (q, k) halfway between any two nodes of a facet, and at its middle."""
+    pairs = [(i, j) for i in range(kind.nodes) for j in range(i)]
+    at = [0.5 * (kind.locations[i] + kind.locations[j]) for i, j in pairs]
+    return np.unique(kind.shapes(np.array([*at, kind.middle]))[0], axis=0)
+
+
+def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
+    """Signed distances of any points, whether they face the obstacle or not."""
+    # these points are none of the nodes that the facets of the surface are made of
+    if isinstance(obstacle.outline, CurveSurface):
+        return signed_distances(obstacle.outline, points)
+    if isinstance(obstacle.outline, FaceSurface):
+        return distances_from_faces(obstacle.outline, points)
+    at = replace(surface, points=points, normals=np.zeros_like(points))
+    return distances(obstacle, at)[0]
+
+
+def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:
+    """Distances, normals and partners of `Obstacle.distance`, of a level set to first order."""
+    if not isinstance(obstacle, LevelSet):
+        return obstacle.distance(surface)
+    return obstacle.first_order(surface)

@@ -1,0 +1,145 @@
+"""Where contact slides far: does anything overlap that the pairing does not see?
+
+The points of both surfaces, and the middles between them, are looked for in the whole body on the other
+side after every step (`deformed_boundaries`), by what a load step knows of displacements: those of
+contact surfaces and supports, extrapolated to the rest of the boundary (`Extrapolation`). That is a
+suspicion: the verdict is that of `assess`, with all displacements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.thresholds import OVERLAP
+from skfem_contact.answers.validity.chords import drawn_off
+from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes, weights_between, within
+from skfem_contact.answers.validity.support import Extrapolation
+from skfem_contact.answers.validity.track import Track
+from skfem_contact.answers.validity.validity import Drift
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.selection import written
+from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.geometry import Geometry
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import State
+from skfem_contact.digits import SOLVED
+from skfem_contact.pairing.corners import unselected_sides
+from skfem_contact.trees import Tree
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class PlaneOverlaps:
+    """What is known beforehand of all contacts between two bodies that slide far."""
+
+    def __init__(self, geometry: Geometry) -> None:
+        self.geometry, self.system, self.contacts = geometry, geometry.system, geometry.contacts
+        known = np.zeros(self.system.n, dtype=bool)
+        known[geometry.surface_dofs] = True
+        known[self.system.D] = True
+        self.held = np.asarray(self.system.D)
+        self.looked = [i for i, contact in enumerate(self.contacts) if _looked_at(contact)]
+        bodies = {self.system.index(s.body) for i in self.looked for s in _sides(self.contacts[i])}
+        self.nodes = {
+            b: BoundaryNodes.of(body)
+            for b, body in enumerate(self.system.bodies)
+            if b in bodies and isinstance(body, Body)
+        }
+        self.unknown = {b: Extrapolation(self.system, nodes, known) for b, nodes in self.nodes.items()}
+        self.chords = {i: sum(map(drawn_off, _sides(self.contacts[i]))) for i in self.looked}
+
+    def look(
+        self, state: State, case: LoadCase, tracks: Sequence[Track], drifts: Sequence[Drift]
+    ) -> dict[int, float]:
+        """Depths of overlaps that seem to be beyond their bounds, by the number of the contact.
+
+        Parameters
+        ----------
+        state, case : State, LoadCase
+        tracks, drifts : sequence of Track and Drift
+            Of every contact.
+        """
+        if not self.looked:
+            return {}
+        u = self.geometry.spread(state.surface)
+        u[self.held] = case.x[self.held]
+        parts = {b: unknown.filled(u) for b, unknown in self.unknown.items()}
+        found = {}
+        for i in self.looked:
+            added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
+            depth = self._deepest(i, parts, np.nan_to_num(added))
+            # the bound of `ContactValidity.excess`, with what is known of the approach
+            if depth > self.chords[i] + OVERLAP * drifts[i].approach:
+                found[i] = depth
+        return found
+
+    def _deepest(self, i: int, parts: dict[int, Array], added: Array) -> float:
+        """How deep points of each surface lie in the other body, less what the user `added` (m,)."""
+        sides = _sides(self.contacts[i])
+        numbers = [self.system.index(side.body) for side in sides]
+        nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
+        deepest = 0.0
+        for k, side in enumerate(sides):
+            # what supports hold in the other body is warned of as that
+            free: Mask = np.logical_not(np.all(side.held, axis=1))
+            ends = side.facets[free[side.facets].all(axis=1)]
+            between = np.einsum("pk,fkd->pfd", weights_between(side.kind), nodes[k][ends])
+            points = np.concatenate([nodes[k][free], between.reshape(-1, 2)])
+            body = self.nodes[numbers[1 - k]]
+            places = body.points + parts[numbers[1 - k]][body.dofs]
+            points = points[within(points, (places.min(axis=0), places.max(axis=0)))]
+            if not len(points):
+                continue
+            boundary = body.at(places)
+            points = points[boundary.inside(points)]
+            if not len(points):
+                continue
+            depth = boundary.distance(points)
+            if added.any():
+                depth = depth - added[Tree(nodes[0]).query(points)[1]]
+            deepest = max(deepest, float(depth.max()))
+        return deepest if deepest > SOLVED * self.system.extent else 0.0
+
+    def reasons(self, i: int, state: State) -> str:
+        """Where a surface ends and the other body lies on the side beyond: what nothing holds."""
+        u = self.geometry.spread(state.surface)
+        sides = [side.moved(u[self.system.slice(side.body)]) for side in _sides(self.contacts[i])]
+        others = [s for c in self.contacts for s in (c.secondary, c.primary)]
+        words = []
+        for own, other in (sides, sides[::-1]):
+            shared = [s for s in others if isinstance(s, ContactSurface) and s.body is own.body]
+            if not (isinstance(own, CurveSurface) and isinstance(other, CurveSurface)):
+                continue
+            for node, depth in unselected_sides(own, other):
+                dofs = own.dofs[node, 0]
+                if sum(dofs in s.dofs[:, 0] for s in shared) > 1:
+                    continue  # the side belongs to another contact
+                words.append(
+                    f"point {node} at {written(own.points[node])}, where surface {own.label!r} ends, "
+                    f"lies {depth:.3g} inside the body of {other.label!r}, which presses on a side "
+                    f"that does not belong to {own.label!r}: nothing holds it there. Take that side "
+                    "into the surface, or make a second contact with it."
+                )
+        return " ".join(words)
+
+
+def _looked_at(contact: Contact) -> bool:
+    """Of two bodies: in one and the same inside and outside are not told apart.
+
+    Where the user gives the gap, the meshes are not the shapes that touch, and their overlaps are
+    what the user knows of.
+    """
+    primary = contact.primary
+    plane = isinstance(primary, ContactSurface) and primary.body is not contact.secondary.body
+    plane = plane and contact.secondary.dim == 2
+    return plane and contact.sliding == "finite" and not contact.tied and contact.gap is None
+
+
+def _sides(contact: Contact) -> tuple[ContactSurface, ContactSurface]:
+    assert isinstance(contact.primary, ContactSurface)
+    return contact.secondary, contact.primary
