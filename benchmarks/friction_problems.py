@@ -35,7 +35,7 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import block_array, csr_matrix
 
 import skfem_contact as sc
-from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
 from skfem_contact.linalg.singular import SingularMatrix
@@ -208,11 +208,10 @@ def step_of(problem: Problem, seen: Seen, q: Array) -> tuple[Step, Guess]:
         problem=seen,
         load=load,
         motions=RigidMotions(np.zeros((1, 0)), kin, SimpleNamespace(n=1, D=none.nonzero()[0])),
-        area=zero + 1,
         paired=~none,
         tied=none,
         bilateral=none,
-        laws=((slice(0, m), law),),
+        friction=FrictionRule(((slice(0, m), law),), zero + 1, slip),
         frictional=~none,
         stiffness=np.full(m, np.inf),
         last=last,

@@ -22,7 +22,7 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.bodies.system import stack
-from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
@@ -224,11 +224,10 @@ class Blocks:
             problem=self.problem,
             load=self.problem.load(case),
             motions=self.problem.motions,
-            area=self.kin.area,
             paired=true,
             tied=~true,
             bilateral=~true,
-            laws=((slice(0, m), self.law),),
+            friction=FrictionRule(((slice(0, m), self.law),), self.kin.area, last.reference),
             frictional=true,
             stiffness=np.full(m, np.inf),
             last=last,
@@ -284,7 +283,7 @@ def attempts(blocks, step, last, loop="newton", tolerance=1e-11):
     """The outcomes of the starts that a load step has, until one is good."""
     turns = step.turns
     one = LOOPS[loop]
-    for start in possible_starts(len(step.area), loop, turns):
+    for start in possible_starts(len(step.paired), loop, turns):
         if start == "warm" and not last.status.any():
             continue
         guess, spent = starting_values(start, last, step, blocks.kin, tolerance, loop, step)

@@ -16,7 +16,7 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact import Coulomb, Options
-from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.linalg.singular import SingularMatrix
@@ -48,15 +48,15 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
     frame = {"normal": np.tile([0.0, 1.0], (m, 1)), "axes": along, "duals": along, "scaled": None}
     kin = SimpleNamespace(m=m, tangents=1, gap0=np.zeros(m), area=np.ones(m), vertex=own, **frame)
     still = natural_state(kin, 0).along(kin)
+    laws = () if tied else ((slice(0, m), CheckedLaw(Coulomb(MU), "joint", np.zeros((m, 2)))),)
     return Step(
         problem=SimpleNamespace(points=space, springs=None, solve=space.solve),
         load=load,
         motions=RigidMotions(np.zeros((2 * m, 0)), None, None),
-        area=np.ones(m),
         paired=np.ones(m, dtype=bool),
         tied=np.full(m, tied),
         bilateral=np.full(m, tied),
-        laws=() if tied else ((slice(0, m), CheckedLaw(Coulomb(MU), "joint", np.zeros((m, 2)))),),
+        friction=FrictionRule(laws, np.ones(m), (last or still).reference),
         frictional=np.full(m, not tied),
         stiffness=np.full(m, stiffness),
         last=last or still,
@@ -65,14 +65,14 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
 
 
 def cold(one):
-    m = len(one.area)
+    m = len(one.paired)
     zero = np.zeros((m, 1))
     return Guess(np.full(m, STICK if one.tied.any() else OPEN), zero, np.zeros(m), zero, zero)
 
 
 def run(loop, one, limit=400):
     stiff = loop == "fictitious" and np.isinf(one.stiffness).all()
-    one = replace(one, stiffness=np.full(len(one.area), 10 * K_T)) if stiff else one
+    one = replace(one, stiffness=np.full(len(one.paired), 10 * K_T)) if stiff else one
     return drive(LOOPS[loop], one, cold(one), Options().tolerance, limit)
 
 
@@ -98,17 +98,17 @@ def test_the_same_points_under_another_load_know_nothing_of_the_first():
     run("newton", first)
     force, slip = np.array([2.0, 4.0]), np.array([[1.0], [2.0]])
     trial = np.full((2, 1), 100.0)
-    assert_allclose(first.force(trial, force, slip)[0][:, 0], MU * force)
+    assert_allclose(first.friction.project(trial, force, slip)[0][:, 0], MU * force)
     other = step([-1.0, 2.0], [0.0, 0.0])
     second = first.under(other.load, other.last, 0.25, 0.5)
     assert (second.load, second.last, second.noise) == (other.load, other.last, 0.25)
     assert second.far == 0.5
-    assert second.laws is first.laws and second.paired is first.paired
+    assert second.friction.laws is first.friction.laws and second.paired is first.paired
     assert_array_equal(run("newton", second).iterate.status, run("newton", other).iterate.status)
     # the same arrays, then others of the same size
     for normal in (force, 2 * force, force.copy()):
         for _ in range(2):
-            assert_allclose(second.force(trial, normal, slip)[0][:, 0], MU * normal)
+            assert_allclose(second.friction.project(trial, normal, slip)[0][:, 0], MU * normal)
 
 
 @pytest.mark.parametrize("share", [0.0, 2.0**-10, 3 * 2.0**-10, 1e-3, 0.25, 1 / 3, 0.3, 0.5e-9, 2 / 3])

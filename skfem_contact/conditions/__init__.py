@@ -1,8 +1,8 @@
 """The contact conditions: gaps and slips as rows, friction laws, loads, and what they hold.
 
-* `friction`, `return_map`, `checked_law`: laws, forces by them, the check of every value they return;
+* `friction`, `friction_rule`: laws and their return map; the rule at all points, every value checked;
   `orthotropic`, `slip_axes`: friction with a material direction, and the axes that make a circle of it;
-  `wear`: the depth that slip wears off; `steepness`: coefficients larger than materials have;
+  `wear`: the depth that slip wears off;
 * `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, gaps and slips, and
   where they are when contact slides far; `rows`, `lever`: their matrices, of rigid bodies too;
 * `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers;

@@ -11,9 +11,9 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import slices
-from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import NO_SLIP, Contact
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
+from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.rows import compliance_scale
 from skfem_contact.conditions.thresholds import STIFFNESS

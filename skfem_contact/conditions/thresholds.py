@@ -32,7 +32,7 @@ DIGITS_OF_WEIGHTS = 9
 # Coefficients from here on are larger than those of any pair of materials, sticky rubber (3) included.
 STEEP = 5.0
 
-# -- return_map --------------------------------------------------
+# -- friction, friction_rule --------------------------------------------------
 
 # Step of difference quotients, as a share of the largest argument: the root of round-off and a digit
 # more, as a law may have several length scales. Quotients only speed up the loops.

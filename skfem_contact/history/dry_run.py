@@ -8,7 +8,7 @@ import numpy as np
 
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.steepness import steep_words
+from skfem_contact.conditions.friction_rule import steep_words
 from skfem_contact.history.body_words import body_words
 from skfem_contact.history.thresholds import UNLIKE
 from skfem_contact.linalg.memory import written_bytes

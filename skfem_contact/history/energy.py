@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arrays import lengths
+from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.interface import Interface
-from skfem_contact.conditions.return_map import grows, lengths
 from skfem_contact.conditions.state import OPEN, SLIP, LocalState
-from skfem_contact.conditions.thresholds import BEYOND
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -82,39 +82,26 @@ def plastic_slip(interface: Interface, last: LocalState, new: LocalState) -> Arr
 
 def friction_bound(interface: Interface, state: LocalState) -> Array:
     """Bound of the friction force in a state by the present laws; zero at open points, (m,)."""
-    bound = np.zeros(len(state.status))
-    for part, law in interface.laws:
-        pressing = np.maximum(state.normal_force[part], 0.0)
-        slip = (state.slip - state.reference)[part]
-        bound[part] = law.limit(pressing, state.area[part], slip)
-    bound[state.status == OPEN] = 0.0
-    return bound
+    rule = FrictionRule(interface.laws, state.area, state.reference)
+    bound = rule.bound(state.normal_force, state.slip)
+    return np.where(state.status == OPEN, 0.0, bound)
 
 
 def resisting_slips(interface: Interface, state: LocalState) -> Mask:
     """Points that slip against a bound that grows with the slip: a spring along it, (m,)."""
-    resists = np.zeros(len(state.status), dtype=bool)
-    for part, law in interface.laws:
-        slips = state.status[part] == SLIP
-        if law.steady or not np.count_nonzero(slips):
-            continue
-        friction, pressing = state.tangential_force[part], np.maximum(state.normal_force[part], 0.0)
-        size = lengths(friction)
-        beyond = BEYOND * friction / np.where(size > 0, size, 1.0)[:, None]
-        slip = (state.slip - state.reference)[part]
-        resists[part] = slips & grows(law.return_map(beyond, pressing, state.area[part], slip)[2])
-    return resists
+    rule, slips = FrictionRule(interface.laws, state.area, state.reference), state.status == SLIP
+    if rule.steady or not np.count_nonzero(slips):
+        return np.zeros(len(slips), dtype=bool)
+    size = lengths(state.tangential_force)
+    direction = state.tangential_force / np.where(size > 0, size, 1.0)[:, None]
+    return slips & rule.hardens(direction, state.normal_force, state.slip)
 
 
 def rough_at_rest(interface: Interface, area: Array, tangents: int) -> bool:
     """Whether some friction bound is not zero where nothing presses: it jumps where a point opens."""
-    for part, law in interface.laws:
-        if interface.bilateral[part].any():  # which never opens
-            continue
-        own = area[part]
-        if np.any(law.limit(np.zeros(len(own)), own, np.zeros((len(own), tangents))) > 0):
-            return True
-    return False
+    still = np.zeros((len(area), tangents))
+    bound = FrictionRule(interface.laws, area, still).bound(np.zeros(len(area)), still)
+    return bool(np.any(bound[~interface.bilateral] > 0))  # what is bilateral never opens
 
 
 def nothing(interface: Interface) -> Energy:

@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Tresca
+from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.conditions.statics import balanced
@@ -207,11 +208,10 @@ class Stepper(ByFields):
             problem=problem,
             load=load,
             motions=problem.motions,
-            area=kin.area,
             paired=paired,
             tied=interface.tied & paired,
             bilateral=interface.bilateral & paired,
-            laws=interface.laws,
+            friction=FrictionRule(interface.laws, kin.area, last.reference),
             frictional=frictional,
             stiffness=interface.stiffness,
             last=last,

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
+from skfem_contact.arrays import lengths
 from skfem_contact.conditions.interface import Interface
-from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
 from skfem_contact.digits import GIVEN
 from skfem_contact.history import placing

@@ -56,7 +56,7 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
         )
         response = step.problem.solve(conditions, step.load)
         trial = step.trial(response.slip)
-        mapped, slips = step.force(trial, response.normal_force, response.slip)
+        mapped, slips = step.friction.project(trial, response.normal_force, response.slip)
         error = np.where(elastic[:, None], mapped - response.tangential_force, 0.0)
         scale = response.largest_force
         residual = float(np.max(np.abs(error), initial=0.0) / scale) if scale > 0 else 0.0
@@ -93,6 +93,6 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
 def _excess(step: Step, guess: Guess) -> Array:
     """By what the law is exceeded where the guess presses, (m, d-1): none where nothing is known."""
     trial = step.trial(guess.slip)
-    mapped, _ = step.force(trial, guess.normal_force, guess.slip)
+    mapped, _ = step.friction.project(trial, guess.normal_force, guess.slip)
     known = step.frictional & (guess.normal_force > 0)
     return np.where(known[:, None], mapped - trial, 0.0)

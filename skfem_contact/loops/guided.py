@@ -41,7 +41,7 @@ def guided_friction(
     # exact sticking gives way to any slip
     exact = np.where(moves[:, None], BEYOND * along, step.last.tangential_force)
     trial = np.where(step.exact[:, None], exact, step.trial(response.slip))
-    force, slips = step.force(trial, response.normal_force, response.slip)
+    force, slips = step.friction.project(trial, response.normal_force, response.slip)
     slips |= moves & step.exact
     return (
         np.where(at, np.where(slips, SLIP, STICK), status),

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.return_map import lengths
+from skfem_contact.arrays import lengths
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.linalg.krylov import gmres
@@ -135,7 +135,7 @@ def _until_one_changes(step: Step, iterate: Iterate, p: Array, growth: Array) ->
 
     def slips(share: float) -> bool:
         force = p + share * growth
-        beyond = step.excess(force[:, 1:], force[:, 0], iterate.response.slip)
+        beyond = step.friction.excess(force[:, 1:], force[:, 0], iterate.response.slip)
         return bool(np.any(beyond[sticks] > GIVEN * lengths(force[:, 1:])[sticks]))
 
     if most > 0 and sticks.any() and slips(most):

@@ -72,7 +72,7 @@ class Pace:
 
     def _comes_nearer(self, step: Step, response: Response) -> bool:
         """Whether less is left over than ever; asked only where the number does not fall."""
-        if self.least == 0.0 or not all(law.steady for _, law in step.laws):
+        if self.least == 0.0 or not step.friction.steady:
             return False
         self.rho = self.rho or resistances(step, response)
         left = all_left(step, response, self.rho)

@@ -36,7 +36,7 @@ def propose_in_plane(step: Step, current: Guess, response: Response) -> Guess:
     if step.closed_for_good is not None:
         pulls &= ~step.bilateral
 
-    if step.laws:
+    if step.friction.laws:
         slips, along = _slip_rule(step, current, response, force_scale, penetrates)
         status, direction = STICKS_OR_SLIPS.take(slips), along[:, None]
     else:
@@ -58,7 +58,7 @@ def _slip_rule(
     exact, trial = step.exact, response.tangential_force
     if not step.all_exact:
         trial = np.where(exact[:, None], trial, step.trial(response.slip))
-    excess = step.excess(trial, response.normal_force, response.slip)
+    excess = step.friction.excess(trial, response.normal_force, response.slip)
     beyond = excess > max(ROUND_OFF * force_scale, step.noise)
     was_slip, was_along = current.status == SLIP, current.direction[:, 0]
     if not step.all_exact:
@@ -94,7 +94,7 @@ def _slip_rule(
         # tension, open, and close again without end
         r = force_scale / slip_scale if slip_scale > 0 else 0.0
         pressing = -r * np.where(closes, response.gap, 0.0)
-        _, gives = step.force(r * step_slip[:, None], pressing, response.slip)
+        _, gives = step.friction.project(r * step_slip[:, None], pressing, response.slip)
         sideways = closes & step.frictional & (gives | smooth)
         slips |= sideways
         side = np.where(sideways, np.sign(step_slip), side)
@@ -107,7 +107,7 @@ def _goes_on(step: Step, current: Guess, response: Response, trial: Array) -> Ma
     Where loads turn back, what has slipped is left on its bound without moving: its slip is
     round-off, and the trial force the stiffness times that.
     """
-    lawful = step.sliding(current.direction, response.normal_force, response.slip)
+    lawful = step.friction.sliding(current.direction, response.normal_force, response.slip)
     missing = np.sum((lawful - trial) * current.direction, axis=1)
     return (current.status == SLIP) & ~step.exact & (missing <= trial_round_off(step, response))
 
@@ -117,7 +117,7 @@ def smooth_points(step: Step, force_scale: float, slip: Array) -> Mask | bool:
 
     Their coefficient is zero, or one that no force can tell from it.
     """
-    if not step.smooth:
+    if not step.friction.smooth:
         return False
     probe = np.full(len(slip), force_scale if force_scale > 0 else 1.0)
-    return (step.limit(probe, slip) <= EPS * probe) & step.frictional
+    return (step.friction.bound(probe, slip) <= EPS * probe) & step.frictional

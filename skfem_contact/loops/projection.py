@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.return_map import lengths
+from skfem_contact.arrays import lengths
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import COMPUTED
 from skfem_contact.loops.step import Step
@@ -88,7 +88,9 @@ def left_over(step: Step, response: Response, rho: Resistance | None = None) -> 
     closed = (step.bilateral | (force > 0)) & step.paired
     force = np.where(closed, force, 0.0)
     trial = pushing(step, response, rho)
-    friction = np.where(step.tied[:, None], trial, step.force(trial, force, response.slip)[0])
+    friction = np.where(
+        step.tied[:, None], trial, step.friction.project(trial, force, response.slip)[0]
+    )
     tangential = response.tangential_force - np.where(closed[:, None], friction, 0.0)
     modelled = step.paired & step.resisting
     return response.normal_force - force, np.where(modelled[:, None], tangential, 0.0)

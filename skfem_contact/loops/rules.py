@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arrays import largest
-from skfem_contact.conditions.return_map import lengths
+from skfem_contact.arrays import largest, lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import GIVEN
@@ -22,7 +21,6 @@ from skfem_contact.loops.projection import (
     trial_round_off,
 )
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.tangent import resisting_slips
 from skfem_contact.loops.thresholds import (
     BETWEEN,
     DIGITS_ALIKE,
@@ -74,7 +72,7 @@ def _slip_rule(
     exact, was_slip = step.exact, current.status == SLIP
     force_scale = response.largest_force
     nothing = max(ROUND_OFF * force_scale, step.noise)
-    bound = step.limit(force, response.slip)
+    bound = step.friction.bound(force, response.slip)
     trial = pushing(step, response, rho)
     if was_slip.any():
         # along its direction the friction of a point that slips is the bound, also where a bound
@@ -117,7 +115,7 @@ def disagreement(current: Guess, proposal: Guess) -> Mask:
 
 def law_residual(step: Step, status: NDArray[np.intp], direction: Array, response: Response) -> float:
     """Largest distance of a slipping point's friction force from the law, over the largest force."""
-    if not step.laws:
+    if not step.friction.laws:
         return 0.0
     scale = response.largest_force
     if scale <= step.noise:
@@ -125,7 +123,7 @@ def law_residual(step: Step, status: NDArray[np.intp], direction: Array, respons
     slips = (status == SLIP) & ((response.normal_force >= 0) | step.bilateral)
     if not np.count_nonzero(slips):
         return 0.0
-    lawful = step.sliding(direction, response.normal_force, response.slip)
+    lawful = step.friction.sliding(direction, response.normal_force, response.slip)
     error = lengths(response.tangential_force - lawful)
     return largest(error[slips]) / scale
 
@@ -152,7 +150,9 @@ def violations(step: Step, current: Guess, response: Response, tolerance: float)
     else:
         round_off = np.maximum(round_off, trial_round_off(step, response))
         sticks = (current.status == STICK) & step.frictional & ~step.exact
-        over = lengths(response.tangential_force) - step.limit(response.normal_force, response.slip)
+        over = lengths(response.tangential_force) - step.friction.bound(
+            response.normal_force, response.slip
+        )
         wrong = (left > np.maximum(round_off, allowed)) | sticks & (over > allowed)
     if scale <= step.noise:
         return wrong, 0.0
@@ -187,7 +187,9 @@ def hold(step: Step, current: Guess, coupled: bool = True) -> tuple[NDArray[np.i
     if motions.held(status != OPEN, (status == STICK) & holds, FIRMLY):
         return status, None
 
-    springs = resisting_slips(step, current) if coupled else np.zeros(len(status), dtype=bool)
+    springs = np.zeros(len(status), dtype=bool)
+    if coupled and np.count_nonzero(rubs := (status == SLIP) & step.frictional):
+        springs = rubs & step.friction.hardens(current.direction, current.normal_force, current.slip)
 
     def still_free() -> Array:
         closed, stick = status != OPEN, (status == STICK) & holds | springs
@@ -198,7 +200,7 @@ def hold(step: Step, current: Guess, coupled: bool = True) -> tuple[NDArray[np.i
         return status, None
     status, first = status.copy(), free
     points = np.zeros(len(status), dtype=bool)
-    limit = step.limit(current.normal_force, current.slip)
+    limit = step.friction.bound(current.normal_force, current.slip)
     excess = lengths(current.tangential_force) - limit
     # a gap is no more exact than the coordinates that it is a difference of
     known = ROUNDED * float(np.abs(motions.kin.points).max(initial=0.0))
@@ -224,7 +226,7 @@ def _across(step: Step, current: Guess, status: NDArray[np.intp]) -> Array | Non
         return None
     at = (status == SLIP) & step.frictional & (current.reach < BEYOND)
     d = current.direction[at]
-    bound = step.limit(current.normal_force, current.slip)[at]
+    bound = step.friction.bound(current.normal_force, current.slip)[at]
     share = bound / current.reach[at]
     firm = np.sqrt(np.minimum(share / (1 - share), 1.0))  # stiffnesses are squares of rows
     across = np.eye(d.shape[1]) - d[:, :, None] * d[:, None, :]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.state import SLIP
 from skfem_contact.loops.proximal import proximal
 from skfem_contact.loops.step import Guess, Step
@@ -74,14 +75,15 @@ def steeply(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Array]:
     """
     shares = np.zeros(len(step.paired))
     for rise in STEEP:
-        laws = tuple((part, replace(law, law=Steep(law.law, rise))) for part, law in step.laws)
-        steep = replace(step, laws=laws)
+        laws = tuple((part, replace(law, law=Steep(law.law, rise))) for part, law in step.friction.laws)
+        rule = FrictionRule(laws, step.friction.area, step.last.reference)
+        steep = replace(step, friction=rule)
         found, outcome = proximal(steep, guess, tolerance)
         if not outcome.converged:
             break
         guess, status, there = found, outcome.iterate.status, outcome.iterate.response
-        full = step.limit(there.normal_force, there.slip)
-        bound = steep.limit(there.normal_force, there.slip)
+        full = step.friction.bound(there.normal_force, there.slip)
+        bound = steep.friction.bound(there.normal_force, there.slip)
         partly = (status == SLIP) & (bound < FULL_BOUND * full)
         shares = np.where(partly, bound / np.where(partly, full, 1.0), 0.0)
     return guess, shares

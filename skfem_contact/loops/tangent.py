@@ -17,7 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.return_map import grows, lengths
+from skfem_contact.arrays import lengths
+from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.loops.step import Guess, Step
@@ -44,28 +45,14 @@ def linear_conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
     m, t = current.direction.shape
     offset, coupling = np.zeros((m, t)), np.zeros((m, t))
     spring = np.zeros((m, t, t))
-    if step.steady and t == 1:
-        if np.count_nonzero(slips):
-            offset, coupling = _steady(step, current, slips, coupled)
-    elif np.count_nonzero(slips):
+    if np.count_nonzero(slips):
         force, spring, coupling = _slipping(step, current, slips, coupled)
-        offset[slips] = force[slips]
+        offset = np.where(slips[:, None], force, 0.0)
     elastic = None if step.all_exact else sticks & step.frictional & ~step.exact
     if elastic is not None and np.count_nonzero(elastic):
         offset[elastic] = step.trial(np.zeros((m, t)))[elastic]
         spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
     return Conditions(closed, stick, step.last.slip, spring, offset, coupling)
-
-
-def _steady(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[Array, Array]:
-    """Friction of points that slip as ``offset + coupling lambda``: bounds along the only tangent."""
-    direction, force = current.direction, current.normal_force
-    bound = step.limit(force, current.slip)
-    slope = np.zeros(len(bound))
-    if coupled:
-        slope = np.where(_follows(step, current, slips), step.slope(force, current.slip), 0.0)
-    offset = np.where(slips, bound - slope * np.maximum(force, 0.0), 0.0)
-    return offset[:, None] * direction, slope[:, None] * direction
 
 
 def _follows(step: Step, current: Guess, slips: Mask) -> Mask:
@@ -79,12 +66,11 @@ def _follows(step: Step, current: Guess, slips: Mask) -> Mask:
 def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[Array, Array, Array]:
     """Friction of points that slip as ``offset + spring s + coupling lambda``."""
     reach = BEYOND if current.reach is None else current.reach[:, None]
-    trial = reach * current.direction
-    force, beyond, by = step.return_map(trial, current.normal_force, current.slip)
+    normal_force, slip = current.normal_force, current.slip
+    force, beyond, by = step.friction.slipping(current.direction, reach, normal_force, slip)
     coupling, spring = np.zeros(force.shape), np.zeros(by.slip.shape)
     if coupled:
-        pressed = _follows(step, current, slips)
-        coupling[pressed] = by.normal_force[pressed]
+        coupling = np.where(_follows(step, current, slips)[:, None], by.normal_force, 0.0)
         force -= coupling * np.maximum(current.normal_force, 0.0)[:, None]
         if np.count_nonzero(by.slip):
             # a bound that falls with the slip lags: it would take stiffness away from the bodies
@@ -93,17 +79,8 @@ def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[A
             force -= np.einsum("ikl,il->ik", spring, current.slip)
     if step.turns:
         turning = np.where((slips & beyond)[:, None, None], by.trial, 0.0)
-        return _turning(step, current, trial, turning, (force, spring, coupling))
+        return _turning(step, current, reach * current.direction, turning, (force, spring, coupling))
     return force, spring, coupling
-
-
-def resisting_slips(step: Step, current: Guess) -> Mask:
-    """Points that slip against a bound that grows with the slip: a spring along it, (m,)."""
-    slips = (current.status == SLIP) & step.frictional
-    if all(law.steady for _, law in step.laws) or not np.count_nonzero(slips):
-        return np.zeros(len(slips), dtype=bool)
-    trial = BEYOND * current.direction
-    return slips & grows(step.return_map(trial, current.normal_force, current.slip)[2])
 
 
 def _turning(

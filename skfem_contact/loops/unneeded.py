@@ -65,7 +65,7 @@ def _allowed(step: Step, iterate: Iterate, force: Array) -> bool:
     n, tau = np.split(force, [len(iterate.status)])
     before, known = iterate.response, COMPUTED * largest(np.abs(force))
     sticks = iterate.conditions.stick & step.frictional
-    beyond = step.excess(tau.reshape(len(n), -1), n, before.slip)
-    beyond -= step.excess(before.tangential_force, before.normal_force, before.slip)
+    beyond = step.friction.excess(tau.reshape(len(n), -1), n, before.slip)
+    beyond -= step.friction.excess(before.tangential_force, before.normal_force, before.slip)
     pulls = np.minimum(before.normal_force, 0.0) - n
     return bool(np.all(pulls[~step.bilateral] <= known) and np.all(beyond[sticks] <= known))

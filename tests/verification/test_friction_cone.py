@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from hex_blocks import HISTORIES, Blocks, Scene, advance, attempts, history, random_scene
 
 import skfem_contact as sc
-from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops import proximal
 from skfem_contact.loops.projection import left_over
@@ -33,7 +33,8 @@ def run(blocks, cases, loop="newton", law=None, tolerance=1e-11, **changes):
         step = blocks.step(case, last, **changes)
         if law is not None:
             laws = ((slice(0, blocks.kin.m), CheckedLaw(law, "joint", blocks.kin.points)),)
-            step = replace(step, laws=laws)
+            rule = FrictionRule(laws, blocks.kin.area, last.reference)
+            step = replace(step, friction=rule)
         *_, (_, outcome) = attempts(blocks, step, last, loop, tolerance)
         assert outcome.converged, outcome.message
         state = blocks.state(outcome.iterate, last)
