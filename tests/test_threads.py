@@ -27,7 +27,7 @@ from skfem_contact.answers import result as results_module
 from skfem_contact.linalg import dense_factors
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.once import Lock, once
 from skfem_contact.problem import points
 from skfem_contact.problem.substructure import Substructure

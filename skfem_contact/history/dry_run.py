@@ -11,7 +11,7 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import steep_words
 from skfem_contact.history.body_words import body_words
 from skfem_contact.history.thresholds import UNLIKE
-from skfem_contact.linalg.memory import written_bytes
+from skfem_contact.linalg.resources import written_bytes
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 from skfem_contact.pairing.node import Pairing

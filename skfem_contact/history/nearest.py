@@ -12,7 +12,7 @@ from skfem_contact.digits import COMPUTED
 from skfem_contact.history.load_step import Advance
 from skfem_contact.history.recovery import Recovery
 from skfem_contact.history.thresholds import TOUCH
-from skfem_contact.linalg.nonnegative import nonnegative_least_squares
+from skfem_contact.linalg.dense_factors import nonnegative_least_squares
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

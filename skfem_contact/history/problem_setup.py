@@ -21,8 +21,8 @@ from skfem_contact.history.answering import Answering
 from skfem_contact.history.dry_run import dry_run
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.stepper import Stepper
-from skfem_contact.linalg.memory import Limits
-from skfem_contact.linalg.multifrontal.size import FactorSize
+from skfem_contact.linalg.multifrontal.fronts import FactorSize
+from skfem_contact.linalg.resources import Limits
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.table import LOOPS
 from skfem_contact.obstacles.rigid_body import RigidBody

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.history.load_step import Attempt
-from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import PointSpace

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from skfem_contact.history.load_step import Attempt
 from skfem_contact.history.thresholds import HARDLY_MOVES, PRESSED, SAME_COORDINATES
 from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.linalg.threads import single_threaded
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.vectors import cross
 

@@ -22,7 +22,7 @@ from skfem_contact.history.energy import rough_at_rest
 from skfem_contact.history.grip import pins
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.thresholds import NAMED, NOISE
-from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.driver import Options, Outcome, drive
 from skfem_contact.loops.guided import guided_friction
 from skfem_contact.loops.multipliers import Collision

@@ -13,8 +13,15 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
-from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, lu
-from skfem_contact.linalg.in_place import blocks, divide, subtract_product, symmetrise
+from skfem_contact.linalg.dense_factors import (
+    DenseFactors,
+    blocks,
+    cholesky,
+    divide,
+    lu,
+    subtract_product,
+    symmetrise,
+)
 from skfem_contact.problem import thresholds
 
 Array = NDArray[np.float64]

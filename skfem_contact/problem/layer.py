@@ -28,8 +28,7 @@ from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
 from skfem_contact.bodies.body import Body
-from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-from skfem_contact.linalg.multifrontal.response import Response
+from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, Response
 from skfem_contact.problem.thresholds import DEPENDENT, LAYERS
 from skfem_contact.problem.whole import Whole, WholeBody
 

@@ -19,10 +19,9 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
-from skfem_contact.elimination.rows import point_labels, secondary_dofs
+from skfem_contact.elimination.condense import point_labels, secondary_dofs
 from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.memory import Limits
-from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.linalg.resources import Limits, single_threaded
 from skfem_contact.once import Lock
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.problem.choice import Choice, check_distributed, checked_linear

@@ -14,8 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
-from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, factorised
-from skfem_contact.linalg.in_place import subtract_product, symmetrise
+from skfem_contact.linalg.dense_factors import (
+    DenseFactors,
+    cholesky,
+    factorised,
+    subtract_product,
+    symmetrise,
+)
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SHARE, SPARE, SURPLUS

@@ -30,10 +30,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.kinematics import Kinematics, guided_tangents, prescribed_rows
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.prescribed import guided_tangents, prescribed_rows
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 

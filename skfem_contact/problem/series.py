@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bmat, csr_matrix, diags, hstack, identity, vstack
 
-from skfem_contact.linalg.dense_factors import lu
-from skfem_contact.linalg.in_place import symmetrise
-from skfem_contact.linalg.stacked import Stacked
+from skfem_contact.linalg.backend import Stacked
+from skfem_contact.linalg.dense_factors import lu, symmetrise
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.sparse import SparseSpace

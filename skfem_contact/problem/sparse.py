@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
-from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.prescribed import prescribed_rows
+from skfem_contact.conditions.kinematics import Kinematics, prescribed_rows
 from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.errors import ConstraintError
-from skfem_contact.linalg.stacked import Stacked
+from skfem_contact.linalg.backend import Stacked
 from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 
 Array = NDArray[np.float64]

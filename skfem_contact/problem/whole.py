@@ -19,8 +19,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.linalg.backend import Backend
-from skfem_contact.linalg.body_factor import Surface
+from skfem_contact.linalg.backend import Backend, Surface
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.once import once
 from skfem_contact.problem.parts import reduced

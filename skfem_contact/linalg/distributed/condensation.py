@@ -30,6 +30,7 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
 from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.linalg.dense_factors import symmetrise
 from skfem_contact.linalg.distributed.body_share import BodyShare
 from skfem_contact.linalg.distributed.layout import Layout
 from skfem_contact.linalg.distributed.ranks import Ranks
@@ -38,8 +39,7 @@ from skfem_contact.linalg.distributed.share import Settings, Solved
 from skfem_contact.linalg.distributed.stacked import StackedStiffness
 from skfem_contact.linalg.distributed.stiffness import RankedStiffness
 from skfem_contact.linalg.distributed.thresholds import COLUMNS_AT_ONCE
-from skfem_contact.linalg.in_place import symmetrise
-from skfem_contact.linalg.multifrontal.assembly import mirror
+from skfem_contact.linalg.multifrontal.fronts import mirror
 from skfem_contact.linalg.singular import (
     NotPositiveDefinite,
     SingularMatrix,
