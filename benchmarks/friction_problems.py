@@ -45,10 +45,9 @@ from skfem_contact.loops.proximal import proximal
 from skfem_contact.loops.pulled import after
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.loops.table import LOOPS
-from skfem_contact.problem.delassus import inverse
-from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.condensed import definite_inverse
+from skfem_contact.problem.points import PointsInSeries, PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
-from skfem_contact.problem.series import PointsInSeries
 from skfem_contact.problem.thresholds import GIVE
 
 Array = NDArray[np.float64]
@@ -144,11 +143,11 @@ class Seen:
         normal, tangential = rows[:, 0], rows[:, 1:]
         self.springs: Array | None = None
         try:
-            S = inverse(W.copy())
+            S = definite_inverse(W.copy())
         except LinAlgError:
             give = GIVE * np.diag(W)[normal].mean()
             self.springs = np.full(m, give)
-            S = inverse(W + give * np.eye(m * d), refuses=False)
+            S = definite_inverse(W + give * np.eye(m * d), refuses=False)
         self.space = PointSpace(S, normal, tangential)
         self.points = self.space if self.springs is None else None
         blocks = np.diagonal(W.reshape(m, d, m, d), axis1=0, axis2=2).transpose(2, 0, 1)

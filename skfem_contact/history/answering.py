@@ -32,7 +32,7 @@ from skfem_contact.loops.driver import converged_words
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Record
 from skfem_contact.once import once
-from skfem_contact.problem.workspace import Workspace
+from skfem_contact.problem.seam import Workspace
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,7 @@ from skfem_contact.loops.pulled import Carried
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Load
-from skfem_contact.problem.seam import ContactProblem
-from skfem_contact.problem.workspace import Workspace
+from skfem_contact.problem.seam import ContactProblem, Workspace
 
 Array = NDArray[np.float64]
 

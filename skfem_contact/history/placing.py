@@ -26,7 +26,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
     model, options = by.model, by.options
     geometry, case = model.geometry, step.target
     if not geometry.follows:
-        return by.attempt(step, step.workspace.problem(model), start)
+        return by.attempt(step, step.workspace.borrowed(model.problem_on(None, None)), start)
     at = step.state.surface + step.share * step.state.trend
     u = geometry.predicted(at, case)
     problem = model.problem_on(geometry.at(u, case), u)

@@ -45,7 +45,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
     interface = model.interface
     worn = interface.wear or np.count_nonzero(last.wear)
     if not (worn or model.geometry.follows):  # as nearly always
-        return by.attempt(step, step.workspace.problem(model), start)
+        return by.attempt(step, step.workspace.borrowed(model.problem_on(None, None)), start)
     if not interface.wear:
         return _with_depth(by, step, start, last.wear)
     depth, secant, trace = last.wear, Anderson(), list[Record]()

@@ -2,7 +2,7 @@
 
 GMRES finds the forces of closed points, see `forces`. Each of its iterations takes a product with
 ``W = [B; P'] F [B; P']'``, which is a substitution through the factors of the bodies (`whole`); it is
-preconditioned by the stiffness of a layer under the surfaces (`layer`).
+preconditioned by the stiffness of a layer under the surfaces (`whole`).
 """
 
 from __future__ import annotations

@@ -29,9 +29,8 @@ from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.iterated import IteratedBodies
 from skfem_contact.problem.multigrid import MultigridBodies
-from skfem_contact.problem.parts import firmness
 from skfem_contact.problem.seam import Bodies, ContactProblem, PosedOn
-from skfem_contact.problem.substructure import Substructure
+from skfem_contact.problem.substructure import Substructure, firmness
 from skfem_contact.problem.thresholds import MOST_TWINS
 from skfem_contact.problem.whole import Whole
 from skfem_contact.sealed import seal

@@ -5,7 +5,7 @@ With K held by the springs on the anchors (`condensed`), the equations are those
     K u - B'p - P q = f,      what is held of B u and p,      P'u - q = 0.
 
 GMRES solves them for u, p and q at once. It is preconditioned by a V-cycle of multigrid for K, then by
-the stiffness of a layer under the surfaces (`layer`) for the forces. What multigrid is prepared for is
+the stiffness of a layer under the surfaces (`whole`) for the forces. What multigrid is prepared for is
 K, which contact never changes: points that close, stick or slip cost no new preparation, and slipping
 points, whose equations are unsymmetric, no more iterations. (With contact eliminated, ``T'KT`` is
 another matrix in every iteration; it took up to 160 iterations where friction follows the normal
@@ -151,7 +151,7 @@ class MultigridProblem(OnForces[MultigridBodies]):
         """A load case on the free DOFs; `prescribed` are the displacements of the others."""
         u = np.zeros(self.bodies.system.n)
         u[self.bodies.system.D] = case.x[self.bodies.system.D]
-        still = np.zeros(len(self.own))  # `series` moves them; loads are part of the equations
+        still = np.zeros(len(self.own))  # springs in series move them; loads are part of the equations
         return Load(self.bodies.free_load(case), *self.constant(case), u, (), still)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
