@@ -338,7 +338,11 @@ ROWS = (
         "Coulomb, mu = 0.3",
         "no friction",
         friction,
-        ("conditions/friction:limit", "conditions/friction:slope", "loops/plane_rules:_slip_rule"),
+        (
+            "conditions/friction:limit",
+            "conditions/friction:slope",
+            "loops/projection:slipping_in_plane",
+        ),
         tangential,
     ),
     Row(
@@ -412,7 +416,7 @@ ROWS = (
             "conditions/geometry:mismatch",
             "conditions/geometry:_offset",
             "history/placing:_travelled",
-            "loops/anderson:",
+            "linalg/krylov:next",
         ),
         moving,
     ),

@@ -29,10 +29,10 @@ from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.direct import Direct
+from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.driver import drive
 from skfem_contact.loops.starts import admissible, natural_state, possible_starts, starting_values
 from skfem_contact.loops.step import Step
-from skfem_contact.loops.table import LOOPS
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
 from skfem_contact.problem.iterated import IteratedBodies

@@ -19,15 +19,14 @@ from skfem_contact import Coulomb, Options
 from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.loops.active_set import Pace, direct, newton
-from skfem_contact.loops.anderson import Anderson
+from skfem_contact.loops.active_set import Pace, direct, fictitious, newton
 from skfem_contact.loops.driver import drive
-from skfem_contact.loops.fictitious import fictitious
-from skfem_contact.loops.guided import guided_friction
-from skfem_contact.loops.rules import _by, disagreement, hold, propose
+from skfem_contact.loops.projection import disagreement, guided_friction, propose
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Guess, Step
+from skfem_contact.loops.tangent import _by, hold
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 

@@ -4,7 +4,7 @@ A step is tried whole, from the last state's contact zone; if that fails, from
 complementary pivoting (Lemke's method), then on a loading machine, which finds the answer or how much
 of the load is carried (`loops.pulled`). Where there is no machine, as contact slides far or wears, the
 step is halved; where a point slid too far in it, it is cut to the share that the distance tells. What
-is left in the end is friction that rises steeply where it jumps (`loops.steep`).
+is left in the end is friction that rises steeply where it jumps (`loops.proximal`).
 """
 
 from __future__ import annotations

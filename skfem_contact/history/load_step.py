@@ -58,7 +58,7 @@ class Attempt:
     `start` and `local` are the states before and after it, both along the tangents of its pairing;
     `own_action` is where the forces act on the pairing of its answer, if that is another, (m, d).
     `stateless` are shares of the bounds of points that have no state, where there are any, (m,); see
-    `loops.steep.steeply`. `carried`: how much of the load is carried at most, where that is known.
+    `loops.proximal.steeply`. `carried`: how much of the load is carried at most, where that is known.
     """
 
     outcome: Outcome

@@ -17,7 +17,7 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.thresholds import EDGE, FAR, PLAIN
-from skfem_contact.loops.anderson import Anderson
+from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.step import Record
 
 

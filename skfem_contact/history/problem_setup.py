@@ -23,8 +23,8 @@ from skfem_contact.history.read import StepReader
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
 from skfem_contact.linalg.resources import Limits
+from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.driver import Options
-from skfem_contact.loops.table import LOOPS
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.problem.model import AnyBodies, LinearModel
 from skfem_contact.problem.substructure import Substructure

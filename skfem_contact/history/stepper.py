@@ -23,19 +23,19 @@ from skfem_contact.history.grip import pins
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.thresholds import NAMED, NOISE
 from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.driver import Options, Outcome, drive
-from skfem_contact.loops.guided import guided_friction
 from skfem_contact.loops.multipliers import Collision
+from skfem_contact.loops.projection import guided_friction
+from skfem_contact.loops.proximal import steeply
 from skfem_contact.loops.pulled import Carried, pulled
 from skfem_contact.loops.starts import DENSE, admissible, as_guess, possible_starts, starting_values
-from skfem_contact.loops.steep import steeply
 from skfem_contact.loops.step import Step
-from skfem_contact.loops.table import LOOPS
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Load
 from skfem_contact.problem.seam import ContactProblem
 
-# Where an attempt begins once all others have failed, with friction that jumps: see `loops.steep`.
+# Where an attempt begins once all others have failed, with friction that jumps: see `loops.proximal`.
 STEEPLY = "steeply"
 
 RAN_AWAY = (

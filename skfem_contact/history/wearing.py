@@ -33,7 +33,7 @@ from skfem_contact.history.thresholds import (
     WEAR_ROUNDS,
 )
 from skfem_contact.linalg.dense_factors import cholesky
-from skfem_contact.loops.anderson import Anderson
+from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.step import Record
 
 Array = NDArray[np.float64]

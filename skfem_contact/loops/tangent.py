@@ -10,9 +10,14 @@ equation is solved,
 With ``P = L d``, ``d = t / |t|``, ``b = L / |t|`` this is a spring across the direction of friction,
 ``rho b / (1 - b) (1 - d d')``: symmetric and positive semidefinite, at the answer
 ``L / |s - s_n| (1 - d d')`` whatever rho is. With one tangent it is zero.
+
+A body that only contact and friction hold makes the matrix singular while all its points are open or
+all slip, even if the answer is neither: `hold` keeps just so many closed and sticking.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +26,14 @@ from skfem_contact.arrays import lengths
 from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
+from skfem_contact.digits import GIVEN
 from skfem_contact.loops.step import Guess, Step
+from skfem_contact.loops.thresholds import (
+    BETWEEN,
+    DIGITS_ALIKE,
+    FIRMLY,
+    ROUNDED,
+)
 from skfem_contact.problem.response import Conditions, odd_round_off
 
 Array = NDArray[np.float64]
@@ -107,3 +119,85 @@ def _turning(
         spring - odd,
         np.einsum("ikl,il->ik", solved, coupling),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Points kept closed or sticking because a body would be free without them."""
+
+    points: Mask
+    motion: Array
+
+
+def hold(step: Step, current: Guess, coupled: bool = True) -> tuple[NDArray[np.intp], Held | None]:
+    """Keep just so many points closed and sticking that no rigid motion is free.
+
+    A body that only contact and friction hold makes the matrix singular while all its points are
+    open or all slip, even if the answer is neither. The points nearest to what is needed are kept:
+    those farthest below their friction limit, then those with the smallest gap. If the answer goes
+    on contradicting them, there is no equilibrium; the driver says so. Friction that grows with the
+    slip holds as well where it does so within the linear solve, `coupled`.
+    """
+    status, motions = current.status, step.motions
+    if motions.k == 0:
+        return status, None
+    holds = step.resisting
+    if motions.held(status != OPEN, (status == STICK) & holds, FIRMLY):
+        return status, None
+
+    springs = np.zeros(len(status), dtype=bool)
+    if coupled and np.count_nonzero(rubs := (status == SLIP) & step.frictional):
+        springs = rubs & step.friction.hardens(current.direction, current.normal_force, current.slip)
+
+    def still_free() -> Array:
+        closed, stick = status != OPEN, (status == STICK) & holds | springs
+        return motions.free(closed, stick, FIRMLY, _across(step, current, status))
+
+    free = still_free()
+    if free.shape[1] == 0:
+        return status, None
+    status, first = status.copy(), free
+    points = np.zeros(len(status), dtype=bool)
+    limit = step.friction.bound(current.normal_force, current.slip)
+    excess = lengths(current.tangential_force) - limit
+    # a gap is no more exact than the coordinates that it is a difference of
+    known = ROUNDED * float(np.abs(motions.kin.points).max(initial=0.0))
+    slipping = _by(excess, status == SLIP, step)
+    opened = _by(step.load.gap0, status == OPEN, step, known)
+    order = np.concatenate([slipping, opened])
+    for i in order:
+        if free.shape[1] == 0:
+            break
+        resists = np.abs(motions.normal[i] @ free).max(initial=0.0) > GIVEN
+        slid = motions.tangential[i] @ free
+        turns = holds[i] and np.sqrt((slid**2).sum(axis=0)).max(initial=0.0) > GIVEN
+        if (status[i] == OPEN and resists) or turns:
+            status[i] = STICK
+            points[i] = True
+            free = still_free()
+    return status, Held(points, first)
+
+
+def _across(step: Step, current: Guess, status: NDArray[np.intp]) -> Array | None:
+    """Rows (r, k) by which slipping points hold rigid motions, across the direction of friction."""
+    if not step.turns or current.reach is None:
+        return None
+    at = (status == SLIP) & step.frictional & (current.reach < BEYOND)
+    d = current.direction[at]
+    bound = step.friction.bound(current.normal_force, current.slip)[at]
+    share = bound / current.reach[at]
+    firm = np.sqrt(np.minimum(share / (1 - share), 1.0))  # stiffnesses are squares of rows
+    across = np.eye(d.shape[1]) - d[:, :, None] * d[:, None, :]
+    return ((firm[:, None, None] * across) @ step.motions.tangential[at]).reshape(-1, step.motions.k)
+
+
+def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> NDArray[np.intp]:
+    """Points from the smallest value to the largest; those alike up to round-off by their rank.
+
+    `known`: what values are uncertain by, however small they are.
+    """
+    chosen = np.flatnonzero(mask & step.paired)
+    largest = max(float(np.max(np.abs(value[chosen]), initial=0.0)), known * 10**DIGITS_ALIKE)
+    share = value[chosen] / largest if largest > 0 else value[chosen]
+    alike = np.floor(share * 10.0**DIGITS_ALIKE + BETWEEN)
+    return chosen[np.lexsort((step.rank[chosen], alike))]

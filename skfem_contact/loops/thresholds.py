@@ -21,7 +21,7 @@ WEAK_SPRINGS = (1e-9, 1e-6)
 # Relinearisations of a law that is not linear in the normal force (a cap, a user's own).
 SWEEPS = 5
 
-# -- fictitious --------------------------------------------------
+# -- active_set --------------------------------------------------
 
 # In the loop `fictitious` points open and close freely so often; after that only once the friction of
 # the present set has settled to this share of the largest force, or a point could open and close
@@ -61,7 +61,7 @@ SLOW = 0.5
 # How often the way around the largest share, or around the whole load, is halved: four digits.
 PEAK_HALVINGS = 10
 
-# -- rules -------------------------------------------------------
+# -- projection --------------------------------------------------
 
 # Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
 # Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
@@ -92,7 +92,7 @@ FIRMLY = 1e-7
 # Iterations that Newton may take where another loop begins from its answer.
 NEWTON_ITERATIONS = 80
 
-# -- search ------------------------------------------------------
+# -- active_set --------------------------------------------------
 
 # Armijo's rule: the decrease that is asked for over that of the linear model, and how often a step is
 # halved for it.
@@ -113,7 +113,7 @@ EQUAL_RATIO, EQUAL_PART, TIED_RATIO = 1e-11, 1e-9, 1e-13
 # Diagonal entries, and eigenvalues of the scaled matrix, over the largest, that are round-off.
 NO_STIFFNESS, NO_EIGENVALUE = 1e-12, 1e-14
 
-# -- steep -------------------------------------------------------
+# -- proximal ----------------------------------------------------
 
 # Friction over the normal force where bounds that jump are made to rise: pressures on the rise are a
 # thousandth of the bound, and where an answer is found from there, a hundred thousandth.

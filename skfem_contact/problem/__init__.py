@@ -9,7 +9,6 @@
 * `full`: all DOFs, for any linear solver;
 * `springs`: those that points are seen through where their rows depend on each other, and what each
   point resists by itself;
-* `machine`: the problem under a load that is pulled through a spring;
 * `choice`, `model`: which of these ways is taken; the problem on one pairing, made from the bodies;
 * `thresholds`: numbers, and where they come from.
 """
