@@ -358,7 +358,7 @@ ROWS = (
         "Coulomb, mu = 0.3",
         "no friction",
         friction,
-        ("history/energy:friction_energy",),
+        ("history/load_step:friction_energy",),
     ),
     Row(
         "history",
@@ -415,7 +415,7 @@ ROWS = (
             "conditions/geometry:at",
             "conditions/geometry:mismatch",
             "conditions/geometry:_offset",
-            "history/placing:_travelled",
+            "history/contact_search:_travelled",
             "linalg/krylov:next",
         ),
         moving,

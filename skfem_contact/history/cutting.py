@@ -14,11 +14,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from skfem_contact.digits import SOLVED
-from skfem_contact.history.energy import nothing
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep
+from skfem_contact.history.contact_search import attempted
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, nothing
 from skfem_contact.history.stepper import RAN_AWAY, STEEPLY, Stepper
 from skfem_contact.history.thresholds import AIM, LONGER, SHORTER
-from skfem_contact.history.wearing import attempted
 from skfem_contact.linalg.singular import SingularMatrix
 
 logger = logging.getLogger("skfem_contact")

@@ -17,8 +17,7 @@ from skfem_contact.conditions.motions import BARELY, RigidMotions, null_space
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import RESISTS
 from skfem_contact.digits import COMPUTED, SOLVED
-from skfem_contact.history.energy import resisting_slips
-from skfem_contact.history.load_step import Attempt
+from skfem_contact.history.load_step import Attempt, resisting_slips
 from skfem_contact.history.thresholds import ACROSS, FAINT, TINY, TURNED
 from skfem_contact.problem.model import LinearModel
 

@@ -18,9 +18,8 @@ from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.conditions.statics import balanced
 from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.errors import ConstraintError
-from skfem_contact.history.energy import rough_at_rest
 from skfem_contact.history.grip import pins
-from skfem_contact.history.load_step import Attempt, LoadStep
+from skfem_contact.history.load_step import Attempt, LoadStep, rough_at_rest
 from skfem_contact.history.thresholds import NAMED, NOISE
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.active_set import LOOPS

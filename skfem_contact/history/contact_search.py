@@ -8,6 +8,10 @@ Newton's method with that settles in few rounds. Where there is no such matrix, 
 The largest eigenvalue of ``c S`` is the share of the depth worn that elastic bodies answer by another
 pressure. It says how long a step may be: what is rough from point to point changes in a step by the
 factor ``(1 - c S) / (1 + c S)``, which must not be negative. Longer steps are cut.
+
+Where contact slides far, every attempt is solved again on the pairing of its own answer. That is a
+fixed point, which secants reach in half the rounds of repetition. A step in which a point slid too
+far is refused, with the distance.
 """
 
 from __future__ import annotations
@@ -20,15 +24,18 @@ from scipy.linalg import LinAlgError
 
 from skfem_contact.arrays import lengths
 from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
-from skfem_contact.digits import GIVEN
-from skfem_contact.history import placing
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.thresholds import (
     ANSWERED,
     ANSWERED_BY_SECANTS,
+    EDGE,
+    FAR,
     FAR_TOO_LONG,
+    PLAIN,
     WEAR_DIGITS,
     WEAR_ROUNDS,
 )
@@ -138,8 +145,8 @@ class Relief:
 def _with_depth(by: Stepper, step: LoadStep, start: str, depth: Array) -> Attempt:
     """One attempt with the gaps that a depth worn off leaves, (m,)."""
     if not np.count_nonzero(depth):
-        return placing.attempted(by, step, start)
-    attempt = placing.attempted(by, replace(step, target=step.target.worn(depth)), start)
+        return on_own_pairing(by, step, start)
+    attempt = on_own_pairing(by, replace(step, target=step.target.worn(depth)), start)
     return replace(attempt, case=step.target)
 
 
@@ -163,3 +170,88 @@ def volumes(interface: Interface, force: Array, way: Array) -> Array:
     for part, law in interface.wear:
         volume[part] = law.volume(force[part], way[part])
     return volume
+
+
+def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
+    """One attempt at a load step; where contact slides far, on the pairing of its own answer."""
+    model, options = by.model, by.options
+    geometry, case = model.geometry, step.target
+    if not geometry.follows:
+        return by.attempt(step, step.workspace.borrowed(model.problem_on(None, None)), start)
+    at = step.state.surface + step.share * step.state.trend
+    u = geometry.predicted(at, case)
+    problem = model.problem_on(geometry.at(u, case), u)
+    trace: tuple[Record, ...] = ()
+    secant, lost = Anderson(), np.zeros(len(geometry.finite), dtype=bool)
+    for number in range(options.max_placements):
+        attempt = by.attempt(step, problem, start)
+        trace += attempt.outcome.trace
+        outcome = replace(attempt.outcome, trace=trace)
+        attempt = replace(attempt, outcome=outcome)
+        if not attempt.good:
+            return attempt
+        attempt = _travelled(by, attempt, 1.0 if number else FAR)
+        if attempt.failure:
+            return attempt
+        there = attempt.local.surface
+        plain = number < PLAIN
+        at = there if plain else secant.next(at, there)
+        u = geometry.spread(at)
+        next_kin = without_points(geometry.at(u, case, problem.kin), lost)
+        if number >= EDGE:
+            lost = lost | (problem.kin.paired & ~next_kin.paired)
+        mismatch = geometry.mismatch(problem.kin, next_kin, attempt.local, by.barred)
+        limit = options.placement_tolerance
+        if number + 1 == options.max_placements:
+            limit = max(limit, options.tolerance)  # forces that a loop knows so far move points as far
+        if mismatch <= limit:
+            # so far only the next pairing is alike: what counts is that of the answer itself
+            own = next_kin
+            if not plain:
+                own = geometry.at(geometry.spread(there), case, next_kin)
+                own = without_points(own, lost)
+                mismatch = geometry.mismatch(problem.kin, own, attempt.local, by.barred)
+            if mismatch <= limit:
+                return _settled(by, attempt, own, mismatch)
+        start, step = "warm", replace(step, known=attempt.state)
+        problem = model.problem_on(next_kin, u)
+    point = geometry.least_settled(problem.kin, next_kin, attempt.local)
+    words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e}): "
+    words += model.interface.point_words(point, next_kin.points[point])
+    words += " meets another partner in every round"
+    return replace(attempt, mismatch=mismatch, failure=words, culprit=point)
+
+
+def _settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
+    """The attempt whose pairing is that of its own answer, with the gaps of that."""
+    local = attempt.local
+    gap = np.where(by.model.geometry.finite & (local.status == OPEN), own.gap0, local.gap)
+    # an obstacle takes its points along without another condition, and forces act where they are now
+    attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap), own_action=own.action)
+    return _travelled(by, attempt, 1.0)
+
+
+def _travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
+    """Measure how far points slid, over what is allowed; refuse what is beyond a limit."""
+    geometry, interface = by.model.geometry, by.model.interface
+    last, new = attempt.start, attempt.local
+    closed = (new.status != OPEN) & (last.status != OPEN) & geometry.finite
+    slid = np.linalg.norm(attempt.problem.kin.slip_along(new.slip - last.slip), axis=1)
+    travel, culprit = 0.0, -1
+    for contact, part in zip(interface.contacts, interface.point_slices, strict=True):
+        way = np.where(closed[part], slid[part], 0.0)
+        share = np.max(way) / (by.options.max_travel * np.mean(contact.secondary.lengths))
+        if not share <= travel:  # a NaN as well
+            travel, culprit = float(share), part.start + int(np.argmax(way))
+    if travel > max(limit, 1.0 + SOLVED):
+        words = interface.point_words(culprit, attempt.problem.kin.points[culprit])
+        words += f" slid {travel:.3g} times as far as max_travel allows"
+        return replace(attempt, failure=words, travel=travel, culprit=culprit)
+    return replace(attempt, travel=travel)
+
+
+def without_points(kin: Kinematics, lost: NDArray[np.bool_]) -> Kinematics:
+    """The pairing with some points open for good."""
+    if not lost.any():
+        return kin
+    return replace(kin, paired=kin.paired & ~lost, gap0=np.where(lost, np.inf, kin.gap0))
