@@ -29,7 +29,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, warn
 from skfem_contact.history.checkpoint import SavedState
-from skfem_contact.history.finding import Finding, Known, failure
+from skfem_contact.history.finding import Finding, Known
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.read import StepReader
@@ -93,9 +93,11 @@ class Answering(ByFields):
         known = None if warm is None else warm.state
         step = LoadStep(state, before, target, known, callback, workspace=workspace)
         found = Finding(self.stepper, step, start)
-        found.find()
+        verdict = found.find()
+        if not verdict.reached:
+            raise verdict.error(self.stepper.loop, None)
         result = self._answer(found, time.perf_counter() - begin)
-        if result.converged:
+        if verdict.arrived:
             watched = self.watch.look(
                 result.state,
                 result.gap,
@@ -110,9 +112,9 @@ class Answering(ByFields):
             result.watch(watched)
             result.watch(self.watch.warn(result))
             _warn(result)
-        if result.converged or not throw:
+        if verdict.arrived or not throw:
             return result
-        raise failure(found, result)
+        raise verdict.error(self.stepper.loop, ContactResult(result))
 
     def left(self, start: Answer | SavedState) -> LoadCase:
         """The loads of a state to go on from, with the places that new supports find DOFs at.

@@ -1,4 +1,8 @@
-"""The answer to a load step, whether or not contact holds all bodies in one place."""
+"""The answer to a load step, whether or not contact holds all bodies in one place; or why none is there.
+
+`Finding.find` alone decides what came of a step. It ends with a `Verdict`: the step arrived, has no
+equilibrium, or its loop did not converge.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.bodies.surface import CurveSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.motions import no_equilibrium
+from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
 from skfem_contact.conditions.statics import drives, escape
 from skfem_contact.errors import NoEquilibrium, NotConverged
 from skfem_contact.history.checkpoint import SavedState
@@ -28,6 +32,61 @@ Array = NDArray[np.float64]
 Known = Answer | SavedState | None
 
 CAN_CARRY = "with the forces that contact can carry"
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What came of a load step: it arrived, has no equilibrium, or its loop did not converge.
+
+    Attributes
+    ----------
+    free : ndarray, shape (k, j), or None
+        Motions along which nothing balances the loads, where there is no equilibrium.
+    motions : RigidMotions or None
+        Of which these are combinations.
+    when : str
+        Under which circumstances they are free, in words.
+    f : ndarray, shape (n,), or None
+        The load that drives them [force].
+    shown : bool
+        Whether statics alone shows it.
+    pull : float
+        What it would take to hold the bodies, over the largest point force, if known.
+    carries : str
+        How much of the load is carried, in words.
+    advice : str
+        What to try where the loop did not converge.
+    reached : bool
+        Whether there is a last state to show.
+    """
+
+    free: Array | None = None
+    motions: RigidMotions | None = None
+    when: str = CAN_CARRY
+    f: Array | None = None
+    shown: bool = False
+    pull: float = 0.0
+    carries: str = ""
+    advice: str = ""
+    reached: bool = True
+
+    @property
+    def arrived(self) -> bool:
+        """Whether there is an answer."""
+        return self.free is None and not self.advice
+
+    def error(self, loop: str, result: ContactResult | None) -> NoEquilibrium | NotConverged:
+        """The exception for a step that did not arrive, with the last state."""
+        if self.free is not None:
+            assert self.motions is not None
+            known = self.f, result, self.shown, self.pull, self.carries
+            return no_equilibrium(self.motions, self.free, self.when, *known)
+        message = "" if result is None else result.message
+        return NotConverged(
+            f"The loop '{loop}' did not converge: {message}. {self.carries}{self.advice}"
+            "the last state is in `.result` of this exception, the steps before it in `.results`.",
+            result,
+        )
 
 
 @dataclass(eq=False)
@@ -63,19 +122,18 @@ class Finding:
         """The answer that leaves motions free, where it is one."""
         return None if self.rest is None or self.rest.pull else self.rest
 
-    def find(self) -> None:
+    def find(self) -> Verdict:
         """Find the answer; where it leaves motions free, at the place that moves least."""
         model, f = self.stepper.model, self.step.target.f
         if model.loose.shape[1] and drives(model.motions, f, model.loose):
-            raise no_equilibrium(model.motions, model.loose, EVEN_CLOSED, f, shown=True)
+            return Verdict(model.loose, model.motions, EVEN_CLOSED, f, shown=True, reached=False)
         may_float = bool(model.motions.k)
         try:
             self.advance = advance(self.stepper.held, self.step, self._doubt if may_float else None)
         except SingularMatrix as error:  # round-off decides whether a free motion makes it so
             if not may_float:
                 raise
-            self._free(error)
-            return
+            return self._free(error)
         if may_float and self.advance.attempt.good:
             self.grip = Grip.of(model, self.advance.attempt)
             if self.grip.idles:
@@ -86,6 +144,30 @@ class Finding:
         if rest is not None:
             rest.advance.trace[:0] = self.advance.trace
             self.advance = rest.advance
+        return self._judged()
+
+    def _judged(self) -> Verdict:
+        """What the last attempt says of the step, and what was found out about it on the way."""
+        attempt, model = self.advance.attempt, self.stepper.model
+        if attempt.good:
+            return Verdict()
+        if self.rest is not None:
+            return Verdict(self.rest.free, model.motions, pull=self.rest.pull)
+        motions, free, shown = attempt.problem.motions, attempt.outcome.free, self.refuted is not None
+        carries = _carries(self.advance)
+        if free is None and self.refuted is not None:
+            motions, free = model.motions, self.refuted[:, None]
+        if free is not None:
+            return Verdict(free, motions, f=attempt.case.f, shown=shown, carries=carries)
+        interface, kin, culprit = model.interface, attempt.problem.kin, attempt.culprit
+        if culprit >= 0 and _has_corners(interface.contacts[interface.contact_of(culprit)]):
+            return Verdict(advice=CORNERS)
+        if attempt.stateless is not None:
+            return Verdict(advice=JUMPS + _stateless(attempt))
+        changes = attempt.outcome.iterate.changes
+        if changes and rough_at_rest(interface, attempt.local.area, kin.tangents):
+            return Verdict(advice=JUMPS + USUALLY)
+        return Verdict(carries=carries, advice=TOO_MUCH if attempt.at_limit else USUALLY)
 
     def _doubt(self, failed: Attempt, last: bool) -> bool:
         """After a failure: is there no equilibrium, or one that leaves a motion free?
@@ -123,7 +205,7 @@ class Finding:
             found.trace[:0] = self.advance.trace
             self.advance, self.grip = found, grip
 
-    def _free(self, error: SingularMatrix) -> None:
+    def _free(self, error: SingularMatrix) -> Verdict:
         """Take the answer where a set of points left a motion free; none is no equilibrium.
 
         Where DOFs that hold the motion do not help and contact leaves none free, the matrix is singular
@@ -138,13 +220,13 @@ class Finding:
             if not free.shape[1]:
                 raise error from None
             rest = None
-        if rest is not None and rest.pull:
-            raise no_equilibrium(motions, rest.free, CAN_CARRY, pull=rest.pull) from error
-        if rest is not None:
-            self.advance = rest.advance
-            return
-        free = free if free.shape[1] else np.eye(motions.k)
-        raise no_equilibrium(motions, free, CAN_CARRY, self.step.target.f) from error
+        if rest is None:
+            free = free if free.shape[1] else np.eye(motions.k)
+            return Verdict(free, motions, f=self.step.target.f, reached=False)
+        if rest.pull:
+            return Verdict(rest.free, motions, pull=rest.pull, reached=False)
+        self.advance = rest.advance
+        return self._judged()
 
     def _settle(self, last: bool) -> Rest | None:
         u_last = np.zeros(self.stepper.model.system.n) if self.start is None else self.start.u
@@ -184,38 +266,6 @@ CORNERS = (
     "however small the step. Round the corners by an arc of a few facets, push "
     "less deep, or lead the bodies apart and together again behind the corner; "
 )
-
-
-def failure(found: Finding, answer: Answer) -> NoEquilibrium | NotConverged:
-    """The exception for a load step that did not arrive, with the last state."""
-    by, attempt, result = found.stepper, found.advance.attempt, ContactResult(answer)
-    interface = by.model.interface
-    motions, free = attempt.problem.motions, attempt.outcome.free
-    carries = _carries(found.advance)
-    if found.rest is not None:
-        driven = found.rest
-        return no_equilibrium(by.model.motions, driven.free, CAN_CARRY, None, result, pull=driven.pull)
-    if free is None and found.refuted is not None:
-        motions, free = by.model.motions, found.refuted[:, None]
-    if free is not None:
-        shown = found.refuted is not None
-        f = attempt.case.f
-        return no_equilibrium(motions, free, CAN_CARRY, f, result, shown, carries=carries)
-    usually = carries + (TOO_MUCH if attempt.at_limit else USUALLY)
-    culprit = attempt.culprit
-    if culprit >= 0 and _has_corners(interface.contacts[interface.contact_of(culprit)]):
-        usually = CORNERS
-    elif attempt.stateless is not None:
-        usually = JUMPS + _stateless(attempt)
-    elif attempt.outcome.iterate.changes and rough_at_rest(
-        interface, attempt.local.area, attempt.problem.kin.tangents
-    ):
-        usually = JUMPS + USUALLY
-    return NotConverged(
-        f"The loop '{by.loop}' did not converge: {result.message}. {usually}"
-        "the last state is in `.result` of this exception, the steps before it in `.results`.",
-        result,
-    )
 
 
 def _carries(way: Advance) -> str:
