@@ -415,7 +415,7 @@ ROWS = (
             "conditions/geometry:at",
             "conditions/geometry:mismatch",
             "conditions/geometry:_offset",
-            "history/contact_search:_travelled",
+            "history/stepping:_travelled",
             "linalg/krylov:next",
         ),
         moving,

@@ -42,8 +42,8 @@ from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.multipliers import Collision
-from skfem_contact.loops.proximal import proximal
 from skfem_contact.loops.pulled import after
+from skfem_contact.loops.starts import proximal
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.problem.condensed import definite_inverse
 from skfem_contact.problem.points import PointsInSeries, PointSpace

@@ -35,8 +35,7 @@ from skfem_contact.loops.starts import admissible, natural_state, possible_start
 from skfem_contact.loops.step import Step
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
-from skfem_contact.problem.iterated import IteratedBodies
-from skfem_contact.problem.multigrid import MultigridBodies
+from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
 from skfem_contact.problem.seam import PosedOn
 
 

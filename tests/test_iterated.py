@@ -19,8 +19,12 @@ from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 from skfem_contact.linalg.multifrontal.factor import Response as Substitution
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem.condensed import Condensed, PointProblem
-from skfem_contact.problem.iterated import IteratedBodies, IteratedProblem
-from skfem_contact.problem.multigrid import MultigridBodies, MultigridProblem
+from skfem_contact.problem.iterated import (
+    IteratedBodies,
+    IteratedProblem,
+    MultigridBodies,
+    MultigridProblem,
+)
 from skfem_contact.problem.response import Conditions, Resistance
 
 

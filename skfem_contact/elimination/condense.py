@@ -18,6 +18,7 @@ from skfem_contact.arguments import check_kind, known_keywords, members, numbers
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.discretisation import pair
+from skfem_contact.conditions.interface import point_labels, secondary_dofs
 from skfem_contact.conditions.kinematics import join, kinematics
 from skfem_contact.elimination.constraint import prescribed, sparse_matrix
 from skfem_contact.elimination.eliminate import eliminate
@@ -241,18 +242,3 @@ def contact_rows(
         labels=(*names[held], *np.repeat(names, kin.tangents)[tangential]),
         scale=system.extent,
     )
-
-
-def point_labels(contact: Contact, m: int) -> NDArray[np.object_]:
-    """The points of a contact in words."""
-    label = contact.label
-    return np.array([f"point {i} of {label}" for i in range(m)], dtype=object)
-
-
-def secondary_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.bool_]:
-    """Mask of the DOFs on the secondary surfaces, shape (n,)."""
-    mask = np.zeros(system.n, dtype=bool)
-    for contact in contacts:
-        surface = contact.secondary
-        mask[system.offsets[system.index(surface.body)] + surface.dofs] = True
-    return mask

@@ -1,13 +1,13 @@
 """The way through loads: steps, cuts, states, results.
 
 * `read`: the user's step as loads;
-* `load_step`: from where to where, one attempt, how far it has come, and what friction took;
-* `stepper`, `contact_search`, `cutting`: one attempt; with the pairing and the wear of its own
-  answer; in smaller steps;
+* `load_step`: from where to where, one attempt, how far it has come, what friction took, and the
+  displacements when asked for;
+* `stepper`, `stepping`: one attempt; with the pairing and the wear of its own answer, and in smaller
+  steps;
 * `grip`, `indifference`, `finding`: bodies whose place nothing decides; the answer, or why there is
   none;
 * `answering`: from a load case to a result;
-* `recovery`: displacements when asked for;
 * `checkpoint`: states on disk;
 * `problem_setup`, `solver`: what a solver is made of, other solvers that are made of it, and load
   steps: what users hold; `dry_run`: what it says before it solves;

@@ -31,9 +31,8 @@ from skfem_contact.errors import InputError, warn
 from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.finding import Finding, Known
 from skfem_contact.history.grip import Grip
-from skfem_contact.history.load_step import Attempt, LoadStep
+from skfem_contact.history.load_step import Attempt, LoadStep, Recovery
 from skfem_contact.history.read import StepReader
-from skfem_contact.history.recovery import Recovery
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.thresholds import HARDLY_MOVES, PRESSED, SAME_COORDINATES
 from skfem_contact.linalg.backend import LinearSolveError

@@ -1,4 +1,4 @@
-"""The answer to a load step, whether or not contact holds all bodies in one place; or why none is there.
+"""The answer to a load step, whether or not contact holds all bodies in place; or why there is none.
 
 `Finding.find` alone decides what came of a step. It ends with a `Verdict`: the step arrived, has no
 equilibrium, or its loop did not converge.
@@ -19,11 +19,11 @@ from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
 from skfem_contact.conditions.statics import drives, escape
 from skfem_contact.errors import NoEquilibrium, NotConverged
 from skfem_contact.history.checkpoint import SavedState
-from skfem_contact.history.cutting import advance
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.indifference import Indifference, Rest
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, rough_at_rest
 from skfem_contact.history.stepper import Stepper
+from skfem_contact.history.stepping import advance
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.pairing.vertices import Corners
 from skfem_contact.problem.model import EVEN_CLOSED

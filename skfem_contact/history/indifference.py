@@ -29,11 +29,10 @@ from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.conditions.statics import drives
 from skfem_contact.conditions.thresholds import RESISTS
 from skfem_contact.digits import COMPUTED, SOLVED
-from skfem_contact.history.cutting import advance
 from skfem_contact.history.grip import force_terms, pins, weak_springs
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep
-from skfem_contact.history.recovery import Recovery
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import Stepper
+from skfem_contact.history.stepping import advance
 from skfem_contact.history.thresholds import (
     ARRIVED,
     FALLS,

@@ -28,9 +28,9 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.errors import InputError
 from skfem_contact.history.checkpoint import SavedState, load_state, save_state
+from skfem_contact.history.load_step import recover_all
 from skfem_contact.history.problem_setup import Variants
 from skfem_contact.history.read import StepReader
-from skfem_contact.history.recovery import recover_all
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
 

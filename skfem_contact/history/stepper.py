@@ -26,15 +26,21 @@ from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.driver import Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
 from skfem_contact.loops.projection import guided_friction
-from skfem_contact.loops.proximal import steeply
 from skfem_contact.loops.pulled import Carried, pulled
-from skfem_contact.loops.starts import DENSE, admissible, as_guess, possible_starts, starting_values
+from skfem_contact.loops.starts import (
+    DENSE,
+    admissible,
+    as_guess,
+    possible_starts,
+    starting_values,
+    steeply,
+)
 from skfem_contact.loops.step import Step
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Load
 from skfem_contact.problem.seam import ContactProblem
 
-# Where an attempt begins once all others have failed, with friction that jumps: see `loops.proximal`.
+# Where an attempt begins once all others have failed, with friction that jumps: see `loops.starts`.
 STEEPLY = "steeply"
 
 RAN_AWAY = (

@@ -16,7 +16,7 @@ UNRESISTED, RESISTED = 1e-10, 1e-7
 # times, where the bodies themselves are alike within a factor of three).
 UNLIKE = 300.0
 
-# -- cutting, contact_search -------------------------------------
+# -- stepping ----------------------------------------------------
 
 # A step that fails is halved, and after a success the next part is twice as large: what one cut too
 # many costs is won back by one that succeeds.
@@ -33,7 +33,7 @@ PLAIN = 3
 # at its very end there is no pairing that is that of its own answer.
 EDGE = 5
 
-# -- contact_search ----------------------------------------------
+# -- stepping ----------------------------------------------------
 
 # The share of the depth worn off in a step that the bodies may answer by another pressure. Beyond one
 # a point would wear until it is open, where it has only got lighter. Secants need far less.

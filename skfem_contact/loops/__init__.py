@@ -6,6 +6,6 @@
 * `active_set`: the three loops, each by its name and limits, and how far they go at a time;
 * `multipliers`: springs that lose their strain, where forces are not unique;
 * `driver`: what counts, logs and stops them;
-* `starts`, `lemke`, `pulled`, `proximal`: where iterations begin, and what is carried at most;
+* `starts`, `lemke`, `pulled`: where iterations begin, and what is carried at most;
 * `thresholds`: numbers, and where they come from.
 """

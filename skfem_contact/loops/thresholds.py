@@ -28,7 +28,7 @@ SWEEPS = 5
 # for ever because of friction forces that lag behind.
 FREE_CHANGES, SETTLED = 12, 1e-6
 
-# -- proximal ----------------------------------------------------
+# -- starts ------------------------------------------------------
 
 # Softness of the springs in series over that of the points: at first; what it is divided by after each
 # answer, and after each once one was not found; what it is multiplied by then. On 168 load steps with
@@ -113,7 +113,7 @@ EQUAL_RATIO, EQUAL_PART, TIED_RATIO = 1e-11, 1e-9, 1e-13
 # Diagonal entries, and eigenvalues of the scaled matrix, over the largest, that are round-off.
 NO_STIFFNESS, NO_EIGENVALUE = 1e-12, 1e-14
 
-# -- proximal ----------------------------------------------------
+# -- starts ------------------------------------------------------
 
 # Friction over the normal force where bounds that jump are made to rise: pressures on the rise are a
 # thousandth of the bound, and where an answer is found from there, a hundred thousandth.

@@ -13,7 +13,7 @@ problem            unknowns               in
 `PointProblem`     gaps and slips         `condensed`: small and dense
 `IteratedProblem`  forces on points       `iterated`: the same where there are very many, by products
                                           with the factors of the bodies
-`MultigridProblem` displacements, forces  `multigrid`: for bodies too large to be factorised
+`MultigridProblem` displacements, forces  `iterated`: for bodies too large to be factorised
 `FullProblem`      all DOFs               `full`: sparse, with any linear solver
 =================  =====================  ==========================================================
 

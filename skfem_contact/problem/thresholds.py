@@ -38,7 +38,7 @@ LAYERS = 4
 # long as with all digits in all iterations; with a tenth of it, or ten times, as long as with this.
 ROUGHLY = 1e-3
 
-# -- multigrid ---------------------------------------------------
+# -- iterated ----------------------------------------------------
 
 # Residual to which the springs on the anchors are known: whether a body is held shows in what is left
 # where they are taken away.

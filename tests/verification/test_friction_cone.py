@@ -15,7 +15,7 @@ from hex_blocks import HISTORIES, Blocks, Scene, advance, attempts, history, ran
 import skfem_contact as sc
 from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.loops import proximal
+from skfem_contact.loops import starts
 from skfem_contact.loops.projection import left_over, propose
 from skfem_contact.loops.starts import admissible, as_guess
 from skfem_contact.loops.step import Guess
@@ -297,11 +297,11 @@ def test_springs_that_are_not_symmetric(route):
 @pytest.mark.parametrize("route", ["points", "full"])
 def test_springs_in_series_end_before_round_off(monkeypatch, route):
     """Where stiffer and stiffer springs lead nowhere there is no answer, and no singular matrix."""
-    monkeypatch.setattr(proximal, "_change", lambda before, after: np.inf)
+    monkeypatch.setattr(starts, "_change", lambda before, after: np.inf)
     blocks = Blocks(Scene(nodes=4, mu=0.5), route)
     last = blocks.rest()
     step = blocks.step(blocks.moved((0.008, 0.003, -0.012)), last)
-    _, outcome = proximal.proximal(step, admissible(as_guess(last), step), 1e-10)
+    _, outcome = starts.proximal(step, admissible(as_guess(last), step), 1e-10)
     assert not outcome.converged and len(outcome.trace) > 10
 
 
