@@ -341,7 +341,7 @@ ROWS = (
         (
             "conditions/friction:limit",
             "conditions/friction:slope",
-            "loops/projection:slipping_in_plane",
+            "loops/complementarity:slipping_in_plane",
         ),
         tangential,
     ),
@@ -425,7 +425,7 @@ ROWS = (
         "`tied=True`",
         "contact",
         tied,
-        ("conditions/diagnosis:_check_tied",),
+        ("conditions/checks:_check_tied",),
         bilateral,
     ),
     Row(

@@ -21,12 +21,12 @@ from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.loops.active_set import Pace, direct, fictitious, newton
+from skfem_contact.loops.active_set import BlockPivoting, direct, fictitious, newton
+from skfem_contact.loops.complementarity import disagreement, friction_of_prescribed_slip, propose
 from skfem_contact.loops.driver import drive
-from skfem_contact.loops.projection import disagreement, guided_friction, propose
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.tangent import _by, hold
+from skfem_contact.loops.tangent import _by, stabilise
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 
@@ -205,7 +205,7 @@ def holding(gaps):
     rows = {"B_n": np.tile(up, (3, 1)), "B_t": np.tile(along, (3, 1))}
     points = SimpleNamespace(m=3, tangents=1, points=place, **rows)
     one = replace(one, load=load, motions=RigidMotions(np.eye(2), points, None), rank=np.arange(3))
-    return hold(one, replace(cold(one), status=np.zeros(3, dtype=int)))
+    return stabilise(one, replace(cold(one), status=np.zeros(3, dtype=int)))
 
 
 def test_holding_passes_points_that_do_not_resist():
@@ -221,7 +221,7 @@ def test_holding_passes_points_that_do_not_resist():
         normal_force=np.array([3.0, 2.0, 1.0]),
         tangential_force=np.zeros((3, 1)),
     )
-    status, held = hold(one, sliding)
+    status, held = stabilise(one, sliding)
     assert_array_equal(status, [SLIP, STICK, SLIP])
     assert_array_equal(held.points, [False, True, False])
 
@@ -292,7 +292,7 @@ def test_points_alike_are_taken_by_rank():
     wrong = np.ones(3, dtype=bool)
     for rank in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
         ranked = replace(one, rank=np.array(rank))
-        pace = Pace(patience=0, best=0, least=0.0)
+        pace = BlockPivoting(patience=0, best=0, least=0.0)
         current = cold(ranked)
         taken = pace.advance(ranked, current, replace(current, status=np.full(3, STICK)), wrong, None)
         assert np.flatnonzero(taken.status == STICK).tolist() == [rank.index(2)]
@@ -404,7 +404,7 @@ def test_friction_where_supports_prescribe_the_slip_resists_it(before):
     last = replace(one.last, slip=np.array([[0.3]]), tangential_force=np.array([[before]]))
     back = Response(np.zeros(1), np.array([[0.1]]), np.array([2.0]), np.zeros((1, 1)), np.zeros(0))
     closed = np.array([STICK])
-    status, force = guided_friction(replace(one, last=last), np.array([True]), closed, back)
+    status, force = friction_of_prescribed_slip(replace(one, last=last), np.array([True]), closed, back)
     assert_array_equal(status, [SLIP])
     assert_allclose(force, [[-2.0 * MU]], rtol=1e-15)
 

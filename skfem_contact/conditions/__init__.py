@@ -8,7 +8,7 @@
   bodies too;
 * `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers;
 * `motions`, `statics`: what supports leave free, in words too, and whether contact holds it;
-* `diagnosis`: what can be said before solving, of pairings and of axisymmetric bodies;
+* `checks`: what can be said before solving, of pairings and of axisymmetric bodies;
   `identity`: what a stored state belongs to;
 * `thresholds`: numbers, and where they come from.
 """

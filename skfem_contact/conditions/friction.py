@@ -328,7 +328,7 @@ class Bound(Protocol):
     def slope(self, normal_force: Array, area: Array, slip: Array, /) -> Array: ...
 
 
-def project(trial: Array, limit: Array) -> tuple[Array, Mask]:
+def radial_return(trial: Array, limit: Array) -> tuple[Array, Mask]:
     """Bring a trial friction force back onto the friction cone ([M] eq. (11)).
 
     Parameters
@@ -346,7 +346,7 @@ def project(trial: Array, limit: Array) -> tuple[Array, Mask]:
 
     Examples
     --------
-    >>> project(np.array([[3.0, 4.0], [0.3, 0.4]]), np.array([1.0, 1.0]))
+    >>> radial_return(np.array([[3.0, 4.0], [0.3, 0.4]]), np.array([1.0, 1.0]))
     (array([[0.6, 0.8],
            [0.3, 0.4]]), array([ True, False]))
     """
@@ -372,7 +372,7 @@ def map_by_bound(
         Whether the bound depends on the slip.
     """
     limit = np.asarray(law.limit(normal_force, area, slip))
-    force, slips = project(trial, limit)
+    force, slips = radial_return(trial, limit)
     if trial.shape[1] == 1:  # nothing turns: along the only tangent what slips has its bound
         direction, by_trial = np.sign(trial) * slips[:, None], (~slips)[:, None, None].astype(float)
     else:

@@ -26,7 +26,7 @@ from skfem_contact.conditions.friction import (
     Mapped,
     Tresca,
     map_by_bound,
-    project,
+    radial_return,
 )
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.thresholds import AGREE, BEYOND, DIFFERENCE, NO_AREA, STEEP
@@ -126,7 +126,7 @@ class CheckedLaw(ByFields):
     def force(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> tuple[Array, Mask]:
         """Friction forces (m, d-1) by the return map, and which points slip (m,)."""
         if self.by_bound:
-            return project(trial, self.limit(normal_force, area, slip))
+            return radial_return(trial, self.limit(normal_force, area, slip))
         return self._own_map(trial, normal_force, area, slip)[:2]
 
     def return_map(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> Mapped:
@@ -301,7 +301,7 @@ class FrictionRule:
     def project(self, trial: Array, normal_force: Array, slip: Array) -> tuple[Array, Mask]:
         """Friction forces (m, d-1) that trial forces come back to, and which points slip, (m,)."""
         if self._only is not None and self._only.by_bound:
-            return project(trial, self.bound(normal_force, slip))
+            return radial_return(trial, self.bound(normal_force, slip))
         force, slips = np.zeros(trial.shape), np.zeros(len(trial), dtype=bool)
         for part, law, counted in self._parts(normal_force, slip):
             force[part], slips[part] = law.force(trial[part], *counted)

@@ -26,14 +26,14 @@ from scipy.sparse import csr_matrix, diags, identity, kron
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.contact import Contact, field_values
-from skfem_contact.conditions.diagnosis import (
+from skfem_contact.conditions.checks import (
     check_pairing,
     check_side,
     warn_bridged,
     warn_measures,
     warn_redundant_glue,
 )
+from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.interface import contact_names, point_slices

@@ -35,7 +35,7 @@ from skfem_contact.conditions.rows import (
     sides_of,
     slip_sides,
     spread_rows,
-    stacked,
+    stacked_rows,
     tangential_rows,
     with_columns,
     with_free_part,
@@ -328,7 +328,7 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
     first = np.cumsum([0, *(part.m for part in parts)])
     heir = np.concatenate([k + part.heir for k, part in zip(first[:-1], parts, strict=True)])
     return Kinematics(
-        B_n=stacked([part.B_n for part in parts]),
+        B_n=stacked_rows([part.B_n for part in parts]),
         tangential=partial(_joined_tangential, tuple(parts)),
         tangents=parts[0].tangents,
         heir=heir,
@@ -364,7 +364,7 @@ def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
 
 
 def _joined_tangential(parts: Sequence[Kinematics]) -> csr_matrix:
-    return stacked([part.B_t for part in parts])
+    return stacked_rows([part.B_t for part in parts])
 
 
 def _tangential_columns(kin: Kinematics, place: NDArray[np.intp], count: int) -> csr_matrix:
@@ -376,7 +376,7 @@ def prescribed_rows(B: csr_matrix, D: NDArray[np.intp]) -> Mask:
     return np.asarray(_on_free(B, D) <= GIVEN)
 
 
-def guided_tangents(kin: Kinematics, D: NDArray[np.intp]) -> Mask:
+def prescribed_tangents(kin: Kinematics, D: NDArray[np.intp]) -> Mask:
     """Tangents along which supports alone prescribe the slip of a point, shape (m, d-1)."""
     row = (_on_free(kin.B_t, D) == 0) & (np.diff(kin.B_t.indptr) > 0)
     return np.asarray(row.reshape(kin.m, kin.tangents) & kin.paired[:, None])

@@ -238,7 +238,7 @@ def with_free_part(
     return csr_matrix(diags(left) @ tangential() + diags(leaning) @ B_n)
 
 
-def stacked(blocks: Sequence[csr_matrix]) -> csr_matrix:
+def stacked_rows(blocks: Sequence[csr_matrix]) -> csr_matrix:
     """Rows of several matrices one after the other; of a single one itself."""
     if len(blocks) == 1:
         return blocks[0]
@@ -256,7 +256,7 @@ def _interleave(blocks: Sequence[csr_matrix]) -> csr_matrix:
         return blocks[0]
     m, k = blocks[0].shape[0], len(blocks)
     order = np.arange(m * k).reshape(k, m).T.ravel()
-    return csr_matrix(stacked(blocks)[order])
+    return csr_matrix(stacked_rows(blocks)[order])
 
 
 def compliance_scale(B: csr_matrix, diagonal: Array) -> Array:

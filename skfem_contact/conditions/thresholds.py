@@ -10,7 +10,7 @@ import numpy as np
 # pressure has no value there. (A quadratic facet on the axis of symmetry has such an end.)
 NO_AREA = 1e-10
 
-# -- diagnosis ---------------------------------------------------
+# -- checks ------------------------------------------------------
 
 # Overlaps below this fraction of the bodies' extent are round-off of coordinates and values.
 NO_OVERLAP = 1e-10

@@ -3,11 +3,11 @@
 * `read`: the user's step as loads;
 * `load_step`: from where to where, one attempt, how far it has come, what friction took, and the
   displacements when asked for;
-* `stepper`, `stepping`: one attempt; with the pairing and the wear of its own answer, and in smaller
-  steps;
-* `grip`, `indifference`, `finding`: bodies whose place nothing decides; the answer, or why there is
-  none;
-* `answering`: from a load case to a result;
+* `stepper`, `stepping`: one attempt; with the pairing and the wear of its own answer, and in
+  smaller steps;
+* `grip`, `neutral_equilibrium`, `equilibrium`: bodies whose place nothing decides; the answer, or
+  why there is none;
+* `solve_step`: from a load case to a result;
 * `checkpoint`: states on disk;
 * `problem_setup`, `solver`: what a solver is made of, other solvers that are made of it, and load
   steps: what users hold; `dry_run`: what it says before it solves;

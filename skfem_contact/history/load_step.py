@@ -161,7 +161,7 @@ class Attempt:
     `start` and `local` are the states before and after it, both along the tangents of its pairing;
     `own_action` is where the forces act on the pairing of its answer, if that is another, (m, d).
     `stateless` are shares of the bounds of points that have no state, where there are any, (m,); see
-    `loops.starts.steeply`. `carried`: how much of the load is carried at most, where that is known.
+    `loops.starts.from_regularised`. `carried`: how much of the load is carried at most, where known.
     """
 
     outcome: Outcome
@@ -267,7 +267,7 @@ class Recovery:
     unknowns : int
         Gaps and slips of the contact problem; zero where it is not on these.
     shift : ndarray, shape (n,), optional
-        Along motions that nothing resists, see `indifference` [length].
+        Along motions that nothing resists, see `neutral_equilibrium` [length].
     """
 
     model: LinearModel

@@ -15,16 +15,16 @@ from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import stack
 from skfem_contact.carried import carried
+from skfem_contact.conditions.checks import check_passes, warn_unfelt_wear
 from skfem_contact.conditions.contact import Contact, number_of
-from skfem_contact.conditions.diagnosis import check_passes, warn_unfelt_wear
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import contact_names, interface
 from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.errors import InputError
-from skfem_contact.history.answering import Answering
 from skfem_contact.history.dry_run import dry_run
 from skfem_contact.history.read import StepReader
+from skfem_contact.history.solve_step import StepSolver
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
 from skfem_contact.linalg.resources import Limits
@@ -102,7 +102,7 @@ class ProblemSetup:
             self.timings,
             reuse,
         )
-        self._answering = self._new_answering()
+        self._answering = self._new_step_solver()
 
     def _copied(self: S) -> S:
         twin = object.__new__(type(self))
@@ -115,8 +115,8 @@ class ProblemSetup:
     def _new_reader(self) -> StepReader:
         return StepReader(self.system, self.contacts, self.names, self.geometry, self._own_f)
 
-    def _new_answering(self) -> Answering:
-        return Answering(Stepper(self.linear_model, self.loop, self.options), self._reader)
+    def _new_step_solver(self) -> StepSolver:
+        return StepSolver(Stepper(self.linear_model, self.loop, self.options), self._reader)
 
     @property
     def model(self) -> AnyBodies:
@@ -206,7 +206,7 @@ class Variants(ProblemSetup):
         twin.linear_model = self.linear_model.with_interface(
             twin.interface, twin.timings, twin.geometry
         )
-        twin._answering = twin._new_answering()
+        twin._answering = twin._new_step_solver()
         return twin
 
     @known_keywords()
@@ -231,7 +231,7 @@ class Variants(ProblemSetup):
         twin = self._copied()
         twin._own_f = sealed(own_f)
         twin._reader = twin._new_reader()
-        twin._answering = twin._new_answering()
+        twin._answering = twin._new_step_solver()
         return twin
 
     @known_keywords()

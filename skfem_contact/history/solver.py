@@ -227,7 +227,7 @@ class ContactSolver(Variants):
             raise InputError(
                 f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
             )
-        yielded, total = Yielded(), count(steps)
+        yielded, total = PartialResults(), count(steps)
         shown_as = Progress(steps, self.prepare) if progress else Silent()
         try:
             for i, step in enumerate(steps, start=1):
@@ -416,7 +416,7 @@ NONE = np.zeros(0)
 
 
 @dataclass(eq=False)
-class Yielded:
+class PartialResults:
     """Results of one history, in their order."""
 
     _light: list[tuple[Answer, StepReader]] = field(default_factory=list)

@@ -23,17 +23,17 @@ from skfem_contact.history.load_step import Attempt, LoadStep, rough_at_rest
 from skfem_contact.history.thresholds import NAMED, NOISE
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.active_set import LOOPS
+from skfem_contact.loops.complementarity import friction_of_prescribed_slip
 from skfem_contact.loops.driver import Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
-from skfem_contact.loops.projection import guided_friction
 from skfem_contact.loops.pulled import Carried, pulled
 from skfem_contact.loops.starts import (
     DENSE,
     admissible,
     as_guess,
+    from_regularised,
     possible_starts,
     starting_values,
-    steeply,
 )
 from skfem_contact.loops.step import Step
 from skfem_contact.problem.model import LinearModel
@@ -41,7 +41,7 @@ from skfem_contact.problem.response import Load
 from skfem_contact.problem.seam import ContactProblem
 
 # Where an attempt begins once all others have failed, with friction that jumps: see `loops.starts`.
-STEEPLY = "steeply"
+REGULARISED = "regularised"
 
 RAN_AWAY = (
     "loads and contact forces do not balance along a motion that supports leave free: it is hardly "
@@ -129,7 +129,8 @@ class Stepper(ByFields):
             load = problem.load(seen)
             step = self._step(problem, load, last, noise, moved)
             dense = step
-            if start in (*DENSE, STEEPLY) and (points := self.model.on_points(problem)) is not problem:
+            points = self.model.on_points(problem) if start in (*DENSE, REGULARISED) else problem
+            if points is not problem:
                 dense = replace(step, problem=points, load=points.load(seen))
             tolerance, spent = options.tolerance, None
             stateless: NDArray[np.float64] | None = None
@@ -137,8 +138,9 @@ class Stepper(ByFields):
             loop = LOOPS[self.loop]
             limit = options.max_iterations or loop.most
             try:
-                if start == STEEPLY:
-                    guess, shares = steeply(dense, admissible(as_guess(begin), dense), tolerance)
+                if start == REGULARISED:
+                    known = admissible(as_guess(begin), dense)
+                    guess, shares = from_regularised(dense, known, tolerance)
                     stateless = shares if shares.any() else None
                 elif start == "pulled":
                     begun = geometry.case(kin, problem.u, to.before, last, to.before)
@@ -202,13 +204,13 @@ class Stepper(ByFields):
         paired = kin.paired & (interface.bilateral | problem.able)
         if self.barred is not None:
             paired &= ~self.barred
-        frictional, guided, guided_along = interface.frictional & paired, None, None
-        if interface.laws and np.count_nonzero(along := problem.guided_tangents):
+        frictional, guided, slip_prescribed_along = interface.frictional & paired, None, None
+        if interface.laws and np.count_nonzero(along := problem.prescribed_tangents):
             # without tangents (scalar problems) there are no laws
             if np.count_nonzero(whole := along.all(axis=1)):
                 guided, frictional = whole & interface.frictional, frictional & ~whole
             if np.count_nonzero(half := along & frictional[:, None]):
-                guided_along = half
+                slip_prescribed_along = half
         step = Step(
             problem=problem,
             load=load,
@@ -224,8 +226,8 @@ class Stepper(ByFields):
             noise=noise,
             far=far,
             resistance=problem.resistance if interface.laws and kin.tangents > 1 else None,
-            guided=guided,
-            guided_along=guided_along,
+            slip_prescribed=guided,
+            slip_prescribed_along=slip_prescribed_along,
         )
         if problem.u is None:  # which the model keeps: those of other pairings are large
             problem.steps[self] = step
@@ -244,8 +246,8 @@ class Stepper(ByFields):
         interface, geometry = self.model.interface, self.model.geometry
         response = it.response
         status, friction = it.status, response.tangential_force
-        if step.guided is not None:
-            status, friction = guided_friction(step, step.guided, status, response)
+        if step.slip_prescribed is not None:
+            status, friction = friction_of_prescribed_slip(step, step.slip_prescribed, status, response)
         opened = status == OPEN
         surface, trend, slip = last.surface, last.trend, response.slip
         if geometry.follows:

@@ -37,7 +37,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, nothing
-from skfem_contact.history.stepper import RAN_AWAY, STEEPLY, Stepper
+from skfem_contact.history.stepper import RAN_AWAY, REGULARISED, Stepper
 from skfem_contact.history.thresholds import (
     AIM,
     ANSWERED,
@@ -132,7 +132,7 @@ def advance(
             attempt = attempted(by, part, starts[0])
         except SingularMatrix:
             # not of the bodies, if another set of points can be solved for
-            if starts == [STEEPLY]:
+            if starts == [REGULARISED]:
                 return so_far
             if len(starts) == 1:
                 raise
@@ -165,8 +165,8 @@ def advance(
         elif len(starts) > 1 and not (limit or attempt.failure or attempt.stopped):
             starts.pop(0)  # before cutting: begin elsewhere
         elif so_far.carried is not None or parts.spent or attempt.stopped:
-            if by.jumps and not (attempt.stopped or attempt.failure or starts == [STEEPLY]):
-                starts = [STEEPLY]  # before giving up
+            if by.jumps and not (attempt.stopped or attempt.failure or starts == [REGULARISED]):
+                starts = [REGULARISED]  # before giving up
                 continue
             if doubt is not None and so_far.cuts and not attempt.stopped:
                 doubt(attempt, True)

@@ -54,7 +54,7 @@ NOISE = 10 * float(np.finfo(float).eps)
 # How many points that can not all be closed a message names.
 NAMED = 4
 
-# -- answering ---------------------------------------------------
+# -- solve_step --------------------------------------------------
 
 # Sway and turn of a tool over the way that it moves, below which what changes them is compared with
 # this part of the way: a press down by 1 with a shift of 0.001 is one without.
@@ -67,7 +67,7 @@ PRESSED = 0.1
 # hold, where nothing gives way.
 SAME_COORDINATES = 1e-13
 
-# -- grip, indifference ------------------------------------------
+# -- grip, neutral_equilibrium -----------------------------------
 
 # Weak springs, over the largest stiffness of a body: forces are found to six digits, and a factor of
 # ten between the two is far from one.

@@ -1,7 +1,7 @@
 """The nonlinear iterations: which points are open, stick and slip.
 
 * `step`: what loops are given and return;
-* `projection`: how points change, where supports prescribe slips too, and how far a state is off;
+* `complementarity`: how points change, where supports prescribe slips too, and how far a state is off;
 * `tangent`: the linear conditions of an iteration, and the points that hold a body in it;
 * `active_set`: the three loops, each by its name and limits, and how far they go at a time;
 * `multipliers`: springs that lose their strain, where forces are not unique;

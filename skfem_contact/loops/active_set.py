@@ -10,12 +10,12 @@
 A loop is a generator of iterates. It solves one load step: which points are closed, which of them
 slip, and how large the friction forces are. It yields every iterate with a record and never stops by
 itself except when it has converged; one driver (`skfem_contact.loops.driver`) counts, logs, stops and
-raises. Loops keep nothing between calls.
+raises. Loops keep nothing state_between calls.
 
 All reach the same solution. Open and closed points change by the same rule: a closed point in tension
-opens, an open one that penetrates closes. How far an iteration goes is told by `Pace` in the plane, and
-by `Search` where directions of friction turn. The tangential stiffness that each loop needs is in
-`STIFFNESS` of `skfem_contact.conditions.thresholds`.
+opens, an open one that penetrates closes. How far an iteration goes is told by `BlockPivoting` in the
+plane, and by `LineSearch` where directions of friction turn. The tangential stiffness that each loop
+needs is in `STIFFNESS` of `skfem_contact.conditions.thresholds`.
 """
 
 from __future__ import annotations
@@ -29,8 +29,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.loops.multipliers import through_springs
-from skfem_contact.loops.projection import (
+from skfem_contact.loops.complementarity import (
     all_left,
     disagreement,
     law_residual,
@@ -38,8 +37,9 @@ from skfem_contact.loops.projection import (
     resistances,
     violations,
 )
+from skfem_contact.loops.multipliers import through_springs
 from skfem_contact.loops.step import Guess, Iterate, Step
-from skfem_contact.loops.tangent import hold, linear_conditions
+from skfem_contact.loops.tangent import linear_conditions, stabilise
 from skfem_contact.loops.thresholds import DECREASE, FREE_CHANGES, HALVINGS, NEWTON_ITERATIONS, SETTLED
 from skfem_contact.problem.response import Conditions, Resistance, Response
 
@@ -61,10 +61,10 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
     """Solve for a set of statuses, let the answer correct the set, until it agrees."""
     current = guess
     # the limits of `direct` settle over several iterations: until then its sets may well change
-    pace = Search(whole=not coupled) if step.turns else Pace(patience=4 if coupled else 15)
+    pace = LineSearch(whole=not coupled) if step.turns else BlockPivoting(patience=4 if coupled else 15)
     settled = False
     while True:
-        status, held = hold(step, current, coupled)
+        status, held = stabilise(step, current, coupled)
         if held is not None:
             current = replace(current, status=status)
         conditions = linear_conditions(step, current, coupled)
@@ -97,7 +97,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
 
 
 @dataclass
-class Pace:
+class BlockPivoting:
     """How many points may change at once (block principal pivoting of Judice and Pires, 1994).
 
     Whole sets change as long as there is progress; after a few iterations without any, one point at a
@@ -164,7 +164,7 @@ class Pace:
 
 
 @dataclass
-class Search:
+class LineSearch:
     """Armijo's rule on what the projection leaves over: a step is halved until less is left.
 
     Between two states lie those whose gaps, slips and forces are the same mean of theirs: bodies are
@@ -194,13 +194,13 @@ class Search:
                 if left <= (1.0 - DECREASE * self.share) * self.left:
                     break
                 self.share *= 0.5
-                there = between(self.at, response, self.share)
+                there = state_between(self.at, response, self.share)
                 left = all_left(step, there)
         self.at, self.left = there, left
         return proposal if there is response else propose(step, current, there)
 
 
-def between(a: Response, b: Response, share: float) -> Response:
+def state_between(a: Response, b: Response, share: float) -> Response:
     """The state at a share of the way from `a` to `b`; points without partner have no gap in either."""
     finite = np.isfinite(b.gap)
     gap = np.where(finite, 0.0, b.gap)
@@ -236,7 +236,7 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
     current, free_changes = guess, FREE_CHANGES
     while True:
         closed_as_stick = np.where(current.status == OPEN, OPEN, STICK)
-        status, held = hold(step, replace(current, status=closed_as_stick))
+        status, held = stabilise(step, replace(current, status=closed_as_stick))
         elastic = (status == STICK) & step.frictional
         offset = np.where(elastic[:, None], step.trial(np.zeros_like(excess)) + excess, 0.0)
         spring = np.zeros((*offset.shape, offset.shape[1]))

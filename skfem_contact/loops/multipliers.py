@@ -25,12 +25,12 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import largest, lengths
 from skfem_contact.conditions.kinematics import without_columns
-from skfem_contact.conditions.rows import stacked
+from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.loops.projection import propose
+from skfem_contact.loops.complementarity import propose
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import MOST_MOVES, NO_STRAIN, ROUNDED, SLOW
 from skfem_contact.problem.response import Response
@@ -297,7 +297,7 @@ def with_least_friction(step: Step, iterate: Iterate) -> Iterate:
         return iterate
     system, t = step.motions.system, step.motions.kin.tangents
     kin = without_columns(step.motions.kin, np.setdiff1d(np.arange(system.n), system.D))
-    every = stacked([kin.B_n, csr_matrix(-kin.B_t)])
+    every = stacked_rows([kin.B_n, csr_matrix(-kin.B_t)])
     rests = held.closed & ((iterate.status != SLIP) | ~step.resisting)
     moves = np.diff(every.indptr) > 0  # the others are data: supports make them
     at = np.flatnonzero(np.append(rests, np.repeat(sticks, t)) & moves)

@@ -29,8 +29,8 @@ from skfem_contact.conditions.thresholds import NO_WORK
 from skfem_contact.digits import GIVEN
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.active_set import newton
+from skfem_contact.loops.complementarity import propose
 from skfem_contact.loops.driver import Outcome, drive
-from skfem_contact.loops.projection import propose
 from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.loops.thresholds import FROM_NEAR, IN_SERIES, PEAK_HALVINGS, ROUND_OFF
 from skfem_contact.problem.points import PointSpace, on_rows

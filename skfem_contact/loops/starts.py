@@ -12,9 +12,9 @@ a point may have no state: with all of its friction it is pulled, without it ove
 
     ``min(L(lambda), k lambda)``
 
-in its place there is one (`steeply`). Where k is large, the answer is that of the law itself, unless
-points slip under no more than a part of ``L`` and hardly any pressure, however large k is: these have
-no state nearby.
+in its place there is one (`from_regularised`). Where k is large, the answer is that of the law
+itself, unless points slip under no more than a part of ``L`` and hardly any pressure, however large k
+is: these have no state nearby.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ from skfem_contact.loops.thresholds import (
     MOST_POINTS,
     NEAR,
     NEWTON_ITERATIONS,
+    RISES,
     SOFTENED,
     SOFTEST,
-    STEEP,
     TOO_SOFT,
     TOO_STIFF,
 )
@@ -227,7 +227,7 @@ def _change(before: Guess, after: Guess) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Steep(FrictionLaw):
+class RegularisedLaw(FrictionLaw):
     """Another law, whose bound begins at zero.
 
     Parameters
@@ -240,7 +240,7 @@ class Steep(FrictionLaw):
     --------
     >>> from skfem_contact.conditions.friction import Tresca
     >>> one, none = np.ones(2), np.zeros((2, 1))
-    >>> Steep(Tresca(3.0), 1000.0).limit(np.array([0.001, 1.0]), one, none)
+    >>> RegularisedLaw(Tresca(3.0), 1000.0).limit(np.array([0.001, 1.0]), one, none)
     array([1., 3.])
     """
 
@@ -255,7 +255,7 @@ class Steep(FrictionLaw):
         return np.where(rising, self.rise, self.law.slope(normal_force, area, slip))
 
 
-def steeply(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Array]:
+def from_regularised(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Array]:
     """Starting values from laws that rise steeply, and the points that have no state nearby.
 
     Parameters
@@ -273,8 +273,10 @@ def steeply(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Array]:
         Of their bound by which such points slip without pressure; zero at all others.
     """
     shares = np.zeros(len(step.paired))
-    for rise in STEEP:
-        laws = tuple((part, replace(law, law=Steep(law.law, rise))) for part, law in step.friction.laws)
+    for rise in RISES:
+        laws = tuple(
+            (part, replace(law, law=RegularisedLaw(law.law, rise))) for part, law in step.friction.laws
+        )
         rule = FrictionRule(laws, step.friction.area, step.last.reference)
         steep = replace(step, friction=rule)
         found, outcome = proximal(steep, guess, tolerance)

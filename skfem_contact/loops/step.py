@@ -28,9 +28,9 @@ class Step:
     where nothing presses it is all there is. `rank`: a number for every point that does not depend on
     the order in which bodies, contacts and nodes were given; where points have to be taken one after
     the other, or two are alike, it decides. `resistance`: of each point, as far as it is known.
-    `guided`: points with friction whose slip supports prescribe, which `frictional` leaves out.
-    `guided_along`: tangents, (m, d-1), along which supports prescribe the slip of points that are free
-    along the other. Both are None where there are none.
+    `slip_prescribed`: points with friction whose slip supports prescribe, which `frictional` leaves
+    out. `slip_prescribed_along`: tangents, (m, d-1), along which supports prescribe the slip of points
+    that are free along the other. Both are None where there are none.
     """
 
     problem: LinearProblem
@@ -47,8 +47,8 @@ class Step:
     noise: float = 0.0
     far: float = 0.0
     resistance: Resistance | None = None
-    guided: Mask | None = None
-    guided_along: Mask | None = None
+    slip_prescribed: Mask | None = None
+    slip_prescribed_along: Mask | None = None
 
     def under(self, load: Load, last: LocalState, noise: float, far: float) -> Step:
         """The same points under another load; what is known of the points by themselves is shared."""
@@ -146,8 +146,8 @@ class Guess:
 
     `pivoted` says whether complementary pivoting found the values: work that the iterations of the loop
     do not count. `reach` is the size of the trial forces of slipping points, (m,): how firmly friction
-    resists across its direction; without it, not at all [force]. `made`: points that supports move, so
-    that exact sticking gives way, (m,). `near`: the forces are nearly those of the answer: springs
+    resists across its direction; without it, not at all [force]. `driven`: points that supports move,
+    so that exact sticking gives way, (m,). `near`: the forces are nearly those of the answer: springs
     through which points are seen begin at rest under them.
     """
 
@@ -158,7 +158,7 @@ class Guess:
     slip: Array
     pivoted: bool = False
     reach: Array | None = None
-    made: Mask | None = None
+    driven: Mask | None = None
     near: bool = False
 
 

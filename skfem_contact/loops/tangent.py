@@ -2,7 +2,7 @@ r"""The linear conditions of one iteration: statuses, and the derivative of the 
 
 At a point that slips, friction is ``tau = P(t, lambda, s)``, with the return map P under a trial
 force t. A finite tangential stiffness G makes it ``t = tau_n + G (s - s_n)``. Where sticking is exact
-it is that of `projection`, ``t = tau + rho (s - s_n)``, with tau itself in it, for which the linear
+it is that of `complementarity`, ``t = tau + rho (s - s_n)``, with tau itself in it, for which the linear
 equation is solved,
 
     tau = P + J (t' - t) + ...   =>   (1 - J) tau = rho J (s - s_n) + ...
@@ -12,7 +12,7 @@ With ``P = L d``, ``d = t / |t|``, ``b = L / |t|`` this is a spring across the d
 ``L / |s - s_n| (1 - d d')`` whatever rho is. With one tangent it is zero.
 
 A body that only contact and friction hold makes the matrix singular while all its points are open or
-all slip, even if the answer is neither: `hold` keeps just so many closed and sticking.
+all slip, even if the answer is neither: `stabilise` keeps just so many closed and sticking.
 """
 
 from __future__ import annotations
@@ -103,10 +103,10 @@ def _turning(
     force, spring, coupling = friction
     exact = with_force = step.exact
     k = np.where(exact, step.resistance.tangential, step.stiffness)[:, None]
-    if current.made is not None:  # the trial force of these is along the slip alone
-        made, slip = current.made, lengths(current.slip - step.last.slip)
-        k = np.where(made, lengths(trial) / np.where(made, slip, 1.0), k[:, 0])[:, None]
-        with_force = exact & ~made
+    if current.driven is not None:  # the trial force of these is along the slip alone
+        driven, slip = current.driven, lengths(current.slip - step.last.slip)
+        k = np.where(driven, lengths(trial) / np.where(driven, slip, 1.0), k[:, 0])[:, None]
+        with_force = exact & ~driven
     still = np.where(exact[:, None], -k * step.last.slip, step.trial(np.zeros_like(trial)))
     force = force + np.einsum("ikl,il->ik", J, still - trial)
     spring = spring + k[:, :, None] * J
@@ -122,14 +122,16 @@ def _turning(
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class Stabilised:
     """Points kept closed or sticking because a body would be free without them."""
 
     points: Mask
     motion: Array
 
 
-def hold(step: Step, current: Guess, coupled: bool = True) -> tuple[NDArray[np.intp], Held | None]:
+def stabilise(
+    step: Step, current: Guess, coupled: bool = True
+) -> tuple[NDArray[np.intp], Stabilised | None]:
     """Keep just so many points closed and sticking that no rigid motion is free.
 
     A body that only contact and friction hold makes the matrix singular while all its points are
@@ -175,7 +177,7 @@ def hold(step: Step, current: Guess, coupled: bool = True) -> tuple[NDArray[np.i
             status[i] = STICK
             points[i] = True
             free = still_free()
-    return status, Held(points, first)
+    return status, Stabilised(points, first)
 
 
 def _across(step: Step, current: Guess, status: NDArray[np.intp]) -> Array | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# -- projection --------------------------------------------------
+# -- complementarity ---------------------------------------------
 
 # The part of slips that are the same but for round-off (`projection.same_slip`) which a solve itself
 # leaves, as a rule: what a stiffness makes of it stays below the forces. With ten times as much the
@@ -61,7 +61,7 @@ SLOW = 0.5
 # How often the way around the largest share, or around the whole load, is halved: four digits.
 PEAK_HALVINGS = 10
 
-# -- projection --------------------------------------------------
+# -- complementarity ---------------------------------------------
 
 # Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
 # Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
@@ -117,7 +117,7 @@ NO_STIFFNESS, NO_EIGENVALUE = 1e-12, 1e-14
 
 # Friction over the normal force where bounds that jump are made to rise: pressures on the rise are a
 # thousandth of the bound, and where an answer is found from there, a hundred thousandth.
-STEEP = (1e3, 1e5)
+RISES = (1e3, 1e5)
 
 # Share of its bound from which on a point has all of it, but for the tolerance of the loop.
 FULL_BOUND = 1 - 1e-6

@@ -33,7 +33,7 @@ from scipy.sparse import csr_matrix, diags
 from skfem_contact.arrays import block_diagonal
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.rows import columns_of, stacked
+from skfem_contact.conditions.rows import columns_of, stacked_rows
 from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.dense_factors import (
     DenseFactors,
@@ -49,7 +49,7 @@ from skfem_contact.problem.points import PointsInSeries, PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.problem.seam import ContactProblem, OnContactDofs, PosedOn
 from skfem_contact.problem.springs import point_resistance, spring_compliance
-from skfem_contact.problem.substructure import Components, Substructure, reduced
+from skfem_contact.problem.substructure import Components, Substructure, substructures_of
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE, STIFFER
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ class Condensed:
     ) -> None:
         self.system = system
         self.spans = slices(system.offsets)  # DOFs of each body
-        self.substructures = reduced(Substructure, system, stiffness, wanted, reuse, backend)
+        self.substructures = substructures_of(Substructure, system, stiffness, wanted, reuse, backend)
         kept = [
             part.kept + span.start for part, span in zip(self.substructures, self.spans, strict=True)
         ]
@@ -193,7 +193,7 @@ class PointProblem(OnContactDofs[Condensed]):
         B, normal_rows, tangential_rows = self.changing_rows(on)
         self._places = normal_rows, tangential_rows, B.shape[0]
         # of the dense matrices S alone is kept, in the place of A; G F follows from G
-        self.G = G = stacked([B, bodies.anchor_rows] if bodies.P.size else [B])
+        self.G = G = stacked_rows([B, bodies.anchor_rows] if bodies.P.size else [B])
         self.q = q = B.shape[0]
         self.springs: Array | None = None
         try:

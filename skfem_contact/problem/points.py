@@ -41,7 +41,7 @@ Index = NDArray[np.intp]
 
 
 # What rows of -1 find at the end of a vector: those that can not change.
-NOTHING = np.zeros(1)
+NO_ROW = np.zeros(1)
 
 
 class HeldRows:
@@ -190,7 +190,7 @@ class PointSpace:
     def _response(
         self, conditions: Conditions, load: Load, rows: HeldRows, z: Array, p: Array
     ) -> Response:
-        moved = np.concatenate((z, NOTHING))
+        moved = np.concatenate((z, NO_ROW))
         gap = load.gap0 + moved[self.normal_rows]
         gap[rows.closed] = 0.0
         slip = load.slip0 + moved[self.tangential_rows]

@@ -45,13 +45,13 @@ from scipy.sparse import csc_matrix, csr_matrix
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import (
     Kinematics,
-    guided_tangents,
     prescribed_rows,
+    prescribed_tangents,
     without_columns,
 )
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.rows import row_sizes, stacked
+from skfem_contact.conditions.rows import row_sizes, stacked_rows
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import ContactError
 from skfem_contact.problem.points import PointSpace
@@ -131,7 +131,7 @@ class ContactProblem(LinearProblem, Protocol):
         ...
 
     @property
-    def guided_tangents(self) -> Mask:
+    def prescribed_tangents(self) -> Mask:
         """Tangents along which supports prescribe the slip, (m, d-1): they take any friction there."""
         ...
 
@@ -239,9 +239,9 @@ class Posed:
         return ~prescribed_rows(self.kin.B_n, self.motions.system.D)
 
     @cached_property
-    def guided_tangents(self) -> Mask:
+    def prescribed_tangents(self) -> Mask:
         """Tangents along which supports prescribe the slip, (m, d-1): they take any friction there."""
-        return guided_tangents(self.kin, self.motions.system.D)
+        return prescribed_tangents(self.kin, self.motions.system.D)
 
 
 class Reduced(Protocol):
@@ -289,7 +289,7 @@ class OnContactDofs(Posed, Generic[B]):
         normal_rows, tangential_rows = np.full(kin.m, -1), np.full(kin.m * t, -1)
         normal_rows[normal] = np.arange(len(normal))
         tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
-        return stacked(rows), normal_rows, tangential_rows.reshape(kin.m, t)
+        return stacked_rows(rows), normal_rows, tangential_rows.reshape(kin.m, t)
 
     def constant(self, case: LoadCase) -> tuple[Array, Array]:
         """Initial gaps and slips with what prescribed displacements add."""

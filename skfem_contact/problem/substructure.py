@@ -403,7 +403,7 @@ def anchors(body: Body, wanted: Index) -> Index:
 S = TypeVar("S", bound=Substructure)
 
 
-def reduced(
+def substructures_of(
     kind: type[S],
     system: System,
     stiffness: Sequence[csr_matrix],

@@ -40,10 +40,10 @@ from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.backend import Backend, Surface
 from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, Response
+from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, SurfaceResponse
 from skfem_contact.once import once
 from skfem_contact.problem.response import Source
-from skfem_contact.problem.substructure import Components, Substructure, reduced
+from skfem_contact.problem.substructure import Components, Substructure, substructures_of
 from skfem_contact.problem.thresholds import DEPENDENT, LAYERS, RECOVERED_AT_ONCE
 
 Array = NDArray[np.float64]
@@ -142,7 +142,9 @@ class Whole:
         self.system, self.stiffness = system, stiffness
         self.backend = backend or Direct()
         self.spans = slices(system.offsets)
-        self.substructures = parts = reduced(self.kind, system, stiffness, wanted, reuse, self.backend)
+        self.substructures = parts = substructures_of(
+            self.kind, system, stiffness, wanted, reuse, self.backend
+        )
         columns = [part.columns + span.start for part, span in zip(parts, self.spans, strict=True)]
         self.columns = np.concatenate(columns)
         self.column_spans = slices(np.cumsum([0, *map(len, columns)]))
@@ -223,7 +225,7 @@ class Layer:
         factor = MultifrontalCholesky(K_ll, part.body.dof_points[layer])
         near = np.unique(self._K_cl.indices)
         self._K_cl = self._K_cl[:, near]
-        self._inverse = Response(factor, near)
+        self._inverse = SurfaceResponse(factor, near)
 
     def stiffness(self, u: Array) -> Array:
         """Forces on the contact DOFs that hold them at displacements, (n_c,) -> (n_c,)."""

@@ -16,7 +16,7 @@ import skfem_contact as sc
 from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.loops import starts
-from skfem_contact.loops.projection import left_over, propose
+from skfem_contact.loops.complementarity import left_over, propose
 from skfem_contact.loops.starts import admissible, as_guess
 from skfem_contact.loops.step import Guess
 from skfem_contact.loops.tangent import linear_conditions

@@ -21,7 +21,7 @@ References
 .. [1] J. W. H. Liu, The multifrontal method for sparse matrix solution: theory and practice,
    SIAM Review 34 (1992) 82-109.
 
-`Response` tells what forces on some DOFs move there, without the displacements of all others.
+`SurfaceResponse` tells what forces on some DOFs move there, without the displacements of all others.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from scipy.linalg.blas import dgemm, dsyrk, dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.errors import InputError
+from skfem_contact.linalg.dense_factors import mirror
 from skfem_contact.linalg.multifrontal.fronts import (
     Leftovers,
     analyse_entries,
@@ -45,7 +46,6 @@ from skfem_contact.linalg.multifrontal.fronts import (
     extend_add,
     find_runs,
     gather,
-    mirror,
     panels,
 )
 from skfem_contact.linalg.resources import single_threaded
@@ -137,7 +137,7 @@ class MultifrontalCholesky:
             self._factorise(diagonal[fronts.order], points)
         if self.pivot_ratio < SUSPICIOUS:
             self._check_eigenvalue(diagonal, points)
-        mirror(self.S)
+        mirror(self.S.T)  # LAPACK has filled what is above the diagonal
 
     @cached_property
     def interior(self) -> np.ndarray:
@@ -153,9 +153,9 @@ class MultifrontalCholesky:
         """The DOFs in the order of elimination, the kept ones last, (n,)."""
         return self.fronts.order
 
-    def response(self, dofs: np.ndarray) -> Response:
+    def response(self, dofs: np.ndarray) -> SurfaceResponse:
         """What forces on some DOFs (m,) move there."""
-        return Response(self, dofs)
+        return SurfaceResponse(self, dofs)
 
     def take_S(self) -> np.ndarray:
         """`S` for the caller alone, who may change it; from now on `S` is empty here.
@@ -324,7 +324,7 @@ if TYPE_CHECKING:
     from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 
 
-class Response:
+class SurfaceResponse:
     """Displacements of some DOFs under forces on them.
 
     Only the fronts that eliminate these DOFs take part, and those above them: of a solid and one of
@@ -344,7 +344,7 @@ class Response:
     >>> from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
     >>> K = sp.csr_array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 1]])
     >>> factor = MultifrontalCholesky(K, np.arange(3.0)[:, None])
-    >>> Response(factor, np.array([2]))(np.array([1.0])).round(12)
+    >>> SurfaceResponse(factor, np.array([2]))(np.array([1.0])).round(12)
     array([3.])
     """
 

@@ -397,15 +397,6 @@ def extend_add(
                 F22[i : i + b - a, j : j + d - c] += C[a:b, c:d]
 
 
-def mirror(S: np.ndarray, block: int = 256) -> None:
-    """Copy the upper triangle of a square array onto the lower one, in place."""
-    for begin in range(0, len(S), block):
-        end = begin + block
-        square = S[begin:end, begin:end]
-        np.copyto(square, square.T, where=np.tri(len(square), k=-1, dtype=bool))
-        S[end:, begin:end] = S[begin:end, end:].T
-
-
 @dataclass(frozen=True)
 class FactorSize:
     """Size of a factorisation, known before it is computed.

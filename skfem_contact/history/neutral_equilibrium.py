@@ -138,7 +138,7 @@ def nearest(A: Array, b: Array, wanted: Array) -> Array | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Indifference:
+class NeutralEquilibrium:
     """A load step whose answer may leave motions free.
 
     Parameters

@@ -24,12 +24,12 @@ from skfem_contact.answers.validity.watch import Watch
 from skfem_contact.answers.validity.watched import Said
 from skfem_contact.arguments import check_kind
 from skfem_contact.carried import ByFields
-from skfem_contact.conditions.diagnosis import check_loads
+from skfem_contact.conditions.checks import check_loads
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, warn
 from skfem_contact.history.checkpoint import SavedState
-from skfem_contact.history.finding import Finding, Known
+from skfem_contact.history.equilibrium import EquilibriumSearch, Known
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import Attempt, LoadStep, Recovery
 from skfem_contact.history.read import StepReader
@@ -50,7 +50,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Answering(ByFields):
+class StepSolver(ByFields):
     """What makes answers of load cases: one for all load steps of a solver."""
 
     stepper: Stepper
@@ -91,7 +91,7 @@ class Answering(ByFields):
         warm = guess or start
         known = None if warm is None else warm.state
         step = LoadStep(state, before, target, known, callback, workspace=workspace)
-        found = Finding(self.stepper, step, start)
+        found = EquilibriumSearch(self.stepper, step, start)
         verdict = found.find()
         if not verdict.reached:
             raise verdict.error(self.stepper.loop, None)
@@ -166,7 +166,7 @@ class Answering(ByFields):
             return True  # before finding out what tells them from others
         return start.identity is geometry.identity
 
-    def _answer(self, found: Finding, seconds: float) -> Answer:
+    def _answer(self, found: EquilibriumSearch, seconds: float) -> Answer:
         model, rest, way = self.stepper.model, found.settled, found.advance
         interface, attempt = model.interface, way.attempt
         before = np.zeros(len(interface.contacts))
@@ -207,7 +207,7 @@ class Answering(ByFields):
             springs=attempt.problem.springs is not None,
         )
 
-    def _places(self, found: Finding) -> tuple[str, ...]:
+    def _places(self, found: EquilibriumSearch) -> tuple[str, ...]:
         """What is to be said of bodies that may stand elsewhere."""
         model, rest, grip = self.stepper.model, found.settled, found.grip
         if rest is not None and rest.free.shape[1]:

@@ -1,7 +1,7 @@
 """The answer to a load step, whether or not contact holds all bodies in place; or why there is none.
 
-`Finding.find` alone decides what came of a step. It ends with a `Verdict`: the step arrived, has no
-equilibrium, or its loop did not converge.
+`EquilibriumSearch.find` alone decides what came of a step. It ends with a `Verdict`: the step
+arrived, has no equilibrium, or its loop did not converge.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from skfem_contact.conditions.statics import drives, escape
 from skfem_contact.errors import NoEquilibrium, NotConverged
 from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.grip import Grip
-from skfem_contact.history.indifference import Indifference, Rest
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, rough_at_rest
+from skfem_contact.history.neutral_equilibrium import NeutralEquilibrium, Rest
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import advance
 from skfem_contact.linalg.singular import SingularMatrix
@@ -90,7 +90,7 @@ class Verdict:
 
 
 @dataclass(eq=False)
-class Finding:
+class EquilibriumSearch:
     """Looks for the answer to one load step, and has what it came to.
 
     Attributes
@@ -230,7 +230,7 @@ class Finding:
 
     def _settle(self, last: bool) -> Rest | None:
         u_last = np.zeros(self.stepper.model.system.n) if self.start is None else self.start.u
-        return Indifference(self.stepper, self.step, u_last).settle(last)
+        return NeutralEquilibrium(self.stepper, self.step, u_last).settle(last)
 
     def _try_settle(self, last: bool = False) -> Rest | None:
         try:

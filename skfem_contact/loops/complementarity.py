@@ -62,17 +62,17 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     pulls = ~was_open & (force < -nothing) & ~step.bilateral
     force = np.where(step.paired, np.where(step.bilateral, force, np.maximum(force, 0.0)), 0.0)
 
-    made = made_to_slip(step, response)
+    driven = driven_to_slip(step, response)
     slips, direction, reach = slipping_in_space(step, current, response, force, rho)
-    if made is not None:
-        slips |= made
+    if driven is not None:
+        slips |= driven
     slips &= ~was_open | penetrates
     direction = np.where(slips[:, None], direction, 0.0)
     status = np.where(slips, SLIP, STICK)
     status = np.where(was_open & ~penetrates | pulls, OPEN, status)
     status = np.where(step.tied & step.paired, STICK, status)
     own = response.tangential_force
-    return Guess(status, direction, force, own, response.slip, reach=reach, made=made)
+    return Guess(status, direction, force, own, response.slip, reach=reach, driven=driven)
 
 
 def slipping_in_space(
@@ -192,23 +192,23 @@ def pushing(step: Step, response: Response, rho: Resistance) -> Array:
     """The trial friction force ``t`` of a state, (m, d-1) [force]."""
     moved = response.slip - step.last.slip
     trial = response.tangential_force + rho.tangential[:, None] * moved
-    made = made_to_slip(step, response)
-    if made is not None:
-        along = moved / np.where(made, lengths(moved), 1.0)[:, None]
-        trial = np.where(made[:, None], BEYOND * along, trial)
+    driven = driven_to_slip(step, response)
+    if driven is not None:
+        along = moved / np.where(driven, lengths(moved), 1.0)[:, None]
+        trial = np.where(driven[:, None], BEYOND * along, trial)
     if step.all_exact:
         return trial
     return np.where(step.exact[:, None], trial, step.trial(response.slip))
 
 
-def made_to_slip(step: Step, response: Response) -> Mask | None:
+def driven_to_slip(step: Step, response: Response) -> Mask | None:
     """Points that exact sticking does not hold, as supports move them along a tangent, (m,).
 
     None where there are no such supports.
     """
-    if step.guided_along is None:
+    if step.slip_prescribed_along is None:
         return None
-    moved = lengths(np.where(step.guided_along, response.slip - step.last.slip, 0.0))
+    moved = lengths(np.where(step.slip_prescribed_along, response.slip - step.last.slip, 0.0))
     return step.exact & (moved > same_slip(step, response))
 
 
@@ -358,14 +358,14 @@ if TYPE_CHECKING:
     from skfem_contact.problem.response import Response
 
 
-def guided_friction(
-    step: Step, guided: Mask, status: NDArray[np.intp], response: Response
+def friction_of_prescribed_slip(
+    step: Step, slip_prescribed: Mask, status: NDArray[np.intp], response: Response
 ) -> tuple[NDArray[np.intp], Array]:
     """Status (m,) and friction (m, d-1) of the answer, by the law where the slip is prescribed.
 
-    In `step` guided points are none with friction: there is no equation for it.
+    In `step` these points are none with friction: there is no equation for it.
     """
-    at = guided & (status != OPEN)
+    at = slip_prescribed & (status != OPEN)
     if not np.count_nonzero(at):
         return status, response.tangential_force
     moved = response.slip - step.last.slip
