@@ -275,7 +275,8 @@ class FrictionRule:
     @cached_property
     def steady(self) -> bool:
         """Whether no bound changes with the slip: see `CheckedLaw.steady`."""
-        return all(law.steady for _, law in self.laws)
+        only = self._only
+        return all(law.steady for _, law in self.laws) if only is None else only.steady
 
     @cached_property
     def by_bound(self) -> bool:
@@ -291,19 +292,22 @@ class FrictionRule:
         """Bound of the friction force of every point, (m,) [force]; an iteration asks twice of one."""
         known = self._asked
         if known is None or known[0] is not normal_force or known[1] is not slip:
-            known = self._asked = normal_force, slip, self._all("limit", normal_force, slip)
+            found, only = self._counted(normal_force, slip), self._only
+            bound = self._all("limit", *found) if only is None else only.limit(*found)
+            known = self._asked = normal_force, slip, bound
         return known[2]
 
     def slope(self, normal_force: Array, slip: Array) -> Array:
         """Derivative of the bound by the normal force, (m,)."""
-        return self._all("slope", normal_force, slip)
+        found, only = self._counted(normal_force, slip), self._only
+        return self._all("slope", *found) if only is None else only.slope(*found)
 
     def project(self, trial: Array, normal_force: Array, slip: Array) -> tuple[Array, Mask]:
         """Friction forces (m, d-1) that trial forces come back to, and which points slip, (m,)."""
         if self._only is not None and self._only.by_bound:
             return radial_return(trial, self.bound(normal_force, slip))
         force, slips = np.zeros(trial.shape), np.zeros(len(trial), dtype=bool)
-        for part, law, counted in self._parts(normal_force, slip):
+        for part, law, counted in self._parts(*self._counted(normal_force, slip)):
             force[part], slips[part] = law.force(trial[part], *counted)
         return force, slips
 
@@ -314,7 +318,7 @@ class FrictionRule:
         m, t = trial.shape
         force, slips = np.zeros((m, t)), np.zeros(m, dtype=bool)
         by = Derivatives(np.zeros((m, t, t)), np.zeros((m, t)), np.zeros((m, t, t)))
-        for part, law, counted in self._parts(normal_force, slip):
+        for part, law, counted in self._parts(*self._counted(normal_force, slip)):
             force[part], slips[part], own_by = law.return_map(trial[part], *counted)
             for whole, values in zip(by, own_by, strict=True):
                 whole[part] = values
@@ -349,23 +353,19 @@ class FrictionRule:
             return np.maximum(lengths(trial) - self.bound(normal_force, slip), 0.0)
         return lengths(trial - self.project(trial, normal_force, slip)[0])
 
-    def _all(self, method: str, normal_force: Array, slip: Array) -> Array:
+    def _all(self, method: str, force: Array, area: Array, slip: Array) -> Array:
         """What a method of the laws gives for all points, (m,)."""
-        if self._only is not None:
-            found: Array = getattr(self._only, method)(*self._counted(normal_force, slip))
-            return found
-        out = np.zeros(normal_force.shape)
-        for part, law, counted in self._parts(normal_force, slip):
+        out = np.zeros(force.shape)
+        for part, law, counted in self._parts(force, area, slip):
             out[part] = getattr(law, method)(*counted)
         return out
 
     def _parts(
-        self, normal_force: Array, slip: Array
+        self, force: Array, area: Array, slip: Array
     ) -> Iterator[tuple[slice, CheckedLaw, tuple[Array, Array, Array]]]:
         """The points of each law, and what its bound depends on."""
-        force, area, since = self._counted(normal_force, slip)
         for part, law in self.laws:
-            yield part, law, (force[part], area[part], since[part])
+            yield part, law, (force[part], area[part], slip[part])
 
     def _counted(self, normal_force: Array, slip: Array) -> tuple[Array, Array, Array]:
         """What bounds depend on, of all points: normal force, area, slip since they closed."""

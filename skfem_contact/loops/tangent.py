@@ -2,8 +2,8 @@ r"""The linear conditions of one iteration: statuses, and the derivative of the 
 
 At a point that slips, friction is ``tau = P(t, lambda, s)``, with the return map P under a trial
 force t. A finite tangential stiffness G makes it ``t = tau_n + G (s - s_n)``. Where sticking is exact
-it is that of `complementarity`, ``t = tau + rho (s - s_n)``, with tau itself in it, for which the linear
-equation is solved,
+it is that of `complementarity`, ``t = tau + rho (s - s_n)``, with tau itself in it, for which the
+linear equation is solved,
 
     tau = P + J (t' - t) + ...   =>   (1 - J) tau = rho J (s - s_n) + ...
 
