@@ -63,7 +63,7 @@ logger = logging.getLogger("skfem_contact")
 
 
 @dataclass
-class Parts:
+class Bisection:
     """How much of a load step is done, and how large a part of it is attempted next.
 
     Attributes
@@ -120,7 +120,7 @@ def advance(
     """
     interface = by.model.interface
     so_far = Advance(nothing(interface))
-    parts = Parts(by.options.max_cuts, SHORTER**by.options.max_cuts)
+    parts = Bisection(by.options.max_cuts, SHORTER**by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
     starts = begin or by.starts_from(step.known)
     while True:

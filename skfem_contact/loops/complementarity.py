@@ -52,9 +52,8 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
     """
     if not step.turns:
         return propose_in_plane(step, current, response)
-    finite = np.isfinite(response.gap)
-    gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
-    nothing = max(ROUND_OFF * response.largest_force, step.noise)
+    gap_scale = approach(step, response)
+    nothing = round_off(step, response.largest_force)
     rho = resistances(step, response)
     was_open = current.status == OPEN
     force = pressing(response, rho)
@@ -81,7 +80,7 @@ def slipping_in_space(
     """Which points slip if they are closed, in which direction, and under what trial force."""
     exact, was_slip = step.exact, current.status == SLIP
     force_scale = response.largest_force
-    nothing = max(ROUND_OFF * force_scale, step.noise)
+    nothing = round_off(step, force_scale)
     bound = step.friction.bound(force, response.slip)
     trial = pushing(step, response, rho)
     if was_slip.any():
@@ -148,22 +147,21 @@ def violations(step: Step, current: Guess, response: Response, tolerance: float)
     """
     normal, tangential = left_over(step, response)
     left = np.maximum(np.abs(normal), lengths(tangential))
-    finite = np.isfinite(response.gap)
-    gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
+    gap_scale = approach(step, response)
     slip_scale = lengths(response.slip - step.last.slip).max(initial=0.0)
     rho = resistances(step, response)
-    round_off = ROUND_OFF * np.maximum(rho.normal * gap_scale, rho.tangential * slip_scale)
+    known = ROUND_OFF * np.maximum(rho.normal * gap_scale, rho.tangential * slip_scale)
     scale = response.largest_force
     allowed = max(step.noise, tolerance * scale)
     if step.all_exact:
-        wrong = left > np.maximum(round_off, allowed)
+        wrong = left > np.maximum(known, allowed)
     else:
-        round_off = np.maximum(round_off, trial_round_off(step, response))
+        known = np.maximum(known, trial_round_off(step, response))
         sticks = (current.status == STICK) & step.frictional & ~step.exact
         over = lengths(response.tangential_force) - step.friction.bound(
             response.normal_force, response.slip
         )
-        wrong = (left > np.maximum(round_off, allowed)) | sticks & (over > allowed)
+        wrong = (left > np.maximum(known, allowed)) | sticks & (over > allowed)
     if scale <= step.noise:
         return wrong, 0.0
     if slip_scale > 0.0 and not np.count_nonzero(wrong):
@@ -212,12 +210,21 @@ def driven_to_slip(step: Step, response: Response) -> Mask | None:
     return step.exact & (moved > same_slip(step, response))
 
 
+def approach(step: Step, response: Response) -> float:
+    """The largest change of a gap since nothing was carried, of points with a partner [length]."""
+    finite = np.isfinite(response.gap)
+    return float(np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0))
+
+
+def round_off(step: Step, force_scale: float) -> float:
+    """Forces up to this are round-off, where the largest is `force_scale` [force]."""
+    return max(ROUND_OFF * force_scale, step.noise)
+
+
 def same_slip(step: Step, response: Response) -> float:
     """A slip up to this may be the round-off of prescribed displacements [length]."""
-    finite = np.isfinite(response.gap)
-    approach = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
     slips = max(lengths(slip).max(initial=0.0) for slip in (response.slip, step.last.slip))
-    return COMPUTED * float(max(step.far, approach, slips))
+    return COMPUTED * float(max(step.far, approach(step, response), slips))
 
 
 def trial_round_off(step: Step, response: Response) -> Array:
@@ -257,12 +264,10 @@ def propose_in_plane(step: Step, current: Guess, response: Response) -> Guess:
     """The set that the answer asks for: Signorini's conditions and the friction law, point by point."""
     force_scale = response.largest_force
     was_open = current.status == OPEN
-    nothing = max(ROUND_OFF * force_scale, step.noise)
+    nothing = round_off(step, force_scale)
     penetrates = was_open & (response.gap < 0.0) & step.paired
     if np.count_nonzero(penetrates):
-        finite = np.isfinite(response.gap)
-        gap_scale = np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0)
-        penetrates &= response.gap < -ROUND_OFF * gap_scale
+        penetrates &= response.gap < -ROUND_OFF * approach(step, response)
     pulls = response.normal_force < -nothing  # at open points it is zero
     if step.closed_for_good is not None:
         pulls &= ~step.bilateral
@@ -290,7 +295,7 @@ def slipping_in_plane(
     if not step.all_exact:
         trial = np.where(exact[:, None], trial, step.trial(response.slip))
     excess = step.friction.excess(trial, response.normal_force, response.slip)
-    beyond = excess > max(ROUND_OFF * force_scale, step.noise)
+    beyond = excess > round_off(step, force_scale)
     was_slip, was_along = current.status == SLIP, current.direction[:, 0]
     if not step.all_exact:
         beyond |= _goes_on(step, current, response, trial)

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import largest, lengths
+from skfem_contact.arrays import largest, lengths, size_of
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
@@ -38,7 +38,7 @@ from skfem_contact.problem.springs import least_friction
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Loop = Callable[[Step, Guess, float], Iterator[Iterate]]
+Iteration = Callable[[Step, Guess, float], Iterator[Iterate]]
 
 
 class Collision(Exception):
@@ -74,7 +74,7 @@ class Rested:
     strained: bool
 
 
-def through_springs(loop: Loop, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+def through_springs(loop: Iteration, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
     """A loop, again and again, while springs have a strain; without springs, once.
 
     Rest forces follow the forces of one answer after the other. What springs come to under the
@@ -92,17 +92,17 @@ def through_springs(loop: Loop, step: Step, guess: Guess, tolerance: float) -> I
             yield iterate
         p, before = _forces(iterate.response), change
         change = p if rest is None else p - rest
-        slow = rest is not None and len(before) > 0 and _largest(change) > SLOW * _largest(before)
+        slow = rest is not None and len(before) > 0 and size_of(change) > SLOW * size_of(before)
         if rest is not None and _lost(step, iterate, change, slow):
             yield with_least_friction(step, iterate)
-        nearer = _largest(change) < least  # strains that fall are progress
-        least = min(least, _largest(change))
+        nearer = size_of(change) < least  # strains that fall are progress
+        least = min(least, size_of(change))
         yield replace(iterate, converged=False, note="springs have a strain", nearer=nearer)
         if rest is None and not iterate.conditions.gives:  # which turn with the forces
             trial = _trial(loop, step, iterate, tolerance)
             if trial is not None:
                 yield with_least_friction(step, trial)
-        elif slow and _largest(change - before) <= GIVEN * _largest(change):
+        elif slow and size_of(change - before) <= GIVEN * size_of(change):
             _check(step, change)
             share = _until_one_changes(step, iterate, p, change)
             if share >= 1.0 / GIVEN:
@@ -149,7 +149,7 @@ def _until_one_changes(step: Step, iterate: Iterate, p: Array, growth: Array) ->
     return max(most, 0.0)
 
 
-def _trial(loop: Loop, step: Step, iterate: Iterate, tolerance: float) -> Iterate | None:
+def _trial(loop: Iteration, step: Step, iterate: Iterate, tolerance: float) -> Iterate | None:
     """The answer that springs come to under the conditions of an iterate, if they still hold then."""
     found = rested(step, iterate)
     if found.strained:
@@ -182,9 +182,9 @@ def _lost(step: Step, iterate: Iterate, change: Array, slow: bool) -> bool:
     `slow`: the next change would hardly be smaller. Then what rows are known to is no strain.
     """
     assert step.problem.springs is not None
-    strain = _largest(step.problem.springs[:, None] * change)
+    strain = size_of(step.problem.springs[:, None] * change)
     known = NO_STRAIN * _extent(step) if slow else _round_off(step, iterate.response)
-    return strain <= known or _largest(change) <= SOLVED * iterate.response.largest_force
+    return strain <= known or size_of(change) <= SOLVED * iterate.response.largest_force
 
 
 def _forces(response: Response) -> Array:
@@ -214,14 +214,14 @@ def rested(step: Step, iterate: Iterate) -> Rested:
     while count < MOST_MOVES:
         last, new = moved(p)
         change, p, count = new - p, new, count + 1
-        strain, size = _largest(give * change), _largest(change)
-        if strain <= round_off or size <= SOLVED * _largest(p):
+        strain, size = size_of(give * change), size_of(change)
+        if strain <= round_off or size <= SOLVED * size_of(p):
             break
-        straighter, bend = bend, _largest(change - before)
+        straighter, bend = bend, size_of(change - before)
         grows = bend <= GIVEN * size
         if grows:
             break
-        if size > SLOW * _largest(before) and bend > SLOW * straighter:
+        if size > SLOW * size_of(before) and bend > SLOW * straighter:
             if iterated:
                 break
             p, iterated = _by_gmres(moved, p, np.sqrt(give), round_off), True
@@ -242,7 +242,7 @@ def _by_gmres(
         at = x.reshape(p.shape) / root
         return np.asarray(x - (root * (moved(at)[1] - begin)).ravel())
 
-    goal = max(round_off / _largest(root), SOLVED * float(np.linalg.norm(root * p)))
+    goal = max(round_off / size_of(root), SOLVED * float(np.linalg.norm(root * p)))
     x = (root * p).ravel()
     found = gmres(left, (root * begin).ravel(), lambda r: r, x, goal, MOST_MOVES)
     return np.asarray(found.x.reshape(p.shape) / root)
@@ -252,18 +252,14 @@ def _round_off(step: Step, response: Response) -> float:
     """Strain that is round-off of gaps and slips [length]."""
     finite = np.isfinite(step.load.gap0)
     gaps = step.load.gap0[finite], response.gap[finite]
-    return ROUNDED * max(_largest(a) for a in (*gaps, step.load.slip0, response.slip))
-
-
-def _largest(values: Array) -> float:
-    return float(np.abs(values).max(initial=0.0))
+    return ROUNDED * max(size_of(a) for a in (*gaps, step.load.slip0, response.slip))
 
 
 def _check(step: Step, growth: Array) -> None:
     """Raise `Collision` where what grows shows that points can not all be closed."""
     assert step.problem.springs is not None
     strain = step.problem.springs[:, None] * growth
-    normal, tangential, most = strain[:, 0], strain[:, 1:], _largest(strain)
+    normal, tangential, most = strain[:, 0], strain[:, 1:], size_of(strain)
     if most <= NO_STRAIN * _extent(step):
         return
     unglued = np.where(step.tied[:, None], 0.0, tangential)
