@@ -285,8 +285,8 @@ def attempts(blocks, step, last, loop="newton", tolerance=1e-11):
     for start in possible_starts(len(step.paired), loop, turns):
         if start == "warm" and not last.status.any():
             continue
-        guess, spent = starting_values(start, last, step, blocks.kin, tolerance, loop, step)
-        guess = admissible(guess, step)
+        found = starting_values(start, last, step, tolerance, loop, step)
+        guess, spent = admissible(found.guess, step), found.spent
         outcome = drive(one.iterates, step, guess, tolerance, one.most, None, one.patience)
         if spent:
             outcome = replace(outcome, trace=(*spent.trace, *outcome.trace))

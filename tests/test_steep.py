@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.history.stepper import REGULARISED, Stepper
+from skfem_contact.history.stepper import Stepper
+from skfem_contact.loops.starts import REGULARISED
 
 SHEAR = 0.005
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +25,9 @@ from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.complementarity import friction_of_prescribed_slip
 from skfem_contact.loops.driver import Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
-from skfem_contact.loops.pulled import Carried, pulled
 from skfem_contact.loops.starts import (
     DENSE,
     admissible,
-    as_guess,
-    from_regularised,
     possible_starts,
     starting_values,
 )
@@ -39,9 +35,6 @@ from skfem_contact.loops.step import Step
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Load
 from skfem_contact.problem.seam import ContactProblem
-
-# Where an attempt begins once all others have failed, with friction that jumps: see `loops.starts`.
-REGULARISED = "regularised"
 
 RAN_AWAY = (
     "loads and contact forces do not balance along a motion that supports leave free: it is hardly "
@@ -129,47 +122,31 @@ class Stepper(ByFields):
             load = problem.load(seen)
             step = self._step(problem, load, last, noise, moved)
             dense = step
-            points = self.model.on_points(problem) if start in (*DENSE, REGULARISED) else problem
+            points = self.model.on_points(problem) if start in DENSE else problem
             if points is not problem:
                 dense = replace(step, problem=points, load=points.load(seen))
-            tolerance, spent = options.tolerance, None
-            stateless: NDArray[np.float64] | None = None
-            carried: Carried | None = None
             loop = LOOPS[self.loop]
             limit = options.max_iterations or loop.most
             try:
-                if start == REGULARISED:
-                    known = admissible(as_guess(begin), dense)
-                    guess, shares = from_regularised(dense, known, tolerance)
-                    stateless = shares if shares.any() else None
-                elif start == "pulled":
-                    begun = geometry.case(kin, problem.u, to.before, last, to.before)
-                    before = cast(ContactProblem, dense.problem).load(begun)
-                    known = admissible(as_guess(begin), dense)
-                    guess, spent, carried = pulled(dense, before, known, tolerance)
-                else:
-                    guess, spent = starting_values(start, begin, step, kin, tolerance, self.loop, dense)
-                guess = admissible(guess, step)
-                outcome = drive(
-                    loop.iterates, step, guess, tolerance, limit, to.callback, loop.patience
+                found = starting_values(
+                    start,
+                    begin,
+                    step,
+                    options.tolerance,
+                    self.loop,
+                    dense,
+                    lambda: points.load(geometry.case(kin, problem.u, to.before, last, to.before)),
                 )
+                guess = admissible(found.guess, step)
+                given = step, guess, options.tolerance, limit, to.callback, loop.patience
+                outcome = found.ended(drive(loop.iterates, *given), dense is step or start not in DENSE)
             except Collision as collision:
                 raise self._contradiction(collision, problem, seen) from None
-            trace = (*spent.trace, *outcome.trace) if spent else outcome.trace
-            same = dense is step or start not in DENSE
-            if same and spent and spent.converged and not outcome.converged and not outcome.stopped:
-                # the same equations and tolerance: limits that lag ran away from their solution
-                outcome = replace(spent, note=" of the loop 'newton'")
-            elif spent and spent.free is not None and not outcome.converged:
-                outcome = replace(outcome, free=spent.free)  # its limits do not lag
-            note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
-            if trace is not outcome.trace or note:
-                outcome = replace(outcome, trace=trace, note=note)
             local = self._state(step, outcome, to, problem, seen)
         strained = NOISE * max(self.model.stiffest) * moved
         failure = "" if balanced(problem.motions, target.f, local, noise, strained) else RAN_AWAY
-        found = outcome, self.model, problem, load, target, seen, last, local
-        return Attempt(*found, failure=failure, stateless=stateless, carried=carried)
+        ended = outcome, self.model, problem, load, target, seen, last, local
+        return Attempt(*ended, failure=failure, stateless=found.stateless, carried=found.carried)
 
     def _contradiction(
         self, collision: Collision, problem: ContactProblem, seen: LoadCase

@@ -37,7 +37,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, nothing
-from skfem_contact.history.stepper import RAN_AWAY, REGULARISED, Stepper
+from skfem_contact.history.stepper import RAN_AWAY, Stepper
 from skfem_contact.history.thresholds import (
     AIM,
     ANSWERED,
@@ -54,6 +54,7 @@ from skfem_contact.history.thresholds import (
 from skfem_contact.linalg.dense_factors import cholesky
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.starts import REGULARISED
 from skfem_contact.loops.step import Record
 
 Array = NDArray[np.float64]

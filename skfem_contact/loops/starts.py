@@ -19,6 +19,7 @@ is: these have no state nearby.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -32,7 +33,7 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.lemke import lemke_guess
-from skfem_contact.loops.pulled import after
+from skfem_contact.loops.pulled import Carried, after, pulled
 from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.loops.thresholds import (
     EASED,
@@ -50,15 +51,52 @@ from skfem_contact.loops.thresholds import (
     TOO_SOFT,
     TOO_STIFF,
 )
-from skfem_contact.problem.response import Resistance
+from skfem_contact.problem.response import Load, Resistance
 from skfem_contact.problem.seam import ContactProblem
 
 Array = NDArray[np.float64]
 
 # Where an attempt at a load step begins, in this order.
 STARTS = ("warm", "cold", "newton", "pivoting", "pulled", "proximal")
+# Where one begins once all these have failed, with friction that jumps.
+REGULARISED = "regularised"
 # Of these the ones that ask for the problem on gaps and slips, where there is one.
-DENSE = ("pivoting", "pulled", "proximal")
+DENSE = ("pivoting", "pulled", "proximal", REGULARISED)
+
+
+@dataclass(eq=False)
+class Start:
+    """Where the iterations of a load step begin, and what was found out on the way there.
+
+    Attributes
+    ----------
+    guess : Guess
+    spent : Outcome or None
+        How another loop came to it.
+    stateless : ndarray, shape (m,), or None
+        Shares of the bounds of points that have no state, where there are any; see `from_regularised`.
+    carried : Carried or None
+        How much of the load is carried at most.
+    """
+
+    guess: Guess
+    spent: Outcome | None = None
+    stateless: Array | None = None
+    carried: Carried | None = None
+
+    def ended(self, outcome: Outcome, same: bool) -> Outcome:
+        """How a step ended whose loop began here; `same` where both loops had the same equations."""
+        spent = self.spent
+        trace = (*spent.trace, *outcome.trace) if spent else outcome.trace
+        if same and spent and spent.converged and not outcome.converged and not outcome.stopped:
+            # the same equations and tolerance: limits that lag ran away from their solution
+            outcome = replace(spent, note=" of the loop 'newton'")
+        elif spent and spent.free is not None and not outcome.converged:
+            outcome = replace(outcome, free=spent.free)  # its limits do not lag
+        note = outcome.note or (" after complementary pivoting" if self.guess.pivoted else "")
+        if trace is outcome.trace and not note:
+            return outcome
+        return replace(outcome, trace=trace, note=note)
 
 
 def possible_starts(points: int, loop: str, turns: bool, pulled: bool = False) -> list[str]:
@@ -75,17 +113,23 @@ def possible_starts(points: int, loop: str, turns: bool, pulled: bool = False) -
 
 
 def starting_values(
-    start: str, known: LocalState, step: Step, kin: Kinematics, tolerance: float, loop: str, dense: Step
-) -> tuple[Guess, Outcome | None]:
-    """Starting values, and how another loop came to them.
+    start: str,
+    known: LocalState,
+    step: Step,
+    tolerance: float,
+    loop: str,
+    dense: Step,
+    before: Callable[[], Load] | None = None,
+) -> Start:
+    """Starting values by one of the starts.
 
     Parameters
     ----------
-    start : {"warm", "cold", "newton", "pivoting", "proximal"}
+    start : str
+        Of `STARTS`, or `REGULARISED`.
     known : LocalState
         The last known state, which a warm start repeats.
     step : Step
-    kin : Kinematics
     tolerance : float
         To which other loops are run.
     loop : str
@@ -93,18 +137,27 @@ def starting_values(
         is not exact, Newton takes the round-off out of what pivoting has found.
     dense : Step
         The same step with gaps and slips as unknowns, for the starts in `DENSE`.
+    before : callable, optional
+        Gives the load at which the step begins, for ``"pulled"``.
     """
+    guess = as_guess(known)
     if start == "warm":
-        return as_guess(known), None
+        return Start(guess)
     if start == "newton":
-        return _by_newton(as_guess(known), step, tolerance)
-    if start == "proximal":
-        return proximal(dense, admissible(as_guess(known), dense), tolerance)
+        return Start(*_by_newton(guess, step, tolerance))
     if start == "pivoting":
-        pivoted = lemke_guess(dense, as_guess(known))
+        pivoted = lemke_guess(dense, guess)
         if pivoted is not None:
-            return _by_newton(pivoted, step, tolerance) if loop == "direct" else (pivoted, None)
-    return _cold(step, kin), None
+            return Start(*_by_newton(pivoted, step, tolerance)) if loop == "direct" else Start(pivoted)
+    if start == "proximal":
+        return Start(*proximal(dense, admissible(guess, dense), tolerance))
+    if start == "pulled" and before is not None:
+        guess, spent, carried = pulled(dense, before(), admissible(guess, dense), tolerance)
+        return Start(guess, spent, carried=carried)
+    if start == REGULARISED:
+        guess, shares = from_regularised(dense, admissible(guess, dense), tolerance)
+        return Start(guess, stateless=shares if shares.any() else None)
+    return Start(_cold(step))
 
 
 def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outcome]:
@@ -115,12 +168,12 @@ def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outco
     return Guess(it.status, it.direction, *forces, there.slip), found
 
 
-def _cold(step: Step, kin: Kinematics) -> Guess:
+def _cold(step: Step) -> Guess:
     """Nothing known: points that touch are closed and stick."""
-    zero = np.zeros((kin.m, kin.tangents))
+    zero = np.zeros(step.last.slip.shape)
     touching = step.paired & (step.load.gap0 <= 0)
     status = np.where(touching | step.bilateral & step.paired, STICK, OPEN)
-    return Guess(status, zero, np.zeros(kin.m), zero, zero)
+    return Guess(status, zero, np.zeros(len(status)), zero, zero)
 
 
 def natural_state(kin: Kinematics, surface: int) -> State:
