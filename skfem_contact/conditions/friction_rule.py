@@ -253,6 +253,13 @@ class FrictionRule:
     reference : ndarray, shape (m, d-1)
         Slip at which each point closed, from which laws count it [length].
 
+    Attributes
+    ----------
+    steady : bool
+        Whether no bound changes with the slip: see `CheckedLaw.steady`.
+    by_bound : bool
+        Whether all laws are given by their bounds.
+
     Examples
     --------
     >>> law = CheckedLaw(Coulomb(0.5), "joint", np.zeros((1, 2)))
@@ -263,7 +270,10 @@ class FrictionRule:
 
     def __init__(self, laws: Laws, area: Array, reference: Array) -> None:
         self.laws, self.area, self.reference = laws, area, reference
-        self._only = laws[0][1] if len(laws) == 1 and laws[0][0] == slice(0, len(area)) else None
+        only = laws[0][1] if len(laws) == 1 and laws[0][0] == slice(0, len(area)) else None
+        self._only = only
+        self.steady = all(law.steady for _, law in laws) if only is None else only.steady
+        self.by_bound = all(law.by_bound for _, law in laws) if only is None else only.by_bound
         self._asked: tuple[Array, Array, Array] | None = None
 
     def since(self, reference: Array) -> FrictionRule:
@@ -271,17 +281,6 @@ class FrictionRule:
         rule = object.__new__(FrictionRule)
         vars(rule).update(vars(self), reference=reference, _asked=None)
         return rule
-
-    @cached_property
-    def steady(self) -> bool:
-        """Whether no bound changes with the slip: see `CheckedLaw.steady`."""
-        only = self._only
-        return all(law.steady for _, law in self.laws) if only is None else only.steady
-
-    @cached_property
-    def by_bound(self) -> bool:
-        """Whether all laws are given by their bounds."""
-        return all(law.by_bound for _, law in self.laws)
 
     @cached_property
     def smooth(self) -> bool:

@@ -89,6 +89,9 @@ class Verdict:
         )
 
 
+ARRIVED = Verdict()
+
+
 @dataclass(eq=False)
 class EquilibriumSearch:
     """Looks for the answer to one load step, and has what it came to.
@@ -150,7 +153,7 @@ class EquilibriumSearch:
         """What the last attempt says of the step, and what was found out about it on the way."""
         attempt, model = self.advance.attempt, self.stepper.model
         if attempt.good:
-            return Verdict()
+            return ARRIVED
         if self.rest is not None:
             return Verdict(self.rest.free, model.motions, pull=self.rest.pull)
         motions, free, shown = attempt.problem.motions, attempt.outcome.free, self.refuted is not None

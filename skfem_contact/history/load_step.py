@@ -99,7 +99,8 @@ def friction_bound(interface: Interface, state: LocalState) -> Array:
     """Bound of the friction force in a state by the present laws; zero at open points, (m,)."""
     rule = FrictionRule(interface.laws, state.area, state.reference)
     bound = rule.bound(state.normal_force, state.slip)
-    return np.where(state.status == OPEN, 0.0, bound)
+    bound[state.status == OPEN] = 0.0
+    return bound
 
 
 def resisting_slips(interface: Interface, state: LocalState) -> Mask:
