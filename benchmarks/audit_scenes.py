@@ -338,7 +338,11 @@ ROWS = (
         "Coulomb, mu = 0.3",
         "no friction",
         friction,
-        ("conditions/friction:limit", "conditions/friction:slope", "loops/plane_rules:_slip_rule"),
+        (
+            "conditions/friction:limit",
+            "conditions/friction:slope",
+            "loops/complementarity:slipping_in_plane",
+        ),
         tangential,
     ),
     Row(
@@ -354,7 +358,7 @@ ROWS = (
         "Coulomb, mu = 0.3",
         "no friction",
         friction,
-        ("history/energy:friction_energy",),
+        ("history/load_step:friction_energy",),
     ),
     Row(
         "history",
@@ -411,8 +415,8 @@ ROWS = (
             "conditions/geometry:at",
             "conditions/geometry:mismatch",
             "conditions/geometry:_offset",
-            "history/placing:_travelled",
-            "loops/anderson:",
+            "history/stepping:_travelled",
+            "linalg/krylov:next",
         ),
         moving,
     ),
@@ -421,7 +425,7 @@ ROWS = (
         "`tied=True`",
         "contact",
         tied,
-        ("conditions/diagnosis:_check_tied",),
+        ("conditions/checks:_check_tied",),
         bilateral,
     ),
     Row(

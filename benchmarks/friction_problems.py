@@ -35,20 +35,19 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import block_array, csr_matrix
 
 import skfem_contact as sc
-from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
 from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.multipliers import Collision
-from skfem_contact.loops.proximal import proximal
 from skfem_contact.loops.pulled import after
+from skfem_contact.loops.starts import proximal
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.table import LOOPS
-from skfem_contact.problem.delassus import inverse
-from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.condensed import definite_inverse
+from skfem_contact.problem.points import PointsInSeries, PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
-from skfem_contact.problem.series import PointsInSeries
 from skfem_contact.problem.thresholds import GIVE
 
 Array = NDArray[np.float64]
@@ -144,11 +143,11 @@ class Seen:
         normal, tangential = rows[:, 0], rows[:, 1:]
         self.springs: Array | None = None
         try:
-            S = inverse(W.copy())
+            S = definite_inverse(W.copy())
         except LinAlgError:
             give = GIVE * np.diag(W)[normal].mean()
             self.springs = np.full(m, give)
-            S = inverse(W + give * np.eye(m * d), refuses=False)
+            S = definite_inverse(W + give * np.eye(m * d), refuses=False)
         self.space = PointSpace(S, normal, tangential)
         self.points = self.space if self.springs is None else None
         blocks = np.diagonal(W.reshape(m, d, m, d), axis1=0, axis2=2).transpose(2, 0, 1)
@@ -208,11 +207,10 @@ def step_of(problem: Problem, seen: Seen, q: Array) -> tuple[Step, Guess]:
         problem=seen,
         load=load,
         motions=RigidMotions(np.zeros((1, 0)), kin, SimpleNamespace(n=1, D=none.nonzero()[0])),
-        area=zero + 1,
         paired=~none,
         tied=none,
         bilateral=none,
-        laws=((slice(0, m), law),),
+        friction=FrictionRule(((slice(0, m), law),), zero + 1, slip),
         frictional=~none,
         stiffness=np.full(m, np.inf),
         last=last,

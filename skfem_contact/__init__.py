@@ -47,10 +47,9 @@ from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.wear import Archard
-from skfem_contact.elimination.condense import condense
+from skfem_contact.elimination.condense import ConstraintRows, condense, contact_rows
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.eliminate import eliminate
-from skfem_contact.elimination.rows import ConstraintRows, contact_rows
 from skfem_contact.errors import (
     ConstraintError,
     ContactError,

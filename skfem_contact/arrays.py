@@ -123,3 +123,15 @@ def dof_numbers(
             f"{others}"
         )
     return numbers
+
+
+def lengths(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lengths of tangential vectors (m, d-1), shape (m,); in every iteration, so it is quick."""
+    if vectors.shape[1] == 1:
+        return np.abs(vectors[:, 0])
+    return np.asarray(np.linalg.norm(vectors, axis=1))
+
+
+def size_of(values: NDArray[np.float64]) -> float:
+    """The largest absolute value, zero where there is none."""
+    return float(np.abs(values).max(initial=0.0))

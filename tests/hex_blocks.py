@@ -22,21 +22,20 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.bodies.system import stack
-from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.direct import Direct
+from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.driver import drive
 from skfem_contact.loops.starts import admissible, natural_state, possible_starts, starting_values
 from skfem_contact.loops.step import Step
-from skfem_contact.loops.table import LOOPS
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
-from skfem_contact.problem.iterated import IteratedBodies
-from skfem_contact.problem.multigrid import MultigridBodies
+from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
 from skfem_contact.problem.seam import PosedOn
 
 
@@ -224,11 +223,10 @@ class Blocks:
             problem=self.problem,
             load=self.problem.load(case),
             motions=self.problem.motions,
-            area=self.kin.area,
             paired=true,
             tied=~true,
             bilateral=~true,
-            laws=((slice(0, m), self.law),),
+            friction=FrictionRule(((slice(0, m), self.law),), self.kin.area, last.reference),
             frictional=true,
             stiffness=np.full(m, np.inf),
             last=last,
@@ -284,11 +282,11 @@ def attempts(blocks, step, last, loop="newton", tolerance=1e-11):
     """The outcomes of the starts that a load step has, until one is good."""
     turns = step.turns
     one = LOOPS[loop]
-    for start in possible_starts(len(step.area), loop, turns):
+    for start in possible_starts(len(step.paired), loop, turns):
         if start == "warm" and not last.status.any():
             continue
-        guess, spent = starting_values(start, last, step, blocks.kin, tolerance, loop, step)
-        guess = admissible(guess, step)
+        found = starting_values(start, last, step, tolerance, loop, step)
+        guess, spent = admissible(found.guess, step), found.spent
         outcome = drive(one.iterates, step, guess, tolerance, one.most, None, one.patience)
         if spent:
             outcome = replace(outcome, trace=(*spent.trace, *outcome.trace))

@@ -28,7 +28,7 @@ from scipy.sparse import csr_matrix, diags
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.linalg.distributed import body_share, schur
+from skfem_contact.linalg.distributed import body_share
 from skfem_contact.linalg.distributed.ranks import Ranks, ranks
 
 SPARSE = sc.Options(max_dense_bytes=0)  # contact is iterated
@@ -40,11 +40,11 @@ SPARSE = sc.Options(max_dense_bytes=0)  # contact is iterated
 def without_complement(own: Ranks, given: tuple[bool], parts: list[Any]) -> list[Any]:
     """On every rank: as if PETSc had no functions for the complement, or with them again."""
     missing = given[0]
-    body_share.schur.available = (lambda PETSc: False) if missing else schur_available
+    body_share.schur_available = (lambda PETSc: False) if missing else schur_available
     return []
 
 
-schur_available = schur.available
+schur_available = body_share.schur_available
 
 
 def compared(linear: Any, body: sc.Body, K: Any, A: csr_matrix, keep: np.ndarray) -> dict[str, float]:

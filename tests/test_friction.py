@@ -15,7 +15,8 @@ from scipy.sparse import csr_matrix
 
 import skfem_contact as sc
 from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
-from skfem_contact.conditions.return_map import Derivatives, return_map, unlawful
+from skfem_contact.conditions.friction import Derivatives, radial_return
+from skfem_contact.conditions.friction_rule import unlawful
 from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.conditions.thresholds import BEYOND
 
@@ -69,7 +70,7 @@ def test_return_map_is_a_projection(points):
     """A trial force is brought to the nearest one within the bound; doing so twice changes nothing."""
     values = np.array(points)
     trial, limit = values[:, :2], values[:, 2]
-    mapped, slips = return_map(trial, limit)
+    mapped, slips = radial_return(trial, limit)
     length = np.linalg.norm(mapped, axis=1)
     # squares of numbers below 1e-150 are lost
     assert (length <= limit * (1 + 1e-12) + 1e-150).all()
@@ -79,7 +80,7 @@ def test_return_map_is_a_projection(points):
     # parallel to the trial force
     cross = mapped[:, 0] * trial[:, 1] - mapped[:, 1] * trial[:, 0]
     assert_allclose(cross, 0.0, atol=1e-9)
-    assert_allclose(return_map(mapped, limit)[0], mapped, rtol=1e-12, atol=1e-150)
+    assert_allclose(radial_return(mapped, limit)[0], mapped, rtol=1e-12, atol=1e-150)
 
 
 @pytest.mark.parametrize("t", [1, 2])
@@ -128,7 +129,7 @@ def test_derivatives_of_the_return_map(law, t):
         # quotients of the law have seven digits
         assert_allclose(by.slip[far, :, k], change(0.0, 0.0, axis), rtol=0, atol=1e-6)
     assert_allclose(by.normal_force[far], change(0.0, h, 0.0), rtol=0, atol=1e-6)
-    assert_allclose(found, return_map(trial, law.limit(force, area, slip))[0], rtol=1e-15)
+    assert_allclose(found, radial_return(trial, law.limit(force, area, slip))[0], rtol=1e-15)
 
 
 def test_where_slip_begins_the_bound_grows_ahead():
@@ -151,7 +152,7 @@ def test_a_trial_force_beyond_any_bound_gives_the_bound():
     """Where a point slips in a known direction, the force is the bound to the last digit."""
     limit = np.array([0.0, 1e-30, 0.3, 7.0, 1e30])
     for way in (1.0, -1.0):
-        force, slips = return_map(np.full((5, 1), way * BEYOND), limit)
+        force, slips = radial_return(np.full((5, 1), way * BEYOND), limit)
         assert_array_equal(force[:, 0], way * limit)
         assert slips.all()
 

@@ -15,7 +15,7 @@ from skfem.models.elasticity import lame_parameters
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.conditions.statics import escape
-from skfem_contact.history.nearest import nearest
+from skfem_contact.history.neutral_equilibrium import nearest
 
 FLOOR = sc.RigidPlane((0, 0), (0, 1), name="floor")
 LINEAR = {"auto": "auto", "sparse": sc.Direct()}

@@ -16,11 +16,15 @@ import skfem_contact as sc
 from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-from skfem_contact.linalg.multifrontal.response import Response as Substitution
+from skfem_contact.linalg.multifrontal.factor import SurfaceResponse as Substitution
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem.condensed import Condensed, PointProblem
-from skfem_contact.problem.iterated import IteratedBodies, IteratedProblem
-from skfem_contact.problem.multigrid import MultigridBodies, MultigridProblem
+from skfem_contact.problem.iterated import (
+    IteratedBodies,
+    IteratedProblem,
+    MultigridBodies,
+    MultigridProblem,
+)
 from skfem_contact.problem.response import Conditions, Resistance
 
 

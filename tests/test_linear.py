@@ -19,8 +19,8 @@ from skfem_contact.errors import ContactError, InputError
 from skfem_contact.linalg.amg import AMG, conjugate_gradients, hierarchy
 from skfem_contact.linalg.backend import Backend, LinearSolveError
 from skfem_contact.linalg.direct import Dense, Direct, FromSolver, as_linear_solver
+from skfem_contact.linalg.resources import _blas, single_threaded
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.linalg.threads import _blas, single_threaded
 
 
 def modes_of(points: np.ndarray) -> np.ndarray:

@@ -16,18 +16,17 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact import Coulomb, Options
-from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.loops.active_set import Pace, direct, newton
-from skfem_contact.loops.anderson import Anderson
+from skfem_contact.loops.active_set import BlockPivoting, direct, fictitious, newton
+from skfem_contact.loops.complementarity import disagreement, friction_of_prescribed_slip, propose
 from skfem_contact.loops.driver import drive
-from skfem_contact.loops.fictitious import fictitious
-from skfem_contact.loops.guided import guided_friction
-from skfem_contact.loops.rules import _by, disagreement, hold, propose
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Guess, Step
+from skfem_contact.loops.tangent import _by, stabilise
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 
@@ -48,15 +47,15 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
     frame = {"normal": np.tile([0.0, 1.0], (m, 1)), "axes": along, "duals": along, "scaled": None}
     kin = SimpleNamespace(m=m, tangents=1, gap0=np.zeros(m), area=np.ones(m), vertex=own, **frame)
     still = natural_state(kin, 0).along(kin)
+    laws = () if tied else ((slice(0, m), CheckedLaw(Coulomb(MU), "joint", np.zeros((m, 2)))),)
     return Step(
         problem=SimpleNamespace(points=space, springs=None, solve=space.solve),
         load=load,
         motions=RigidMotions(np.zeros((2 * m, 0)), None, None),
-        area=np.ones(m),
         paired=np.ones(m, dtype=bool),
         tied=np.full(m, tied),
         bilateral=np.full(m, tied),
-        laws=() if tied else ((slice(0, m), CheckedLaw(Coulomb(MU), "joint", np.zeros((m, 2)))),),
+        friction=FrictionRule(laws, np.ones(m), (last or still).reference),
         frictional=np.full(m, not tied),
         stiffness=np.full(m, stiffness),
         last=last or still,
@@ -65,14 +64,14 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
 
 
 def cold(one):
-    m = len(one.area)
+    m = len(one.paired)
     zero = np.zeros((m, 1))
     return Guess(np.full(m, STICK if one.tied.any() else OPEN), zero, np.zeros(m), zero, zero)
 
 
 def run(loop, one, limit=400):
     stiff = loop == "fictitious" and np.isinf(one.stiffness).all()
-    one = replace(one, stiffness=np.full(len(one.area), 10 * K_T)) if stiff else one
+    one = replace(one, stiffness=np.full(len(one.paired), 10 * K_T)) if stiff else one
     return drive(LOOPS[loop], one, cold(one), Options().tolerance, limit)
 
 
@@ -98,17 +97,17 @@ def test_the_same_points_under_another_load_know_nothing_of_the_first():
     run("newton", first)
     force, slip = np.array([2.0, 4.0]), np.array([[1.0], [2.0]])
     trial = np.full((2, 1), 100.0)
-    assert_allclose(first.force(trial, force, slip)[0][:, 0], MU * force)
+    assert_allclose(first.friction.project(trial, force, slip)[0][:, 0], MU * force)
     other = step([-1.0, 2.0], [0.0, 0.0])
     second = first.under(other.load, other.last, 0.25, 0.5)
     assert (second.load, second.last, second.noise) == (other.load, other.last, 0.25)
     assert second.far == 0.5
-    assert second.laws is first.laws and second.paired is first.paired
+    assert second.friction.laws is first.friction.laws and second.paired is first.paired
     assert_array_equal(run("newton", second).iterate.status, run("newton", other).iterate.status)
     # the same arrays, then others of the same size
     for normal in (force, 2 * force, force.copy()):
         for _ in range(2):
-            assert_allclose(second.force(trial, normal, slip)[0][:, 0], MU * normal)
+            assert_allclose(second.friction.project(trial, normal, slip)[0][:, 0], MU * normal)
 
 
 @pytest.mark.parametrize("share", [0.0, 2.0**-10, 3 * 2.0**-10, 1e-3, 0.25, 1 / 3, 0.3, 0.5e-9, 2 / 3])
@@ -206,7 +205,7 @@ def holding(gaps):
     rows = {"B_n": np.tile(up, (3, 1)), "B_t": np.tile(along, (3, 1))}
     points = SimpleNamespace(m=3, tangents=1, points=place, **rows)
     one = replace(one, load=load, motions=RigidMotions(np.eye(2), points, None), rank=np.arange(3))
-    return hold(one, replace(cold(one), status=np.zeros(3, dtype=int)))
+    return stabilise(one, replace(cold(one), status=np.zeros(3, dtype=int)))
 
 
 def test_holding_passes_points_that_do_not_resist():
@@ -222,7 +221,7 @@ def test_holding_passes_points_that_do_not_resist():
         normal_force=np.array([3.0, 2.0, 1.0]),
         tangential_force=np.zeros((3, 1)),
     )
-    status, held = hold(one, sliding)
+    status, held = stabilise(one, sliding)
     assert_array_equal(status, [SLIP, STICK, SLIP])
     assert_array_equal(held.points, [False, True, False])
 
@@ -293,7 +292,7 @@ def test_points_alike_are_taken_by_rank():
     wrong = np.ones(3, dtype=bool)
     for rank in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
         ranked = replace(one, rank=np.array(rank))
-        pace = Pace(patience=0, best=0, least=0.0)
+        pace = BlockPivoting(patience=0, best=0, least=0.0)
         current = cold(ranked)
         taken = pace.advance(ranked, current, replace(current, status=np.full(3, STICK)), wrong, None)
         assert np.flatnonzero(taken.status == STICK).tolist() == [rank.index(2)]
@@ -405,7 +404,7 @@ def test_friction_where_supports_prescribe_the_slip_resists_it(before):
     last = replace(one.last, slip=np.array([[0.3]]), tangential_force=np.array([[before]]))
     back = Response(np.zeros(1), np.array([[0.1]]), np.array([2.0]), np.zeros((1, 1)), np.zeros(0))
     closed = np.array([STICK])
-    status, force = guided_friction(replace(one, last=last), np.array([True]), closed, back)
+    status, force = friction_of_prescribed_slip(replace(one, last=last), np.array([True]), closed, back)
     assert_array_equal(status, [SLIP])
     assert_allclose(force, [[-2.0 * MU]], rtol=1e-15)
 

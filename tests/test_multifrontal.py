@@ -20,11 +20,9 @@ from skfem.models.elasticity import lame_parameters
 
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.multifrontal import factor as factor_module
-from skfem_contact.linalg.multifrontal.assembly import Leftovers
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-from skfem_contact.linalg.multifrontal.fronts import analyse, find_runs
+from skfem_contact.linalg.multifrontal.fronts import Leftovers, analyse, factor_size, find_runs
 from skfem_contact.linalg.multifrontal.ordering import _halves, dissect, dissection_order
-from skfem_contact.linalg.multifrontal.size import factor_size
 from skfem_contact.linalg.singular import NotPositiveDefinite
 
 

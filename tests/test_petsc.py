@@ -23,7 +23,7 @@ from numpy.testing import assert_allclose
 from test_linear import body, modes_of
 
 import skfem_contact as sc
-from skfem_contact.linalg.distributed import database, messages, ranks
+from skfem_contact.linalg.distributed import database, ranks
 from skfem_contact.linalg.distributed.layout import Layout, bisected, directions, together
 
 MISSING = [name for name in ("petsc4py", "mpi4py") if find_spec(name) is None]
@@ -150,8 +150,8 @@ def test_arrays_of_any_kind_are_sent(array: np.ndarray) -> None:
     comm = SimpleNamespace(
         send=lambda x, dest: sent.append(x), Send=take, recv=lambda source: sent.pop(0), Recv=give
     )
-    messages.send(comm, [array], 1)
-    (found,) = messages.receive(comm, 0)
+    ranks.send(comm, [array], 1)
+    (found,) = ranks.receive(comm, 0)
     assert found.shape == array.shape and found.dtype.isnative
     assert np.array_equal(found, array)
 

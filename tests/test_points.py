@@ -7,9 +7,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skfem_contact.linalg.dense_factors import cholesky, lu
-from skfem_contact.problem.points import PointSpace, Reduction
+from skfem_contact.problem.points import PointsInSeries, PointSpace, Reduction
 from skfem_contact.problem.response import Conditions, Load, Resistance
-from skfem_contact.problem.series import PointsInSeries
 
 m = 60  # of them 10 closed: enough for the reduction to be worth its while
 

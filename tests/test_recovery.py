@@ -14,7 +14,7 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.history.recovery import recover_all
+from skfem_contact.history.load_step import recover_all
 
 
 def block(nx, **given):

@@ -14,8 +14,8 @@ from skfem.models.elasticity import lame_parameters
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.conditions.state import SLIP, STICK
-from skfem_contact.history import cutting, stepper
-from skfem_contact.history.cutting import Parts, grown
+from skfem_contact.history import stepper, stepping
+from skfem_contact.history.stepping import Bisection, grown
 from skfem_contact.loops import starts
 from skfem_contact.loops.starts import as_guess
 
@@ -94,7 +94,7 @@ def test_cutting_ends(monkeypatch):
 def test_points_that_snap_end_a_step(monkeypatch):
     """Where points slide too far from some place on, however small the step, parts of it are not cut to
     the round-off of their sum: every part up to there succeeds and begins the count of cuts anew."""
-    real, snap, shares = cutting.attempted, 0.6875, []
+    real, snap, shares = stepping.attempted, 0.6875, []
 
     def attempted(by, part, start):
         attempt = real(by, part, start)
@@ -102,7 +102,7 @@ def test_points_that_snap_end_a_step(monkeypatch):
         done = part.target.x[np.argmax(np.abs(part.target.x))] / 0.01
         return attempt if abs(done) < snap else replace(attempt, failure="snaps", travel=2.24)
 
-    monkeypatch.setattr(cutting, "attempted", attempted)
+    monkeypatch.setattr(stepping, "attempted", attempted)
     with pytest.raises(sc.NotConverged, match="snaps"):
         list(scene()[0].history([1.0]))
     assert 1e-10 < min(shares) < 2e-9 and len(shares) < 100
@@ -262,7 +262,7 @@ def test_a_number_leaves_obstacles_where_they_are():
 
 def test_parts_of_a_step() -> None:
     """Halved three times at most; what distances tell does not count; then twice as much each time."""
-    parts = Parts(most=3, smallest=0.5**3)
+    parts = Bisection(most=3, smallest=0.5**3)
     for share in (0.5, 0.25, 0.125):
         assert not parts.spent
         parts.cut(travel=0.0)
@@ -272,8 +272,8 @@ def test_parts_of_a_step() -> None:
     assert (parts.done, parts.share, parts.fails) == (0.125, 0.25, 0)
     parts.go_on(travel=10.0)  # ten times too far: the next goes over the tenth of it
     assert parts.done == 0.375 and parts.share == pytest.approx(0.25 * 0.095)
-    far = Parts(most=3, smallest=0.5**3)
+    far = Bisection(most=3, smallest=0.5**3)
     far.cut(travel=100.0)
     assert far.share == pytest.approx(0.0095) and not far.spent
-    last = Parts(most=3, smallest=0.5**3, done=0.75, share=0.5)
+    last = Bisection(most=3, smallest=0.5**3, done=0.75, share=0.5)
     assert last.aim == 1.0

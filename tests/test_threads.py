@@ -27,11 +27,11 @@ from skfem_contact.answers import result as results_module
 from skfem_contact.linalg import dense_factors
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.once import Lock, once
 from skfem_contact.problem import points
+from skfem_contact.problem.seam import Workspace
 from skfem_contact.problem.substructure import Substructure
-from skfem_contact.problem.workspace import Workspace
 
 THREADS = 8
 LOADS = 96
@@ -590,8 +590,8 @@ def test_workspaces_lend_each_problem_once():
     model = plane().prepare().linear_model
     shared = model.problem_on(None, None)
     with Workspace() as one, Workspace() as other:
-        first, second = one.problem(model), other.problem(model)
-        assert one.problem(model) is first is not second is not shared
+        first, second = one.borrowed(shared), other.borrowed(shared)
+        assert one.borrowed(shared) is first is not second is not shared
         assert first.points is not second.points
         assert first.points.S is second.points.S is shared.points.S
     assert {id(first), id(second)} == set(map(id, shared.idle))

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.reaction import contact_forces
 from skfem_contact.answers.thresholds import NO_LOAD, SCALE_FLOOR
-from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.vectors import cross

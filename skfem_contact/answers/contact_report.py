@@ -10,8 +10,8 @@ from skfem_contact.answers.error.sources import percent
 from skfem_contact.answers.thresholds import COARSE
 from skfem_contact.answers.values import ContactValues, status_words
 from skfem_contact.bodies.selection import written
+from skfem_contact.conditions.friction_rule import steep_words
 from skfem_contact.conditions.state import OPEN
-from skfem_contact.conditions.steepness import steep_words
 
 
 def contact_lines(values: ContactValues, estimate: bool) -> list[str]:

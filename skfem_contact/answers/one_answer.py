@@ -29,8 +29,7 @@ from scipy.linalg import LinAlgError
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from skfem_contact.answers.thresholds import CLOSE, FEW, LEAST_FRICTION, SHARES, SHOWN
-from skfem_contact.linalg.dense_factors import cholesky
-from skfem_contact.linalg.in_place import divide
+from skfem_contact.linalg.dense_factors import cholesky, divide
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
 

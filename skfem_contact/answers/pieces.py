@@ -14,8 +14,7 @@ from scipy.linalg import LinAlgError
 
 from skfem_contact.answers.thresholds import AS_STUCK, DIRECTIONS, NO_COUPLING, NO_SIGN, NOT_HELD
 from skfem_contact.conditions.state import OPEN, SLIP
-from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, lu
-from skfem_contact.linalg.in_place import divide
+from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, divide, lu
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
 

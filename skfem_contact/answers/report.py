@@ -13,7 +13,7 @@ from skfem_contact.answers.contact_report import contact_lines
 from skfem_contact.answers.thresholds import FALLING, FURTHER, MOST_ROWS
 from skfem_contact.answers.values import status_words
 from skfem_contact.bodies.selection import written
-from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN, SLIP
 
 if TYPE_CHECKING:

@@ -49,7 +49,7 @@ SHARPER = 3.0
 # Pieces of the edge of contact whose middles are nearest, among which the nearest piece is.
 SEGMENTS_NEAR = 6
 
-# -- uniqueness, pieces, one_answer --------------------------------------------------
+# -- uniqueness, pieces, one_answer ------------------------------
 
 # Over the stiffness of a point along the normal: couplings below the first are round-off, and a
 # tangential stiffness below the second is none that the rest of the body would hold the point with.

@@ -44,9 +44,9 @@ from scipy.sparse.csgraph import connected_components
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.one_answer import unique_up_to
 from skfem_contact.answers.pieces import critical_friction, orientation, turning_springs
-from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, Tresca
+from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import SLIP, STICK

@@ -38,7 +38,7 @@ STRAIGHT = 0.02
 # Turns by less [rad] are no kink: a weighted gap is then wrong by a ten thousandth of a facet.
 BENT = 1e-3
 
-# -- quadrics, rings ----------------------------------------------
+# -- quadrics, rings ---------------------------------------------
 
 # Neighbours that a quadric is fitted to, at least; where a node has less, theirs count, too. In the
 # plane these two tell all; in space five numbers are sought, and six nodes round one may lie on a cone.
@@ -54,7 +54,7 @@ ROUND_OFF = 1e-12
 # A facet with middle nodes is straight if they are no farther off than this part of its size.
 BOWED = 1e-4
 
-# -- body, curves, face_normals, normals, facets, faces, projection ---
+# -- body, curves, face_normals, normals, facets, faces, projection
 
 # Coordinates carry 16 digits of the mesh's extent: what is smaller than this part of it has no
 # direction. And middles of facets closer than this part of the shortest one are the same facet's.

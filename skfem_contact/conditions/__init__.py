@@ -1,14 +1,14 @@
 """The contact conditions: gaps and slips as rows, friction laws, loads, and what they hold.
 
-* `friction`, `return_map`, `checked_law`: laws, forces by them, the check of every value they return;
-  `orthotropic`, `slip_axes`: friction with a material direction, and the axes that make a circle of it;
-  `wear`: the depth that slip wears off; `steepness`: coefficients larger than materials have;
+* `friction`, `friction_rule`: laws and their return map; the rule at all points, every value checked;
+  `orthotropic`: friction with a material direction;
+  `wear`: the depth that slip wears off;
 * `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, gaps and slips, and
-  where they are when contact slides far; `rows`, `lever`: their matrices, of rigid bodies too;
+  where they are when contact slides far; `rows`: their matrices, along the axes of friction, of rigid
+  bodies too;
 * `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers;
-* `prescribed`, `motions`, `statics`: what supports prescribe, leave free, and whether contact holds it;
-  `motion_words`: such motions in words;
-* `diagnosis`, `measures`: what can be said before solving, of pairings and of axisymmetric bodies;
+* `motions`, `statics`: what supports leave free, in words too, and whether contact holds it;
+* `checks`: what can be said before solving, of pairings and of axisymmetric bodies;
   `identity`: what a stored state belongs to;
 * `thresholds`: numbers, and where they come from.
 """

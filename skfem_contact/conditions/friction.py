@@ -1,27 +1,57 @@
-r"""Friction laws: limit, derivatives, return map; pure functions of arrays.
+r"""Friction laws: bound, derivatives, return map; pure functions of arrays.
 
 A law bounds the friction force of a point, ``|tau| <= L(lambda)``; the point sticks below the
 bound and slips on it. Internally ``tau`` is the force that resists a positive slip, so that the
 friction on the secondary surface is ``-tau`` ([M] eqs. (6), (7), (11); [M] is V. L. Marchenko,
 2014). Forces are per contact point, stresses are forces divided by the tributary area.
+
+A trial force ``t`` within the bound ``L`` is the friction force; one beyond it is brought back onto the
+circle (in the plane: onto the interval) of radius ``L``, along itself ([M] eq. (11)):
+
+    tau = L d,   d = t / |t|,        d tau = L / |t| (1 - d d') dt + d dL,
+                                     dL = dL/dlambda dlambda + dL/ds . ds .
+
+With one tangent ``1 - d d'`` is zero: the direction of friction does not turn.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import PrintedAsCall, number, numbers, take, with_known_keywords
-from skfem_contact.conditions.return_map import Mapped, map_by_bound
+from skfem_contact.arrays import lengths
 from skfem_contact.conditions.thresholds import DIFFERENCE
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import kept, sealed
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Derivatives(NamedTuple):
+    """Derivatives of friction forces, component by component of the force.
+
+    Attributes
+    ----------
+    trial : ndarray, shape (m, d-1, d-1)
+        By the trial force.
+    normal_force : ndarray, shape (m, d-1)
+    slip : ndarray, shape (m, d-1, d-1)
+        By the slip that the bound depends on [force/length].
+    """
+
+    trial: Array
+    normal_force: Array
+    slip: Array
+
+
+Mapped = tuple[Array, Mask, Derivatives]
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,3 +318,102 @@ class Tresca(FrictionLaw):
 
     def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
         return np.zeros_like(normal_force)
+
+
+class Bound(Protocol):
+    """A law by its bound; see `FrictionLaw`."""
+
+    def limit(self, normal_force: Array, area: Array, slip: Array, /) -> Array: ...
+
+    def slope(self, normal_force: Array, area: Array, slip: Array, /) -> Array: ...
+
+
+def radial_return(trial: Array, limit: Array) -> tuple[Array, Mask]:
+    """Bring a trial friction force back onto the friction cone ([M] eq. (11)).
+
+    Parameters
+    ----------
+    trial : ndarray, shape (m, d-1)
+        Elastic predictor ``tau_n + G (s - s_n)`` [force].
+    limit : ndarray, shape (m,)
+        Friction bound [force].
+
+    Returns
+    -------
+    tangential : ndarray, shape (m, d-1)
+        `trial` where it is admissible, else its projection onto the circle of radius `limit`.
+    slips : ndarray of bool, shape (m,)
+
+    Examples
+    --------
+    >>> radial_return(np.array([[3.0, 4.0], [0.3, 0.4]]), np.array([1.0, 1.0]))
+    (array([[0.6, 0.8],
+           [0.3, 0.4]]), array([ True, False]))
+    """
+    size = lengths(trial)
+    slips = size > limit
+    if trial.shape[1] == 1:
+        return np.where(slips[:, None], np.copysign(limit[:, None], trial), trial), slips
+    kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)
+    return trial * kept[:, None], slips
+
+
+def map_by_bound(
+    law: Bound, trial: Array, normal_force: Array, area: Array, slip: Array, hardens: bool = True
+) -> Mapped:
+    """The return map of a law that is given by its bound; see `FrictionLaw.return_map`.
+
+    Parameters
+    ----------
+    law : Bound
+    trial, slip : ndarray, shape (m, d-1)
+    normal_force, area : ndarray, shape (m,)
+    hardens : bool
+        Whether the bound depends on the slip.
+    """
+    limit = np.asarray(law.limit(normal_force, area, slip))
+    force, slips = radial_return(trial, limit)
+    if trial.shape[1] == 1:  # nothing turns: along the only tangent what slips has its bound
+        direction, by_trial = np.sign(trial) * slips[:, None], (~slips)[:, None, None].astype(float)
+    else:
+        size = lengths(trial)
+        kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)[:, None]
+        direction = np.divide(trial, size[:, None], out=np.zeros(trial.shape), where=slips[:, None])
+        by_trial = np.eye(trial.shape[1]) - direction[:, :, None] * direction[:, None, :]
+        by_trial *= kept[:, :, None]
+    by_normal = law.slope(normal_force, area, slip)[:, None] * direction
+    by_slip = np.zeros(by_trial.shape)
+    if hardens:
+        ask = partial(law.limit, normal_force, area)
+        by_slip = direction[:, :, None] * slip_gradient(ask, limit, slip, direction)[:, None, :]
+    return force, slips, Derivatives(by_trial, by_normal, by_slip)
+
+
+def slip_gradient(limit: Callable[[Array], Array], here: Array, slip: Array, direction: Array) -> Array:
+    """Derivative of a bound by the slip where points slip, shape (m, d-1): difference quotients.
+
+    Along `direction` it is that ahead: where slip begins, a bound that depends on its size has a kink.
+    Across it is the mean of both sides.
+
+    Parameters
+    ----------
+    limit : callable
+        Gives the bounds (m,) at a slip (m, d-1).
+    here : ndarray, shape (m,)
+        The bounds at `slip`.
+    direction : ndarray, shape (m, d-1)
+        Unit directions of friction; zero where nothing slips.
+    """
+    step = DIFFERENCE * float(np.max(np.abs(slip), initial=0.0))
+    if step == 0.0:
+        return np.zeros_like(direction)
+    ahead = np.asarray((limit(slip + step * direction) - here) / step)
+    gradient = ahead[:, None] * direction
+    if direction.shape[1] == 1:  # one tangent: nothing is across
+        return gradient
+    slides = np.linalg.norm(direction, axis=1) > 0
+    for k, axis in enumerate(np.eye(direction.shape[1])):
+        across = step * np.where(slides[:, None], axis - direction * direction[:, k, None], 0.0)
+        difference = limit(slip + across) - limit(slip - across)
+        gradient[:, k] += difference / (2 * step)
+    return gradient

@@ -26,25 +26,30 @@ from scipy.sparse import csr_matrix, diags, identity, kron
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.contact import Contact, field_values
-from skfem_contact.conditions.diagnosis import (
+from skfem_contact.conditions.checks import (
     check_pairing,
     check_side,
     warn_bridged,
+    warn_measures,
     warn_redundant_glue,
 )
+from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.interface import contact_names, point_slices
-from skfem_contact.conditions.kinematics import Kinematics, initial_gap, join, kinematics
-from skfem_contact.conditions.lever import as_motion
+from skfem_contact.conditions.kinematics import (
+    Kinematics,
+    initial_gap,
+    join,
+    kinematics,
+    prescribed_rows,
+)
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.measures import warn_measures
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.prescribed import prescribed_rows
+from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, LocalState, transport
+from skfem_contact.obstacles.motion import spin
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.obstacles.rotation import spin
 from skfem_contact.pairing.node import Pairing
 
 Array = NDArray[np.float64]

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.system import slices
-from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.contact import NO_SLIP, Contact
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
+from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.rows import compliance_scale
 from skfem_contact.conditions.thresholds import STIFFNESS
@@ -175,3 +175,18 @@ def interface(
     return Interface(
         contacts, names, points_of, tuple(laws), frictional, tied, kin.bilateral, G, tuple(wear)
     )
+
+
+def point_labels(contact: Contact, m: int) -> NDArray[np.object_]:
+    """The points of a contact in words."""
+    label = contact.label
+    return np.array([f"point {i} of {label}" for i in range(m)], dtype=object)
+
+
+def secondary_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.bool_]:
+    """Mask of the DOFs on the secondary surfaces, shape (n,)."""
+    mask = np.zeros(system.n, dtype=bool)
+    for contact in contacts:
+        surface = contact.secondary
+        mask[system.offsets[system.index(surface.body)] + surface.dofs] = True
+    return mask

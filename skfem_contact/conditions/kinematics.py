@@ -7,6 +7,8 @@ here on there are only the two sparse operators of
     slip  s =        B_t u      secondary minus primary
 
 with the frame of each point: ``normal`` (outward of the primary) and ``d - 1`` tangents.
+
+Gaps and slips that supports prescribe are rows like others: contact has no say in them.
 """
 
 from __future__ import annotations
@@ -23,25 +25,30 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import carriers
-from skfem_contact.conditions.lever import Lever
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import (
+    Lever,
+    combinations,
+    duals,
     held_by_supports,
+    material_frame,
     sides_of,
     slip_sides,
     spread_rows,
-    stacked,
+    stacked_rows,
     tangential_rows,
     with_columns,
     with_free_part,
 )
-from skfem_contact.conditions.slip_axes import combinations, duals, material_frame
+from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.control import gap_weights
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.supports import can_move
+from skfem_contact.pairing.vectors import entries
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 ALL = slice(None)
 
 
@@ -152,7 +159,7 @@ class Kinematics:
     def axes(self) -> Array:
         """What slips have components along, and components of friction are forces along, (m, d-1, d).
 
-        The tangents, scaled where friction has a material direction, see `slip_axes`; none of a field
+        The tangents, scaled where friction has a material direction, see `rows`; none of a field
         with one component.
         """
         return self._axes if self.scaled is None else self.scaled
@@ -321,7 +328,7 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
     first = np.cumsum([0, *(part.m for part in parts)])
     heir = np.concatenate([k + part.heir for k, part in zip(first[:-1], parts, strict=True)])
     return Kinematics(
-        B_n=stacked([part.B_n for part in parts]),
+        B_n=stacked_rows([part.B_n for part in parts]),
         tangential=partial(_joined_tangential, tuple(parts)),
         tangents=parts[0].tangents,
         heir=heir,
@@ -357,8 +364,27 @@ def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
 
 
 def _joined_tangential(parts: Sequence[Kinematics]) -> csr_matrix:
-    return stacked([part.B_t for part in parts])
+    return stacked_rows([part.B_t for part in parts])
 
 
 def _tangential_columns(kin: Kinematics, place: NDArray[np.intp], count: int) -> csr_matrix:
     return with_columns(kin.B_t, place, count)
+
+
+def prescribed_rows(B: csr_matrix, D: NDArray[np.intp]) -> Mask:
+    """Rows all of whose DOFs are prescribed: what they measure can not change."""
+    return np.asarray(_on_free(B, D) <= GIVEN)
+
+
+def prescribed_tangents(kin: Kinematics, D: NDArray[np.intp]) -> Mask:
+    """Tangents along which supports alone prescribe the slip of a point, shape (m, d-1)."""
+    row = (_on_free(kin.B_t, D) == 0) & (np.diff(kin.B_t.indptr) > 0)
+    return np.asarray(row.reshape(kin.m, kin.tangents) & kin.paired[:, None])
+
+
+def _on_free(B: csr_matrix, D: NDArray[np.intp]) -> Array:
+    """Sum of the sizes of the entries of each row that are at DOFs which are not prescribed."""
+    free = np.ones(B.shape[1])
+    free[D] = 0.0
+    row, column, value = entries(B)
+    return np.asarray(np.bincount(row, np.abs(value) * free[column], B.shape[0]), dtype=float)

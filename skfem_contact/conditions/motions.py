@@ -21,8 +21,7 @@ from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.motion_words import motion_words
-from skfem_contact.conditions.thresholds import DIGITS, FEW_MODES, NO_WORK, RESISTS
+from skfem_contact.conditions.thresholds import DIGITS, FEW_MODES, NO_WORK, NOT_NAMED, RESISTS
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
@@ -303,3 +302,40 @@ def _held(products: Array, least: float) -> bool:
     squares = np.linalg.eigvalsh(products) if len(products) > 1 else products.ravel()
     smallest, largest = float(squares[0]), float(squares[-1])
     return smallest > (2 * least) ** 2 * max(1.0, largest) + DIGITS * largest
+
+
+def motion_words(modes: Array, names: tuple[str, ...], u: Array) -> str:
+    """The motion u (n,), or motions (n, j), in words: which rigid modes (n, k) have a part in it."""
+    scaled = modes / np.max(np.abs(modes), axis=0)
+    share = np.abs(np.linalg.lstsq(scaled, u, rcond=None)[0])
+    share = share if share.ndim == 1 else np.max(share, axis=1)
+    return joined([name for name, s in zip(names, share, strict=True) if s > NOT_NAMED * share.max()])
+
+
+def joined(names: Sequence[str]) -> str:
+    """Rigid motions as one: those of a kind by their axes, one kind with the other.
+
+    >>> joined(["translation along x", "translation along y", "rotation"])
+    'translation along x and y with rotation'
+    >>> joined(
+    ...     [
+    ...         "translation along x of part 2",
+    ...         "rotation about x",
+    ...         "rotation about y",
+    ...         "rotation about z",
+    ...     ]
+    ... )
+    'translation along x of part 2 with rotation about x, y and z'
+    """
+    kinds: dict[tuple[str, str], list[str]] = {}
+    for name in names:
+        motion, _, part = name.partition(" of part ")
+        kind, _, axis = motion.rpartition(" ")
+        if axis not in ("x", "y", "z"):
+            kind, axis = motion, ""
+        kinds.setdefault((kind, part), []).append(axis)
+    words = []
+    for (kind, part), axes in kinds.items():
+        listed = " and ".join(filter(None, (", ".join(axes[:-1]), axes[-1])))
+        words.append(f"{kind} {listed}".strip() + (f" of part {part}" if part else ""))
+    return " with ".join(words)

@@ -7,7 +7,7 @@ The bound is an ellipse in the tangent plane, and slip is normal to it (the asso
 
 With the ratios ``r_i = mu_i / mu`` to the larger coefficient, slips ``r_i s_i`` and forces
 ``tau_i / r_i`` do the same work, the ellipse is a circle, and the rule is that of Coulomb's law. So
-slips are taken along axes scaled like that (`slip_axes`, `Kinematics.axes`), and whatever is made of
+slips are taken along axes scaled like that (`rows`, `Kinematics.axes`), and whatever is made of
 slips and forces (loops, routes, energies, the certificate) is that of isotropic friction.
 
 References

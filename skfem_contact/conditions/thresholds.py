@@ -10,7 +10,7 @@ import numpy as np
 # pressure has no value there. (A quadratic facet on the axis of symmetry has such an end.)
 NO_AREA = 1e-10
 
-# -- diagnosis ---------------------------------------------------
+# -- checks ------------------------------------------------------
 
 # Overlaps below this fraction of the bodies' extent are round-off of coordinates and values.
 NO_OVERLAP = 1e-10
@@ -32,7 +32,7 @@ DIGITS_OF_WEIGHTS = 9
 # Coefficients from here on are larger than those of any pair of materials, sticky rubber (3) included.
 STEEP = 5.0
 
-# -- return_map --------------------------------------------------
+# -- friction, friction_rule -------------------------------------
 
 # Step of difference quotients, as a share of the largest argument: the root of round-off and a digit
 # more, as a law may have several length scales. Quotients only speed up the loops.
@@ -77,7 +77,7 @@ DIGITS = 1e-12
 # above GIVEN, below which a row counts as prescribed.
 SMOOTHEST = 1e-3
 
-# -- slip_axes ---------------------------------------------------
+# -- rows --------------------------------------------------------
 
 # Sine of the angle to the normal below which a direction has no projection to speak of: half a degree,
 # where the turns that a body makes under load decide where it points.

@@ -1,7 +1,6 @@
 """Constraints by elimination: ``C u = b`` becomes ``u = T u_r + c``.
 
-* `inputs`, `pivoting`, `constraint`, `eliminate`: from rows to T;
-* `condense`: for `skfem.solve`;
-* `rows`: the rows of contacts, for scripts that solve for themselves;
+* `pivoting`, `constraint`, `eliminate`: from rows to T;
+* `condense`: the rows of contacts, and what solvers of scikit-fem take;
 * `thresholds`: numbers, and where they come from.
 """

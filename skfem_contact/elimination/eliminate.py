@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import known_keywords, shown
 from skfem_contact.bodies.inputs import csr32
-from skfem_contact.elimination.constraint import AffineConstraint
-from skfem_contact.elimination.inputs import (
+from skfem_contact.elimination.constraint import (
+    AffineConstraint,
     checked_rows,
     dof_mask,
     finite_vector,

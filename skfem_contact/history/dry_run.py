@@ -2,29 +2,56 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.steepness import steep_words
-from skfem_contact.history.body_words import body_words
-from skfem_contact.history.thresholds import UNLIKE
-from skfem_contact.linalg.memory import written_bytes
+from skfem_contact.conditions.friction_rule import steep_words
+from skfem_contact.conditions.geometry import Geometry
+from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.digits import SOLVED
+from skfem_contact.history.thresholds import RESISTED, UNLIKE, UNRESISTED
+from skfem_contact.linalg.multifrontal.fronts import FactorSize
+from skfem_contact.linalg.resources import written_bytes
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 from skfem_contact.pairing.node import Pairing
+from skfem_contact.problem.model import LinearModel
+from skfem_contact.trees import pairs_within
 
-if TYPE_CHECKING:
-    from skfem_contact.history.problem_setup import ProblemSetup
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
-def dry_run(solver: ProblemSetup) -> str:
+class Solver(Protocol):
+    """What of a solver is told before it solves."""
+
+    loop: str
+    system: System
+    contacts: tuple[Contact, ...]
+    names: tuple[str, ...]
+    geometry: Geometry
+    kin: Kinematics
+    interface: Interface
+    linear_model: LinearModel
+
+    def sizes(self) -> dict[str, FactorSize]:
+        """What the factorisation of each body in contact will take."""
+        ...
+
+
+def dry_run(solver: Solver) -> str:
     """What a solver models and what it leaves out, before anything is solved."""
     system = solver.system
     lines = [f"Contact solver: loop '{solver.loop}', {_linear_words(solver)}", ""]
-    for body, name, K in zip(system.bodies, system.names, solver._stiffness, strict=True):
+    for body, name, K in zip(system.bodies, system.names, solver.linear_model.stiffness, strict=True):
         what = "rigid"
         if isinstance(body, Body):
             what = f"{type(body.basis.mesh).__name__}, {body.basis.mesh.nelements} elements"
@@ -48,7 +75,7 @@ def dry_run(solver: ProblemSetup) -> str:
     return "\n".join(lines)
 
 
-def _linear_words(solver: ProblemSetup) -> str:
+def _linear_words(solver: Solver) -> str:
     choice, points, n = solver.linear_model.choice, int(solver.kin.paired.sum()), solver.system.n
     dofs = len(np.setdiff1d(solver.linear_model.touched(), solver.system.D))
     sizes = f"{n} DOFs -> {dofs} contact DOFs -> {choice.rows} gaps and slips of {points} points"
@@ -67,7 +94,7 @@ def _linear_words(solver: ProblemSetup) -> str:
     return f"condensed: {sizes}; {factors}, {dense}, {choice.reason}"
 
 
-def _size_words(solver: ProblemSetup) -> list[str]:
+def _size_words(solver: Solver) -> list[str]:
     """Sizes that are a thousand times apart or so: as meant, or lengths in two units."""
     solids = solver.system.solids
     sizes = {
@@ -86,7 +113,7 @@ def _size_words(solver: ProblemSetup) -> list[str]:
     ]
 
 
-def _free_words(solver: ProblemSetup) -> str:
+def _free_words(solver: Solver) -> str:
     motions = solver.linear_model.motions
     if motions.k == 0:
         return "no rigid motion is free: supports alone hold all bodies"
@@ -110,7 +137,7 @@ def _model_words(contact: Contact) -> str:
     return f"method {method}; {law}"
 
 
-def _spring_words(solver: ProblemSetup, contact: Contact, part: slice) -> list[str]:
+def _spring_words(solver: Solver, contact: Contact, part: slice) -> list[str]:
     """What holds sticking points, where it gives way: two of the loops take springs by themselves."""
     found = solver.interface.stiffness[part][solver.interface.frictional[part]]
     springs = found[np.isfinite(found)]
@@ -124,7 +151,7 @@ def _spring_words(solver: ProblemSetup, contact: Contact, part: slice) -> list[s
     ]
 
 
-def _gap_words(solver: ProblemSetup, contact: Contact, pairing: Pairing, part: slice) -> list[str]:
+def _gap_words(solver: Solver, contact: Contact, pairing: Pairing, part: slice) -> list[str]:
     paired = solver.kin.paired[part]
     gap, total = solver.kin.gap0[part][paired], part.stop - part.start
     lines = [f"{len(gap)} of {total} points have a partner"]
@@ -142,3 +169,84 @@ def _gap_words(solver: ProblemSetup, contact: Contact, pairing: Pairing, part: s
             f"{touching} closed, {int(np.sum(gap < 0))} overlap (deepest {deepest:.6g})"
         )
     return lines
+
+
+def body_words(body: Body, own: bool, contacts: Sequence[Contact]) -> list[str]:
+    """Lines about the mesh, the supports and the stiffness of one body; none as a rule.
+
+    Parameters
+    ----------
+    body : Body
+    own : bool
+        Whether the stiffness is the body's own, and not another one that the solver was given.
+    contacts : sequence of Contact
+        What stands on both sides of them is known to be apart.
+    """
+    surfaces = [s for c in contacts for s in (c.secondary, c.primary) if isinstance(s, ContactSurface)]
+    dofs = [s.dofs[:, 0] for s in surfaces if s.body is body]
+    told = [f"  K was assembled by scikit-fem: {body.by_skfem}"] if own and body.by_skfem else []
+    return [
+        *told,
+        *_apart(body, np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *dofs]))),
+        *_half_held(body),
+        *_own_turn(body),
+    ]
+
+
+def _apart(body: Body, in_contact: Index) -> list[str]:
+    """Nodes at one place that no element joins, and that no contact keeps from overlapping."""
+    mesh = body.basis.mesh
+    nodes = np.unique(mesh.facets[:, mesh.boundary_facets()])
+    x = mesh.p[:, nodes].T
+    pairs = pairs_within(x, SOLVED * float(np.ptp(mesh.p, axis=1).max()))
+    known = np.isin(body.basis.nodal_dofs[0, nodes], in_contact)
+    count = int(np.sum(~known[pairs].all(axis=1)))
+    if not count:
+        return []
+    return [
+        f"  {count} of its nodes lie where another one is, and nothing joins the two or keeps them "
+        "from overlapping: as meant, if it is a slit that opens; else the parts of the mesh were not "
+        "merged (mesh.remove_duplicate_nodes())"
+    ]
+
+
+def _half_held(body: Body) -> list[str]:
+    """Facets whose corners are prescribed and whose other nodes are free, two and more side by side."""
+    basis = body.basis
+    mesh, facets = basis.mesh, basis.mesh.boundary_facets()
+    between = basis.facet_dofs if mesh.dim() == 2 else basis.edge_dofs
+    if len(between) != len(basis.nodal_dofs):
+        return []  # linear elements
+    middle = between[:, facets[None] if mesh.dim() == 2 else mesh.f2e[:, facets]]
+    held = np.zeros(body.n, dtype=bool)
+    held[body.D] = True
+    corners = mesh.facets[:, facets]
+    half = held[basis.nodal_dofs[:, corners]].all(axis=1) & ~held[middle].any(axis=1)
+    found = np.zeros(half.shape[1], dtype=bool)
+    for some in half:
+        # one alone may be the end of a strip one element wide, whose two sides are held
+        met = np.bincount(corners[:, some].ravel(), minlength=mesh.p.shape[1]) > 1
+        found |= some & met[corners].any(axis=0)
+    if not found.any():
+        return []
+    return [
+        f"  D holds the corners of {int(found.sum())} facets and not the nodes between them: as from "
+        "get_dofs(...).nodal; get_dofs(...).all() has all nodes of quadratic elements"
+    ]
+
+
+def _own_turn(body: Body) -> list[str]:
+    """A stiffness that resists rotations of the body and no translations."""
+    if body.components == 1 or body.axisymmetric:
+        return []
+    R = body.rigid_modes
+    turns = np.array(["rotation" in name for name in body.rigid_mode_names])
+    forces = np.linalg.norm(body.K @ R, axis=0)
+    scale = np.linalg.norm(body.K.diagonal()[:, None] * R, axis=0)
+    resisted = forces / np.where(scale > 0, scale, 1.0)
+    if resisted[~turns].max() > UNRESISTED or resisted[turns].max() < RESISTED:
+        return []
+    return [
+        "  K resists rotations of the whole body and no translations: as meant, if it is that of a "
+        "body under load; else it was assembled on another mesh (scaled, turned or moved nodes since)"
+    ]

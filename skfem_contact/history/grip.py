@@ -10,16 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import largest, lengths
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import BARELY, RigidMotions, null_space
-from skfem_contact.conditions.return_map import lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import RESISTS
 from skfem_contact.digits import COMPUTED, SOLVED
-from skfem_contact.history.energy import resisting_slips
-from skfem_contact.history.load_step import Attempt
+from skfem_contact.history.load_step import Attempt, resisting_slips
 from skfem_contact.history.thresholds import ACROSS, FAINT, TINY, TURNED
 from skfem_contact.problem.model import LinearModel
 

@@ -2,25 +2,128 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.answer import Answer
+from skfem_contact.arrays import lengths
+from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import LocalState, State
-from skfem_contact.history.energy import Energy, friction_bound, friction_energy, plastic_slip
+from skfem_contact.conditions.state import OPEN, SLIP, LocalState, State
+from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.driver import Outcome
 from skfem_contact.loops.pulled import Carried
 from skfem_contact.loops.step import Record
+from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.model import LinearModel
-from skfem_contact.problem.response import Load
-from skfem_contact.problem.seam import ContactProblem
-from skfem_contact.problem.workspace import Workspace
+from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.response import Load, Response, Source
+from skfem_contact.problem.seam import ContactProblem, Workspace
+from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(eq=False)
+class Energy:
+    """Energies of the way so far, per contact [energy].
+
+    Attributes
+    ----------
+    lost : ndarray
+        By friction, see `friction_energy`.
+    residual : ndarray
+        What the energy balance misses.
+    """
+
+    lost: Array
+    residual: Array
+
+    def __add__(self, other: Energy) -> Energy:
+        return Energy(self.lost + other.lost, self.residual + other.residual)
+
+
+def friction_energy(
+    interface: Interface, last: LocalState, new: LocalState, plastic: Array, bound: Array
+) -> Energy:
+    r"""Energy that friction takes between two states, and what the energy balance misses.
+
+    On its plastic slip ``s_p`` a point loses the mean of its friction bounds at both ends,
+
+        ``D = (L_n + L_n+1) / 2 |s_p|``,      ``L = 0`` where it is open,
+
+    never less than nothing; exact where the bound is constant, also if the slip turns round, and
+    where bound and slip grow in proportion. The forces themselves do other work in steps so large
+    that they do not follow their bounds, and so do the pressures of points that close or open: with
+    the loads' work ``W`` by the trapezoidal rule and the elastic energy ``U``,
+
+        ``W = U_n+1 - U_n + D + residual``.
+
+    Friction and opening make the residual: it is of second order in the step, and takes no ``K u``.
+    Overlaps of the meshes count as misfit that the loads' work has in it. `plastic` and `bound` are the
+    `plastic_slip` between the two and the `friction_bound` of the new one.
+    """
+    bounds, way = friction_bound(interface, last) + bound, lengths(plastic)
+    friction = last.tangential_force + new.tangential_force
+    pressing = last.normal_force + new.normal_force
+    found = nothing(interface)
+    for k, part in enumerate(interface.point_slices):  # the means are halves of sums
+        found.lost[k] = 0.5 * bounds[part].dot(way[part])
+        found.residual[k] = 0.5 * np.vdot(friction[part], plastic[part]) - found.lost[k]
+    opens = (pressing != 0) & ((new.gap > 0) | (last.gap > 0))
+    if np.count_nonzero(opens):
+        # points without partner have no gap, also one that finds or loses it between the two states
+        opens &= np.isfinite(new.gap) & np.isfinite(last.gap)
+        moved = np.zeros(len(opens))
+        moved[opens] = np.maximum(new.gap[opens], 0.0) - np.maximum(last.gap[opens], 0.0)
+        for k, part in enumerate(interface.point_slices):
+            found.residual[k] -= 0.5 * (pressing[part] @ moved[part])
+    return found
+
+
+def plastic_slip(interface: Interface, last: LocalState, new: LocalState) -> Array:
+    """Slip between two states that a finite tangential stiffness does not give back, (m, d-1)."""
+    G = interface.stiffness[:, None]
+    elastic = (new.tangential_force - last.tangential_force) / G  # zero where sticking is exact
+    return np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
+
+
+def friction_bound(interface: Interface, state: LocalState) -> Array:
+    """Bound of the friction force in a state by the present laws; zero at open points, (m,)."""
+    rule = FrictionRule(interface.laws, state.area, state.reference)
+    bound = rule.bound(state.normal_force, state.slip)
+    bound[state.status == OPEN] = 0.0
+    return bound
+
+
+def resisting_slips(interface: Interface, state: LocalState) -> Mask:
+    """Points that slip against a bound that grows with the slip: a spring along it, (m,)."""
+    rule, slips = FrictionRule(interface.laws, state.area, state.reference), state.status == SLIP
+    if rule.steady or not np.count_nonzero(slips):
+        return np.zeros(len(slips), dtype=bool)
+    size = lengths(state.tangential_force)
+    direction = state.tangential_force / np.where(size > 0, size, 1.0)[:, None]
+    return slips & rule.hardens(direction, state.normal_force, state.slip)
+
+
+def rough_at_rest(interface: Interface, area: Array, tangents: int) -> bool:
+    """Whether some friction bound is not zero where nothing presses: it jumps where a point opens."""
+    still = np.zeros((len(area), tangents))
+    bound = FrictionRule(interface.laws, area, still).bound(np.zeros(len(area)), still)
+    return bool(np.any(bound[~interface.bilateral] > 0))  # what is bilateral never opens
+
+
+def nothing(interface: Interface) -> Energy:
+    """No energy lost."""
+    contacts = len(interface.point_slices)
+    return Energy(np.zeros(contacts), np.zeros(contacts))
 
 
 @dataclass(eq=False)
@@ -59,7 +162,7 @@ class Attempt:
     `start` and `local` are the states before and after it, both along the tangents of its pairing;
     `own_action` is where the forces act on the pairing of its answer, if that is another, (m, d).
     `stateless` are shares of the bounds of points that have no state, where there are any, (m,); see
-    `loops.steep.steeply`. `carried`: how much of the load is carried at most, where that is known.
+    `loops.starts.from_regularised`. `carried`: how much of the load is carried at most, where known.
     """
 
     outcome: Outcome
@@ -90,7 +193,7 @@ class Attempt:
 
     @cached_property
     def plastic_slip(self) -> Array:
-        """What friction acts on, see `energy.plastic_slip`, (m, d-1) [length]."""
+        """What friction acts on, see `plastic_slip`, (m, d-1) [length]."""
         return plastic_slip(self.model.interface, self.start, self.local)
 
     @cached_property
@@ -141,3 +244,120 @@ class Advance:
             return ""
         times = "once" if self.cuts == 1 else f"{self.cuts} times"
         return f", step cut {times}, substep {self.substeps}"
+
+
+@dataclass(eq=False)
+class Recovery:
+    """What it takes to recover the displacements of all bodies for one result, when asked for.
+
+    Vectors over the contact DOFs, and the bodies that all results of a solver share. The dense
+    contact problem on the pairing of the result is none of it: where contact slides far, every result
+    would keep one of its own.
+
+    Attributes
+    ----------
+    model : LinearModel
+    found : Source, or pair of Load and Response
+        What all displacements follow from; on the pairing of the undeformed bodies, which the model
+        keeps, the answer that `source` makes it from when somebody asks.
+    components : tuple or None
+        What the bodies remember of the load; None where they remember nothing.
+    case : LoadCase
+    moved : bool
+        Whether the pairing is another than that of the undeformed bodies.
+    unknowns : int
+        Gaps and slips of the contact problem; zero where it is not on these.
+    shift : ndarray, shape (n,), optional
+        Along motions that nothing resists, see `neutral_equilibrium` [length].
+    """
+
+    model: LinearModel
+    found: Source | tuple[Load, Response]
+    components: tuple[Any, ...] | None
+    case: LoadCase
+    moved: bool
+    unknowns: int
+    shift: Array | None = None
+
+    @classmethod
+    def of(cls, attempt: Attempt, shift: Array | None = None) -> Recovery:
+        """That of the last iterate of an attempt."""
+        problem, load, response = attempt.problem, attempt.load, attempt.outcome.iterate.response
+        moved = problem.u is not None
+        return cls(
+            model=attempt.model,
+            found=problem.source(load, response) if moved else (load, response),
+            components=load.components,
+            case=attempt.case,
+            moved=moved,
+            unknowns=0 if problem.points is None else len(problem.points.S),
+            shift=shift,
+        )
+
+    @cached_property
+    def source(self) -> Source:
+        """What all displacements follow from."""
+        if isinstance(self.found, Source):
+            return self.found
+        source: Source = self.model.problem_on(None, None).source(*self.found)
+        return source
+
+    def __call__(self) -> Array:
+        return _recovered([self])[0]
+
+    def at_contact(self) -> Array:
+        """Displacements (n,) known without the interior: contact DOFs and prescribed ones."""
+        u = self.model.bodies.surface(self.source, self.case)
+        return u if self.shift is None else u + self.shift
+
+    def space(self, kin: Any) -> tuple[PointSpace, bool] | None:
+        """The contact problem on gaps and slips, and whether supports hold all bodies.
+
+        None where it is not on these. Where contact slides far it is computed anew.
+        """
+        if not self.unknowns:
+            return None
+        bodies = self.model.bodies
+        points = self.model.problem_on(kin if self.moved else None, None).points
+        held = isinstance(bodies, Condensed) and bodies.P.shape[1] == 0
+        return None if points is None else (points, held)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # elsewhere the bodies are condensed anew, and remember no loads
+        return {**vars(self), "found": self.source, "components": None}
+
+
+def recover_all(answers: Sequence[Answer]) -> None:
+    """Recover the displacements of many answers, with one solve per model for all of them."""
+    waiting = [r for r in answers if "u" not in r.__dict__]
+    _find_sources([answer.recover for answer in waiting])
+    groups: dict[tuple[int, bool], list[Answer]] = {}
+    for answer in waiting:
+        key = id(answer.recover.model), answer.recover.source.forces
+        groups.setdefault(key, []).append(answer)
+    for group in groups.values():
+        for answer, u in zip(group, _recovered([r.recover for r in group]), strict=True):
+            vars(answer).setdefault("u", sealed(u))  # another thread may have come first
+
+
+def _find_sources(some: Sequence[Recovery]) -> None:
+    """What the displacements follow from, for all that are on the pairing of the undeformed bodies."""
+    groups: dict[int, list[Recovery]] = {}
+    for recovery in some:
+        if not isinstance(recovery.found, Source) and "source" not in vars(recovery):
+            groups.setdefault(id(recovery.model), []).append(recovery)
+    for group in groups.values():
+        problem = group[0].model.problem_on(None, None)
+        sources = problem.sources([r.found for r in group if not isinstance(r.found, Source)])
+        for recovery, source in zip(group, sources, strict=True):
+            vars(recovery).setdefault("source", source)
+
+
+def _recovered(some: Sequence[Recovery]) -> list[Array]:
+    """Displacements of all bodies for recoveries of one model and kind."""
+    bodies = some[0].model.bodies
+    with single_threaded():
+        sources = Source(np.column_stack([r.source.values for r in some]), some[0].source.forces)
+        components = [r.components for r in some]
+        u: list[Array] = bodies.recover(sources, components, [r.case for r in some])
+    return [v if r.shift is None else v + r.shift for v, r in zip(u, some, strict=True)]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.values import status_words
 from skfem_contact.arguments import (
     check_switch,
     known_keywords,
@@ -21,14 +23,14 @@ from skfem_contact.arguments import (
     with_known_keywords,
 )
 from skfem_contact.bodies.member import Member
+from skfem_contact.carried import copied
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.errors import InputError
 from skfem_contact.history.checkpoint import SavedState, load_state, save_state
-from skfem_contact.history.progress import Progress, Silent, count, line, reached
-from skfem_contact.history.recovery import recover_all
-from skfem_contact.history.variants import Variants
-from skfem_contact.history.yielded import Yielded
+from skfem_contact.history.load_step import recover_all
+from skfem_contact.history.problem_setup import Variants
+from skfem_contact.history.read import StepReader
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
 
@@ -225,7 +227,7 @@ class ContactSolver(Variants):
             raise InputError(
                 f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
             )
-        yielded, total = Yielded(), count(steps)
+        yielded, total = PartialResults(), count(steps)
         shown_as = Progress(steps, self.prepare) if progress else Silent()
         try:
             for i, step in enumerate(steps, start=1):
@@ -326,3 +328,123 @@ class ContactSolver(Variants):
         results = members(results, ContactResult, "results", "give results of this solver")
         recover_all([answer_of(r) for r in results])
         return [r.u for r in results]
+
+
+class Progress:
+    """A bar of tqdm; the time that is left is that of the steps behind, in the mean.
+
+    Parameters
+    ----------
+    steps : iterable
+        With a length there is an estimate.
+    prepare : callable
+        What is done once, before the first step: it is no step, and not counted in the estimate.
+    """
+
+    def __init__(self, steps: Any, prepare: Callable[[], object]) -> None:
+        try:
+            from tqdm.auto import tqdm
+        except ImportError:
+            raise InputError(
+                "progress=True needs tqdm, which is not installed: "
+                "pip install 'skfem-contact[progress]'"
+            ) from None
+        total = count(steps)
+        # smoothing=0: the mean of all steps, since the last is no better guess for the rest
+        self.bar = tqdm(total=total, unit="step", smoothing=0, desc="condensing the bodies")
+        try:
+            prepare()
+        except BaseException:
+            self.bar.close()
+            raise
+        self.bar.set_description("load steps", refresh=False)
+        self.bar.reset(total=total)
+
+    def shows(self, answer: Answer) -> None:
+        """One step more."""
+        self.bar.set_postfix_str(words(answer), refresh=False)
+        self.bar.update()
+
+    def close(self) -> None:
+        """The bar stays as it is."""
+        self.bar.close()
+
+
+class Silent:
+    """In place of a bar."""
+
+    def shows(self, answer: Answer) -> None:
+        """Nothing."""
+
+    def close(self) -> None:
+        """Nothing."""
+
+
+def count(steps: Any) -> int | None:
+    """How many steps there are, where that is known."""
+    try:
+        return len(steps)
+    except TypeError:  # a generator; or what is no list of steps, which is refused where it is read
+        return None
+
+
+def words(answer: Answer) -> str:
+    """The load and how it was found."""
+    load = "" if answer.factor is None else f"load factor {answer.factor:g}, "
+    return f"{load}{answer.iterations} iteration{'s' if answer.iterations != 1 else ''}"
+
+
+def line(number: int, total: int | None, answer: Answer) -> str:
+    """A line of the log: which step, how it ended, and what every contact does."""
+    of = "" if total is None else f" of {total}"
+    load = "" if answer.factor is None else f", load factor {answer.factor:g}"
+    contacts = (f"{values.name}: {status_words(values)}" for values in ContactResult(answer))
+    return "; ".join([f"step {number}{of}{load}: {answer.message}", *contacts])
+
+
+def reached(number: int, total: int | None) -> str:
+    """For an exception that ends a history: how far it came, and where that is."""
+    of = "" if total is None else f" of {total}"
+    steps = "step was" if number == 1 else "steps were"
+    return (
+        f"{number}{of} load {steps} finished before: their results are in `.results` of this exception "
+        "(sys.last_value.results in an interactive session)"
+    )
+
+
+NONE = np.zeros(0)
+
+
+@dataclass(eq=False)
+class PartialResults:
+    """Results of one history, in their order."""
+
+    _light: list[tuple[Answer, StepReader]] = field(default_factory=list)
+    _alive: list[weakref.ref[ContactResult]] = field(default_factory=list)
+
+    def add(self, result: ContactResult, reader: StepReader) -> None:
+        """Keep a result; `reader` knows the loads that a number stands for."""
+        answer = answer_of(result)
+        light = copied(answer) if answer.factor is None else _with_loads(answer, NONE, NONE)
+        self._light.append((light, reader))
+        self._alive.append(weakref.ref(result))
+
+    def all(self) -> tuple[ContactResult, ...]:
+        """The results themselves where they are still held by somebody, and equal ones elsewhere."""
+        found = []
+        for (light, reader), alive in zip(self._light, self._alive, strict=True):
+            result = alive()
+            if result is None:
+                if light.factor is not None:
+                    loads = reader.read(light.factor, light.case)
+                    light = _with_loads(light, loads.f, loads.x)
+                result = ContactResult(light)
+            found.append(result)
+        return tuple(found)
+
+
+def _with_loads(answer: Answer, f: Array, x: Array) -> Answer:
+    """The same answer with other vectors of loads, and without what it remembers."""
+    case = copied(answer.case, f=f, x=x)
+    seen = case if answer.seen is answer.case else copied(answer.seen, f=f, x=x)
+    return copied(answer, case=case, seen=seen, recover=copied(answer.recover, case=case))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,30 +11,30 @@ from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Tresca
+from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.conditions.statics import balanced
 from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.errors import ConstraintError
-from skfem_contact.history.energy import rough_at_rest
 from skfem_contact.history.grip import pins
-from skfem_contact.history.load_step import Attempt, LoadStep
+from skfem_contact.history.load_step import Attempt, LoadStep, rough_at_rest
 from skfem_contact.history.thresholds import NAMED, NOISE
-from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.loops.active_set import LOOPS
+from skfem_contact.loops.complementarity import friction_of_prescribed_slip
 from skfem_contact.loops.driver import Options, Outcome, drive
-from skfem_contact.loops.guided import guided_friction
 from skfem_contact.loops.multipliers import Collision
-from skfem_contact.loops.pulled import Carried, pulled
-from skfem_contact.loops.starts import DENSE, admissible, as_guess, possible_starts, starting_values
-from skfem_contact.loops.steep import steeply
+from skfem_contact.loops.starts import (
+    DENSE,
+    admissible,
+    possible_starts,
+    starting_values,
+)
 from skfem_contact.loops.step import Step
-from skfem_contact.loops.table import LOOPS
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Load
 from skfem_contact.problem.seam import ContactProblem
-
-# Where an attempt begins once all others have failed, with friction that jumps: see `loops.steep`.
-STEEPLY = "steeply"
 
 RAN_AWAY = (
     "loads and contact forces do not balance along a motion that supports leave free: it is hardly "
@@ -123,45 +122,31 @@ class Stepper(ByFields):
             load = problem.load(seen)
             step = self._step(problem, load, last, noise, moved)
             dense = step
-            if start in (*DENSE, STEEPLY) and (points := self.model.on_points(problem)) is not problem:
+            points = self.model.on_points(problem) if start in DENSE else problem
+            if points is not problem:
                 dense = replace(step, problem=points, load=points.load(seen))
-            tolerance, spent = options.tolerance, None
-            stateless: NDArray[np.float64] | None = None
-            carried: Carried | None = None
             loop = LOOPS[self.loop]
             limit = options.max_iterations or loop.most
             try:
-                if start == STEEPLY:
-                    guess, shares = steeply(dense, admissible(as_guess(begin), dense), tolerance)
-                    stateless = shares if shares.any() else None
-                elif start == "pulled":
-                    begun = geometry.case(kin, problem.u, to.before, last, to.before)
-                    before = cast(ContactProblem, dense.problem).load(begun)
-                    known = admissible(as_guess(begin), dense)
-                    guess, spent, carried = pulled(dense, before, known, tolerance)
-                else:
-                    guess, spent = starting_values(start, begin, step, kin, tolerance, self.loop, dense)
-                guess = admissible(guess, step)
-                outcome = drive(
-                    loop.iterates, step, guess, tolerance, limit, to.callback, loop.patience
+                found = starting_values(
+                    start,
+                    begin,
+                    step,
+                    options.tolerance,
+                    self.loop,
+                    dense,
+                    lambda: points.load(geometry.case(kin, problem.u, to.before, last, to.before)),
                 )
+                guess = admissible(found.guess, step)
+                given = step, guess, options.tolerance, limit, to.callback, loop.patience
+                outcome = found.ended(drive(loop.iterates, *given), dense is step or start not in DENSE)
             except Collision as collision:
                 raise self._contradiction(collision, problem, seen) from None
-            trace = (*spent.trace, *outcome.trace) if spent else outcome.trace
-            same = dense is step or start not in DENSE
-            if same and spent and spent.converged and not outcome.converged and not outcome.stopped:
-                # the same equations and tolerance: limits that lag ran away from their solution
-                outcome = replace(spent, note=" of the loop 'newton'")
-            elif spent and spent.free is not None and not outcome.converged:
-                outcome = replace(outcome, free=spent.free)  # its limits do not lag
-            note = outcome.note or (" after complementary pivoting" if guess.pivoted else "")
-            if trace is not outcome.trace or note:
-                outcome = replace(outcome, trace=trace, note=note)
             local = self._state(step, outcome, to, problem, seen)
         strained = NOISE * max(self.model.stiffest) * moved
         failure = "" if balanced(problem.motions, target.f, local, noise, strained) else RAN_AWAY
-        found = outcome, self.model, problem, load, target, seen, last, local
-        return Attempt(*found, failure=failure, stateless=stateless, carried=carried)
+        ended = outcome, self.model, problem, load, target, seen, last, local
+        return Attempt(*ended, failure=failure, stateless=found.stateless, carried=found.carried)
 
     def _contradiction(
         self, collision: Collision, problem: ContactProblem, seen: LoadCase
@@ -196,22 +181,21 @@ class Stepper(ByFields):
         paired = kin.paired & (interface.bilateral | problem.able)
         if self.barred is not None:
             paired &= ~self.barred
-        frictional, guided, guided_along = interface.frictional & paired, None, None
-        if interface.laws and np.count_nonzero(along := problem.guided_tangents):
+        frictional, guided, slip_prescribed_along = interface.frictional & paired, None, None
+        if interface.laws and np.count_nonzero(along := problem.prescribed_tangents):
             # without tangents (scalar problems) there are no laws
             if np.count_nonzero(whole := along.all(axis=1)):
                 guided, frictional = whole & interface.frictional, frictional & ~whole
             if np.count_nonzero(half := along & frictional[:, None]):
-                guided_along = half
+                slip_prescribed_along = half
         step = Step(
             problem=problem,
             load=load,
             motions=problem.motions,
-            area=kin.area,
             paired=paired,
             tied=interface.tied & paired,
             bilateral=interface.bilateral & paired,
-            laws=interface.laws,
+            friction=FrictionRule(interface.laws, kin.area, last.reference),
             frictional=frictional,
             stiffness=interface.stiffness,
             last=last,
@@ -219,8 +203,8 @@ class Stepper(ByFields):
             noise=noise,
             far=far,
             resistance=problem.resistance if interface.laws and kin.tangents > 1 else None,
-            guided=guided,
-            guided_along=guided_along,
+            slip_prescribed=guided,
+            slip_prescribed_along=slip_prescribed_along,
         )
         if problem.u is None:  # which the model keeps: those of other pairings are large
             problem.steps[self] = step
@@ -239,8 +223,8 @@ class Stepper(ByFields):
         interface, geometry = self.model.interface, self.model.geometry
         response = it.response
         status, friction = it.status, response.tangential_force
-        if step.guided is not None:
-            status, friction = guided_friction(step, step.guided, status, response)
+        if step.slip_prescribed is not None:
+            status, friction = friction_of_prescribed_slip(step, step.slip_prescribed, status, response)
         opened = status == OPEN
         surface, trend, slip = last.surface, last.trend, response.slip
         if geometry.follows:

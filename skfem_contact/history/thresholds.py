@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-# -- body_words --------------------------------------------------
+# -- dry_run -----------------------------------------------------
 
 # Forces of a rigid motion over those that the diagonal of K alone gives: round-off of a motion that K
 # does not resist is 1e-15 to 1e-12; a mesh that has been scaled by 1.001 is far above both.
@@ -16,7 +16,7 @@ UNRESISTED, RESISTED = 1e-10, 1e-7
 # times, where the bodies themselves are alike within a factor of three).
 UNLIKE = 300.0
 
-# -- cutting, placing --------------------------------------------
+# -- stepping ----------------------------------------------------
 
 # A step that fails is halved, and after a success the next part is twice as large: what one cut too
 # many costs is won back by one that succeeds.
@@ -33,7 +33,7 @@ PLAIN = 3
 # at its very end there is no pairing that is that of its own answer.
 EDGE = 5
 
-# -- wearing -----------------------------------------------------
+# -- stepping ----------------------------------------------------
 
 # The share of the depth worn off in a step that the bodies may answer by another pressure. Beyond one
 # a point would wear until it is open, where it has only got lighter. Secants need far less.
@@ -54,7 +54,7 @@ NOISE = 10 * float(np.finfo(float).eps)
 # How many points that can not all be closed a message names.
 NAMED = 4
 
-# -- second_order ------------------------------------------------
+# -- solve_step --------------------------------------------------
 
 # Sway and turn of a tool over the way that it moves, below which what changes them is compared with
 # this part of the way: a press down by 1 with a shift of 0.001 is one without.
@@ -67,7 +67,7 @@ PRESSED = 0.1
 # hold, where nothing gives way.
 SAME_COORDINATES = 1e-13
 
-# -- grip, indifference, nearest ---------------------------------
+# -- grip, neutral_equilibrium -----------------------------------
 
 # Weak springs, over the largest stiffness of a body: forces are found to six digits, and a factor of
 # ten between the two is far from one.

@@ -2,19 +2,114 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.distributed import refused
+from skfem_contact.bodies.distributed import DistributedStiffness, refused
 from skfem_contact.bodies.member import Member
+from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.errors import ContactError, InputError
-from skfem_contact.linalg.body_factor import BodyFactor
+from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import Solve
-from skfem_contact.linalg.stacked import Stacked
-from skfem_contact.linalg.threads import single_threaded
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+class Stacked(DistributedStiffness):
+    """Block diagonal stiffness of all bodies, and sparse terms that one process has."""
+
+    @abstractmethod
+    def bordered(self, B: csr_matrix) -> Stacked:
+        """With further unknowns ``w = B u``, without stiffness but for what is added to all."""
+
+    @abstractmethod
+    def reduced(self, trial: AffineConstraint, f: Array, test: AffineConstraint) -> tuple[Any, Array]:
+        """``V'KT``, for the backend to factorise, and ``V'(f - K c)``."""
+
+    @abstractmethod
+    def __add__(self, other: Any) -> Stacked:
+        """With a symmetric sparse matrix (n, n) added, which one process holds."""
+
+
+class Surface(Protocol):
+    """What forces on some DOFs move there."""
+
+    def __call__(self, force: Array, flexibility: Array | None = None) -> Array:
+        """Displacements (m,) under forces (m,).
+
+        Parameters
+        ----------
+        force : ndarray, shape (m,)
+        flexibility : ndarray, shape (n_c, n_c), optional
+            ``(S + ...)^-1`` of what the factorisation keeps, with what holds it besides.
+        """
+        ...
+
+
+class BodyFactor(Protocol):
+    """A stiffness K (n, n) of which all DOFs i but the kept ones c are eliminated.
+
+    There are two: `multifrontal.factor.MultifrontalCholesky` in one process, and
+    `distributed.condensation.DistributedFactor` over MPI ranks. A backend makes them
+    (`backend.Backend.condensed`).
+
+    Attributes
+    ----------
+    keep : ndarray of int, shape (n_c,)
+        DOFs that are not eliminated.
+    order : ndarray of int, shape (n,)
+        The DOFs in the order of elimination; the kept ones come last.
+    S : ndarray, shape (n_c, n_c)
+        ``K_cc - K_ci K_ii^-1 K_ic``, symmetric, in the order of `keep`; empty once it was taken.
+    memory : int
+        What the factors take [bytes], on all ranks together.
+    """
+
+    keep: Index
+    S: Array
+
+    @property
+    def order(self) -> Index:
+        """Shape (n,)."""
+        ...
+
+    @property
+    def memory(self) -> int:
+        """Bytes."""
+        ...
+
+    def take_S(self) -> Array:
+        """`S` for the caller alone, who may change it."""
+        ...
+
+    def eliminate(self, f: Array) -> Array:
+        """Loads (n,) or (n, r) with the interior eliminated, (n, r), in the order `order`.
+
+        The last rows are ``f_c - K_ci K_ii^-1 f_i``; what the others are is for `substitute` to know.
+        """
+        ...
+
+    def substitute(self, u_keep: Array, eliminated: Array) -> Array:
+        """Displacements (n, r), in the order `order`, from those of the kept DOFs (n_c, r).
+
+        `eliminated` is from `eliminate`, or a combination of such; it is overwritten.
+        """
+        ...
+
+    def reduce_load(self, f: Array) -> Array:
+        """``f_c - K_ci K_ii^-1 f_i``, (n,) -> (n_c,) or (n, r) -> (n_c, r)."""
+        ...
+
+    def response(self, dofs: Index) -> Surface:
+        """What forces on some DOFs (m,) move there."""
+        ...
 
 
 class LinearSolveError(ContactError):

@@ -26,8 +26,7 @@ from scipy.sparse.linalg import splu
 
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.backend import Backend, Factorisation, LinearSolveError, by_column
-from skfem_contact.linalg.body_factor import BodyFactor
+from skfem_contact.linalg.backend import Backend, BodyFactor, Factorisation, LinearSolveError, by_column
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 from skfem_contact.linalg.multifrontal.ordering import dissection_order

@@ -8,7 +8,7 @@ from __future__ import annotations
 # skfem.utils leave some 1e-6 at their default tolerance.
 ACCEPTED = 1e-4
 
-# -- in_place ----------------------------------------------------
+# -- dense_factors -----------------------------------------------
 
 # Rows of a dense matrix that are worked on at once: enough for matrix products, few beside the matrix.
 ROWS_AT_ONCE = 1024
@@ -16,7 +16,7 @@ ROWS_AT_ONCE = 1024
 # Rows of a triangle that are copied at once: few operations, and a block that caches hold.
 MIRRORED_AT_ONCE = 128
 
-# -- memory ------------------------------------------------------
+# -- resources ---------------------------------------------------
 
 # Twice the bytes of the factors of squares over n log2 n, and of cubes over n^1.37: 3.2 GB are taken by
 # a million DOFs in the plane; 0.21, 0.98 and 2.8 GB for 30 000, 95 000 and 202 000 in space.

@@ -1,13 +1,11 @@
 """The nonlinear iterations: which points are open, stick and slip.
 
 * `step`: what loops are given and return;
-* `projection`, `rules`, `plane_rules`, `guided`: how points change, where supports prescribe slips;
-* `tangent`: the linear conditions of an iteration; `pace`, `search`: how far one goes at a time;
-* `active_set`, `fictitious`, `table`: the three loops, and each by its name and limits;
+* `complementarity`: how points change, where supports prescribe slips too, and how far a state is off;
+* `tangent`: the linear conditions of an iteration, and the points that hold a body in it;
+* `active_set`: the three loops, each by its name and limits, and how far they go at a time;
 * `multipliers`: springs that lose their strain, where forces are not unique;
-* `unneeded`: friction that is not needed there;
 * `driver`: what counts, logs and stops them;
-* `starts`, `lemke`, `pulled`, `proximal`, `steep`: where iterations begin, and what is carried at most;
-* `anderson`: secants for fixed points;
+* `starts`, `lemke`, `pulled`: where iterations begin, and what is carried at most;
 * `thresholds`: numbers, and where they come from.
 """

@@ -17,7 +17,7 @@ from skfem_contact.loops.step import Guess, Iterate, Record, Step
 
 logger = logging.getLogger("skfem_contact")
 
-UNHELD = "no equilibrium: nothing holds a rigid motion"
+NOTHING_HOLDS = "no equilibrium: nothing holds a rigid motion"
 
 
 @with_known_keywords(max_candidates="write max_dense_bytes, the memory of the dense contact problem")
@@ -160,7 +160,7 @@ def drive(
     trace: list[Record] = []
     unheld: set[bytes] = set()
     suspect: np.ndarray | None = None
-    progress = Progress()
+    progress = Stagnation()
     message = f"no convergence in {limit} iterations"
     iterates = loop(step, guess, tolerance)
     while True:
@@ -186,7 +186,7 @@ def drive(
                 # limits of the loop `direct` still move this is a suspicion only
                 suspect = iterate.held
                 if iterate.residual <= tolerance:
-                    return Outcome(iterate, tuple(trace), False, UNHELD, suspect)
+                    return Outcome(iterate, tuple(trace), False, NOTHING_HOLDS, suspect)
             unheld.add(key)
         if callback is not None:
             try:
@@ -205,7 +205,7 @@ def drive(
 
 
 @dataclass
-class Progress:
+class Stagnation:
     """The best a run has come to, and how long ago."""
 
     changes: int = np.iinfo(int).max

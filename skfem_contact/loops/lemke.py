@@ -155,14 +155,16 @@ def _sweeps(step: Step, problem: _Problem, current: Guess) -> Guess | None:
     force = np.maximum(current.normal_force, 0.0)
     guess: Guess | None = None
     for _ in range(SWEEPS):
-        slope = step.slope(force, current.slip)[problem.friction]
+        slope = step.friction.slope(force, current.slip)[problem.friction]
         slope = np.where(problem.pressed, slope, 0.0)
-        cohesion = step.limit(force, current.slip)[problem.friction] - slope * force[problem.friction]
+        cohesion = (
+            step.friction.bound(force, current.slip)[problem.friction] - slope * force[problem.friction]
+        )
         z = _solve(problem, slope, cohesion)
         if z is None:
             return guess
         guess = _statuses(step, problem, z, current)
-        found = step.slope(guess.normal_force, current.slip)[problem.friction]
+        found = step.friction.slope(guess.normal_force, current.slip)[problem.friction]
         if np.allclose(slope, np.where(problem.pressed, found, 0.0)):
             return guess
         force = guess.normal_force

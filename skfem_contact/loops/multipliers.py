@@ -21,21 +21,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
-from skfem_contact.conditions.return_map import lengths
-from skfem_contact.conditions.state import OPEN, STICK
-from skfem_contact.digits import GIVEN, SOLVED
+from skfem_contact.arrays import largest, lengths, size_of
+from skfem_contact.conditions.kinematics import without_columns
+from skfem_contact.conditions.rows import stacked_rows
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.loops.rules import propose
+from skfem_contact.loops.complementarity import propose
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import MOST_MOVES, NO_STRAIN, ROUNDED, SLOW
-from skfem_contact.loops.unneeded import with_least_friction
 from skfem_contact.problem.response import Response
+from skfem_contact.problem.springs import least_friction
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Loop = Callable[[Step, Guess, float], Iterator[Iterate]]
+Iteration = Callable[[Step, Guess, float], Iterator[Iterate]]
 
 
 class Collision(Exception):
@@ -71,7 +74,7 @@ class Rested:
     strained: bool
 
 
-def through_springs(loop: Loop, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+def through_springs(loop: Iteration, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
     """A loop, again and again, while springs have a strain; without springs, once.
 
     Rest forces follow the forces of one answer after the other. What springs come to under the
@@ -89,17 +92,17 @@ def through_springs(loop: Loop, step: Step, guess: Guess, tolerance: float) -> I
             yield iterate
         p, before = _forces(iterate.response), change
         change = p if rest is None else p - rest
-        slow = rest is not None and len(before) > 0 and _largest(change) > SLOW * _largest(before)
+        slow = rest is not None and len(before) > 0 and size_of(change) > SLOW * size_of(before)
         if rest is not None and _lost(step, iterate, change, slow):
             yield with_least_friction(step, iterate)
-        nearer = _largest(change) < least  # strains that fall are progress
-        least = min(least, _largest(change))
+        nearer = size_of(change) < least  # strains that fall are progress
+        least = min(least, size_of(change))
         yield replace(iterate, converged=False, note="springs have a strain", nearer=nearer)
         if rest is None and not iterate.conditions.gives:  # which turn with the forces
             trial = _trial(loop, step, iterate, tolerance)
             if trial is not None:
                 yield with_least_friction(step, trial)
-        elif slow and _largest(change - before) <= GIVEN * _largest(change):
+        elif slow and size_of(change - before) <= GIVEN * size_of(change):
             _check(step, change)
             share = _until_one_changes(step, iterate, p, change)
             if share >= 1.0 / GIVEN:
@@ -135,7 +138,7 @@ def _until_one_changes(step: Step, iterate: Iterate, p: Array, growth: Array) ->
 
     def slips(share: float) -> bool:
         force = p + share * growth
-        beyond = step.excess(force[:, 1:], force[:, 0], iterate.response.slip)
+        beyond = step.friction.excess(force[:, 1:], force[:, 0], iterate.response.slip)
         return bool(np.any(beyond[sticks] > GIVEN * lengths(force[:, 1:])[sticks]))
 
     if most > 0 and sticks.any() and slips(most):
@@ -146,7 +149,7 @@ def _until_one_changes(step: Step, iterate: Iterate, p: Array, growth: Array) ->
     return max(most, 0.0)
 
 
-def _trial(loop: Loop, step: Step, iterate: Iterate, tolerance: float) -> Iterate | None:
+def _trial(loop: Iteration, step: Step, iterate: Iterate, tolerance: float) -> Iterate | None:
     """The answer that springs come to under the conditions of an iterate, if they still hold then."""
     found = rested(step, iterate)
     if found.strained:
@@ -179,9 +182,9 @@ def _lost(step: Step, iterate: Iterate, change: Array, slow: bool) -> bool:
     `slow`: the next change would hardly be smaller. Then what rows are known to is no strain.
     """
     assert step.problem.springs is not None
-    strain = _largest(step.problem.springs[:, None] * change)
+    strain = size_of(step.problem.springs[:, None] * change)
     known = NO_STRAIN * _extent(step) if slow else _round_off(step, iterate.response)
-    return strain <= known or _largest(change) <= SOLVED * iterate.response.largest_force
+    return strain <= known or size_of(change) <= SOLVED * iterate.response.largest_force
 
 
 def _forces(response: Response) -> Array:
@@ -211,14 +214,14 @@ def rested(step: Step, iterate: Iterate) -> Rested:
     while count < MOST_MOVES:
         last, new = moved(p)
         change, p, count = new - p, new, count + 1
-        strain, size = _largest(give * change), _largest(change)
-        if strain <= round_off or size <= SOLVED * _largest(p):
+        strain, size = size_of(give * change), size_of(change)
+        if strain <= round_off or size <= SOLVED * size_of(p):
             break
-        straighter, bend = bend, _largest(change - before)
+        straighter, bend = bend, size_of(change - before)
         grows = bend <= GIVEN * size
         if grows:
             break
-        if size > SLOW * _largest(before) and bend > SLOW * straighter:
+        if size > SLOW * size_of(before) and bend > SLOW * straighter:
             if iterated:
                 break
             p, iterated = _by_gmres(moved, p, np.sqrt(give), round_off), True
@@ -239,7 +242,7 @@ def _by_gmres(
         at = x.reshape(p.shape) / root
         return np.asarray(x - (root * (moved(at)[1] - begin)).ravel())
 
-    goal = max(round_off / _largest(root), SOLVED * float(np.linalg.norm(root * p)))
+    goal = max(round_off / size_of(root), SOLVED * float(np.linalg.norm(root * p)))
     x = (root * p).ravel()
     found = gmres(left, (root * begin).ravel(), lambda r: r, x, goal, MOST_MOVES)
     return np.asarray(found.x.reshape(p.shape) / root)
@@ -249,18 +252,14 @@ def _round_off(step: Step, response: Response) -> float:
     """Strain that is round-off of gaps and slips [length]."""
     finite = np.isfinite(step.load.gap0)
     gaps = step.load.gap0[finite], response.gap[finite]
-    return ROUNDED * max(_largest(a) for a in (*gaps, step.load.slip0, response.slip))
-
-
-def _largest(values: Array) -> float:
-    return float(np.abs(values).max(initial=0.0))
+    return ROUNDED * max(size_of(a) for a in (*gaps, step.load.slip0, response.slip))
 
 
 def _check(step: Step, growth: Array) -> None:
     """Raise `Collision` where what grows shows that points can not all be closed."""
     assert step.problem.springs is not None
     strain = step.problem.springs[:, None] * growth
-    normal, tangential, most = strain[:, 0], strain[:, 1:], _largest(strain)
+    normal, tangential, most = strain[:, 0], strain[:, 1:], size_of(strain)
     if most <= NO_STRAIN * _extent(step):
         return
     unglued = np.where(step.tied[:, None], 0.0, tangential)
@@ -274,3 +273,51 @@ def _extent(step: Step) -> float:
     """Size of the contact surfaces [length]."""
     points = step.motions.kin.points[step.paired]
     return float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
+
+
+def with_least_friction(step: Step, iterate: Iterate) -> Iterate:
+    """The same answer with no more friction than is needed, where pressures and bounds allow it.
+
+    Points that slip keep their forces: friction follows the normal force there. A set of rows is taken
+    after the other, each by itself.
+
+    Parameters
+    ----------
+    step : Step
+    iterate : Iterate
+        An answer in which no spring has a strain.
+    """
+    give, response, held = step.problem.springs, iterate.response, iterate.conditions
+    sticks = held.closed & held.stick
+    if give is None or not np.any(sticks & step.frictional):
+        return iterate
+    system, t = step.motions.system, step.motions.kin.tangents
+    kin = without_columns(step.motions.kin, np.setdiff1d(np.arange(system.n), system.D))
+    every = stacked_rows([kin.B_n, csr_matrix(-kin.B_t)])
+    rests = held.closed & ((iterate.status != SLIP) | ~step.resisting)
+    moves = np.diff(every.indptr) > 0  # the others are data: supports make them
+    at = np.flatnonzero(np.append(rests, np.repeat(sticks, t)) & moves)
+    rubs = np.append(np.zeros(len(rests), dtype=bool), np.repeat(step.frictional, t))[at]
+    gives = np.append(give, np.repeat(give, t))[at]
+    force = np.append(response.normal_force, response.tangential_force)
+    for of, found in least_friction(csr_matrix(every[at]), rubs, gives, force[at]):
+        new = force.copy()
+        new[at[of]] = found
+        force = new if _allowed(step, iterate, new) else force
+    n, tau = np.split(force, [len(rests)])
+    tau = tau.reshape(response.tangential_force.shape)
+    return replace(iterate, response=replace(response, normal_force=n, tangential_force=tau))
+
+
+def _allowed(step: Step, iterate: Iterate, force: Array) -> bool:
+    """Whether no point pulls, and no friction is beyond its bound, by more than in the answer.
+
+    Normal forces (m,) come first. An answer is one to the tolerance of its loop.
+    """
+    n, tau = np.split(force, [len(iterate.status)])
+    before, known = iterate.response, COMPUTED * largest(np.abs(force))
+    sticks = iterate.conditions.stick & step.frictional
+    beyond = step.friction.excess(tau.reshape(len(n), -1), n, before.slip)
+    beyond -= step.friction.excess(before.tangential_force, before.normal_force, before.slip)
+    pulls = np.minimum(before.normal_force, 0.0) - n
+    return bool(np.all(pulls[~step.bilateral] <= known) and np.all(beyond[sticks] <= known))

@@ -1,25 +1,102 @@
-"""Where the iterations of a load step begin: warm, cold, by another loop or another problem."""
+"""Where the iterations of a load step begin: warm, cold, by another loop or another problem.
+
+The proximal point is a way to the answer where Newton's method finds none.
+Large coefficients of friction on uneven surfaces leave Newton's steps no way down. The same problem
+with a soft spring in series with every point has one: nearly every point is then by itself. Springs
+without strain at the forces of the last such problem change nothing where these are the answer. They
+are made stiffer from one problem to the next, and from near enough the problem itself is solved.
+(R. T. Rockafellar, SIAM J. Control Optim. 14 (1976); with friction nothing is proved.)
+
+Cohesion and Tresca's law have a bound ``L`` where nothing presses, and none where a point is open. Such
+a point may have no state: with all of its friction it is pulled, without it overlaps. With the bound
+
+    ``min(L(lambda), k lambda)``
+
+in its place there is one (`from_regularised`). Where k is large, the answer is that of the law
+itself, unless points slip under no more than a part of ``L`` and hardly any pressure, however large k
+is: these have no state nearby.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.lemke import lemke_guess
-from skfem_contact.loops.proximal import proximal
-from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import MOST_POINTS, NEWTON_ITERATIONS
+from skfem_contact.loops.pulled import Carried, after, pulled
+from skfem_contact.loops.step import Guess, Record, Step
+from skfem_contact.loops.thresholds import (
+    EASED,
+    EASED_AFTER,
+    FROM_NEAR,
+    FULL_BOUND,
+    IN_SERIES,
+    MOST_IN_SERIES,
+    MOST_POINTS,
+    NEAR,
+    NEWTON_ITERATIONS,
+    RISES,
+    SOFTENED,
+    SOFTEST,
+    TOO_SOFT,
+    TOO_STIFF,
+)
+from skfem_contact.problem.response import Load, Resistance
+from skfem_contact.problem.seam import ContactProblem
 
 Array = NDArray[np.float64]
 
 # Where an attempt at a load step begins, in this order.
 STARTS = ("warm", "cold", "newton", "pivoting", "pulled", "proximal")
+# Where one begins once all these have failed, with friction that jumps.
+REGULARISED = "regularised"
 # Of these the ones that ask for the problem on gaps and slips, where there is one.
-DENSE = ("pivoting", "pulled", "proximal")
+DENSE = ("pivoting", "pulled", "proximal", REGULARISED)
+
+
+@dataclass(eq=False)
+class Start:
+    """Where the iterations of a load step begin, and what was found out on the way there.
+
+    Attributes
+    ----------
+    guess : Guess
+    spent : Outcome or None
+        How another loop came to it.
+    stateless : ndarray, shape (m,), or None
+        Shares of the bounds of points that have no state, where there are any; see `from_regularised`.
+    carried : Carried or None
+        How much of the load is carried at most.
+    """
+
+    guess: Guess
+    spent: Outcome | None = None
+    stateless: Array | None = None
+    carried: Carried | None = None
+
+    def ended(self, outcome: Outcome, same: bool) -> Outcome:
+        """How a step ended whose loop began here; `same` where both loops had the same equations."""
+        spent = self.spent
+        trace = (*spent.trace, *outcome.trace) if spent else outcome.trace
+        if same and spent and spent.converged and not outcome.converged and not outcome.stopped:
+            # the same equations and tolerance: limits that lag ran away from their solution
+            outcome = replace(spent, note=" of the loop 'newton'")
+        elif spent and spent.free is not None and not outcome.converged:
+            outcome = replace(outcome, free=spent.free)  # its limits do not lag
+        note = outcome.note or (" after complementary pivoting" if self.guess.pivoted else "")
+        if trace is outcome.trace and not note:
+            return outcome
+        return replace(outcome, trace=trace, note=note)
 
 
 def possible_starts(points: int, loop: str, turns: bool, pulled: bool = False) -> list[str]:
@@ -36,17 +113,23 @@ def possible_starts(points: int, loop: str, turns: bool, pulled: bool = False) -
 
 
 def starting_values(
-    start: str, known: LocalState, step: Step, kin: Kinematics, tolerance: float, loop: str, dense: Step
-) -> tuple[Guess, Outcome | None]:
-    """Starting values, and how another loop came to them.
+    start: str,
+    known: LocalState,
+    step: Step,
+    tolerance: float,
+    loop: str,
+    dense: Step,
+    before: Callable[[], Load] | None = None,
+) -> Start:
+    """Starting values by one of the starts.
 
     Parameters
     ----------
-    start : {"warm", "cold", "newton", "pivoting", "proximal"}
+    start : str
+        Of `STARTS`, or `REGULARISED`.
     known : LocalState
         The last known state, which a warm start repeats.
     step : Step
-    kin : Kinematics
     tolerance : float
         To which other loops are run.
     loop : str
@@ -54,18 +137,27 @@ def starting_values(
         is not exact, Newton takes the round-off out of what pivoting has found.
     dense : Step
         The same step with gaps and slips as unknowns, for the starts in `DENSE`.
+    before : callable, optional
+        Gives the load at which the step begins, for ``"pulled"``.
     """
+    guess = as_guess(known)
     if start == "warm":
-        return as_guess(known), None
+        return Start(guess)
     if start == "newton":
-        return _by_newton(as_guess(known), step, tolerance)
-    if start == "proximal":
-        return proximal(dense, admissible(as_guess(known), dense), tolerance)
+        return Start(*_by_newton(guess, step, tolerance))
     if start == "pivoting":
-        pivoted = lemke_guess(dense, as_guess(known))
+        pivoted = lemke_guess(dense, guess)
         if pivoted is not None:
-            return _by_newton(pivoted, step, tolerance) if loop == "direct" else (pivoted, None)
-    return _cold(step, kin), None
+            return Start(*_by_newton(pivoted, step, tolerance)) if loop == "direct" else Start(pivoted)
+    if start == "proximal":
+        return Start(*proximal(dense, admissible(guess, dense), tolerance))
+    if start == "pulled" and before is not None:
+        guess, spent, carried = pulled(dense, before(), admissible(guess, dense), tolerance)
+        return Start(guess, spent, carried=carried)
+    if start == REGULARISED:
+        guess, shares = from_regularised(dense, admissible(guess, dense), tolerance)
+        return Start(guess, stateless=shares if shares.any() else None)
+    return Start(_cold(step))
 
 
 def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outcome]:
@@ -76,12 +168,12 @@ def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outco
     return Guess(it.status, it.direction, *forces, there.slip), found
 
 
-def _cold(step: Step, kin: Kinematics) -> Guess:
+def _cold(step: Step) -> Guess:
     """Nothing known: points that touch are closed and stick."""
-    zero = np.zeros((kin.m, kin.tangents))
+    zero = np.zeros(step.last.slip.shape)
     touching = step.paired & (step.load.gap0 <= 0)
     status = np.where(touching | step.bilateral & step.paired, STICK, OPEN)
-    return Guess(status, zero, np.zeros(kin.m), zero, zero)
+    return Guess(status, zero, np.zeros(len(status)), zero, zero)
 
 
 def natural_state(kin: Kinematics, surface: int) -> State:
@@ -122,3 +214,130 @@ def admissible(guess: Guess, step: Step) -> Guess:
     direction = np.where(rubs[:, None], guess.direction, 0.0)
     forces = guess.normal_force, guess.tangential_force
     return Guess(status, direction, *forces, guess.slip, guess.pivoted, guess.reach, near=guess.near)
+
+
+def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome]:
+    """Starting values from a chain of easier problems, and how the last of them ended.
+
+    Parameters
+    ----------
+    step : Step
+    guess : Guess
+        Where the first of the problems begins.
+    tolerance : float
+        Of the problem itself.
+    """
+    softness, eased = SOFTEST, EASED
+    trace: list[Record] = []
+    while len(trace) < MOST_IN_SERIES and TOO_STIFF < softness < TOO_SOFT:
+        found = drive(newton, _in_series(step, softness, guess), guess, tolerance, IN_SERIES)
+        trace += [replace(record, note="springs in series") for record in found.trace]
+        if not found.converged:
+            softness, eased = softness * SOFTENED, EASED_AFTER
+            continue
+        before, guess = guess, replace(after(step, found), near=True)
+        if _change(before, guess) < NEAR:
+            found = drive(newton, step, guess, tolerance, FROM_NEAR)
+            trace += found.trace
+            if found.converged:
+                guess, found = _of_least_pressure(step, found, tolerance, trace)
+                return guess, replace(found, trace=tuple(trace))
+        softness /= eased
+    return guess, replace(found, trace=tuple(trace), converged=False, free=None)
+
+
+def _of_least_pressure(
+    step: Step, found: Outcome, tolerance: float, trace: list[Record]
+) -> tuple[Guess, Outcome]:
+    """Where forces are not unique, the answer to which springs come from no forces, if it is near."""
+    guess = after(step, found)
+    if step.problem.springs is None:
+        return guess, found
+    least = drive(newton, step, guess, tolerance, IN_SERIES)
+    trace += least.trace
+    return (after(step, least), least) if least.converged else (replace(guess, near=True), found)
+
+
+def _in_series(step: Step, softness: float, guess: Guess) -> Step:
+    """The step with a spring in series with every point, `softness` times as soft as the point itself.
+
+    They have no strain at the forces of the guess.
+    """
+    whole = cast(ContactProblem, step.problem)  # no springs in series twice
+    own = step.resistance or whole.resistance
+    springs = Resistance(own.normal / softness, own.tangential / softness)
+    together = Resistance(own.normal / (1 + softness), own.tangential / (1 + softness))
+    problem = whole.in_series(springs)
+    load = problem.at_forces(step.load, guess.normal_force, guess.tangential_force)
+    return replace(step, problem=problem, load=load, resistance=together)
+
+
+def _change(before: Guess, after: Guess) -> float:
+    """Change of the forces over their size."""
+    one, other = (np.column_stack([g.normal_force, g.tangential_force]) for g in (before, after))
+    size = np.linalg.norm(other)
+    return float(np.linalg.norm(other - one) / size) if size > 0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class RegularisedLaw(FrictionLaw):
+    """Another law, whose bound begins at zero.
+
+    Parameters
+    ----------
+    law : FrictionLaw
+    rise : float
+        Friction over the normal force where that is small.
+
+    Examples
+    --------
+    >>> from skfem_contact.conditions.friction import Tresca
+    >>> one, none = np.ones(2), np.zeros((2, 1))
+    >>> RegularisedLaw(Tresca(3.0), 1000.0).limit(np.array([0.001, 1.0]), one, none)
+    array([1., 3.])
+    """
+
+    law: FrictionLaw
+    rise: float
+
+    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        return np.minimum(self.law.limit(normal_force, area, slip), self.rise * normal_force)
+
+    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        rising = self.rise * normal_force < self.law.limit(normal_force, area, slip)
+        return np.where(rising, self.rise, self.law.slope(normal_force, area, slip))
+
+
+def from_regularised(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Array]:
+    """Starting values from laws that rise steeply, and the points that have no state nearby.
+
+    Parameters
+    ----------
+    step : Step
+        With the resistance of its points.
+    guess : Guess
+    tolerance : float
+
+    Returns
+    -------
+    guess : Guess
+        The given one, where nothing is found.
+    shares : ndarray, shape (m,)
+        Of their bound by which such points slip without pressure; zero at all others.
+    """
+    shares = np.zeros(len(step.paired))
+    for rise in RISES:
+        laws = tuple(
+            (part, replace(law, law=RegularisedLaw(law.law, rise))) for part, law in step.friction.laws
+        )
+        rule = FrictionRule(laws, step.friction.area, step.last.reference)
+        steep = replace(step, friction=rule)
+        found, outcome = proximal(steep, guess, tolerance)
+        if not outcome.converged:
+            break
+        guess, status, there = found, outcome.iterate.status, outcome.iterate.response
+        full = step.friction.bound(there.normal_force, there.slip)
+        bound = steep.friction.bound(there.normal_force, there.slip)
+        partly = (status == SLIP) & (bound < FULL_BOUND * full)
+        shares = np.where(partly, bound / np.where(partly, full, 1.0), 0.0)
+    return guess, shares

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.return_map import Derivatives, Mapped, lengths, return_map
 from skfem_contact.conditions.state import LocalState
-from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.seam import LinearProblem
 
@@ -31,19 +28,18 @@ class Step:
     where nothing presses it is all there is. `rank`: a number for every point that does not depend on
     the order in which bodies, contacts and nodes were given; where points have to be taken one after
     the other, or two are alike, it decides. `resistance`: of each point, as far as it is known.
-    `guided`: points with friction whose slip supports prescribe, which `frictional` leaves out.
-    `guided_along`: tangents, (m, d-1), along which supports prescribe the slip of points that are free
-    along the other. Both are None where there are none.
+    `slip_prescribed`: points with friction whose slip supports prescribe, which `frictional` leaves
+    out. `slip_prescribed_along`: tangents, (m, d-1), along which supports prescribe the slip of points
+    that are free along the other. Both are None where there are none.
     """
 
     problem: LinearProblem
     load: Load
     motions: RigidMotions
-    area: Array
     paired: Mask
     tied: Mask
     bilateral: Mask
-    laws: tuple[tuple[slice, CheckedLaw], ...]
+    friction: FrictionRule
     frictional: Mask
     stiffness: Array
     last: LocalState
@@ -51,13 +47,14 @@ class Step:
     noise: float = 0.0
     far: float = 0.0
     resistance: Resistance | None = None
-    guided: Mask | None = None
-    guided_along: Mask | None = None
+    slip_prescribed: Mask | None = None
+    slip_prescribed_along: Mask | None = None
 
     def under(self, load: Load, last: LocalState, noise: float, far: float) -> Step:
         """The same points under another load; what is known of the points by themselves is shared."""
         step = object.__new__(Step)
-        vars(step).update(vars(self), load=load, last=last, noise=noise, far=far, _bounds=None)
+        friction = self.friction.since(last.reference)
+        vars(step).update(vars(self), load=load, last=last, noise=noise, far=far, friction=friction)
         return step
 
     # What is remembered from here on depends on nothing that `under` changes.
@@ -65,7 +62,7 @@ class Step:
     @cached_property
     def turns(self) -> bool:
         """Whether directions of friction can turn: there is friction along more than one tangent."""
-        return bool(self.laws) and self.last.slip.shape[1] > 1
+        return bool(self.friction.laws) and self.last.slip.shape[1] > 1
 
     @cached_property
     def exact(self) -> Mask:
@@ -97,98 +94,6 @@ class Step:
         """Points that never open, (m,); None where there are none."""
         closed = (self.bilateral | self.tied) & self.paired
         return closed if np.count_nonzero(closed) else None
-
-    @cached_property
-    def smooth(self) -> bool:
-        """Whether there may be points where nothing can stick: see `CheckedLaw.grips`."""
-        return not all(law.grips for _, law in self.laws)
-
-    @cached_property
-    def steady(self) -> bool:
-        """Whether all friction is a bound that does not change with the slip, by one law."""
-        return self._only is not None and self._only.steady
-
-    @cached_property
-    def _only(self) -> CheckedLaw | None:
-        """The law of all points, where there is but one."""
-        if len(self.laws) != 1 or self.laws[0][0] != slice(0, len(self.paired)):
-            return None
-        return self.laws[0][1]
-
-    def limit(self, normal_force: Array, slip: Array) -> Array:
-        """Friction bound of every point; zero where there is no law."""
-        return self._ask("limit", normal_force, slip)
-
-    def slope(self, normal_force: Array, slip: Array) -> Array:
-        """Derivative of the bound by the normal force."""
-        return self._ask("slope", normal_force, slip)
-
-    def force(self, trial: Array, normal_force: Array, slip: Array) -> tuple[Array, Mask]:
-        """Friction forces (m, d-1) that trial forces come back to, and which points slip, (m,).
-
-        Zero where there is no law.
-        """
-        if self._only is not None and self._only.by_bound:
-            return return_map(trial, self._bound(normal_force, slip))
-        force, slips = np.zeros(trial.shape), np.zeros(len(trial), dtype=bool)
-        for part, law, asked in self._asked(normal_force, slip):
-            force[part], slips[part] = law.force(trial[part], *asked)
-        return force, slips
-
-    def excess(self, trial: Array, normal_force: Array, slip: Array) -> Array:
-        """How far trial forces (m, d-1) are from where they come back to, (m,)."""
-        if self._only is not None and self._only.by_bound:
-            return np.maximum(lengths(trial) - self._bound(normal_force, slip), 0.0)
-        return lengths(trial - self.force(trial, normal_force, slip)[0])
-
-    def sliding(self, direction: Array, normal_force: Array, slip: Array) -> Array:
-        """Friction forces (m, d-1) of points that slip along `direction`."""
-        if direction.shape[1] == 1 and self._only is not None and self._only.by_bound:
-            return direction * self._bound(normal_force, slip)[:, None]
-        return self.force(BEYOND * direction, normal_force, slip)[0]
-
-    def return_map(self, trial: Array, normal_force: Array, slip: Array) -> Mapped:
-        """Friction forces that trial forces come back to, and their derivatives; zero without law."""
-        if self._only is not None:
-            return self._only.return_map(trial, *self._counted(normal_force, slip))
-        m, t = trial.shape
-        force, slips = np.zeros((m, t)), np.zeros(m, dtype=bool)
-        by = Derivatives(np.zeros((m, t, t)), np.zeros((m, t)), np.zeros((m, t, t)))
-        for part, law, asked in self._asked(normal_force, slip):
-            force[part], slips[part], own_by = law.return_map(trial[part], *asked)
-            for whole, values in zip(by, own_by, strict=True):
-                whole[part] = values
-        return force, slips, by
-
-    def _ask(self, method: str, normal_force: Array, slip: Array) -> Array:
-        if self._only is not None:
-            found: Array = getattr(self._only, method)(*self._counted(normal_force, slip))
-            return found
-        out = np.zeros(normal_force.shape)
-        for part, law, asked in self._asked(normal_force, slip):
-            out[part] = getattr(law, method)(*asked)
-        return out
-
-    def _asked(
-        self, normal_force: Array, slip: Array
-    ) -> Iterator[tuple[slice, CheckedLaw, tuple[Array, Array, Array]]]:
-        """The points of each law, and what its bound depends on."""
-        force, area, counted = self._counted(normal_force, slip)
-        for part, law in self.laws:
-            yield part, law, (force[part], area[part], counted[part])
-
-    def _bound(self, normal_force: Array, slip: Array) -> Array:
-        """Friction bounds by the law of all points; an iteration asks twice of one answer."""
-        known: tuple[Array, Array, Array] | None = vars(self).get("_bounds")
-        if known is None or known[0] is not normal_force or known[1] is not slip:
-            assert self._only is not None
-            bound = self._only.limit(*self._counted(normal_force, slip))
-            known = vars(self)["_bounds"] = normal_force, slip, bound
-        return known[2]
-
-    def _counted(self, normal_force: Array, slip: Array) -> tuple[Array, Array, Array]:
-        """What bounds depend on, of all points: normal force, area, slip since they closed."""
-        return np.maximum(normal_force, 0.0), self.area, slip - self.last.reference
 
     def trial(self, slip: Array) -> Array:
         """Elastic predictor ``tau_n + G (s - s_n)`` of points with a finite stiffness."""
@@ -241,8 +146,8 @@ class Guess:
 
     `pivoted` says whether complementary pivoting found the values: work that the iterations of the loop
     do not count. `reach` is the size of the trial forces of slipping points, (m,): how firmly friction
-    resists across its direction; without it, not at all [force]. `made`: points that supports move, so
-    that exact sticking gives way, (m,). `near`: the forces are nearly those of the answer: springs
+    resists across its direction; without it, not at all [force]. `driven`: points that supports move,
+    so that exact sticking gives way, (m,). `near`: the forces are nearly those of the answer: springs
     through which points are seen begin at rest under them.
     """
 
@@ -253,7 +158,7 @@ class Guess:
     slip: Array
     pivoted: bool = False
     reach: Array | None = None
-    made: Mask | None = None
+    driven: Mask | None = None
     near: bool = False
 
 

@@ -2,25 +2,38 @@ r"""The linear conditions of one iteration: statuses, and the derivative of the 
 
 At a point that slips, friction is ``tau = P(t, lambda, s)``, with the return map P under a trial
 force t. A finite tangential stiffness G makes it ``t = tau_n + G (s - s_n)``. Where sticking is exact
-it is that of `projection`, ``t = tau + rho (s - s_n)``, with tau itself in it, for which the linear
-equation is solved,
+it is that of `complementarity`, ``t = tau + rho (s - s_n)``, with tau itself in it, for which the
+linear equation is solved,
 
     tau = P + J (t' - t) + ...   =>   (1 - J) tau = rho J (s - s_n) + ...
 
 With ``P = L d``, ``d = t / |t|``, ``b = L / |t|`` this is a spring across the direction of friction,
 ``rho b / (1 - b) (1 - d d')``: symmetric and positive semidefinite, at the answer
 ``L / |s - s_n| (1 - d d')`` whatever rho is. With one tangent it is zero.
+
+A body that only contact and friction hold makes the matrix singular while all its points are open or
+all slip, even if the answer is neither: `stabilise` keeps just so many closed and sticking.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.conditions.return_map import grows, lengths
+from skfem_contact.arrays import lengths
+from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
+from skfem_contact.digits import GIVEN
 from skfem_contact.loops.step import Guess, Step
+from skfem_contact.loops.thresholds import (
+    BETWEEN,
+    DIGITS_ALIKE,
+    FIRMLY,
+    ROUNDED,
+)
 from skfem_contact.problem.response import Conditions, odd_round_off
 
 Array = NDArray[np.float64]
@@ -44,28 +57,14 @@ def linear_conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
     m, t = current.direction.shape
     offset, coupling = np.zeros((m, t)), np.zeros((m, t))
     spring = np.zeros((m, t, t))
-    if step.steady and t == 1:
-        if np.count_nonzero(slips):
-            offset, coupling = _steady(step, current, slips, coupled)
-    elif np.count_nonzero(slips):
+    if np.count_nonzero(slips):
         force, spring, coupling = _slipping(step, current, slips, coupled)
-        offset[slips] = force[slips]
+        offset = np.where(slips[:, None], force, 0.0)
     elastic = None if step.all_exact else sticks & step.frictional & ~step.exact
     if elastic is not None and np.count_nonzero(elastic):
         offset[elastic] = step.trial(np.zeros((m, t)))[elastic]
         spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
     return Conditions(closed, stick, step.last.slip, spring, offset, coupling)
-
-
-def _steady(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[Array, Array]:
-    """Friction of points that slip as ``offset + coupling lambda``: bounds along the only tangent."""
-    direction, force = current.direction, current.normal_force
-    bound = step.limit(force, current.slip)
-    slope = np.zeros(len(bound))
-    if coupled:
-        slope = np.where(_follows(step, current, slips), step.slope(force, current.slip), 0.0)
-    offset = np.where(slips, bound - slope * np.maximum(force, 0.0), 0.0)
-    return offset[:, None] * direction, slope[:, None] * direction
 
 
 def _follows(step: Step, current: Guess, slips: Mask) -> Mask:
@@ -79,12 +78,11 @@ def _follows(step: Step, current: Guess, slips: Mask) -> Mask:
 def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[Array, Array, Array]:
     """Friction of points that slip as ``offset + spring s + coupling lambda``."""
     reach = BEYOND if current.reach is None else current.reach[:, None]
-    trial = reach * current.direction
-    force, beyond, by = step.return_map(trial, current.normal_force, current.slip)
+    normal_force, slip = current.normal_force, current.slip
+    force, beyond, by = step.friction.slipping(current.direction, reach, normal_force, slip)
     coupling, spring = np.zeros(force.shape), np.zeros(by.slip.shape)
     if coupled:
-        pressed = _follows(step, current, slips)
-        coupling[pressed] = by.normal_force[pressed]
+        coupling = np.where(_follows(step, current, slips)[:, None], by.normal_force, 0.0)
         force -= coupling * np.maximum(current.normal_force, 0.0)[:, None]
         if np.count_nonzero(by.slip):
             # a bound that falls with the slip lags: it would take stiffness away from the bodies
@@ -93,17 +91,8 @@ def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[A
             force -= np.einsum("ikl,il->ik", spring, current.slip)
     if step.turns:
         turning = np.where((slips & beyond)[:, None, None], by.trial, 0.0)
-        return _turning(step, current, trial, turning, (force, spring, coupling))
+        return _turning(step, current, reach * current.direction, turning, (force, spring, coupling))
     return force, spring, coupling
-
-
-def resisting_slips(step: Step, current: Guess) -> Mask:
-    """Points that slip against a bound that grows with the slip: a spring along it, (m,)."""
-    slips = (current.status == SLIP) & step.frictional
-    if all(law.steady for _, law in step.laws) or not np.count_nonzero(slips):
-        return np.zeros(len(slips), dtype=bool)
-    trial = BEYOND * current.direction
-    return slips & grows(step.return_map(trial, current.normal_force, current.slip)[2])
 
 
 def _turning(
@@ -114,10 +103,10 @@ def _turning(
     force, spring, coupling = friction
     exact = with_force = step.exact
     k = np.where(exact, step.resistance.tangential, step.stiffness)[:, None]
-    if current.made is not None:  # the trial force of these is along the slip alone
-        made, slip = current.made, lengths(current.slip - step.last.slip)
-        k = np.where(made, lengths(trial) / np.where(made, slip, 1.0), k[:, 0])[:, None]
-        with_force = exact & ~made
+    if current.driven is not None:  # the trial force of these is along the slip alone
+        driven, slip = current.driven, lengths(current.slip - step.last.slip)
+        k = np.where(driven, lengths(trial) / np.where(driven, slip, 1.0), k[:, 0])[:, None]
+        with_force = exact & ~driven
     still = np.where(exact[:, None], -k * step.last.slip, step.trial(np.zeros_like(trial)))
     force = force + np.einsum("ikl,il->ik", J, still - trial)
     spring = spring + k[:, :, None] * J
@@ -130,3 +119,87 @@ def _turning(
         spring - odd,
         np.einsum("ikl,il->ik", solved, coupling),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Stabilised:
+    """Points kept closed or sticking because a body would be free without them."""
+
+    points: Mask
+    motion: Array
+
+
+def stabilise(
+    step: Step, current: Guess, coupled: bool = True
+) -> tuple[NDArray[np.intp], Stabilised | None]:
+    """Keep just so many points closed and sticking that no rigid motion is free.
+
+    A body that only contact and friction hold makes the matrix singular while all its points are
+    open or all slip, even if the answer is neither. The points nearest to what is needed are kept:
+    those farthest below their friction limit, then those with the smallest gap. If the answer goes
+    on contradicting them, there is no equilibrium; the driver says so. Friction that grows with the
+    slip holds as well where it does so within the linear solve, `coupled`.
+    """
+    status, motions = current.status, step.motions
+    if motions.k == 0:
+        return status, None
+    holds = step.resisting
+    if motions.held(status != OPEN, (status == STICK) & holds, FIRMLY):
+        return status, None
+
+    springs = np.zeros(len(status), dtype=bool)
+    if coupled and np.count_nonzero(rubs := (status == SLIP) & step.frictional):
+        springs = rubs & step.friction.hardens(current.direction, current.normal_force, current.slip)
+
+    def still_free() -> Array:
+        closed, stick = status != OPEN, (status == STICK) & holds | springs
+        return motions.free(closed, stick, FIRMLY, _across(step, current, status))
+
+    free = still_free()
+    if free.shape[1] == 0:
+        return status, None
+    status, first = status.copy(), free
+    points = np.zeros(len(status), dtype=bool)
+    limit = step.friction.bound(current.normal_force, current.slip)
+    excess = lengths(current.tangential_force) - limit
+    # a gap is no more exact than the coordinates that it is a difference of
+    known = ROUNDED * float(np.abs(motions.kin.points).max(initial=0.0))
+    slipping = _by(excess, status == SLIP, step)
+    opened = _by(step.load.gap0, status == OPEN, step, known)
+    order = np.concatenate([slipping, opened])
+    for i in order:
+        if free.shape[1] == 0:
+            break
+        resists = np.abs(motions.normal[i] @ free).max(initial=0.0) > GIVEN
+        slid = motions.tangential[i] @ free
+        turns = holds[i] and np.sqrt((slid**2).sum(axis=0)).max(initial=0.0) > GIVEN
+        if (status[i] == OPEN and resists) or turns:
+            status[i] = STICK
+            points[i] = True
+            free = still_free()
+    return status, Stabilised(points, first)
+
+
+def _across(step: Step, current: Guess, status: NDArray[np.intp]) -> Array | None:
+    """Rows (r, k) by which slipping points hold rigid motions, across the direction of friction."""
+    if not step.turns or current.reach is None:
+        return None
+    at = (status == SLIP) & step.frictional & (current.reach < BEYOND)
+    d = current.direction[at]
+    bound = step.friction.bound(current.normal_force, current.slip)[at]
+    share = bound / current.reach[at]
+    firm = np.sqrt(np.minimum(share / (1 - share), 1.0))  # stiffnesses are squares of rows
+    across = np.eye(d.shape[1]) - d[:, :, None] * d[:, None, :]
+    return ((firm[:, None, None] * across) @ step.motions.tangential[at]).reshape(-1, step.motions.k)
+
+
+def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> NDArray[np.intp]:
+    """Points from the smallest value to the largest; those alike up to round-off by their rank.
+
+    `known`: what values are uncertain by, however small they are.
+    """
+    chosen = np.flatnonzero(mask & step.paired)
+    largest = max(float(np.max(np.abs(value[chosen]), initial=0.0)), known * 10**DIGITS_ALIKE)
+    share = value[chosen] / largest if largest > 0 else value[chosen]
+    alike = np.floor(share * 10.0**DIGITS_ALIKE + BETWEEN)
+    return chosen[np.lexsort((step.rank[chosen], alike))]

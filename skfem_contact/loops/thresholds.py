@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# -- projection --------------------------------------------------
+# -- complementarity ---------------------------------------------
 
 # The part of slips that are the same but for round-off (`projection.same_slip`) which a solve itself
 # leaves, as a rule: what a stiffness makes of it stays below the forces. With ten times as much the
@@ -21,14 +21,14 @@ WEAK_SPRINGS = (1e-9, 1e-6)
 # Relinearisations of a law that is not linear in the normal force (a cap, a user's own).
 SWEEPS = 5
 
-# -- fictitious --------------------------------------------------
+# -- active_set --------------------------------------------------
 
 # In the loop `fictitious` points open and close freely so often; after that only once the friction of
 # the present set has settled to this share of the largest force, or a point could open and close
 # for ever because of friction forces that lag behind.
 FREE_CHANGES, SETTLED = 12, 1e-6
 
-# -- proximal ----------------------------------------------------
+# -- starts ------------------------------------------------------
 
 # Softness of the springs in series over that of the points: at first; what it is divided by after each
 # answer, and after each once one was not found; what it is multiplied by then. On 168 load steps with
@@ -61,7 +61,7 @@ SLOW = 0.5
 # How often the way around the largest share, or around the whole load, is halved: four digits.
 PEAK_HALVINGS = 10
 
-# -- rules -------------------------------------------------------
+# -- complementarity ---------------------------------------------
 
 # Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
 # Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
@@ -92,7 +92,7 @@ FIRMLY = 1e-7
 # Iterations that Newton may take where another loop begins from its answer.
 NEWTON_ITERATIONS = 80
 
-# -- search ------------------------------------------------------
+# -- active_set --------------------------------------------------
 
 # Armijo's rule: the decrease that is asked for over that of the linear model, and how often a step is
 # halved for it.
@@ -113,11 +113,11 @@ EQUAL_RATIO, EQUAL_PART, TIED_RATIO = 1e-11, 1e-9, 1e-13
 # Diagonal entries, and eigenvalues of the scaled matrix, over the largest, that are round-off.
 NO_STIFFNESS, NO_EIGENVALUE = 1e-12, 1e-14
 
-# -- steep -------------------------------------------------------
+# -- starts ------------------------------------------------------
 
 # Friction over the normal force where bounds that jump are made to rise: pressures on the rise are a
 # thousandth of the bound, and where an answer is found from there, a hundred thousandth.
-STEEP = (1e3, 1e5)
+RISES = (1e3, 1e5)
 
 # Share of its bound from which on a point has all of it, but for the tolerance of the loop.
 FULL_BOUND = 1 - 1e-6

@@ -1,10 +1,8 @@
 """Rigid obstacles: they are paired and they move, as they are told or by their loads.
 
-* `obstacle`, `motion`, `rotation`: what every obstacle does, how its motions are written, and turns in
-  space;
+* `obstacle`, `motion`: what every obstacle does, how its motions are written, turns in space included;
 * `shapes`, `level_set`: planes, cylinders, spheres; a function of position;
-* `outlined`, `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file;
+* `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file;
 * `bends`: flats of triangles, along the bends beside them;
-* `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies; `rigid_inputs`: what users
-  give it.
+* `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
 """

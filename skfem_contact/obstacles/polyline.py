@@ -16,7 +16,7 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, CurveSurface
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.outlined import Outlined
+from skfem_contact.obstacles.obstacle import Outlined
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.node import Pairing, node_to_segment
 from skfem_contact.sealed import sealed

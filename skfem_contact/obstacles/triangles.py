@@ -27,7 +27,7 @@ from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_at_bends
 from skfem_contact.obstacles.motion import MotionLike
-from skfem_contact.obstacles.outlined import Outlined
+from skfem_contact.obstacles.obstacle import Outlined
 from skfem_contact.pairing.faces.distance import signed_distances
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.node import Pairing

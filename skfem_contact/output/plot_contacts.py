@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords
-from skfem_contact.conditions.checked_law import CheckedLaw
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN, STATUS
 from skfem_contact.output.drawing import (
     ABOVE,

@@ -15,11 +15,10 @@ from skfem_contact.bodies.system import System
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.direct import Direct, as_linear_solver
-from skfem_contact.linalg.memory import Limits, factor_bound, written_bytes
-from skfem_contact.linalg.multifrontal.size import FactorSize
-from skfem_contact.problem.delassus import dense_bytes
-from skfem_contact.problem.parts import wanted_of
-from skfem_contact.problem.substructure import Substructure
+from skfem_contact.linalg.multifrontal.fronts import FactorSize
+from skfem_contact.linalg.resources import Limits, factor_bound, written_bytes
+from skfem_contact.problem.condensed import dense_bytes
+from skfem_contact.problem.substructure import Substructure, wanted_of
 from skfem_contact.problem.whole import WholeBody
 
 Index = NDArray[np.intp]

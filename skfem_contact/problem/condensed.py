@@ -13,11 +13,15 @@ that carry no force; taking the springs away again is exact: with ``G = [B; P']`
 
 and q is eliminated. What is left is the stiffness against relative displacements of the points,
 singular exactly where free motion is.
+
+With many points, the dense matrix ``(G F G')^-1`` of the rows of gaps, slips and anchors is most of the
+memory that a solver takes. So it is formed by blocks of rows, changed in place from then on, and its
+size is known before (`dense_bytes`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -29,19 +33,23 @@ from scipy.sparse import csr_matrix, diags
 from skfem_contact.arrays import block_diagonal
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.rows import columns_of, stacked
+from skfem_contact.conditions.rows import columns_of, stacked_rows
 from skfem_contact.linalg.backend import Backend
-from skfem_contact.linalg.dense_factors import lu
-from skfem_contact.problem import delassus
-from skfem_contact.problem.contact_dofs import OnContactDofs
-from skfem_contact.problem.parts import reduced
-from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.resistance import point_resistance
+from skfem_contact.linalg.dense_factors import (
+    DenseFactors,
+    blocks,
+    cholesky,
+    divide,
+    lu,
+    subtract_product,
+    symmetrise,
+)
+from skfem_contact.problem import thresholds
+from skfem_contact.problem.points import PointsInSeries, PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
-from skfem_contact.problem.seam import ContactProblem, PosedOn
-from skfem_contact.problem.series import PointsInSeries
-from skfem_contact.problem.springs import on_rows, spring_compliance
-from skfem_contact.problem.substructure import Components, Substructure
+from skfem_contact.problem.seam import ContactProblem, OnContactDofs, PosedOn
+from skfem_contact.problem.springs import point_resistance, spring_compliance
+from skfem_contact.problem.substructure import Components, Substructure, substructures_of
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE, STIFFER
 
 Array = NDArray[np.float64]
@@ -75,7 +83,7 @@ class Condensed:
     ) -> None:
         self.system = system
         self.spans = slices(system.offsets)  # DOFs of each body
-        self.substructures = reduced(Substructure, system, stiffness, wanted, reuse, backend)
+        self.substructures = substructures_of(Substructure, system, stiffness, wanted, reuse, backend)
         kept = [
             part.kept + span.start for part, span in zip(self.substructures, self.spans, strict=True)
         ]
@@ -185,18 +193,18 @@ class PointProblem(OnContactDofs[Condensed]):
         B, normal_rows, tangential_rows = self.changing_rows(on)
         self._places = normal_rows, tangential_rows, B.shape[0]
         # of the dense matrices S alone is kept, in the place of A; G F follows from G
-        self.G = G = stacked([B, bodies.anchor_rows] if bodies.P.size else [B])
+        self.G = G = stacked_rows([B, bodies.anchor_rows] if bodies.P.size else [B])
         self.q = q = B.shape[0]
         self.springs: Array | None = None
         try:
-            W = delassus.row_flexibility(G, bodies.row_flexibility)
+            W = delassus_compliance(G, bodies.row_flexibility)
             stable = all(part.definite for part in bodies.substructures)
-            A = delassus.inverse(W) if stable else delassus.indefinite_inverse(W)
+            A = definite_inverse(W) if stable else indefinite_inverse(W)
         except LinAlgError:  # rows that depend on each other: corners, chains, tools that are held
             A = self._inverse_with_springs()
         self.A_zq, self.A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         self.rigid = lu(self.A_qq - np.eye(len(A) - q))
-        S = delassus.without_anchors(A, self.A_zq, self.rigid)
+        S = without_anchors(A, self.A_zq, self.rigid)
         self.space = PointSpace(S, normal_rows, tangential_rows)
         self.points: PointSpace | None = self.space if self.springs is None else None
         # what follows from loads that have one component, of so many as there were of each kind
@@ -214,9 +222,9 @@ class PointProblem(OnContactDofs[Condensed]):
         rows, slips, bodies = self.rows, self.slips, self.bodies
         self.springs = spring_compliance(rows, slips, lambda B: B.multiply(B) @ bodies.softness)
         self._give = self._on_rows(self.springs, self.springs[:, None])
-        W = delassus.row_flexibility(self.G, bodies.row_flexibility)
+        W = delassus_compliance(self.G, bodies.row_flexibility)
         W[np.diag_indices(self.q)] += self._give
-        return delassus.inverse(W, refuses=False)
+        return definite_inverse(W, refuses=False)
 
     def _on_rows(self, normal: Array, tangential: Array) -> Array:
         return on_rows((normal, tangential), *self._places)
@@ -287,3 +295,95 @@ class PointProblem(OnContactDofs[Condensed]):
         if self.slips:
             force -= from_slips @ np.column_stack([r.tangential_force.ravel() for r in responses])
         return [Source(column.copy(), forces=True) for column in force.T]
+
+
+def dense_bytes(kept: Sequence[int], rows: int) -> int:
+    """Memory of the dense matrices of a contact problem at most, before any of them is there [bytes].
+
+    That is the flexibility of each body, the stiffness of gaps and slips, and what an iteration makes
+    of it: a factorisation, and what friction adds.
+
+    Parameters
+    ----------
+    kept : sequence of int
+        Contact DOFs of each body.
+    rows : int
+        Gaps and slips.
+
+    Examples
+    --------
+    Two bodies of 1000 points, which all have three rows: four and a half matrices.
+
+    >>> dense_bytes([3000, 3000], 3000) / (8 * 3000**2)
+    4.5
+    """
+    return sum(8 * int(n) ** 2 for n in kept) + int(thresholds.PER_ROWS * 8 * rows**2)
+
+
+def delassus_compliance(G: csr_matrix, times_flexibility: Callable[[csr_matrix], Array]) -> Array:
+    """``G F G'``, by blocks of rows.
+
+    Parameters
+    ----------
+    G : csr_matrix, shape (r, n_c)
+    times_flexibility : callable
+        Some of these rows times F.
+    """
+    W = np.empty((G.shape[0], G.shape[0]))
+    for rows in blocks(len(W)):
+        some = G[rows] if rows.stop - rows.start < len(W) else G
+        W[:, rows] = G @ times_flexibility(some).T
+    return W
+
+
+def indefinite_inverse(W: Array) -> Array:
+    """Inverse of a symmetric matrix that is not positive definite, as of bodies that are not stable.
+
+    Raises
+    ------
+    LinAlgError
+        Rows depend on each other.
+    """
+    symmetrise(W)
+    size = np.sqrt(np.max(np.abs(W), axis=1))
+    divide(W, size)
+    factors = lu(W)
+    if not factors.even(thresholds.DEPENDENT**2):
+        raise LinAlgError("dependent contact rows")
+    inverse = factors.solve(np.eye(len(W)))
+    symmetrise(inverse)
+    divide(inverse, size)
+    return inverse
+
+
+def definite_inverse(W: Array, refuses: bool = True) -> Array:
+    """Inverse of a symmetric positive definite matrix, in its place; dependent rows may be refused.
+
+    No diagonal entry is zero: rows without free coefficients are left out before, and the flexibility
+    of the bodies is positive definite.
+
+    Raises
+    ------
+    LinAlgError
+        Rows depend on each other; `W` is lost.
+    """
+    scale = np.sqrt(np.diag(W))
+    symmetrise(W)
+    divide(W, scale)
+    factors = cholesky(W.T, overwrite=True)
+    if refuses and np.min(factors.diagonal, initial=1.0) < thresholds.DEPENDENT:
+        raise LinAlgError("dependent contact rows")
+    inverse = factors.inverse()
+    divide(inverse, scale)
+    return inverse
+
+
+def without_anchors(A: Array, A_zq: Array, rigid: DenseFactors) -> Array:
+    """``A_zz - A_zq R A_qz``, a part of A itself; R is the inverse of what `rigid` factorises."""
+    q = len(A_zq)
+    if len(A) == q:
+        return A
+    S = A[:q, :q]
+    subtract_product(S, A_zq, rigid.solve(A_zq.T))
+    symmetrise(S)
+    return S

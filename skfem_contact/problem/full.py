@@ -18,12 +18,10 @@ from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.direct import as_linear_solver
-from skfem_contact.problem.resistance import point_resistance
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.problem.seam import ContactProblem, Posed, PosedOn
-from skfem_contact.problem.series import DisplacementsInSeries
-from skfem_contact.problem.sparse import DependentRows, SparseSpace
-from skfem_contact.problem.springs import spring_compliance
+from skfem_contact.problem.sparse import DependentRows, DisplacementsInSeries, SparseSpace
+from skfem_contact.problem.springs import point_resistance, spring_compliance
 from skfem_contact.problem.thresholds import STIFFER
 
 Array = NDArray[np.float64]

@@ -15,24 +15,20 @@ from skfem_contact.arrays import largest
 from skfem_contact.bodies.body import Body
 from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
-from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.interface import Interface, point_labels, secondary_dofs
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
-from skfem_contact.elimination.rows import point_labels, secondary_dofs
 from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.memory import Limits
-from skfem_contact.linalg.threads import single_threaded
+from skfem_contact.linalg.resources import Limits, single_threaded
 from skfem_contact.once import Lock
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.full import FullSystem
-from skfem_contact.problem.iterated import IteratedBodies
-from skfem_contact.problem.multigrid import MultigridBodies
-from skfem_contact.problem.parts import firmness
+from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
 from skfem_contact.problem.seam import Bodies, ContactProblem, PosedOn
-from skfem_contact.problem.substructure import Substructure
+from skfem_contact.problem.substructure import Substructure, firmness
 from skfem_contact.problem.thresholds import MOST_TWINS
 from skfem_contact.problem.whole import Whole
 from skfem_contact.sealed import seal

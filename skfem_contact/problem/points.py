@@ -4,28 +4,44 @@ Eliminating a closed point from ``S z = h + p`` is deleting its row and column. 
 and far from closing, carry no force whatever they do: they are eliminated for good (`Reduction`),
 until one of them is asked to close. This is exact and costs about one factorisation; the many
 factorisations of a load history are then of the size of the contact zone, not of the surface.
+
+A spring in series with every point, which forces are taken from (`PointsInSeries`):
+gaps and slips z of the points are seen through springs with the stiffness C, which have no strain at
+forces ``p_0 = (lambda, -tau)``,
+
+    seen = z + C^-1 (p - p_0).
+
+Where ``p = p_0`` comes out they are as good as not there: it is the answer of the problem itself. On
+displacements this is an augmented Lagrangian.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
-from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, factorised
-from skfem_contact.linalg.in_place import subtract_product, symmetrise
+from skfem_contact.linalg.dense_factors import (
+    DenseFactors,
+    cholesky,
+    factorised,
+    lu,
+    subtract_product,
+    symmetrise,
+)
 from skfem_contact.problem import thresholds
-from skfem_contact.problem.response import Conditions, Load, Response, friction_force
+from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SHARE, SPARE, SURPLUS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
 
 
 # What rows of -1 find at the end of a vector: those that can not change.
-NOTHING = np.zeros(1)
+NO_ROW = np.zeros(1)
 
 
 class HeldRows:
@@ -174,7 +190,7 @@ class PointSpace:
     def _response(
         self, conditions: Conditions, load: Load, rows: HeldRows, z: Array, p: Array
     ) -> Response:
-        moved = np.concatenate((z, NOTHING))
+        moved = np.concatenate((z, NO_ROW))
         gap = load.gap0 + moved[self.normal_rows]
         gap[rows.closed] = 0.0
         slip = load.slip0 + moved[self.tangential_rows]
@@ -269,3 +285,60 @@ class Reduction:
         forces = np.zeros(len(self.rows) + len(self.rest))
         forces[self.rows] = p
         return self.expand(z, load), forces
+
+
+class PointsInSeries:
+    """On gaps and slips, ``S z = h + p``, where ``S = (W + E)^-1`` has springs E already, or none.
+
+    With those of the stiffness C in their place, ``D = C^-1 - E``,
+
+        (1 + S D)^-1 S seen = (1 + S D)^-1 (h - S C^-1 p_0) + p.
+
+    Parameters
+    ----------
+    space : PointSpace
+    C : Resistance
+        Stiffness of the springs of each point.
+    own : ndarray, shape (m,), optional
+        Compliance E of the springs that are in S.
+    """
+
+    springs = None  # that are to lose their strain
+
+    def __init__(self, space: PointSpace, C: Resistance, own: Array | None = None) -> None:
+        self._space = space
+        shape = space.tangential_rows.shape
+        soft = 1.0 / C.normal, np.broadcast_to(1.0 / C.tangential[:, None], shape)
+        self._give = self._on_rows(*soft)
+        replaced = np.zeros(len(space.S))
+        if own is not None:
+            replaced = self._on_rows(own, np.broadcast_to(own[:, None], shape))
+        self._factor = lu(np.eye(len(space.S)) + space.S * (self._give - replaced))
+        S = self._factor.solve(space.S)
+        symmetrise(S)
+        self.points = PointSpace(S, space.normal_rows, space.tangential_rows)
+
+    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
+        """The load with the forces at which the springs have no strain."""
+        p = self._on_rows(normal_force, -tangential_force)
+        return replace(load, force=self._factor.solve(load.force) - self.points.S @ (self._give * p))
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps and slips as they are seen, and forces, under these conditions."""
+        return self.points.solve(conditions, load)
+
+    def _on_rows(self, normal: Array, tangential: Array) -> Array:
+        space = self._space
+        return on_rows((normal, tangential), space.normal_rows, space.tangential_rows, len(space.S))
+
+
+def on_rows(
+    values: tuple[Array, Array],
+    normal_rows: Index,
+    tangential_rows: Index,
+    q: int,
+) -> Array:
+    """Values of points (m,) and of their tangents (m, d-1), on the q rows that there are."""
+    out = np.zeros(q + 1)  # the last for rows of -1, which there are not
+    out[normal_rows], out[tangential_rows] = values
+    return out[:q]

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arrays import largest
-from skfem_contact.conditions.return_map import lengths
+from skfem_contact.arrays import largest, lengths
 from skfem_contact.problem.thresholds import SKEW
 
 Array = NDArray[np.float64]

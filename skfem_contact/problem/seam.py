@@ -13,9 +13,20 @@ problem            unknowns               in
 `PointProblem`     gaps and slips         `condensed`: small and dense
 `IteratedProblem`  forces on points       `iterated`: the same where there are very many, by products
                                           with the factors of the bodies
-`MultigridProblem` displacements, forces  `multigrid`: for bodies too large to be factorised
+`MultigridProblem` displacements, forces  `iterated`: for bodies too large to be factorised
 `FullProblem`      all DOFs               `full`: sparse, with any linear solver
 =================  =====================  ==========================================================
+
+`OnContactDofs` is what the problems of bodies reduced to their contact DOFs have in common.
+
+A contact problem keeps the factors of its last iteration, what it has left out, and more, as most
+iterations of a load history ask for the set of the last one. That changes while a loop runs, so it must
+not be shared: threads that solve at once on one solver would take each other's. Each solve borrows
+problems with a memory of their own and gives them back when it ends. Solves that follow each other
+borrow the same ones; only where several run at once there are several.
+
+All that such problems of one pairing share, the stiffness S above all, does not change. What one
+solve has borrowed is its `Workspace`.
 """
 
 from __future__ import annotations
@@ -24,21 +35,31 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_matrix, csr_matrix
 
-from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.bodies.system import System
+from skfem_contact.conditions.kinematics import (
+    Kinematics,
+    prescribed_rows,
+    prescribed_tangents,
+    without_columns,
+)
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.prescribed import guided_tangents, prescribed_rows
+from skfem_contact.conditions.rows import row_sizes, stacked_rows
+from skfem_contact.digits import GIVEN
+from skfem_contact.errors import ContactError
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
 P = TypeVar("P", bound="Posed")
 
 
@@ -86,7 +107,7 @@ class ContactProblem(LinearProblem, Protocol):
     u : ndarray, shape (n,) or None
         Displacements of the surfaces at which the pairing was made; None for the undeformed bodies.
     idle : list of ContactProblem
-        Of those that `anew` has made the ones that no solve has at the moment, see `workspace`.
+        Of those that `anew` has made the ones that no solve has at the moment, see `Workspace`.
     steps : WeakKeyDictionary
         What loops know of the points, by whom they are asked; of this problem's memory.
     on_points : ContactProblem or None
@@ -110,7 +131,7 @@ class ContactProblem(LinearProblem, Protocol):
         ...
 
     @property
-    def guided_tangents(self) -> Mask:
+    def prescribed_tangents(self) -> Mask:
         """Tangents along which supports prescribe the slip, (m, d-1): they take any friction there."""
         ...
 
@@ -218,6 +239,104 @@ class Posed:
         return ~prescribed_rows(self.kin.B_n, self.motions.system.D)
 
     @cached_property
-    def guided_tangents(self) -> Mask:
+    def prescribed_tangents(self) -> Mask:
         """Tangents along which supports prescribe the slip, (m, d-1): they take any friction there."""
-        return guided_tangents(self.kin, self.motions.system.D)
+        return prescribed_tangents(self.kin, self.motions.system.D)
+
+
+class Reduced(Protocol):
+    """Bodies reduced to the contact DOFs `columns` (n_c,) of their system."""
+
+    system: System
+    columns: Index
+
+    def surface(self, source: Source, case: LoadCase) -> Array:
+        """Displacements (n,) known without the interior."""
+        ...
+
+
+B = TypeVar("B", bound=Reduced)
+
+
+class OnContactDofs(Posed, Generic[B]):
+    """What contact problems on contact DOFs share: the rows on these, and on prescribed ones."""
+
+    def __init__(self, bodies: B, on: PosedOn) -> None:
+        super().__init__(on)
+        self.bodies: B = bodies
+        self.slips = bool(on.slipping.any())
+        self.rows = without_columns(on.kin, bodies.columns)
+        self.prescribed = without_columns(on.kin, bodies.system.D)
+
+    @cached_property
+    def onto_dofs(self) -> tuple[csc_matrix, csc_matrix]:
+        """From forces on gaps and on slips to those on the contact DOFs: the rows transposed."""
+        kin = self.rows
+        return kin.B_n.T, kin.B_t.T if self.slips else csc_matrix((len(self.bodies.columns), 0))
+
+    def changing_rows(self, on: PosedOn) -> tuple[csr_matrix, Index, Index]:
+        """Rows (q, n_c) of gaps and slips that can change, and where in them each point has its own.
+
+        Those of gaps first; -1 where a point has none, (m,) and (m, d-1).
+        """
+        kin, t = self.rows, on.kin.tangents
+        normal = np.flatnonzero(kin.paired & (row_sizes(kin.B_n) > GIVEN))
+        tangential, rows = np.zeros(0, dtype=np.intp), [_chosen(kin.B_n, normal)]
+        if self.slips:
+            may_slip = np.repeat(kin.paired & on.slipping, t)
+            tangential = np.flatnonzero(may_slip & (row_sizes(kin.B_t) > GIVEN))
+            rows.append(_chosen(kin.B_t, tangential))
+        normal_rows, tangential_rows = np.full(kin.m, -1), np.full(kin.m * t, -1)
+        normal_rows[normal] = np.arange(len(normal))
+        tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
+        return stacked_rows(rows), normal_rows, tangential_rows.reshape(kin.m, t)
+
+    def constant(self, case: LoadCase) -> tuple[Array, Array]:
+        """Initial gaps and slips with what prescribed displacements add."""
+        gap0, slip0 = case.gap0, case.slip0
+        if self.prescribed.B_n.nnz:  # only where supports reach into the contact
+            gap0 = gap0 + self.prescribed.B_n @ case.x[self.bodies.system.D]
+        if self.slips and self.prescribed.B_t.nnz:
+            moved = self.prescribed.B_t @ case.x[self.bodies.system.D]
+            slip0 = slip0 + moved.reshape(slip0.shape)
+        return gap0, slip0
+
+    def surface(self, source: Source, case: LoadCase) -> Array:
+        """Displacements (n,) known without the interior."""
+        return self.bodies.surface(source, case)
+
+
+def _chosen(B: csr_matrix, rows: Index) -> csr_matrix:
+    """Some rows, in their order; usually all."""
+    return B if len(rows) == B.shape[0] else csr_matrix(B[rows])
+
+
+class Workspace:
+    """The contact problems that a solve has borrowed; for one thread.
+
+    Used as a context it gives them back at the end, and after errors that say something of the load.
+    After any other, such as an interrupt, nobody knows what was being written: they are left.
+    """
+
+    def __init__(self) -> None:
+        self._borrowed: dict[ContactProblem, ContactProblem] = {}
+
+    def borrowed(self, shared: ContactProblem) -> ContactProblem:
+        """A contact problem on the pairing of the undeformed bodies, for this solve alone."""
+        own = self._borrowed.get(shared)
+        if own is None:
+            try:
+                own = shared.idle.pop()
+            except IndexError:
+                own = shared.anew()
+            self._borrowed[shared] = own
+        return own
+
+    def __enter__(self) -> Workspace:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
+        if kind is None or issubclass(kind, ContactError):
+            for shared, own in self._borrowed.items():
+                shared.idle.append(own)
+        self._borrowed = {}

@@ -1,23 +1,25 @@
-"""The contact problem on displacements, by elimination: all DOFs, or those of the contact alone."""
+"""The contact problem on displacements, by elimination: all DOFs, or those of the contact alone.
+
+The same with springs in series with the points, as `points` has it, is `DisplacementsInSeries`.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import bmat, csr_matrix, diags, hstack, identity, vstack
 
-from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.prescribed import prescribed_rows
+from skfem_contact.conditions.kinematics import Kinematics, prescribed_rows
 from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.errors import ConstraintError
-from skfem_contact.linalg.stacked import Stacked
-from skfem_contact.problem.response import Conditions, Load, Response, friction_force
+from skfem_contact.linalg.backend import Stacked
+from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -165,3 +167,61 @@ class SparseSpace:
         slides = conditions.closed & ~conditions.stick & self.frictional
         tangential[slides] = friction_force(conditions, slip, normal_force)[slides]
         return Response(gap, slip, normal_force, tangential, u)
+
+
+class DisplacementsInSeries:
+    """On displacements u and gaps and slips w that are seen:
+
+        [K + B'C B,  -B'C] [u]   [f + B'p_0]   [0]
+        [  -C B,       C ] [w] = [   -p_0  ] + [p].
+
+    Parameters
+    ----------
+    space : SparseSpace
+    C : Resistance
+        Stiffness of the springs of each point.
+    """
+
+    points = None
+    springs = None
+
+    def __init__(self, space: SparseSpace, C: Resistance) -> None:
+        kin, n = space.kin, space.K.shape[0]
+        slips = bool(space.frictional.any())
+        self._B = B = csr_matrix(vstack([kin.B_n, kin.B_t]) if slips else kin.B_n)
+        stiff = np.concatenate([C.normal, np.repeat(C.tangential, kin.tangents)])[: B.shape[0]]
+        pull = diags(stiff) @ B
+        if isinstance(space.K, Stacked):
+            springs = bmat([[B.T @ pull, -pull.T], [-pull, diags(stiff)]], format="csr")
+            K = space.K.bordered(B) + springs
+        else:
+            K = bmat([[space.K + B.T @ pull, -pull.T], [-pull, diags(stiff)]], format="csr")
+        q, m = B.shape[0], kin.m
+        own = csr_matrix(hstack([csr_matrix((q, n)), identity(q)]))
+        t_rows = own[m:] if slips else csr_matrix((m * kin.tangents, n + q))
+        places = None
+        if space.points is not None:
+            where = np.concatenate([kin.points, np.repeat(kin.points, kin.tangents, axis=0)])
+            places = np.concatenate([space.points, where[:q]])
+        modes = None if space.modes is None else np.concatenate([space.modes, B @ space.modes])
+        self._extra = np.zeros(q)
+        self.space = replace(
+            space,
+            K=K,
+            kin=replace(kin, B_n=csr_matrix(own[:m]), tangential=lambda: csr_matrix(t_rows)),
+            prefer=np.concatenate([np.zeros(n, dtype=bool), np.ones(q, dtype=bool)]),
+            points=places,
+            modes=modes,
+            _key=b"",
+            _factor=None,
+        )
+
+    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
+        """The load with the forces at which the springs have no strain."""
+        p = np.concatenate([normal_force, -tangential_force.ravel()])[: self._B.shape[0]]
+        force = np.concatenate([load.force + self._B.T @ p, -p])
+        return replace(load, force=force, prescribed=np.concatenate([load.prescribed, self._extra]))
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps and slips as they are seen, and forces, under these conditions."""
+        return self.space.solve(conditions, load)

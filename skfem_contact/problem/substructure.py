@@ -10,6 +10,7 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +22,12 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.rigid_modes import largest
+from skfem_contact.bodies.system import System
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.backend import Backend
-from skfem_contact.linalg.body_factor import BodyFactor
+from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.multifrontal.size import FactorSize, factor_size
+from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.once import Lock, once
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, SAME_LOAD
 
@@ -397,3 +398,55 @@ def anchors(body: Body, wanted: Index) -> Index:
             chosen = np.union1d(chosen, np.flatnonzero(node))
             seeds = np.concatenate([seeds, place[None]])
     return chosen
+
+
+S = TypeVar("S", bound=Substructure)
+
+
+def substructures_of(
+    kind: type[S],
+    system: System,
+    stiffness: Sequence[csr_matrix],
+    wanted: Index,
+    reuse: Sequence[Substructure | None],
+    backend: Backend | None,
+) -> list[S]:
+    """The parts of all bodies.
+
+    Parameters
+    ----------
+    kind : type of Substructure
+    system : System
+    stiffness : sequence of csr_matrix
+        Of each body.
+    wanted : ndarray of int
+        DOFs (stacked) that contact rows may touch.
+    reuse : sequence of Substructure or None
+        Parts that are still good, if they are of this kind.
+    backend : Backend, optional
+        What factorises the bodies, see `Substructure`.
+    """
+    found = []
+    for i, body in enumerate(system.bodies):
+        old = reuse[i] if len(reuse) else None
+        if not isinstance(old, kind):
+            firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
+            old = kind(body, stiffness[i], wanted_of(body, system, wanted), firm, backend)
+        found.append(old)
+    return found
+
+
+def wanted_of(body: Member, system: System, wanted: Index) -> Index:
+    """Of stacked DOFs those of one body that are not prescribed, in its own numbering."""
+    span = system.slice(body)
+    chosen = np.zeros(body.n, dtype=bool)
+    chosen[wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start] = True
+    chosen[body.D] = False
+    return np.flatnonzero(chosen)
+
+
+def firmness(system: System, stiffness: Sequence[csr_matrix], wanted: Index) -> float:
+    """Stiffness that rigid bodies meet: the median over contact DOFs of the other bodies."""
+    solid = np.concatenate([np.full(body.n, isinstance(body, Body)) for body in system.bodies])
+    diagonal = np.concatenate([K.diagonal() for K in stiffness])
+    return float(np.median(diagonal[wanted[solid[wanted]]]))

@@ -7,7 +7,7 @@ from __future__ import annotations
 # Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
 RECOVERED_AT_ONCE = 32
 
-# -- delassus ----------------------------------------------------
+# -- condensed ---------------------------------------------------
 
 # Matrices of the size of all gaps and slips that are there at once: the stiffness, its factorisation,
 # and half of one for the columns of points that slip, or for what is eliminated of open ones.
@@ -26,7 +26,7 @@ ITERATED, STAGNANT, MOST_PRODUCTS = 1e-13, 1e-9, 400
 # Pivot over the largest one below which held rows leave a motion of a body free.
 UNHELD = 1e-10
 
-# -- layer -------------------------------------------------------
+# -- whole -------------------------------------------------------
 
 # Couplings of K from the surface to the bottom of its layer: elements, in effect.
 LAYERS = 4
@@ -38,7 +38,7 @@ LAYERS = 4
 # long as with all digits in all iterations; with a tenth of it, or ten times, as long as with this.
 ROUGHLY = 1e-3
 
-# -- multigrid ---------------------------------------------------
+# -- iterated ----------------------------------------------------
 
 # Residual to which the springs on the anchors are known: whether a body is held shows in what is left
 # where they are taken away.
@@ -75,7 +75,7 @@ KEPT_BESIDE = 64_000_000
 # across a direction are inverted from matrices with a condition of up to 1e6 (`loops.NEARLY_STUCK`).
 SKEW = 1e-9
 
-# -- resistance --------------------------------------------------
+# -- springs -----------------------------------------------------
 
 # Rows whose flexibility is formed at a time: a small part of the dense problem's memory.
 ROWS_AT_ONCE = 256

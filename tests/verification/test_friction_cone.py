@@ -13,11 +13,10 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from hex_blocks import HISTORIES, Blocks, Scene, advance, attempts, history, random_scene
 
 import skfem_contact as sc
-from skfem_contact.conditions.checked_law import CheckedLaw
+from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.loops import proximal
-from skfem_contact.loops.projection import left_over
-from skfem_contact.loops.rules import propose
+from skfem_contact.loops import starts
+from skfem_contact.loops.complementarity import left_over, propose
 from skfem_contact.loops.starts import admissible, as_guess
 from skfem_contact.loops.step import Guess
 from skfem_contact.loops.tangent import linear_conditions
@@ -33,7 +32,8 @@ def run(blocks, cases, loop="newton", law=None, tolerance=1e-11, **changes):
         step = blocks.step(case, last, **changes)
         if law is not None:
             laws = ((slice(0, blocks.kin.m), CheckedLaw(law, "joint", blocks.kin.points)),)
-            step = replace(step, laws=laws)
+            rule = FrictionRule(laws, blocks.kin.area, last.reference)
+            step = replace(step, friction=rule)
         *_, (_, outcome) = attempts(blocks, step, last, loop, tolerance)
         assert outcome.converged, outcome.message
         state = blocks.state(outcome.iterate, last)
@@ -297,11 +297,11 @@ def test_springs_that_are_not_symmetric(route):
 @pytest.mark.parametrize("route", ["points", "full"])
 def test_springs_in_series_end_before_round_off(monkeypatch, route):
     """Where stiffer and stiffer springs lead nowhere there is no answer, and no singular matrix."""
-    monkeypatch.setattr(proximal, "_change", lambda before, after: np.inf)
+    monkeypatch.setattr(starts, "_change", lambda before, after: np.inf)
     blocks = Blocks(Scene(nodes=4, mu=0.5), route)
     last = blocks.rest()
     step = blocks.step(blocks.moved((0.008, 0.003, -0.012)), last)
-    _, outcome = proximal.proximal(step, admissible(as_guess(last), step), 1e-10)
+    _, outcome = starts.proximal(step, admissible(as_guess(last), step), 1e-10)
     assert not outcome.converged and len(outcome.trace) > 10
 
 

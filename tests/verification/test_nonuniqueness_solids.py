@@ -13,7 +13,7 @@ from skfem.models.elasticity import lame_parameters
 import skfem_contact as sc
 from skfem_contact.answers.one_answer import unique_up_to
 from skfem_contact.answers.pieces import critical_friction, orientation, turning_springs
-from skfem_contact.conditions.return_map import return_map
+from skfem_contact.conditions.friction import radial_return
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.problem.points import PointSpace
 
@@ -307,7 +307,7 @@ def test_springs_of_friction_that_turns(G):
     before, slip, bound = rng.standard_normal((3, 2)), rng.standard_normal((3, 2)), np.full(3, 0.2)
 
     def friction(s):
-        return return_map(before + G * s, bound)[0]
+        return radial_return(before + G * s, bound)[0]
 
     tau, eps = friction(slip), 1e-6
     plastic = slip - (tau - before) / G

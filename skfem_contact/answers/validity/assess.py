@@ -44,8 +44,8 @@ from skfem_contact.answers.validity.words import (
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.geometry import Geometry
-from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
+from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import warn
 from skfem_contact.obstacles.obstacle import Obstacle

@@ -21,8 +21,8 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, FaceSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
-from skfem_contact.conditions.lever import as_motion
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.obstacles.motion import MotionLike

@@ -2,14 +2,13 @@
 
 * `petsc`: the backend;
 * `layout`: which rows each rank holds;
-* `assembly`: bodies assembled rank by rank; `pieces`: of their meshes; `rows`: what one rank holds of
+* `assembly`: bodies assembled rank by rank, of pieces of their meshes; `rows`: what one rank holds of
   one; `stiffness`: what rank 0 knows of it;
 * `stack`, `stacked`: the same of all bodies; `reduction`: their ``T'KT``;
 * `share`: what one rank holds of a matrix, and how all ranks together solve with it;
 * `database`: PETSc's options;
-* `condensation`: a body condensed over all ranks; `body_share`: what one rank holds of it; `schur`:
-  what MUMPS leaves of the rows it was told not to eliminate;
-* `ranks`: rank 0 runs the script, the others serve it; `messages`: arrays between them;
+* `condensation`: a body condensed over all ranks; `body_share`: what one rank holds of it;
+* `ranks`: rank 0 runs the script, the others serve it;
 * `record`: how a linear problem was solved;
 * `thresholds`: numbers, and where they come from.
 """

@@ -6,12 +6,14 @@ what is kept, c, is not. Every function here is called by all ranks at once.
 
 from __future__ import annotations
 
+import ctypes
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.linalg.distributed import schur
+from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.distributed.database import Database
 from skfem_contact.linalg.distributed.share import Settings, Share, Solved, entries
 from skfem_contact.linalg.distributed.thresholds import AGAIN, COLUMNS_AT_ONCE
@@ -68,10 +70,10 @@ class BodyShare(Share):
         if not len(keep):
             return
         mumps = pc.getType() == "cholesky" and self._package == "mumps"
-        if mumps and len(keep) > COLUMNS_AT_ONCE and schur.available(self.PETSc):
+        if mumps and len(keep) > COLUMNS_AT_ONCE and schur_available(self.PETSc):
             pc.setFactorSetUpSolverType()
             rows = keep if self.A.comm.rank == 0 else keep[:0]
-            schur.leave(self.PETSc, pc.getFactorMatrix(), rows)
+            leave_schur(self.PETSc, pc.getFactorMatrix(), rows)
             self.has_complement = True
             return
         self._interior = self._without(keep)
@@ -94,7 +96,7 @@ class BodyShare(Share):
         """Factorise the interior."""
         super().set_up()
         if self.has_complement:
-            schur.solve_eliminated(self.ksp.getPC().getFactorMatrix())
+            solve_eliminated(self.ksp.getPC().getFactorMatrix())
 
     @property
     def _package(self) -> str:
@@ -126,7 +128,7 @@ class BodyShare(Share):
         """What the factorisation leaves of the kept rows, on rank 0, one triangle of it, (n_c, n_c)."""
         assert self.settings.keep is not None
         factors = self.ksp.getPC().getFactorMatrix()
-        return schur.complement(self.PETSc, factors, len(self.settings.keep))
+        return schur_complement(self.PETSc, factors, len(self.settings.keep))
 
     def eliminated(self, F: Array) -> tuple[Array, Solved]:
         """This rank's rows of ``K_ii^-1 F_i``, and where they are kept ``F_c - K_ci K_ii^-1 F_i``.
@@ -220,3 +222,72 @@ class BodyShare(Share):
         super().destroy()
         if self._interior is not None:
             self._interior.destroy()
+
+
+NAMES = (
+    "MatFactorSetSchurIS",
+    "MatFactorGetSchurComplement",
+    "MatFactorRestoreSchurComplement",
+    "MatDenseGetArrayRead",
+    "MatDenseRestoreArrayRead",
+)
+
+# Of MUMPS' settings: which part of the solution is asked for; 0 is that of the eliminated rows alone.
+SOLUTION, ELIMINATED = 26, 0
+
+
+@lru_cache(maxsize=1)
+def _library(path: str) -> Any:
+    return ctypes.CDLL(path)
+
+
+def schur_available(PETSc: Any) -> bool:
+    """Whether all functions are there."""
+    try:
+        library = _library(PETSc.__file__)
+    except OSError:
+        return False
+    return all(hasattr(library, name) for name in NAMES)
+
+
+def _call(PETSc: Any, name: str, *given: Any) -> None:
+    code = getattr(_library(PETSc.__file__), name)(*given)
+    if code:
+        raise LinearSolveError(f"PETSc's function {name} returned the error {code}.")
+
+
+def leave_schur(PETSc: Any, factors: Any, rows: Index) -> None:
+    """Say which rows are not to be eliminated; every rank calls it, and those other than 0 name none.
+
+    Parameters
+    ----------
+    PETSc : module
+    factors : petsc4py.PETSc.Mat
+        Of MUMPS, before they are computed.
+    rows : ndarray of int
+        In the numbering of all ranks.
+    """
+    wanted = PETSc.IS().createGeneral(rows.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
+    _call(PETSc, "MatFactorSetSchurIS", ctypes.c_void_p(factors.handle), ctypes.c_void_p(wanted.handle))
+    wanted.destroy()
+
+
+def solve_eliminated(factors: Any) -> None:
+    """Let solves be with the eliminated rows alone; to be said once the factors are there."""
+    factors.setMumpsIcntl(SOLUTION, ELIMINATED)
+
+
+def schur_complement(PETSc: Any, factors: Any, n: int) -> Array:
+    """A copy of what is left, (n, n), on rank 0: of its two triangles only one is good."""
+    held, matrix, status = (
+        ctypes.c_void_p(factors.handle),
+        ctypes.c_void_p(),
+        ctypes.c_int(),
+    )
+    _call(PETSc, "MatFactorGetSchurComplement", held, ctypes.byref(matrix), ctypes.byref(status))
+    start = ctypes.POINTER(ctypes.c_double)()
+    _call(PETSc, "MatDenseGetArrayRead", matrix, ctypes.byref(start))
+    copy = np.array(np.ctypeslib.as_array(start, (n, n)))
+    _call(PETSc, "MatDenseRestoreArrayRead", matrix, ctypes.byref(start))
+    _call(PETSc, "MatFactorRestoreSchurComplement", held, ctypes.byref(matrix), status)
+    return copy

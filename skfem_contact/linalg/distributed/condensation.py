@@ -30,6 +30,7 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
 from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.linalg.dense_factors import mirror, symmetrise
 from skfem_contact.linalg.distributed.body_share import BodyShare
 from skfem_contact.linalg.distributed.layout import Layout
 from skfem_contact.linalg.distributed.ranks import Ranks
@@ -38,8 +39,6 @@ from skfem_contact.linalg.distributed.share import Settings, Solved
 from skfem_contact.linalg.distributed.stacked import StackedStiffness
 from skfem_contact.linalg.distributed.stiffness import RankedStiffness
 from skfem_contact.linalg.distributed.thresholds import COLUMNS_AT_ONCE
-from skfem_contact.linalg.in_place import symmetrise
-from skfem_contact.linalg.multifrontal.assembly import mirror
 from skfem_contact.linalg.singular import (
     NotPositiveDefinite,
     SingularMatrix,
@@ -183,7 +182,7 @@ class DistributedFactor:
         for triangle in (S, S.T):  # the upper one, which LAPACK takes for the lower one
             found = dsymv(1.0, triangle.T, u, lower=1)
             if np.linalg.norm(found - expected) <= GIVEN * np.linalg.norm(expected):
-                mirror(triangle)
+                mirror(triangle.T)
                 return S
         raise LinearSolveError("what MUMPS leaves of the kept rows is not their Schur complement")
 

@@ -19,8 +19,7 @@ from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.backend import Backend, Factorisation, by_column
-from skfem_contact.linalg.body_factor import BodyFactor
+from skfem_contact.linalg.backend import Backend, BodyFactor, Factorisation, by_column
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.distributed.assembly import assembled, collected, numbering
 from skfem_contact.linalg.distributed.condensation import DistributedFactor

@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property, lru_cache
 from typing import Any, NoReturn
 
@@ -28,9 +28,9 @@ from skfem_contact.errors import InputError, warn
 from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.distributed.body_share import BodyShare
 from skfem_contact.linalg.distributed.database import Database, command_line
-from skfem_contact.linalg.distributed.messages import receive, send
 from skfem_contact.linalg.distributed.share import Settings, Share, Solved
 from skfem_contact.linalg.distributed.thresholds import (
+    AT_ONCE,
     LATER,
     MISSED_AFTER,
     PATIENT,
@@ -313,3 +313,37 @@ def _peak() -> int:
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return int(peak if sys.platform == "darwin" else 1024 * peak)
+
+
+def send(comm: Any, arrays: list[Any], rank: int) -> None:
+    """Send arrays of any size."""
+    arrays = [_plain(array) for array in arrays]
+    comm.send([(array.shape, array.dtype.str) for array in arrays], dest=rank)
+    for array in arrays:
+        for piece in _pieces(array):
+            comm.Send(piece, dest=rank)
+
+
+def receive(comm: Any, rank: int) -> list[Any]:
+    """What another rank sends."""
+    arrays = [np.empty(shape, dtype) for shape, dtype in comm.recv(source=rank)]
+    for array in arrays:
+        for piece in _pieces(array):
+            comm.Recv(piece, source=rank)
+    return arrays
+
+
+def _plain(array: Any) -> Any:
+    """In the order of memory and of bytes that MPI sends, and of a type that does not name the latter.
+
+    >>> named = np.zeros((2, 1), dtype=np.dtype(float).newbyteorder("<"))
+    >>> memoryview(named).format, memoryview(_plain(named)).format
+    ('<d', 'd')
+    """
+    plain = np.dtype(array.dtype.type)
+    return np.ascontiguousarray(array.astype(plain, copy=False)).view(plain)
+
+
+def _pieces(array: Any) -> Iterator[Any]:
+    flat = array.reshape(-1)
+    return (flat[first : first + AT_ONCE] for first in range(0, len(flat), AT_ONCE))

@@ -11,13 +11,13 @@ from scipy.sparse import block_diag, csr_matrix, diags, vstack
 
 from skfem_contact.bodies.member import Member
 from skfem_contact.elimination.constraint import AffineConstraint
+from skfem_contact.linalg.backend import Stacked
 from skfem_contact.linalg.distributed.assembly import adopted
 from skfem_contact.linalg.distributed.layout import Layout, together
 from skfem_contact.linalg.distributed.ranks import Ranks
 from skfem_contact.linalg.distributed.reduction import ReducedStiffness, reduced
 from skfem_contact.linalg.distributed.stack import Stack
 from skfem_contact.linalg.distributed.stiffness import Alive, RankedStiffness
-from skfem_contact.linalg.stacked import Stacked
 
 Array = NDArray[np.float64]
 Index = NDArray[Any]

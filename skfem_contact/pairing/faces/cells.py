@@ -203,6 +203,7 @@ def _straight(surface: FaceSurface) -> Mask:
 def quarters(kind: FacetKind) -> Array:
     """Reference coordinates of the corners of the four parts of a face, (4, c, 2).
 
+    >>> from skfem_contact.bodies.facet_kinds import KINDS
     >>> quarters(KINDS["tri6"])[3].tolist()
     [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
     """

@@ -1,4 +1,12 @@
-"""From a load case to an answer: solved, looked at, warned of, or refused in words."""
+"""From a load case to an answer: solved, looked at, warned of, or refused in words.
+
+Rigid bodies roll and lean: small sliding leaves out moments of second order (`second_order`). A tool
+that moves by v carries its loads along, and contact forces act at points that have moved by u. So it
+turns under ``sum (u - v) x F`` besides: the moment that lets a roller roll on and a tower topple,
+P-delta to builders. Small sliding has the arms of the undeformed place, and so an equilibrium for a
+roller that anything sets rolling. Here the moment is put on the answer, once and with every point as
+it is; how much the tool then moves beside how much it did says what the answer is worth.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
@@ -15,28 +24,33 @@ from skfem_contact.answers.validity.validity import Issued
 from skfem_contact.answers.validity.watch import Watch
 from skfem_contact.arguments import check_kind
 from skfem_contact.carried import ByFields
-from skfem_contact.conditions.diagnosis import check_loads
+from skfem_contact.conditions.checks import check_loads
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, warn
 from skfem_contact.history.checkpoint import SavedState
-from skfem_contact.history.failure import failure
-from skfem_contact.history.finding import Finding, Known
+from skfem_contact.history.equilibrium import EquilibriumSearch, Known
 from skfem_contact.history.grip import Grip
-from skfem_contact.history.load_step import LoadStep
+from skfem_contact.history.load_step import Attempt, LoadStep, Recovery
 from skfem_contact.history.read import StepReader
-from skfem_contact.history.recovery import Recovery
-from skfem_contact.history.second_order import second_order
 from skfem_contact.history.stepper import Stepper
+from skfem_contact.history.thresholds import HARDLY_MOVES, PRESSED, SAME_COORDINATES
+from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.driver import converged_words
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Record
+from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.once import once
-from skfem_contact.problem.workspace import Workspace
+from skfem_contact.pairing.vectors import cross
+from skfem_contact.problem.seam import Workspace
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Answering(ByFields):
+class StepSolver(ByFields):
     """What makes answers of load cases: one for all load steps of a solver."""
 
     stepper: Stepper
@@ -77,10 +91,12 @@ class Answering(ByFields):
         warm = guess or start
         known = None if warm is None else warm.state
         step = LoadStep(state, before, target, known, callback, workspace=workspace)
-        found = Finding(self.stepper, step, start)
-        found.find()
+        found = EquilibriumSearch(self.stepper, step, start)
+        verdict = found.find()
+        if not verdict.reached:
+            raise verdict.error(self.stepper.loop, None)
         result = self._answer(found, time.perf_counter() - begin)
-        if result.converged:
+        if verdict.arrived:
             diagnostics = self.watch.look(
                 result.state,
                 result.gap,
@@ -95,9 +111,9 @@ class Answering(ByFields):
             result.diagnose(diagnostics)
             result.diagnose(self.watch.warn(result))
             _warn(result)
-        if result.converged or not throw:
+        if verdict.arrived or not throw:
             return result
-        raise failure(found, result)
+        raise verdict.error(self.stepper.loop, ContactResult(result))
 
     def left(self, start: Answer | SavedState) -> LoadCase:
         """The loads of a state to go on from, with the places that new supports find DOFs at.
@@ -150,7 +166,7 @@ class Answering(ByFields):
             return True  # before finding out what tells them from others
         return start.identity is geometry.identity
 
-    def _answer(self, found: Finding, seconds: float) -> Answer:
+    def _answer(self, found: EquilibriumSearch, seconds: float) -> Answer:
         model, rest, way = self.stepper.model, found.settled, found.advance
         interface, attempt = model.interface, way.attempt
         before = np.zeros(len(interface.contacts))
@@ -191,7 +207,7 @@ class Answering(ByFields):
             springs=attempt.problem.springs is not None,
         )
 
-    def _places(self, found: Finding) -> tuple[str, ...]:
+    def _places(self, found: EquilibriumSearch) -> tuple[str, ...]:
         """What is to be said of bodies that may stand elsewhere."""
         model, rest, grip = self.stepper.model, found.settled, found.grip
         if rest is not None and rest.free.shape[1]:
@@ -218,3 +234,81 @@ def _warn(result: Answer) -> None:
 def _issued(start: Known) -> Issued:
     """What has been warned of in the history so far; a file does not know."""
     return start.diagnostics.issued if isinstance(start, Answer) else frozenset()
+
+
+def second_order(attempt: Attempt) -> dict[str, float]:
+    """What moments of second order change of the motion of rigid bodies, over that motion, by name.
+
+    Of bodies that may turn, in contacts with small sliding.
+    """
+    model = attempt.model
+    system, contacts = model.system, model.interface.contacts
+    tools = dict.fromkeys(c.rigid_body for c in contacts if c.sliding == "small")  # once, in order
+    leaning = [b for b in tools if isinstance(b, RigidBody) and np.setdiff1d(b.rotations, b.D).size]
+    if not leaning:
+        return {}
+    problem, seen = attempt.problem, attempt.seen
+    load, response = attempt.load, attempt.outcome.iterate.response
+    with single_threaded():
+        u = problem.surface(problem.source(load, response), seen)
+        f, found = np.array(seen.f), dict[RigidBody, tuple[float, Array]]()
+        for body in leaning:
+            moment, arm, along = _moment(attempt, body, u)
+            dofs = system.slice(body).start + body.rotations
+            f[dofs] += moment / system.extent
+            found[body] = arm, along
+        if np.array_equal(f, seen.f):
+            return {}
+        turned = replace(seen, f=f)
+        again = problem.load(turned)
+        if problem.springs is not None:  # which have no strain in the answer, and are none here
+            again = problem.at_forces(again, response.normal_force, response.tangential_force)
+        try:
+            other = problem.solve(attempt.outcome.iterate.conditions, again)
+        except (SingularMatrix, LinearSolveError):
+            return {}
+        change = problem.surface(problem.source(again, other), turned) - u
+    shares = {}
+    for body, (arm, along) in found.items():
+        part = system.slice(body)
+        ways = [_sway(body, v[part], arm / system.extent, along) for v in (u, change)]
+        least = HARDLY_MOVES * float(np.linalg.norm(u[part][: body.dim]))
+        least = max(least, SAME_COORDINATES * system.extent)
+        shares[system.names[system.index(body)]] = ways[1] / max(ways[0], least, np.finfo(float).tiny)
+    return shares
+
+
+def _moment(attempt: Attempt, body: RigidBody, u: Array) -> tuple[Array, float, Array]:
+    """Of second order, by rotation (zero where it is prescribed).
+
+    Then the longest arm of a force, and the direction in which the body is pressed, zero for none.
+    """
+    model, kin, local = attempt.model, attempt.problem.kin, attempt.local
+    system, d = model.system, body.dim
+    v = u[system.slice(body)][:d]
+    moment, arm = np.zeros(len(body.rotations)), 0.0
+    total, sizes = np.zeros(d), 0.0
+    for contact, part in zip(model.interface.contacts, model.interface.point_slices, strict=True):
+        if contact.rigid_body is not body or contact.sliding != "small":
+            continue
+        side = contact.secondary
+        forces = -local.normal_force[part][:, None] * kin.normal[part]
+        forces += np.einsum("ik,ikd->id", local.tangential_force[part], kin.axes[part])
+        moved = u[system.slice(side.body)][side.dofs] - v
+        moment += cross(moved, forces).sum(axis=0)
+        size = np.linalg.norm(forces, axis=1)
+        total, sizes = total + forces.sum(axis=0), sizes + float(size.sum())
+        away = np.linalg.norm(side.points[size > 0] - body.about, axis=1)
+        arm = max(arm, float(np.max(away, initial=0.0)))
+    moment[np.isin(body.rotations, body.D)] = 0.0
+    size = float(np.linalg.norm(total))
+    # between two jaws forces cancel, and no direction is that of pressing
+    along = total / size if size > PRESSED * sizes else np.zeros(d)
+    return moment, arm, along
+
+
+def _sway(body: RigidBody, way: Array, arm: float, along: Array) -> float:
+    """The largest of a motion but for the way it is pressed in; turns at the end of the longest arm."""
+    v = way[: body.dim]
+    across = v - along * (along @ v)
+    return max(float(np.linalg.norm(across)), arm * float(np.linalg.norm(way[body.dim :])))

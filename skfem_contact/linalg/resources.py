@@ -1,11 +1,19 @@
-"""One BLAS thread for the many small dense blocks of contact problems."""
+"""One BLAS thread for the many small dense blocks of contact problems.
+
+Memory: how much a factorisation may take, before anything is known of it, and in words.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.machinery import EXTENSION_SUFFIXES
 from threading import Lock, local
 from typing import Any
+
+import numpy as np
+
+from skfem_contact.linalg.thresholds import FACTORS_2D, FACTORS_3D
 
 # Ends of the names of extension modules, with the version of Python in them: no BLAS is called so.
 MODULES = tuple(suffix for suffix in EXTENSION_SUFFIXES if suffix.count(".") > 1)
@@ -100,3 +108,38 @@ def _blas() -> Any:
                 super()._make_controller_from_path(filepath)
 
     return Libraries().select(user_api="blas")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a solver may take [bytes]."""
+
+    dense: float
+    factors: float
+
+
+def factor_bound(n: int, dim: int) -> float:
+    """About twice what the factors of a body of n DOFs take in general [bytes].
+
+    Where this is allowed, nobody needs to look closer.
+
+    >>> f"{factor_bound(100_000, 3):.2g}", f"{factor_bound(100_000, 2):.2g}"
+    ('2.1e+09', '4e+08')
+    """
+    if n < 2:
+        return 0.0
+    if dim < 3:
+        return float(FACTORS_2D * n * np.log2(n))
+    return float(FACTORS_3D * n**1.37)
+
+
+def written_bytes(count: float) -> str:
+    """A number of bytes with three digits.
+
+    >>> written_bytes(80), written_bytes(1234567), written_bytes(3e9)
+    ('80 B', '1.23 MB', '3 GB')
+    """
+    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if count >= size:
+            return f"{count / size:.3g} {unit}"
+    return f"{count:.0f} B"

@@ -1,0 +1,301 @@
+"""The answer to a load step, whether or not contact holds all bodies in place; or why there is none.
+
+`EquilibriumSearch.find` alone decides what came of a step. It ends with a `Verdict`: the step
+arrived, has no equilibrium, or its loop did not converge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.result import ContactResult
+from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
+from skfem_contact.conditions.statics import drives, escape
+from skfem_contact.errors import NoEquilibrium, NotConverged
+from skfem_contact.history.checkpoint import SavedState
+from skfem_contact.history.grip import Grip
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, rough_at_rest
+from skfem_contact.history.neutral_equilibrium import NeutralEquilibrium, Rest
+from skfem_contact.history.stepper import Stepper
+from skfem_contact.history.stepping import advance
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.pairing.vertices import Corners
+from skfem_contact.problem.model import EVEN_CLOSED
+
+Array = NDArray[np.float64]
+Known = Answer | SavedState | None
+
+CAN_CARRY = "with the forces that contact can carry"
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What came of a load step: it arrived, has no equilibrium, or its loop did not converge.
+
+    Attributes
+    ----------
+    free : ndarray, shape (k, j), or None
+        Motions along which nothing balances the loads, where there is no equilibrium.
+    motions : RigidMotions or None
+        Of which these are combinations.
+    when : str
+        Under which circumstances they are free, in words.
+    f : ndarray, shape (n,), or None
+        The load that drives them [force].
+    shown : bool
+        Whether statics alone shows it.
+    pull : float
+        What it would take to hold the bodies, over the largest point force, if known.
+    carries : str
+        How much of the load is carried, in words.
+    advice : str
+        What to try where the loop did not converge.
+    reached : bool
+        Whether there is a last state to show.
+    """
+
+    free: Array | None = None
+    motions: RigidMotions | None = None
+    when: str = CAN_CARRY
+    f: Array | None = None
+    shown: bool = False
+    pull: float = 0.0
+    carries: str = ""
+    advice: str = ""
+    reached: bool = True
+
+    @property
+    def arrived(self) -> bool:
+        """Whether there is an answer."""
+        return self.free is None and not self.advice
+
+    def error(self, loop: str, result: ContactResult | None) -> NoEquilibrium | NotConverged:
+        """The exception for a step that did not arrive, with the last state."""
+        if self.free is not None:
+            assert self.motions is not None
+            known = self.f, result, self.shown, self.pull, self.carries
+            return no_equilibrium(self.motions, self.free, self.when, *known)
+        message = "" if result is None else result.message
+        return NotConverged(
+            f"The loop '{loop}' did not converge: {message}. {self.carries}{self.advice}"
+            "the last state is in `.result` of this exception, the steps before it in `.results`.",
+            result,
+        )
+
+
+ARRIVED = Verdict()
+
+
+@dataclass(eq=False)
+class EquilibriumSearch:
+    """Looks for the answer to one load step, and has what it came to.
+
+    Attributes
+    ----------
+    stepper : Stepper
+    step : LoadStep
+    start : Answer, SavedState or None
+        What the step goes on from; None where nothing was before.
+    advance : Advance
+    rest : Rest or None
+        Where the answer leaves motions free, that of `advance`; or, with a `pull`, what it would take
+        to hold a motion that strains alone drive.
+    refuted : ndarray, shape (k,), or None
+        A motion by which statics alone shows that there is no equilibrium.
+    grip : Grip or None
+        What holds the bodies of an attempt that was good, where supports do not.
+    """
+
+    stepper: Stepper
+    step: LoadStep
+    start: Known
+    advance: Advance = field(init=False)
+    rest: Rest | None = None
+    refuted: Array | None = None
+    grip: Grip | None = None
+
+    @property
+    def settled(self) -> Rest | None:
+        """The answer that leaves motions free, where it is one."""
+        return None if self.rest is None or self.rest.pull else self.rest
+
+    def find(self) -> Verdict:
+        """Find the answer; where it leaves motions free, at the place that moves least."""
+        model, f = self.stepper.model, self.step.target.f
+        if model.loose.shape[1] and drives(model.motions, f, model.loose):
+            return Verdict(model.loose, model.motions, EVEN_CLOSED, f, shown=True, reached=False)
+        may_float = bool(model.motions.k)
+        try:
+            self.advance = advance(self.stepper.held, self.step, self._doubt if may_float else None)
+        except SingularMatrix as error:  # round-off decides whether a free motion makes it so
+            if not may_float:
+                raise
+            return self._free(error)
+        if may_float and self.advance.attempt.good:
+            self.grip = Grip.of(model, self.advance.attempt)
+            if self.grip.idles:
+                self._press()
+            if model.loose.shape[1] or self.grip.idles:
+                self.rest = self._try_settle()
+        rest = self.settled
+        if rest is not None:
+            rest.advance.trace[:0] = self.advance.trace
+            self.advance = rest.advance
+        return self._judged()
+
+    def _judged(self) -> Verdict:
+        """What the last attempt says of the step, and what was found out about it on the way."""
+        attempt, model = self.advance.attempt, self.stepper.model
+        if attempt.good:
+            return ARRIVED
+        if self.rest is not None:
+            return Verdict(self.rest.free, model.motions, pull=self.rest.pull)
+        motions, free, shown = attempt.problem.motions, attempt.outcome.free, self.refuted is not None
+        carries = _carries(self.advance)
+        if free is None and self.refuted is not None:
+            motions, free = model.motions, self.refuted[:, None]
+        if free is not None:
+            return Verdict(free, motions, f=attempt.case.f, shown=shown, carries=carries)
+        interface, kin, culprit = model.interface, attempt.problem.kin, attempt.culprit
+        if culprit >= 0 and _has_corners(interface.contacts[interface.contact_of(culprit)]):
+            return Verdict(advice=CORNERS)
+        if attempt.stateless is not None:
+            return Verdict(advice=JUMPS + _stateless(attempt))
+        changes = attempt.outcome.iterate.changes
+        if changes and rough_at_rest(interface, attempt.local.area, kin.tangents):
+            return Verdict(advice=JUMPS + USUALLY)
+        return Verdict(carries=carries, advice=TOO_MUCH if attempt.at_limit else USUALLY)
+
+    def _doubt(self, failed: Attempt, last: bool) -> bool:
+        """After a failure: is there no equilibrium, or one that leaves a motion free?
+
+        Not where bodies move on under less than the load: it drives what is free.
+        """
+        model = self.stepper.model
+        if not model.geometry.follows:  # other points may meet
+            self.refuted = escape(model.motions, model.interface, model.kin.paired, self.step.target.f)
+        if self.refuted is not None:
+            return True
+        if failed.at_limit:
+            return False
+        self.rest = self._try_settle(last)
+        return self.settled is not None
+
+    def _press(self) -> None:
+        """Take an answer that holds all bodies where they were pressed before, if there is one.
+
+        A block between inclined sides may stand loose as well as squeezed by friction. From squeezed it
+        comes to loose by no small step, but iterations may jump there: pivoting has no such jumps.
+        """
+        by = self.stepper.held
+        if "pivoting" not in by.starts or not np.any(self.step.state.normal_force > 0):
+            return
+        once = replace(by, options=replace(by.options, max_cuts=0))
+        try:
+            found = advance(once, self.step, begin=["pivoting"])
+        except SingularMatrix:  # where it leads leaves a motion free as well
+            return
+        if not found.attempt.good:
+            return
+        grip = Grip.of(self.stepper.model, found.attempt)
+        if not grip.idles:
+            found.trace[:0] = self.advance.trace
+            self.advance, self.grip = found, grip
+
+    def _free(self, error: SingularMatrix) -> Verdict:
+        """Take the answer where a set of points left a motion free; none is no equilibrium.
+
+        Where DOFs that hold the motion do not help and contact leaves none free, the matrix is singular
+        of itself: `error`.
+        """
+        model = self.stepper.model
+        motions, kin = model.motions, model.kin
+        free = motions.free(kin.paired, kin.paired & model.interface.slipping)
+        try:
+            self.rest = rest = self._settle(True)
+        except SingularMatrix:
+            if not free.shape[1]:
+                raise error from None
+            rest = None
+        if rest is None:
+            free = free if free.shape[1] else np.eye(motions.k)
+            return Verdict(free, motions, f=self.step.target.f, reached=False)
+        if rest.pull:
+            return Verdict(rest.free, motions, pull=rest.pull, reached=False)
+        self.advance = rest.advance
+        return self._judged()
+
+    def _settle(self, last: bool) -> Rest | None:
+        u_last = np.zeros(self.stepper.model.system.n) if self.start is None else self.start.u
+        return NeutralEquilibrium(self.stepper, self.step, u_last).settle(last)
+
+    def _try_settle(self, last: bool = False) -> Rest | None:
+        try:
+            return self._settle(last)
+        except SingularMatrix:  # springs as weak as these do not hold a body everywhere
+            return None
+
+
+USUALLY = (
+    "Usually the load has no equilibrium or several (a large coefficient of friction), or the "
+    "step is too large for its path. Try smaller load steps in history(...), another loop, or "
+    "a smaller mu; "
+)
+CARRIES = (
+    "Contact carries up to {} of this step: that much was reached by a load that is pulled through a "
+    "spring{}. With friction it depends on the way, and other steps may come to a little more. "
+)
+MOVES_ON = "; beyond it the bodies move on without carrying more"
+NOTHING = (
+    "Contact carries no part of this step: pulled through a spring, however little, the bodies "
+    "move on. "
+)
+TOO_MUCH = "Take a smaller load, more friction, or prescribe displacements to go beyond the limit; "
+JUMPS = (
+    "Friction that is not zero without pressure (Tresca, cohesion) is lost all at once where a point "
+    "opens, and such a point may have no state at all: closed it is pulled, open it overlaps. A bound "
+    "that begins at zero, Coulomb(mu, tau_max=...) with a large mu, is free of that, and so is a bond "
+    "that never opens, Contact(separation=False). "
+)
+CORNERS = (
+    "Its surfaces have sharp corners. Usually a face gives way to the next one there: the "
+    "body snaps from the one to the other, and between them there is no equilibrium, "
+    "however small the step. Round the corners by an arc of a few facets, push "
+    "less deep, or lead the bodies apart and together again behind the corner; "
+)
+
+
+def _carries(way: Advance) -> str:
+    """How much of the step is carried, in words: four digits, none of them too large."""
+    if way.carried is None or way.carried >= 1.0:
+        return ""
+    limit = way.attempt.at_limit
+    share = np.floor(1e4 * way.carried) / 1e4
+    if share > 0.0:
+        return CARRIES.format(f"{share:.4g}", MOVES_ON if limit else "")
+    return NOTHING if limit else ""
+
+
+def _stateless(attempt: Attempt) -> str:
+    """The points that have no state, in words."""
+    interface, points, shares = attempt.model.interface, attempt.problem.kin.points, attempt.stateless
+    assert shares is not None
+    found = np.flatnonzero(shares)
+    i = int(found[0])
+    more = "" if len(found) == 1 else f" ({len(found)} points do so, of which this is the first)"
+    return (
+        f"Here {interface.point_words(i, points[i])} has none: with a bound that begins at zero, and "
+        f"rises however steeply, it slips without pressure at {100 * shares[i]:.3g} % of it{more}. "
+    )
+
+
+def _has_corners(contact: Contact) -> bool:
+    """Whether the surfaces of a contact have convex corners, their ends included."""
+    sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, CurveSurface)]
+    return any(len(Corners.of(side).node) for side in sides)

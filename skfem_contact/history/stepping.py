@@ -1,0 +1,396 @@
+"""From one state to the next: a load step, cut into smaller ones where nothing else helps.
+
+A step is tried whole, from the last state's contact zone; if that fails, from
+complementary pivoting (Lemke's method), then on a loading machine, which finds the answer or how much
+of the load is carried (`loops.pulled`). Where there is no machine, as contact slides far or wears, the
+step is halved; where a point slid too far in it, it is cut to the share that the distance tells. What
+is left in the end is friction that rises steeply where it jumps (`loops.starts`).
+
+Where surfaces wear, every attempt at a load step is solved again with the depth that it wears off.
+The depth worn in a step opens the gaps at its end, and follows from the forces there: an equation
+``w = w_n + c (lambda_n + lambda(w))`` with ``c = k |slip| / 2A`` at every point. Closed points answer
+a depth by ``d lambda = -S dw``, with the stiffness S that the contact problem has on gaps and slips;
+Newton's method with that settles in few rounds. Where there is no such matrix, secants take its place.
+
+The largest eigenvalue of ``c S`` is the share of the depth worn that elastic bodies answer by another
+pressure. It says how long a step may be: what is rough from point to point changes in a step by the
+factor ``(1 - c S) / (1 + c S)``, which must not be negative. Longer steps are cut.
+
+Where contact slides far, every attempt is solved again on the pairing of its own answer. That is a
+fixed point, which secants reach in half the rounds of repetition. A step in which a point slid too
+far is refused, with the distance.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError
+
+from skfem_contact.arrays import lengths
+from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.state import OPEN, STICK, LocalState
+from skfem_contact.digits import GIVEN, SOLVED
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, nothing
+from skfem_contact.history.stepper import RAN_AWAY, Stepper
+from skfem_contact.history.thresholds import (
+    AIM,
+    ANSWERED,
+    ANSWERED_BY_SECANTS,
+    EDGE,
+    FAR,
+    FAR_TOO_LONG,
+    LONGER,
+    PLAIN,
+    SHORTER,
+    WEAR_DIGITS,
+    WEAR_ROUNDS,
+)
+from skfem_contact.linalg.dense_factors import cholesky
+from skfem_contact.linalg.krylov import Anderson
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.starts import REGULARISED
+from skfem_contact.loops.step import Record
+
+Array = NDArray[np.float64]
+
+
+logger = logging.getLogger("skfem_contact")
+
+
+@dataclass
+class Bisection:
+    """How much of a load step is done, and how large a part of it is attempted next.
+
+    Attributes
+    ----------
+    most : int
+        How often in a row a part may be cut.
+    smallest : float
+        Share that is not cut any more; distances that were measured do not count towards it.
+    """
+
+    most: int
+    smallest: float
+    done: float = 0.0
+    share: float = 1.0
+    fails: int = 0
+
+    @property
+    def aim(self) -> float:
+        """Share of the step at the end of the part."""
+        return min(1.0, self.done + self.share)
+
+    @property
+    def spent(self) -> bool:
+        """Whether a part that fails is not cut any more."""
+        return self.share <= max(self.smallest, SOLVED) or self.fails >= self.most
+
+    def go_on(self, travel: float) -> None:
+        """Begin the next part where this one has ended, by the distance that points slid in it."""
+        share = grown(self.share, travel)
+        self.done, self.fails = self.aim, 0
+        self.share = min(share, 1.0 - self.done)
+
+    def cut(self, travel: float) -> None:
+        """Take a smaller part: half of it, or as much as lets no point slide too far."""
+        shorter = SHORTER
+        if travel > 1.0:  # no fault of the step's but its size: measured, not tried
+            shorter = AIM / travel
+            self.smallest *= shorter
+        self.share *= shorter
+        self.fails += 1
+
+
+def advance(
+    by: Stepper,
+    step: LoadStep,
+    doubt: Callable[[Attempt, bool], bool] | None = None,
+    begin: list[str] | None = None,
+) -> Advance:
+    """Solve a load step, in parts where it fails; the last attempt says whether it arrived.
+
+    `doubt(attempt, False)` is asked where the whole step has failed, whether to leave it at that, and
+    `doubt(attempt, True)` where smaller steps have failed as well. `begin` are the starts of the first
+    attempt, by default all that there are.
+    """
+    interface = by.model.interface
+    so_far = Advance(nothing(interface))
+    parts = Bisection(by.options.max_cuts, SHORTER**by.options.max_cuts)
+    part = step  # that is attempted: from where the parts before it have come to
+    starts = begin or by.starts_from(step.known)
+    while True:
+        aim = parts.aim
+        if parts.share < 1.0:
+            target = step.before.towards(step.target, aim)
+            part = replace(part, target=target, share=aim - parts.done)
+        try:
+            attempt = attempted(by, part, starts[0])
+        except SingularMatrix:
+            # not of the bodies, if another set of points can be solved for
+            if starts == [REGULARISED]:
+                return so_far
+            if len(starts) == 1:
+                raise
+            starts.pop(0)
+            continue
+        so_far.attempt = attempt
+        so_far.trace.extend(attempt.outcome.trace)
+        if attempt.carried is not None:
+            so_far.carried = parts.done + (aim - parts.done) * attempt.carried.share
+        limit = attempt.at_limit and not attempt.good  # the rest of the starts has nothing to find
+        last = len(starts) == 1 or limit or attempt.failure == RAN_AWAY  # wherever it begins
+        lost = not attempt.good and not attempt.stopped and last
+        if lost and doubt is not None and parts.share == 1.0 and doubt(attempt, False):
+            return so_far
+        if attempt.good:
+            if interface.laws:
+                so_far.energy += attempt.energy
+            if aim >= 1.0:
+                return so_far
+            state = attempt.state
+            part = replace(part, state=state, before=part.target, known=state)
+            starts = by.starts_from(state)
+            so_far.substeps += 1
+            parts.go_on(attempt.travel)
+        elif attempt.outcome.free is not None and "pivoting" in starts and by.complete:
+            # smaller steps would end there too
+            if starts == ["pivoting"]:
+                return so_far
+            starts = ["pivoting"]
+        elif len(starts) > 1 and not (limit or attempt.failure or attempt.stopped):
+            starts.pop(0)  # before cutting: begin elsewhere
+        elif so_far.carried is not None or parts.spent or attempt.stopped:
+            if by.jumps and not (attempt.stopped or attempt.failure or starts == [REGULARISED]):
+                starts = [REGULARISED]  # before giving up
+                continue
+            if doubt is not None and so_far.cuts and not attempt.stopped:
+                doubt(attempt, True)
+            return so_far
+        else:
+            parts.cut(attempt.travel)
+            so_far.cuts += 1
+            reason = attempt.failure or attempt.outcome.message
+            logger.info("step cut to %.4g of its size: %s", parts.share, reason)
+            part, starts = replace(part, known=part.state), by.starts_from(part.state)
+
+
+def grown(share: float, travel: float) -> float:
+    """The share to try after a success: twice as much, but no further than points may slide."""
+    return share * min(LONGER, AIM / travel if travel > 0 else LONGER)
+
+
+def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
+    """One attempt at a load step, with what wears off in it."""
+    model, last = by.model, step.state
+    interface = model.interface
+    worn = interface.wear or np.count_nonzero(last.wear)
+    if not (worn or model.geometry.follows):  # as nearly always
+        return by.attempt(step, step.workspace.borrowed(model.problem_on(None, None)), start)
+    if not interface.wear:
+        return _with_depth(by, step, start, last.wear)
+    depth, secant, trace = last.wear, Anderson(), list[Record]()
+    share = before = 0.0
+    for number in range(WEAR_ROUNDS):
+        attempt = _with_depth(by, step, start, depth)
+        trace += attempt.outcome.trace
+        attempt = replace(attempt, outcome=replace(attempt.outcome, trace=tuple(trace)))
+        if not attempt.good:
+            return attempt
+        volume = worn_volume(interface, attempt.start, attempt.local, _way(attempt))
+        area = attempt.local.area
+        grown = np.divide(volume, area, out=np.zeros_like(volume), where=area > 0)
+        change = last.wear + grown - depth
+        left, size = float(np.linalg.norm(change)), float(np.linalg.norm(grown))
+        relief = Relief.of(interface, attempt)
+        if relief is not None:
+            share = max(share, relief.share / ANSWERED) if number < 2 else share
+        elif number == 1:
+            share = left / before / ANSWERED_BY_SECANTS if before > 0 else 0.0
+        if share > 1.0:
+            words = f"its wear would change the pressures {share:.2g} times as much as they may"
+            # where pressures have become zero how far the step is too long is not known
+            far = share if relief is not None else max(share, FAR_TOO_LONG)
+            return replace(attempt, failure=words, travel=max(attempt.travel, far))
+        if left <= max(GIVEN * size, WEAR_DIGITS * float(np.linalg.norm(depth))):
+            local = replace(attempt.local, wear=last.wear + grown, worn=last.worn + volume)
+            return replace(attempt, local=local, travel=max(attempt.travel, share))
+        before, start = left, "warm"
+        depth = secant.next(depth, depth + change) if relief is None else depth + relief.settle(change)
+        step = replace(step, known=attempt.state)
+    return replace(attempt, failure=f"the depth worn off did not settle in {WEAR_ROUNDS} rounds")
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """How closed points are relieved by a depth that wears off them.
+
+    Attributes
+    ----------
+    points : ndarray of bool, shape (m,)
+        Closed ones that slip, k of them.
+    c : ndarray, shape (k,)
+        Depth per force [length/force].
+    S : ndarray, shape (k, k)
+        Force per depth [force/length].
+    """
+
+    points: NDArray[np.bool_]
+    c: Array
+    S: Array
+
+    @classmethod
+    def of(cls, interface: Interface, attempt: Attempt) -> Relief | None:
+        """At the end of an attempt; None where the contact problem has no matrix of its own."""
+        space, local = attempt.problem.points, attempt.local
+        if space is None:
+            return None
+        closed = (local.status != OPEN) & (space.normal_rows >= 0)
+        c = 0.5 * volumes(interface, np.ones(len(closed)), _way(attempt))
+        c = np.divide(c, local.area, out=np.zeros_like(c), where=local.area > 0)
+        points = closed & (c > 0)
+        stuck = (local.status == STICK)[:, None] & (space.tangential_rows >= 0)
+        held = np.concatenate([space.normal_rows[closed], space.tangential_rows[stuck]])
+        free = np.setdiff1d(np.arange(len(space.S)), held)
+        own = space.normal_rows[points]
+        S = space.S[np.ix_(own, own)]
+        try:
+            follow = cholesky(space.S[np.ix_(free, free)]).solve(space.S[np.ix_(free, own)])
+        except LinAlgError:  # bodies that friction alone holds: as if nothing slipped
+            follow = np.zeros((len(free), len(own)))
+        S = S - space.S[np.ix_(own, free)] @ follow
+        return cls(points, c[points], 0.5 * (S + S.T))
+
+    @property
+    def share(self) -> float:
+        """The largest eigenvalue of ``c S``."""
+        root = np.sqrt(self.c)
+        values = np.linalg.eigvalsh(root[:, None] * self.S * root)
+        return float(np.max(values, initial=0.0))
+
+    def settle(self, change: Array) -> Array:
+        """The change of depths (m,) that comes of one that the forces do not answer yet."""
+        out = change.copy()
+        matrix = np.eye(len(self.c)) + self.c[:, None] * self.S
+        out[self.points] = np.linalg.solve(matrix, change[self.points])
+        return out
+
+
+def _with_depth(by: Stepper, step: LoadStep, start: str, depth: Array) -> Attempt:
+    """One attempt with the gaps that a depth worn off leaves, (m,)."""
+    if not np.count_nonzero(depth):
+        return on_own_pairing(by, step, start)
+    attempt = on_own_pairing(by, replace(step, target=step.target.worn(depth)), start)
+    return replace(attempt, case=step.target)
+
+
+def _way(attempt: Attempt) -> Array:
+    """Length of the way that friction acts on, (m,)."""
+    return lengths(attempt.problem.kin.slip_along(attempt.plastic_slip))
+
+
+def worn_volume(interface: Interface, last: LocalState, new: LocalState, way: Array) -> Array:
+    """Volume worn off each point between two states, (m,).
+
+    The mean of the forces at both ends, zero at open points, on a way (m,).
+    """
+    pressing = [np.where(s.status != OPEN, np.maximum(s.normal_force, 0.0), 0.0) for s in (last, new)]
+    return volumes(interface, 0.5 * (pressing[0] + pressing[1]), way)
+
+
+def volumes(interface: Interface, force: Array, way: Array) -> Array:
+    """Volume worn off by forces (m,) on ways (m,), by the laws of all contacts."""
+    volume = np.zeros(len(force))
+    for part, law in interface.wear:
+        volume[part] = law.volume(force[part], way[part])
+    return volume
+
+
+def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
+    """One attempt at a load step; where contact slides far, on the pairing of its own answer."""
+    model, options = by.model, by.options
+    geometry, case = model.geometry, step.target
+    if not geometry.follows:
+        return by.attempt(step, step.workspace.borrowed(model.problem_on(None, None)), start)
+    at = step.state.surface + step.share * step.state.trend
+    u = geometry.predicted(at, case)
+    problem = model.problem_on(geometry.at(u, case), u)
+    trace: tuple[Record, ...] = ()
+    secant, lost = Anderson(), np.zeros(len(geometry.finite), dtype=bool)
+    for number in range(options.max_placements):
+        attempt = by.attempt(step, problem, start)
+        trace += attempt.outcome.trace
+        outcome = replace(attempt.outcome, trace=trace)
+        attempt = replace(attempt, outcome=outcome)
+        if not attempt.good:
+            return attempt
+        attempt = _travelled(by, attempt, 1.0 if number else FAR)
+        if attempt.failure:
+            return attempt
+        there = attempt.local.surface
+        plain = number < PLAIN
+        at = there if plain else secant.next(at, there)
+        u = geometry.spread(at)
+        next_kin = without_points(geometry.at(u, case, problem.kin), lost)
+        if number >= EDGE:
+            lost = lost | (problem.kin.paired & ~next_kin.paired)
+        mismatch = geometry.mismatch(problem.kin, next_kin, attempt.local, by.barred)
+        limit = options.placement_tolerance
+        if number + 1 == options.max_placements:
+            limit = max(limit, options.tolerance)  # forces that a loop knows so far move points as far
+        if mismatch <= limit:
+            # so far only the next pairing is alike: what counts is that of the answer itself
+            own = next_kin
+            if not plain:
+                own = geometry.at(geometry.spread(there), case, next_kin)
+                own = without_points(own, lost)
+                mismatch = geometry.mismatch(problem.kin, own, attempt.local, by.barred)
+            if mismatch <= limit:
+                return _settled(by, attempt, own, mismatch)
+        start, step = "warm", replace(step, known=attempt.state)
+        problem = model.problem_on(next_kin, u)
+    point = geometry.least_settled(problem.kin, next_kin, attempt.local)
+    words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e}): "
+    words += model.interface.point_words(point, next_kin.points[point])
+    words += " meets another partner in every round"
+    return replace(attempt, mismatch=mismatch, failure=words, culprit=point)
+
+
+def _settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
+    """The attempt whose pairing is that of its own answer, with the gaps of that."""
+    local = attempt.local
+    gap = np.where(by.model.geometry.finite & (local.status == OPEN), own.gap0, local.gap)
+    # an obstacle takes its points along without another condition, and forces act where they are now
+    attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap), own_action=own.action)
+    return _travelled(by, attempt, 1.0)
+
+
+def _travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
+    """Measure how far points slid, over what is allowed; refuse what is beyond a limit."""
+    geometry, interface = by.model.geometry, by.model.interface
+    last, new = attempt.start, attempt.local
+    closed = (new.status != OPEN) & (last.status != OPEN) & geometry.finite
+    slid = np.linalg.norm(attempt.problem.kin.slip_along(new.slip - last.slip), axis=1)
+    travel, culprit = 0.0, -1
+    for contact, part in zip(interface.contacts, interface.point_slices, strict=True):
+        way = np.where(closed[part], slid[part], 0.0)
+        share = np.max(way) / (by.options.max_travel * np.mean(contact.secondary.lengths))
+        if not share <= travel:  # a NaN as well
+            travel, culprit = float(share), part.start + int(np.argmax(way))
+    if travel > max(limit, 1.0 + SOLVED):
+        words = interface.point_words(culprit, attempt.problem.kin.points[culprit])
+        words += f" slid {travel:.3g} times as far as max_travel allows"
+        return replace(attempt, failure=words, travel=travel, culprit=culprit)
+    return replace(attempt, travel=travel)
+
+
+def without_points(kin: Kinematics, lost: NDArray[np.bool_]) -> Kinematics:
+    """The pairing with some points open for good."""
+    if not lost.any():
+        return kin
+    return replace(kin, paired=kin.paired & ~lost, gap0=np.where(lost, np.inf, kin.gap0))
