@@ -41,7 +41,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.sealed import seal
 
 if TYPE_CHECKING:
-    from skfem_contact.bodies.surface import CurveSurface, FaceSurface
+    from skfem_contact.bodies.surface import ContactSurface
 
 Array = NDArray[np.float64]
 
@@ -349,9 +349,7 @@ class Body(Member):
         return tuple(f"{name} of part {i + 1}" for i in range(count) for name in names)
 
     @known_keywords()
-    def surface(
-        self, where: Any, nodes: bool = False, *, name: str | None = None
-    ) -> CurveSurface | FaceSurface:
+    def surface(self, where: Any, nodes: bool = False, *, name: str | None = None) -> ContactSurface:
         """Part of the boundary that may come into contact.
 
         Parameters
@@ -369,7 +367,7 @@ class Body(Member):
         Returns
         -------
         ContactSurface
-            A `CurveSurface` of a plane body, a `FaceSurface` of a solid.
+            A curve of a plane body, faces of a solid.
 
         Raises
         ------

@@ -79,8 +79,13 @@ class FacetKind:
 
     @cached_property
     def edges(self) -> Index:
-        """Nodes of each edge of a face: start, end, and the middle if there is one, (c, 2 or 3)."""
+        """Nodes of each edge of a face: start, end, and the middle if there is one, (c, 2 or 3).
+
+        The edges of a line are its ends, (2, 1).
+        """
         start = np.arange(self.corners)
+        if self.dim == 1:
+            return start[:, None]
         columns = [start, (start + 1) % self.corners]
         return np.column_stack(columns + ([start + self.corners] if self.quadratic else []))
 
@@ -141,6 +146,17 @@ class FacetKind:
         at = self.locations
         second = self.second(at)
         return second[0] if np.allclose(second, second[0], rtol=0, atol=COMPUTED) else None
+
+    @cached_property
+    def derivatives(self) -> Array:
+        """Of the shape functions at the nodes, and in the middle, shape (k + 1, k, d-1)."""
+        return self.shapes(np.vstack([self.locations, self.middle]))[1]
+
+    @cached_property
+    def gauss(self) -> tuple[Array, Array, Array]:
+        """Shape functions (q, k), their derivatives (q, k, d-1) and weights (q,) of `quadrature`."""
+        at, weight = self.quadrature()
+        return *self.shapes(at), weight
 
     def quadrature(self, degree: int | None = None) -> tuple[Array, Array]:
         """Gauss points (q, d-1) and weights (q,), for polynomials up to `degree` at least."""

@@ -54,7 +54,7 @@ ROUND_OFF = 1e-12
 # A facet with middle nodes is straight if they are no farther off than this part of its size.
 BOWED = 1e-4
 
-# -- body, curves, face_normals, normals, facets, faces, projection ---
+# -- facets, projection --------------------------------------------
 
 # Coordinates carry 16 digits of the mesh's extent: what is smaller than this part of it has no
 # direction. And middles of facets closer than this part of the shortest one are the same facet's.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.thresholds import DIGITS_OF_WEIGHTS, NO_AREA
 from skfem_contact.errors import InputError
@@ -50,47 +50,51 @@ def pair(
         Vertices that carried in a round before, `Pairing.corners`.
     """
     secondary, primary = contact.secondary, contact.primary
-    if isinstance(secondary, FaceSurface):
-        return _pair_faces(contact, secondary, moved, motion)
-    assert isinstance(secondary, CurveSurface)
     if len(moved):
         secondary = secondary.moved(moved[0])
     if isinstance(primary, Obstacle):
-        return _on_obstacle(contact, secondary, primary, motion, known, follows=bool(len(moved)))
-    if len(moved):
-        primary = primary.moved(moved[1])
-    if not isinstance(primary, CurveSurface):
-        raise _unlike(contact, 3)
-    fixed = contact.sliding == "small" and not contact.tied and not len(moved)
-    return _pair_curves(contact, secondary, primary, known, fixed, contact.method)
+        placed = primary if motion is None else primary.moved(motion)
+        partner = placed.outline
+        if partner is None:
+            return _along_supports(secondary, _by_distance(contact, secondary, placed))
+    else:
+        partner = primary.moved(moved[1]) if len(moved) else primary
+    if partner.dim != secondary.dim:
+        raise _unlike(contact, partner.dim)
+    if secondary.dim == 2:
+        pairing = _pair_curves(contact, secondary, partner, known)
+    else:
+        pairing = _pair_faces(contact, secondary, partner)
+    if contact.sliding == "small" and not contact.tied and not len(moved):
+        pairing = loaded_frames(secondary, partner, pairing)
+    if contact.rigid:
+        return _along_supports(secondary, _without_nodes(pairing))
+    pairing = _along_supports(secondary, pairing)
+    return pairing if secondary.dim == 2 else held_tangents(secondary, partner, pairing)
 
 
 def _unlike(contact: Contact, d: int) -> InputError:
     """The error for a plane body and a solid: the primary is of d dimensions."""
-    kind = "" if isinstance(contact.primary, Obstacle) else "surface "
+    kind = "surface " if not contact.rigid else ""
     return InputError(
         f"contact {contact.label}: surface {contact.secondary.label!r} is {contact.secondary.dim}-D, "
         f"{kind}{contact.primary.label!r} {d}-D"
     )
 
 
-def _on_obstacle(
-    contact: Contact,
-    secondary: CurveSurface,
-    primary: Obstacle,
-    motion: MotionLike | None,
-    known: Names,
-    follows: bool,
-) -> Pairing:
-    """Pair the boundary of a plane body with an obstacle, point by point or edge by edge."""
-    placed = primary if motion is None else primary.moved(motion)
-    outline = placed.outline
-    if outline is None:
-        return _without_idle(contact, _near(contact, placed.pair(secondary)))
-    if not isinstance(outline, CurveSurface):
-        raise _unlike(contact, 3)
-    fixed = contact.sliding == "small" and not contact.tied and not follows
-    return _without_nodes(_pair_curves(contact, secondary, outline, known, fixed, "node"))
+def _along_supports(secondary: ContactSurface, pairing: Pairing) -> Pairing:
+    """The pairing with tangents along the supports of its points; in the plane there is only one."""
+    if secondary.dim == 2:
+        return pairing
+    tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
+    return replace(pairing, tangent=tangent)
+
+
+def _by_distance(contact: Contact, secondary: ContactSurface, obstacle: Obstacle) -> Pairing:
+    """Pair nodes with an obstacle that is known by its distances."""
+    pairing = _near(contact, obstacle.pair(secondary))
+    away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
+    return _with_control_points(contact, secondary, pairing, away)
 
 
 def _near(contact: Contact, pairing: Pairing) -> Pairing:
@@ -101,46 +105,17 @@ def _near(contact: Contact, pairing: Pairing) -> Pairing:
     return replace(_without(pairing, far), miss=np.where(far, np.inf, pairing.miss))
 
 
-def _pair_faces(
-    contact: Contact, secondary: FaceSurface, moved: Sequence[Array], motion: MotionLike | None
-) -> Pairing:
-    """Pair faces of solids, or faces and an obstacle."""
-    primary = contact.primary
-    outline: ContactSurface | None = None
-    if isinstance(primary, Obstacle):
-        placed = primary if motion is None else primary.moved(motion)
-        outline = placed.outline
-    if not isinstance(primary, Obstacle | FaceSurface) or isinstance(outline, CurveSurface):
-        raise _unlike(contact, 2)
-    if len(moved):
-        secondary = secondary.moved(moved[0])
-    if len(moved) and isinstance(primary, FaceSurface):
-        primary = primary.moved(moved[1])
-    if isinstance(primary, FaceSurface) and contact.method == "mortar":
-        pairing = mortar_of_faces(secondary, primary, reach=contact.reach)
-    elif isinstance(primary, FaceSurface) or isinstance(outline, FaceSurface):
-        faces = primary if isinstance(primary, FaceSurface) else outline
-        assert isinstance(faces, FaceSurface)
-        pairing = node_to_face(secondary, faces, reach=contact.reach)
-        away = gap_vectors(secondary, faces, pairing.secondary_weights, pairing.primary_weights)
-        pairing = _with_control_points(contact, secondary, pairing, away)
-    else:
-        pairing = _near(contact, placed.pair(secondary))
-        away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
-        pairing = _with_control_points(contact, secondary, pairing, away)
-    fixed = contact.sliding == "small" and not contact.tied and not len(moved)
-    if isinstance(primary, FaceSurface) and fixed:
-        pairing = loaded_frames(secondary, primary, pairing)
-    elif isinstance(outline, FaceSurface):
-        pairing = loaded_frames(secondary, outline, pairing) if fixed else pairing
-        pairing = _without_nodes(pairing)
-    tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
-    pairing = replace(pairing, tangent=tangent)
-    return held_tangents(secondary, primary, pairing) if isinstance(primary, FaceSurface) else pairing
+def _pair_faces(contact: Contact, secondary: ContactSurface, primary: ContactSurface) -> Pairing:
+    """Pair faces of solids, or faces and those of an obstacle."""
+    if contact.method == "mortar" and not contact.rigid:
+        return mortar_of_faces(secondary, primary, reach=contact.reach)
+    pairing = node_to_face(secondary, primary, reach=contact.reach)
+    away = gap_vectors(secondary, primary, pairing.secondary_weights, pairing.primary_weights)
+    return _with_control_points(contact, secondary, pairing, away)
 
 
 def _with_control_points(
-    contact: Contact, secondary: FaceSurface, pairing: Pairing, away: Array
+    contact: Contact, secondary: ContactSurface, pairing: Pairing, away: Array
 ) -> Pairing:
     """The pairing of nodes with rows whose forces are as pressures are; glued, nodes will do."""
     if contact.tied:
@@ -149,24 +124,17 @@ def _with_control_points(
 
 
 def _pair_curves(
-    contact: Contact,
-    secondary: CurveSurface,
-    primary: CurveSurface,
-    known: Names,
-    fixed: bool,
-    method: str,
+    contact: Contact, secondary: ContactSurface, primary: ContactSurface, known: Names
 ) -> Pairing:
-    """Pair two boundaries of plane bodies; `fixed` is whether the frames stay what they are now."""
+    """Pair two boundaries of plane bodies, or one with that of an obstacle."""
     corners = None if contact.bilateral else _corners(contact, secondary, primary, known)
-    if method == "mortar":
+    if contact.method == "mortar" and not contact.rigid:
         pressed = None if corners is None else corners.pressed
         pairing = dual_mortar(secondary, primary, reach=contact.reach, pressed=pressed)
-        pairing = pairing if corners is None else corners.rows(pairing, every=True)
-    else:
-        pairing = node_to_segment(secondary, primary, reach=contact.reach)
-        pairing = pairing if corners is None else corners.rows(pairing, every=False)
-        pairing = _without_idle(contact, pairing)
-    return loaded_frames(secondary, primary, pairing) if fixed else pairing
+        return pairing if corners is None else corners.rows(pairing, every=True)
+    pairing = node_to_segment(secondary, primary, reach=contact.reach)
+    pairing = pairing if corners is None else corners.rows(pairing, every=False)
+    return _without_idle(contact, pairing)
 
 
 def _without_nodes(pairing: Pairing) -> Pairing:
@@ -182,7 +150,7 @@ def _without_nodes(pairing: Pairing) -> Pairing:
 
 
 def _corners(
-    contact: Contact, secondary: CurveSurface, primary: CurveSurface, known: Names
+    contact: Contact, secondary: ContactSurface, primary: ContactSurface, known: Names
 ) -> CornerContacts:
     """What corners meet; with small sliding only what they overlap now."""
     return corner_contacts(

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords, members
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.errors import InputError
 from skfem_contact.output.draw_tools import TOOL, placed_tools, with_tools
 from skfem_contact.output.drawing import FRICTION, LINES, is_solid
@@ -184,7 +183,6 @@ def _arrows(
         return []
     for values in drawn:
         surface = values.surface
-        assert isinstance(surface, FaceSurface)
         u = result.displacement(surface.body)[surface.dofs]
         way = LONGEST * size / peak * values.traction
         tails = pyvista.PolyData(seen.place(values.points, u) - way)

@@ -7,12 +7,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.bodies.areas import area_integrals
 from skfem_contact.bodies.bare import NoBody
-from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.normals import GAUSS, normals_at
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.faces.joints import rim_points
-from skfem_contact.pairing.faces.moduli import area_vectors, strained
+from skfem_contact.pairing.faces.moduli import strained
 from skfem_contact.pairing.thresholds import ALONG, NO_NORMAL
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
@@ -60,11 +59,12 @@ def plane_moduli(surface: ContactSurface) -> Array:
     >>> bool(abs(plane_moduli(top) - 1.0).max() < 1e-12)
     True
     """
-    if isinstance(surface, FaceSurface):
-        area, length = area_vectors(surface)
+    kind, measure = surface.kind, surface.body.measure
+    area, length = area_integrals(surface.points, surface.facets, kind, measure)
+    length **= 1 / kind.dim
+    if surface.dim == 3:
         dilated, Q = strained(surface)
     else:
-        area, length = _area_vectors(surface)
         dilated, stretched, sheared = _strained(surface)
         Q = np.sqrt(0.5 * np.sum(stretched**2 + sheared**2, axis=1))
     size, P = np.linalg.norm(area, axis=1), np.linalg.norm(dilated, axis=1)
@@ -92,7 +92,7 @@ def plane_moduli(surface: ContactSurface) -> Array:
 
 def _inner(surface: ContactSurface) -> NDArray[np.bool_]:
     """Nodes that have no other boundaries than the surface, planes of symmetry apart, shape (m,)."""
-    if isinstance(surface, FaceSurface):
+    if surface.dim == 3:
         return ~rim_points(surface, mirrored=False)
     facets = np.bincount(surface.facets[:, :2].ravel(), minlength=len(surface.points))
     facets[surface.facets[:, 2:]] = 2
@@ -116,20 +116,3 @@ def _strained(surface: ContactSurface) -> tuple[Array, Array, Array]:
         forces[:, :, 1] - x * by_x + y * by_y,
         forces[:, :, 2] - y * by_x - x * by_y,
     )
-
-
-def _area_vectors(surface: ContactSurface) -> tuple[Array, Array]:
-    """``int N n dA`` with the body's measure, (m, 2), and ``int |N| ds`` without, (m,)."""
-    at, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
-    N, _ = facet_shapes(at, surface.facets.shape[1])
-    normal, speed = normals_at(surface.points, surface.facets, at)
-    ds = speed * weight
-    dA = ds
-    if surface.body.measure is not None:
-        x = np.einsum("qk,fkd->dfq", N, surface.points[surface.facets])
-        dA = ds * surface.body.measure(x)
-    area = np.zeros_like(surface.points)
-    length = np.zeros(len(surface.points))
-    np.add.at(area, surface.facets, np.einsum("fq,qk,fqd->fkd", dA, N, normal))
-    np.add.at(length, surface.facets, ds @ np.abs(N))
-    return area, length

@@ -12,25 +12,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import unit
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.segmentation import Quadrature
 from skfem_contact.pairing.thresholds import COINCIDENT, KINK, SPREAD
-from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
+from skfem_contact.pairing.vectors import dot, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
-def sharp_nodes(surface: CurveSurface) -> Mask:
+def sharp_nodes(surface: ContactSurface) -> Mask:
     """Nodes where facets meet at 45 degrees or more, or straight parts at a kink, shape (m,)."""
     return np.asarray(surface.sharp_points | (surface.kinks > KINK))
 
 
 def node_normals(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     point: Index,
     feet: Array,
     weights: Array,
@@ -40,7 +40,7 @@ def node_normals(
 
     Parameters
     ----------
-    secondary, primary : CurveSurface
+    secondary, primary : ContactSurface
     point : ndarray of int, shape (p,)
         Nodes that have a foot.
     feet : ndarray, shape (p, d)
@@ -61,7 +61,7 @@ def node_normals(
 
 
 def mortar_normals(
-    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature, A: Array, own: Array
+    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature, A: Array, own: Array
 ) -> tuple[Array, Array]:
     """Normals of both sides in the weighted mean of dual multipliers, from primary to secondary.
 
@@ -71,7 +71,7 @@ def mortar_normals(
 
     Parameters
     ----------
-    secondary, primary : CurveSurface
+    secondary, primary : ContactSurface
     quadrature : Quadrature
     A : ndarray, shape (nf, k, k)
         The multipliers of each facet in its shape functions.
@@ -85,7 +85,7 @@ def mortar_normals(
     m = len(secondary.points)
     e, f, N = quadrature.secondary_facet, quadrature.primary_facet, quadrature.secondary_shape
     node = secondary.facets[e]
-    field = np.einsum("qk,qkd->qd", quadrature.primary_shape, facet_normal_field(primary)[f])
+    field = np.einsum("qk,qkd->qd", quadrature.primary_shape, primary.facet_node_normals[f])
     phi = quadrature.weight[:, None] * np.einsum("qik,qk->qi", A[e], N)
     total = np.zeros_like(own)
     np.add.at(total, node, phi[:, :, None] * field[:, None, :])

@@ -16,10 +16,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.pairing.segmentation import Quadrature, points_per_segment
-from skfem_contact.pairing.vectors import dot, facet_normal_field
+from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -27,8 +27,8 @@ Mask = NDArray[np.bool_]
 
 
 def least_gaps(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     quadrature: Quadrature,
     A: Array,
     smooth: Array,
@@ -37,7 +37,7 @@ def least_gaps(
 
     Parameters
     ----------
-    secondary, primary : CurveSurface
+    secondary, primary : ContactSurface
     quadrature : Quadrature
     A : ndarray, shape (nf, k, k)
         The multipliers of each facet in its shape functions.
@@ -49,7 +49,8 @@ def least_gaps(
     ndarray, shape (m,), or None
         Minus infinity for all other rows; None if there is no kink.
     """
-    bent = [np.any(s.kinks[s.facets[:, :2]] > BENT, axis=1) for s in (secondary, primary)]
+    sides = secondary, primary
+    bent = [((s.kinks > BENT) | s.sharp_points)[s.facets[:, :2]].any(axis=1) for s in sides]
     e, f = quadrature.secondary_facet, quadrature.primary_facet
     over = bent[0][e] | bent[1][f]
     if not over.any():
@@ -66,10 +67,10 @@ def least_gaps(
     return np.where(reaches, least, -np.inf)
 
 
-def _distances(secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature) -> Array:
+def _distances(secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature) -> Array:
     """The least distance along the normals on the segment of each quadrature point, shape (q,)."""
     e, N = quadrature.secondary_facet, quadrature.secondary_shape
-    normal = np.einsum("qk,qkd->qd", N, facet_normal_field(secondary)[e])
+    normal = np.einsum("qk,qkd->qd", N, secondary.facet_node_normals[e])
     x = np.einsum("qk,qkd->qd", N, secondary.points[secondary.facets[e]])
     nodes = primary.points[primary.facets[quadrature.primary_facet]]
     y = np.einsum("qk,qkd->qd", quadrature.primary_shape, nodes)

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import Bulges, Parts, bulged
@@ -58,15 +58,15 @@ from skfem_contact.pairing.segmentation import (
 from skfem_contact.pairing.smooth import Place, curved_pairs
 from skfem_contact.pairing.supports import FREE, MET, Supports, find_supports, without_multiplier
 from skfem_contact.pairing.thresholds import COVER_KEPT, NO_WEIGHT, SHARE_KEPT
-from skfem_contact.pairing.vectors import dot, facet_normal_field
+from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
 def dual_mortar(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     *,
     reach: float | None = None,
     pressed: Index | None = None,
@@ -75,9 +75,9 @@ def dual_mortar(
 
     Parameters
     ----------
-    secondary : CurveSurface
+    secondary : ContactSurface
         Carries the multipliers: best the finer, or the softer, of the two.
-    primary : CurveSurface
+    primary : ContactSurface
     reach : float, optional
         Parts of the surfaces farther apart than this along the normal do not meet [length].
         Without it, gaps are unlimited and overlaps go up to half the diagonal of the box around
@@ -182,7 +182,7 @@ def dual_mortar(
 
 
 def _bulges(
-    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature
+    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature
 ) -> tuple[Parts, tuple[Index, Array], Array]:
     """What smooth boundaries change on the segments that have some, see `bulges.bulged`.
 
@@ -200,7 +200,7 @@ def _bulges(
     )
     weight = quadrature.weight.reshape(-1, n)[some]
     own, other = Place(secondary, e[some], N), Place(primary, f[some], M)
-    v = N @ facet_normal_field(secondary)[e[some]]
+    v = N @ secondary.facet_node_normals[e[some]]
     v /= np.linalg.norm(v, axis=2, keepdims=True)
     away = M @ primary.points[primary.facets[f[some]]] - N @ secondary.points[secondary.facets[e[some]]]
     every, bulges = Bulges.of(np.arange(len(some)), (own, other), v, dot(away, v), weight)
@@ -213,7 +213,7 @@ def _bulges(
 
 
 def _facet_bases(
-    surface: CurveSurface,
+    surface: ContactSurface,
     quadrature: Quadrature,
     supports: Supports | None,
     pressed: Index | None,
@@ -236,8 +236,8 @@ def _facet_bases(
 
 
 def _own_rows(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     supports: Supports | None,
     share: Array,
     heir: Index,
@@ -284,7 +284,7 @@ def _without_slip(
 
 
 def _secondary_matrix(
-    surface: CurveSurface, share: Array, owner: Index
+    surface: ContactSurface, share: Array, owner: Index
 ) -> tuple[csr_matrix, Array, Array]:
     """Assemble ``D``, the areas ``int phi_i``, and the normals of the primary at the nodes.
 
@@ -297,14 +297,14 @@ def _secondary_matrix(
     D = csr_matrix((data, at), shape=(m, m))
     D.sum_duplicates()
     area = np.asarray(D.sum(axis=1), dtype=float).ravel()
-    normals = np.take_along_axis(facet_normal_field(surface), owner[:, :, None], axis=1)
+    normals = np.take_along_axis(surface.facet_node_normals, owner[:, :, None], axis=1)
     total = np.zeros_like(surface.points)
     np.add.at(total, row, share[:, :, None] * normals)
     return D, area, -node_directions(surface, total, area)
 
 
 def _primary_matrix(
-    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature, A: Array
+    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature, A: Array
 ) -> tuple[csr_matrix, Index]:
     """Assemble ``M``; and for each node the primary facet where its shape function weighs most."""
     e, f = quadrature.secondary_facet, quadrature.primary_facet
@@ -318,7 +318,7 @@ def _primary_matrix(
     return M, main_facets(secondary, primary, e, f, quadrature.weight[:, None] * N**2)
 
 
-def _nominal_area(surface: CurveSurface) -> Array:
+def _nominal_area(surface: ContactSurface) -> Array:
     """Areas of points that carry nothing: the whole tributary area, positive also on the axis."""
     k = surface.facets.shape[1]
     share = np.zeros(len(surface.points))

@@ -32,10 +32,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.search import normal_candidates
 from skfem_contact.pairing.thresholds import BISECTION_DONE, FACING, NEWTON_DONE, SLIVER
-from skfem_contact.pairing.vectors import dot, facet_normal_field, ragged, turned
+from skfem_contact.pairing.vectors import dot, ragged, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -62,7 +62,7 @@ class Quadrature:
 
 
 def interface_quadrature(
-    secondary: CurveSurface, primary: CurveSurface, reach: float | None = None
+    secondary: ContactSurface, primary: ContactSurface, reach: float | None = None
 ) -> Quadrature:
     """Quadrature of all parts of the secondary that the primary covers.
 
@@ -71,7 +71,7 @@ def interface_quadrature(
 
     Parameters
     ----------
-    secondary, primary : CurveSurface
+    secondary, primary : ContactSurface
     reach : float, optional
         Longest distance along the normal [length]. Without it gaps are unlimited, and overlaps go
         up to half the diagonal of the box around the smaller surface, as in `node_to_segment`.
@@ -93,7 +93,7 @@ def interface_quadrature(
     )
 
 
-def _segment_rule(secondary: CurveSurface, primary: CurveSurface) -> tuple[Array, Array]:
+def _segment_rule(secondary: ContactSurface, primary: ContactSurface) -> tuple[Array, Array]:
     """Gauss points and weights on [0, 1] for each segment."""
     k = max(secondary.facets.shape[1], primary.facets.shape[1])
     # 2 k - 1 is exact for two shape functions, a measure linear in the position, and one to spare
@@ -101,7 +101,7 @@ def _segment_rule(secondary: CurveSurface, primary: CurveSurface) -> tuple[Array
     return _gauss(2 * k - 1)
 
 
-def points_per_segment(secondary: CurveSurface, primary: CurveSurface) -> Array:
+def points_per_segment(secondary: ContactSurface, primary: ContactSurface) -> Array:
     """Places on [0, 1] of the quadrature points of each segment, which follow each other."""
     return _segment_rule(secondary, primary)[0]
 
@@ -111,7 +111,7 @@ def half_extent(*surfaces: ContactSurface) -> float:
     return 0.5 * float(min(np.linalg.norm(np.ptp(s.points, axis=0)) for s in surfaces))
 
 
-def facet_areas(surface: CurveSurface) -> Array:
+def facet_areas(surface: ContactSurface) -> Array:
     """Integral of the body's ``measure`` over each whole facet, shape (nf,) [area]."""
     at, w = _gauss(5)
     nf = len(surface.facets)
@@ -119,7 +119,7 @@ def facet_areas(surface: CurveSurface) -> Array:
     return density.reshape(nf, -1) @ w
 
 
-def area_element(surface: CurveSurface, facet: Index, xi: Array) -> Array:
+def area_element(surface: ContactSurface, facet: Index, xi: Array) -> Array:
     """``measure |dx/dxi|`` at points ``xi`` in [0, 1] of facets, shape (q,)."""
     nodes = surface.points[surface.facets[facet]]
     N, dN = facet_shapes(xi, nodes.shape[1])
@@ -136,15 +136,15 @@ def _gauss(n: int) -> tuple[Array, Array]:
 
 
 def _segments(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     e: Index,
     f: Index,
     limits: tuple[float, float],
 ) -> tuple[Index, Index, Array, Array]:
     """Non-overlapping intervals ``(e, f, start, stop)`` of secondary facets under primary ones."""
     nodes = secondary.points[secondary.facets[e]]
-    normals = facet_normal_field(secondary)[e]
+    normals = secondary.facet_node_normals[e]
     ends = [_project(nodes, normals, primary.points[primary.facets[f, side]]) for side in range(2)]
     start, stop = np.minimum(*ends), np.maximum(*ends)
     found = stop - start > SLIVER  # False for nan
@@ -207,7 +207,7 @@ def _project(nodes: Array, normals: Array, y: Array) -> Array:
     return xi
 
 
-def _meet(secondary: CurveSurface, primary: CurveSurface, e: Index, f: Index, xi: Array) -> Array:
+def _meet(secondary: ContactSurface, primary: ContactSurface, e: Index, f: Index, xi: Array) -> Array:
     """Coordinate on primary facets of the points that the normals at ``xi`` meet; (q,)."""
     x, normal = _position(secondary, e, xi)
     along = turned(normal)
@@ -226,7 +226,7 @@ def _meet(secondary: CurveSurface, primary: CurveSurface, e: Index, f: Index, xi
 
 
 def _relation(
-    secondary: CurveSurface, primary: CurveSurface, e: Index, f: Index, xi: Array
+    secondary: ContactSurface, primary: ContactSurface, e: Index, f: Index, xi: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Gap along the normal, and whether the surfaces face each other there."""
     x, normal = _position(secondary, e, xi)
@@ -238,12 +238,12 @@ def _relation(
     return gap, dot(normal, outward) < -FACING * size * np.linalg.norm(outward, axis=1)
 
 
-def _position(surface: CurveSurface, facet: Index, xi: Array) -> tuple[Array, Array]:
+def _position(surface: ContactSurface, facet: Index, xi: Array) -> tuple[Array, Array]:
     """Points of facets and the normal field there (not of unit length), shapes (q, d)."""
     N, _ = facet_shapes(xi, surface.facets.shape[1])
     return (
         _combine(N, surface.points[surface.facets[facet]]),
-        _combine(N, facet_normal_field(surface)[facet]),
+        _combine(N, surface.facet_node_normals[facet]),
     )
 
 

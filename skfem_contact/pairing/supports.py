@@ -37,10 +37,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.segmentation import Quadrature
 from skfem_contact.pairing.thresholds import MOVING_SHARE, OVERHANG, SHARE_FREE
-from skfem_contact.pairing.vectors import dot, entries, facet_normal_field, turned
+from skfem_contact.pairing.vectors import dot, entries, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -78,7 +78,7 @@ class Supports:
 
 
 def find_supports(
-    secondary: CurveSurface, primary: CurveSurface, quadrature: Quadrature
+    secondary: ContactSurface, primary: ContactSurface, quadrature: Quadrature
 ) -> Supports | None:
     """The held nodes of an interface; None where there are none."""
     fixed: Mask = np.asarray(np.isin(secondary.dofs, secondary.body.D), dtype=bool)
@@ -90,7 +90,7 @@ def find_supports(
     if len(facet) == 0:
         return None
     node = secondary.facets[facet, local]
-    normal = facet_normal_field(secondary)[facet, local]
+    normal = secondary.facet_node_normals[facet, local]
     opposite, weight, above = _opposite(secondary, primary, quadrature, facet, local, normal)
 
     there = np.asarray(np.isin(primary.dofs, primary.body.D), dtype=bool)[opposite]  # (h, k', c)
@@ -148,8 +148,8 @@ def without_multiplier(rank: Index) -> Mask:
 
 
 def _opposite(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     quadrature: Quadrature,
     facet: Index,
     local: Index,

@@ -38,7 +38,7 @@ from skfem_contact.answers.thresholds import SEGMENTS_NEAR, SHARPER
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.facet_kinds import KINDS
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.faces.joints import rim_points
@@ -84,14 +84,14 @@ class Net:
 
     Attributes
     ----------
-    surface : FaceSurface
+    surface : ContactSurface
     known : ndarray of bool, shape (m,)
         Nodes with a value; the others are no neighbours.
     weight : ndarray, shape (m,), optional
         How much each node counts in parabolas.
     """
 
-    surface: FaceSurface
+    surface: ContactSurface
     known: Mask
     weight: Array | None = None
 
@@ -164,7 +164,6 @@ class FacesError:
     """
 
     def __init__(self, values: ContactValues, unlike: bool) -> None:
-        assert isinstance(values.surface, FaceSurface)
         self.whole, surface = values.surface, cut(values.surface)
         self.values, self.surface, self.unlike = values, surface, unlike
         self.net = Net(surface, np.asarray(~surface.held.all(axis=1)))
@@ -213,7 +212,6 @@ class FacesError:
         contour = self.values._contour
         if self.whole.kind.quadratic:
             placed = displaced(self.surface, self.values.points)
-            assert isinstance(placed, FaceSurface)
             contour = contour_of(placed, self.closed, self.values.gap)
         if not (self.at_rim.any() and len(contour.segments)):
             return None
@@ -224,7 +222,7 @@ class FacesError:
         return Edge(self.surface, contour, self.rim, np.flatnonzero(self.at_rim), behind)
 
 
-def _between(surface: FaceSurface, net: Net, smooth: Mask, traction: Array) -> Array:
+def _between(surface: ContactSurface, net: Net, smooth: Mask, traction: Array) -> Array:
     """Squares of the parabolas less their interpolation on faces, by their nodes, (m,)."""
     out = np.zeros(len(surface.points))
     faces = np.flatnonzero(smooth)
@@ -249,7 +247,7 @@ class Edge:
 
     Parameters
     ----------
-    surface : FaceSurface
+    surface : ContactSurface
     contour : Contour
     rim : ndarray of bool, shape (m,)
         Closed nodes beside open ones.
@@ -258,7 +256,7 @@ class Edge:
     """
 
     def __init__(
-        self, surface: FaceSurface, contour: Contour, rim: Mask, faces: Index, behind: Index
+        self, surface: ContactSurface, contour: Contour, rim: Mask, faces: Index, behind: Index
     ) -> None:
         self.surface, self.faces, self.behind = surface, faces, behind
         self.corners = np.array(TRIANGLES[surface.kind.name])

@@ -17,10 +17,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.face_normals import areas_and_normals, face_areas
-from skfem_contact.bodies.faces import twin_edges
+from skfem_contact.bodies.areas import tributary_areas
 from skfem_contact.bodies.facet_kinds import KINDS
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.facets import twin_edges
+from skfem_contact.bodies.normal_field import sizes_and_normals
+from skfem_contact.bodies.surface import ContactSurface
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -33,7 +34,7 @@ WITHIN: dict[str, list[tuple[int, ...]]] = {
 }
 
 
-def cut(surface: FaceSurface) -> FaceSurface:
+def cut(surface: ContactSurface) -> ContactSurface:
     """The linear faces between the nodes of a second-order surface; a linear one as it is."""
     if not surface.kind.quadratic:
         return surface
@@ -46,12 +47,12 @@ def cut(surface: FaceSurface) -> FaceSurface:
         facets=facets,
         twins=twins,
         mesh_facets=np.tile(surface.mesh_facets, len(parts)),
-        area=face_areas(points, facets, kind, surface.body.measure, surface.label),
-        **areas_and_normals(points, facets, kind, surface.held, twins),
+        area=tributary_areas(points, facets, kind, surface.body.measure, surface.label),
+        **sizes_and_normals(points, facets, kind, surface.held, twins),
     )
 
 
-def ripple(surface: FaceSurface, faces: Mask, off: Array) -> Array:
+def ripple(surface: ContactSurface, faces: Mask, off: Array) -> Array:
     """Square integrals over faces of what nodal values (m, k) are off, by nodes, (m,)."""
     out = np.zeros(len(surface.points))
     at, weight = surface.kind.quadrature(4)

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import CURVED
 from skfem_contact.answers.validity.face_chords import face_sagittas
-from skfem_contact.bodies.normals import end_slopes
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.bodies.kinks import end_slopes
+from skfem_contact.bodies.surface import ContactSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -47,9 +47,8 @@ def sagittas(
     ndarray, shape (m,)
         Zero where no side is a curve: on straight sides, kinks and polygons of less than 16 sides.
     """
-    if isinstance(secondary, FaceSurface) and isinstance(primary, FaceSurface):
+    if secondary.dim == 3:
         return face_sagittas(secondary, primary, facet, by_node)
-    assert isinstance(secondary, CurveSurface) and isinstance(primary, CurveSurface)
     of_primary, longest = bends(primary)
     bend, length = bends(secondary)
     m, ends = len(secondary.points), secondary.facets
@@ -60,7 +59,7 @@ def sagittas(
     return np.asarray(np.abs(mean + of_primary[facet]) * np.maximum(step, longest[facet]) ** 2 / 8)
 
 
-def bends(surface: CurveSurface) -> tuple[Array, Array]:
+def bends(surface: ContactSurface) -> tuple[Array, Array]:
     """Curvature of every facet [1/length], positive where it is convex, and the length of its pieces.
 
     A quadratic facet has two pieces, unless it is straight and stands for an arc nevertheless.

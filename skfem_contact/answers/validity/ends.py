@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
 from skfem_contact.trees import Tree
 
@@ -60,7 +60,7 @@ class Rim:
         self.half = 0.5 * float(np.max(np.linalg.norm(end - start, axis=1), initial=0.0))
 
     @classmethod
-    def of(cls, surface: FaceSurface) -> Rim:
+    def of(cls, surface: ContactSurface) -> Rim:
         """That of a surface."""
         face, edge = np.nonzero(surface.twins < 0)
         corners = surface.facets[:, : surface.kind.corners]

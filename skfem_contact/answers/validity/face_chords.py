@@ -2,7 +2,7 @@ r"""Heights of curved boundaries over faces that are long for a light contact: `
 
 Along an edge of a face, or a diagonal of a quadrilateral, a smooth boundary is a curve over a chord:
 its slopes at both ends follow from the averaged normals, and say how it bends, ``k h`` of a chord of
-length h, by the rules of `bodies.normals.end_slopes` (what is straight, a kink, or a polygon of less
+length h, by the rules of `bodies.kinks.end_slopes` (what is straight, a kink, or a polygon of less
 than 16 sides does not bend). The tensor K of a face takes what all its chords say. Between two sides
 
     e = max |x' (K_s + K_p) x| / 8
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import CURVED, FLAT, TWIST
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import ALIKE, STEEPEST
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.thresholds import FACING
@@ -32,12 +32,14 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
-def face_sagittas(secondary: FaceSurface, primary: FaceSurface, facet: Index, by_node: bool) -> Array:
+def face_sagittas(
+    secondary: ContactSurface, primary: ContactSurface, facet: Index, by_node: bool
+) -> Array:
     """Height of the gap's paraboloid over the edges of the faces that meet, shape (m,) [length].
 
     Parameters
     ----------
-    secondary, primary : FaceSurface
+    secondary, primary : ContactSurface
     facet : ndarray of int, shape (m,)
         Primary faces that the points meet.
     by_node : bool
@@ -91,7 +93,7 @@ def _heights(edges: Array, bend: Array) -> Array:
     return np.abs(np.einsum("...cd,...de,...ce->...c", edges, bend, edges)).max(axis=-1)
 
 
-def face_bends(surface: FaceSurface) -> tuple[Array, Array]:
+def face_bends(surface: ContactSurface) -> tuple[Array, Array]:
     """How every face bends, and the edges of the pieces that stand for it.
 
     Returns
@@ -150,7 +152,7 @@ def face_bends(surface: FaceSurface) -> tuple[Array, Array]:
     return bend, edges
 
 
-def kinked_faces(surface: FaceSurface) -> Mask:
+def kinked_faces(surface: ContactSurface) -> Mask:
     """Faces at whose edges the surface turns, but not as a curve does, shape (nf,)."""
     corners = surface.facets[:, : surface.kind.corners]
     start, end = np.arange(corners.shape[1]), np.roll(np.arange(corners.shape[1]), -1)
@@ -169,7 +171,7 @@ def _chords(kind: FacetKind) -> Index:
 def _rises(along: Array, across: Array, first: Array, last: Array) -> tuple[Array, Mask]:
     """Curvature times the square of the length of chords (nf, c, 3), from the normals at their ends.
 
-    Zero where a chord is no piece of a curve, as in `bodies.normals.end_slopes`; and those which are
+    Zero where a chord is no piece of a curve, as in `bodies.kinks.end_slopes`; and those which are
     neither that nor straight.
     """
     length = np.linalg.norm(along, axis=2)

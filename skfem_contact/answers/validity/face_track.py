@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.validity.curvature import curvature_tensors
 from skfem_contact.answers.validity.ends import Rim
 from skfem_contact.answers.validity.track import Track
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.vectors import dot
@@ -49,7 +49,6 @@ class FaceTrack(Track):
         return np.sqrt(np.maximum(pairing.area, 0.0))
 
     def _look_at_primary(self, primary: ContactSurface, facet: Index) -> None:
-        assert isinstance(primary, FaceSurface)
         self.bends = curvature_tensors(primary)[facet] * float(self.follows)
         self.turns = bool(self.bends.any())
         self.rim = Rim.of(primary)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.validity.standing import Nearby, Standing
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.projection import project
 from skfem_contact.pairing.thresholds import COINCIDENT
@@ -26,13 +26,13 @@ class Flanks:
 
     Parameters
     ----------
-    whole, selected : FaceSurface
+    whole, selected : ContactSurface
         All of the boundary, and the contact surface.
-    own : FaceSurface
+    own : ContactSurface
         Of the other body, whose nodes are looked for.
     """
 
-    def __init__(self, whole: FaceSurface, selected: FaceSurface, own: FaceSurface) -> None:
+    def __init__(self, whole: ContactSurface, selected: ContactSurface, own: ContactSurface) -> None:
         self.whole, self.own = whole, own
         self.beside = ~np.isin(whole.mesh_facets, selected.mesh_facets)
         self.near = Nearby(whole)
@@ -77,11 +77,10 @@ class Flanks:
         )
 
 
-def boundary(surface: FaceSurface) -> FaceSurface | None:
+def boundary(surface: ContactSurface) -> ContactSurface | None:
     """All of the boundary of the body of a surface; None where some of it has no sides to speak of."""
     try:
         whole = surface.body.surface(None)
     except InputError:  # faces that fold over, far from the contact
         return None
-    assert isinstance(whole, FaceSurface)
     return whole

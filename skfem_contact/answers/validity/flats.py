@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import TILT
 from skfem_contact.answers.validity.face_chords import kinked_faces
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.pairing.faces.node import node_to_face
@@ -23,7 +23,7 @@ Mask = NDArray[np.bool_]
 LARGER = 2.0
 
 
-def leaning_faces(secondary: FaceSurface, outline: FaceSurface) -> Mask:
+def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
     """Large triangles that are no pieces of a curve, and whose normals lean nevertheless, shape (nf,).
 
     A flat that turns alike at both ends, by less than 16 sides to a circle do, may be a piece of one.
@@ -35,7 +35,7 @@ def leaning_faces(secondary: FaceSurface, outline: FaceSurface) -> Mask:
 
 
 def leaning_words(
-    geometry: Geometry, i: int, state: State, outline: FaceSurface, leaning: Mask, u: Array
+    geometry: Geometry, i: int, state: State, outline: ContactSurface, leaning: Mask, u: Array
 ) -> str:
     """What to say of forces that lean on flats; empty if they do not, or hardly.
 
@@ -46,7 +46,7 @@ def leaning_words(
         The contact, on an obstacle of triangles.
     state : State
         Of the answer.
-    outline : FaceSurface
+    outline : ContactSurface
         Of the obstacle where it is.
     leaning : ndarray of bool, shape (nf,)
         See `leaning_faces`.
@@ -55,7 +55,6 @@ def leaning_words(
     """
     contact, part = geometry.contacts[i], geometry.point_slices[i]
     surface = contact.secondary
-    assert isinstance(surface, FaceSurface)
     force = np.where(state.status[part] != OPEN, np.abs(state.normal_force[part]), 0.0)
     if not force.any():
         return ""

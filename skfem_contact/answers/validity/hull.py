@@ -18,9 +18,9 @@ from skfem_contact.answers.contours import TRIANGLES
 from skfem_contact.answers.thresholds import PAIRS_AT_ONCE
 from skfem_contact.answers.validity.overlap import within
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.faces import seen_from_outside
 from skfem_contact.bodies.facet_kinds import kind_of
-from skfem_contact.bodies.nodes import face_nodes, node_dofs
+from skfem_contact.bodies.facets import seen_from_outside
+from skfem_contact.bodies.nodes import facet_nodes, node_dofs
 from skfem_contact.pairing.vectors import ragged
 from skfem_contact.trees import Tree
 
@@ -153,7 +153,7 @@ def hull(body: Body, u: Array) -> Hull:
     # no surface that can touch: of this boundary nobody asks normals or areas
     basis = body.basis
     numbers, vertices = seen_from_outside(basis.mesh, basis.mesh.boundary_facets())
-    nodes = face_nodes(basis, numbers, vertices)
+    nodes = facet_nodes(basis, numbers, vertices)
     dofs = node_dofs(basis, nodes.ravel(), body.components)
     x = (basis.doflocs[:, dofs[:, 0]].T + u[dofs]).reshape(*nodes.shape, -1)
     kind = kind_of(3, nodes.shape[1])

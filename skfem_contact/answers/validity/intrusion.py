@@ -23,7 +23,7 @@ from skfem_contact.answers.validity.watched import Intrusion
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
@@ -157,7 +157,7 @@ class Intrusions:
         words = []
         for own, other in (sides, sides[::-1]):
             shared = [s for s in others if isinstance(s, ContactSurface) and s.body is own.body]
-            if not (isinstance(own, CurveSurface) and isinstance(other, CurveSurface)):
+            if own.dim != 2:
                 continue
             for node, depth in unselected_sides(own, other):
                 dofs = own.dofs[node, 0]

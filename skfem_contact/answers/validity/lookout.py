@@ -25,7 +25,7 @@ from skfem_contact.answers.validity.flanks import Flanks, boundary
 from skfem_contact.answers.validity.standing import Nearby, Standing, falls_away, standing_nodes
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.track import Track
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
@@ -161,7 +161,7 @@ class Lookouts:
         added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
         return self.each[i].look(parts, added, approach)
 
-    def _missing(self, side: FaceSurface, there: Mask) -> Missing:
+    def _missing(self, side: ContactSurface, there: Mask) -> Missing:
         start = int(self.system.slice(side.body).start)
         return Missing(side, start, np.flatnonzero(there[self.system.slice(side.body)]))
 
@@ -172,7 +172,7 @@ class Lookouts:
 class Missing:
     """Nodes of a surface whose displacements are not known without the interior."""
 
-    def __init__(self, side: FaceSurface, start: int, known: Index) -> None:
+    def __init__(self, side: ContactSurface, start: int, known: Index) -> None:
         self.side = side
         there = np.isin(side.dofs, known).all(axis=1)
         self.nodes, known_nodes = np.flatnonzero(~there), np.flatnonzero(there)
@@ -202,8 +202,7 @@ class Lookout:
     """What is known beforehand of one contact of two solids."""
 
     def __init__(self, contact: Contact, extent: float) -> None:
-        assert isinstance(contact.secondary, FaceSurface)
-        assert isinstance(contact.primary, FaceSurface)
+        assert isinstance(contact.primary, ContactSurface)
         self.contact, self.secondary, self.primary = contact, contact.secondary, contact.primary
         self.noise = SOLVED * extent
         self.chords = [CHORDS * _heights(side) for side in (self.secondary, self.primary)]
@@ -267,8 +266,8 @@ class Lookout:
 
     def _vertices(
         self,
-        secondary: FaceSurface,
-        primary: FaceSurface,
+        secondary: ContactSurface,
+        primary: ContactSurface,
         pairs: Sequence[tuple[Index, Index]],
         added: Array,
         approach: float,
@@ -314,14 +313,14 @@ class Lookout:
 def _looked_out_for(contact: Contact) -> bool:
     """Whether two solids press each other where the meshes say."""
     secondary, primary = contact.secondary, contact.primary
-    if not (isinstance(secondary, FaceSurface) and isinstance(primary, FaceSurface)):
+    if secondary.dim != 3 or not isinstance(primary, ContactSurface):
         return False
     if contact.bilateral or contact.gap is not None:
         return False
     return secondary.body is not primary.body and secondary.dofs.shape[1] == 3
 
 
-def _heights(surface: FaceSurface) -> Array:
+def _heights(surface: ContactSurface) -> Array:
     """How far the smooth boundary stands off the middles of faces, shape (nf,) [length]."""
     bend, edges = face_bends(surface)
     spread = np.einsum("fcd,fce->fde", edges, edges) / (9 if surface.kind.triangle else 8)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.thresholds import PIECES
 from skfem_contact.answers.validity.hull import Hull
 from skfem_contact.answers.validity.overlap import Outline
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -120,10 +120,9 @@ def _weights_between(surface: ContactSurface) -> list[Array]:
 def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
     """Signed distances of any points, whether they face the obstacle or not."""
     # these points are none of the nodes that the facets of the surface are made of
-    if isinstance(obstacle.outline, CurveSurface):
-        return signed_distances(obstacle.outline, points)
-    if isinstance(obstacle.outline, FaceSurface):
-        return distances_from_faces(obstacle.outline, points)
+    outline = obstacle.outline
+    if outline is not None:
+        return (signed_distances if outline.dim == 2 else distances_from_faces)(outline, points)
     at = replace(surface, points=points, normals=np.zeros_like(points))
     return distances(obstacle, at)[0]
 

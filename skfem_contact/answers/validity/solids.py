@@ -12,7 +12,7 @@ from skfem_contact.answers.validity.flats import leaning_faces, leaning_words
 from skfem_contact.answers.validity.meeting import distances
 from skfem_contact.answers.validity.track import gaps_at_obstacle
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.lever import as_motion
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 def looked_at(contact: Contact) -> bool:
     """Whether it is a solid on an obstacle whose partners stay what they are."""
-    solid = isinstance(contact.secondary, FaceSurface) and contact.rigid
+    solid = contact.secondary.dim == 3 and contact.rigid
     return solid and contact.sliding == "small" and not contact.tied
 
 
@@ -83,7 +83,8 @@ def obstacle_drift(
 
 def of_triangles(contact: Contact) -> bool:
     """Whether it is a solid on an obstacle of triangles, whose corners may stand between its nodes."""
-    rigid = isinstance(contact.primary, Obstacle) and isinstance(contact.primary.outline, FaceSurface)
+    outline = contact.primary.outline if isinstance(contact.primary, Obstacle) else None
+    rigid = outline is not None and outline.dim == 3
     return rigid and not contact.bilateral and contact.gap is None
 
 
@@ -96,9 +97,9 @@ def triangle_words(
     """
     contact = geometry.contacts[i]
     surface, obstacle = contact.secondary, contact.primary
-    assert isinstance(surface, FaceSurface) and isinstance(obstacle, Obstacle)
+    assert isinstance(obstacle, Obstacle)
     outline = obstacle.moved(_motion(geometry, i, case, u)).outline
-    assert isinstance(outline, FaceSurface)
+    assert outline is not None
     words = _unseen_words(geometry, i, gap, case, u, outline)
     leaning = leaning_faces(surface, outline)
     if words or not leaning.any():
@@ -107,12 +108,11 @@ def triangle_words(
 
 
 def _unseen_words(
-    geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Array, outline: FaceSurface
+    geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Array, outline: ContactSurface
 ) -> str:
     """What to say of corners and edges of triangles that stand in a solid between its nodes."""
     contact, part = geometry.contacts[i], geometry.point_slices[i]
     surface, obstacle = contact.secondary, contact.primary
-    assert isinstance(surface, FaceSurface)
     if case.interference[part].any():
         return ""
     known = np.isfinite(gap[part])
@@ -130,7 +130,7 @@ def _unseen_words(
 
 def slides_off(contact: Contact) -> bool:
     """Whether nodes of a solid may slide off another one, and are let go."""
-    solids = isinstance(contact.secondary, FaceSurface) and isinstance(contact.primary, FaceSurface)
+    solids = contact.secondary.dim == 3 and not contact.rigid
     node = contact.sliding == "finite" and contact.method == "node"
     return solids and node and not contact.tied and contact.gap is None
 
@@ -144,7 +144,7 @@ def past_words(
     """
     contact, part = geometry.contacts[i], geometry.point_slices[i]
     one, other = contact.secondary, contact.primary
-    assert isinstance(one, FaceSurface) and isinstance(other, FaceSurface)
+    assert isinstance(other, ContactSurface)
     paired = np.isfinite(gap[part])
     if paired.all() or case.interference[part].any():
         return ""

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.faces import area_vectors
+from skfem_contact.bodies.facets import area_vectors
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.faces.projection import project
 from skfem_contact.pairing.thresholds import COINCIDENT
 from skfem_contact.pairing.vectors import dot
@@ -100,11 +100,11 @@ class Nearby:
 
     Parameters
     ----------
-    other : FaceSurface
+    other : ContactSurface
         With the faces.
     """
 
-    def __init__(self, other: FaceSurface) -> None:
+    def __init__(self, other: ContactSurface) -> None:
         self.corners = other.facets[:, : other.kind.corners]
         self.facets = other.facets
         x = other.points[other.facets]
@@ -156,13 +156,13 @@ class Nearby:
 
 
 def standing_nodes(
-    other: FaceSurface, own: FaceSurface, node: Index, face: Index, least: float
+    other: ContactSurface, own: ContactSurface, node: Index, face: Index, least: float
 ) -> tuple[Index, Index, Array]:
     """Nodes of one surface that lie in the body of the other, under a face that looks at them.
 
     Parameters
     ----------
-    other, own : FaceSurface
+    other, own : ContactSurface
         With the faces, and with the nodes.
     node, face : ndarray of int, shape (q,)
         Pairs to look at.
@@ -190,12 +190,12 @@ def standing_nodes(
     return node[order], face[order], depth[order]
 
 
-def falls_away(own: FaceSurface, node: Index, across: Array, by: float) -> Mask:
+def falls_away(own: ContactSurface, node: Index, across: Array, by: float) -> Mask:
     """Nodes from which every face of their surface falls away by more than a length, (p,).
 
     Parameters
     ----------
-    own : FaceSurface
+    own : ContactSurface
         As it is meshed: faces that lie on the other side are deformed by the contact.
     node : ndarray of int, shape (p,)
     across : ndarray, shape (p, 3)

@@ -17,7 +17,7 @@ from skfem_contact.answers.thresholds import SAGITTA
 from skfem_contact.answers.validity.chords import bends
 from skfem_contact.answers.validity.face_chords import face_bends, heights_over
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -40,12 +40,11 @@ def tool_sagittas(surface: ContactSurface, bend: Array) -> Array:
     """
     m, facets = len(surface.points), surface.facets
     out = np.zeros(m)
-    if isinstance(surface, CurveSurface):
+    if surface.dim == 2:
         own, length = bends(surface)
         total = np.abs(own + _along_chords(surface, bend))
         np.maximum.at(out, facets, (total * length**2)[:, None])
         return out / 8
-    assert isinstance(surface, FaceSurface)
     faces, edges = face_bends(surface)
     if surface.quadratic:
         if faces.any():
@@ -57,7 +56,7 @@ def tool_sagittas(surface: ContactSurface, bend: Array) -> Array:
     return out / 8
 
 
-def _along_chords(surface: CurveSurface, bend: Array) -> Array:
+def _along_chords(surface: ContactSurface, bend: Array) -> Array:
     """Curvature of the obstacle along facets (nf,) [1/length]."""
     along = surface.points[surface.facets[:, 1]] - surface.points[surface.facets[:, 0]]
     along /= np.linalg.norm(along, axis=1)[:, None]
@@ -106,7 +105,7 @@ def pierced(surface: ContactSurface, bend: Array, gap: Array) -> tuple[float, Ar
 def _pieces(surface: ContactSurface) -> Index:
     """Nodes at the ends of chords between which there is no node, (c, 2)."""
     facets, kind = surface.facets, surface.kind
-    if isinstance(surface, CurveSurface):
+    if surface.dim == 2:
         return facets if not surface.quadratic else facets[:, [0, 2, 2, 1]].reshape(-1, 2)
     if kind.quadratic:  # along the edges; in the middle there may be a node
         k = kind.corners
@@ -119,10 +118,9 @@ def _pieces(surface: ContactSurface) -> Index:
 def _own_rises(surface: ContactSurface, along: Array) -> Array:
     """Curvature of a smooth boundary along chords (c, d), times their length squared."""
     each = len(along) // len(surface.facets)
-    if isinstance(surface, CurveSurface):
+    if surface.dim == 2:
         own = np.repeat(bends(surface)[0], each)
         return np.asarray(own * np.sum(along**2, axis=1))
-    assert isinstance(surface, FaceSurface)
     return np.einsum("cd,cde,ce->c", along, np.repeat(face_bends(surface)[0], each, axis=0), along)
 
 

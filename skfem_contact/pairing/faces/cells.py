@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.pairing.faces.clipping import signed_areas
 from skfem_contact.pairing.thresholds import FACING, IMAGE_STEPS, SETTLED
@@ -79,7 +79,7 @@ class Cells:
     shape: Index
 
     @classmethod
-    def of(cls, surface: FaceSurface) -> Cells:
+    def of(cls, surface: ContactSurface) -> Cells:
         """Cut the faces of a surface into cells."""
         kind = surface.kind
         straight = _straight(surface)
@@ -187,7 +187,7 @@ class Cells:
         return np.stack([values.min(axis=1), values.max(axis=1)], axis=1)
 
 
-def _straight(surface: FaceSurface) -> Mask:
+def _straight(surface: ContactSurface) -> Mask:
     """Faces whose edges are straight, with the other nodes and their normals in the middles, (nf,)."""
     kind = surface.kind
     if not kind.quadratic:

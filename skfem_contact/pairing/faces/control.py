@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.vectors import dot
 
@@ -31,12 +31,12 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-def at_control_points(surface: FaceSurface, pairing: Pairing, away: Array) -> Pairing:
+def at_control_points(surface: ContactSurface, pairing: Pairing, away: Array) -> Pairing:
     """The pairing of nodes with its rows at control points, where faces ask for it.
 
     Parameters
     ----------
-    surface : FaceSurface
+    surface : ContactSurface
         The secondary.
     pairing : Pairing
         Node by node: its rows have one node of the secondary each.
@@ -85,7 +85,7 @@ def gap_weights(pairing: Pairing) -> csr_matrix | None:
     return csr_matrix((W.data * turned, (W.row, W.col)), shape=W.shape)
 
 
-def control_weights(surface: FaceSurface, paired: Mask) -> csr_matrix:
+def control_weights(surface: ContactSurface, paired: Mask) -> csr_matrix:
     """Weights of the nodes at control points, (m, m): rows of the identity but for middles of edges."""
     m = len(surface.points)
     edges = np.unique(surface.facets[:, surface.kind.edges].reshape(-1, 3)[:, [2, 0, 1]], axis=0)

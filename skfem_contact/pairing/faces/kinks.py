@@ -1,4 +1,4 @@
-r"""Gaps of mortar rows over kinks of faces, see `bodies.face_kinks` and `pairing.kinks`.
+r"""Gaps of mortar rows over kinks of faces, see `bodies.kinks` and `pairing.kinks`.
 
 Multipliers of mortar contact reach over a kink as over any other edge. There the gap of a row is no
 less than the least distance in its support, and the normal is that of the other side (`mortar`).

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.face_normals import area_elements
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 
 Array = NDArray[np.float64]
 
 
-def strained(surface: FaceSurface) -> tuple[Array, Array]:
+def strained(surface: ContactSurface) -> tuple[Array, Array]:
     """Nodal forces ``(3 lambda + 2 mu) a`` of K under a dilatation (m, 3), and ``2 mu |a|``, (m,).
 
-    With ``a`` from `area_vectors`. The five shears are an orthonormal basis of the strains without a
-    trace; their squares add up to 5/3 of the identity, those of the forces to ``5/3 (2 mu)^2 |a|^2``.
+    With ``a`` from `areas.area_integrals`. The five shears are an orthonormal basis of the strains
+    without a trace; their squares add up to 5/3 of the identity, those of the forces to
+    ``5/3 (2 mu)^2 |a|^2``.
     """
     body, centre = surface.body, surface.points.mean(axis=0)
     own = body.dof_component[:, None]
@@ -34,18 +34,3 @@ def strained(surface: FaceSurface) -> tuple[Array, Array]:
     here = np.einsum("sij,mj->mis", strains, surface.points - centre)
     found = forces[:, :, :6] - np.einsum("mci,mis->mcs", forces[:, :, 6:], here)
     return found[:, :, 0], np.sqrt(3 / 5 * np.sum(found[:, :, 1:] ** 2, axis=(1, 2)))
-
-
-def area_vectors(surface: FaceSurface) -> tuple[Array, Array]:
-    """``int N n dA`` with the body's measure, (m, 3), and the root of ``int |N| dA`` without, (m,)."""
-    at, weight = surface.kind.quadrature()
-    N, _ = surface.kind.shapes(at)
-    element = area_elements(surface.points, surface.facets, surface.kind, at) * weight[:, None]
-    size = np.linalg.norm(element, axis=2)
-    if surface.body.measure is not None:
-        x = np.einsum("qk,fkd->dfq", N, surface.points[surface.facets])
-        element = element * np.asarray(surface.body.measure(x))[..., None]
-    area, total = np.zeros_like(surface.points), np.zeros(len(surface.points))
-    np.add.at(area, surface.facets, np.einsum("qk,fqd->fkd", N, element))
-    np.add.at(total, surface.facets, size @ np.abs(N))
-    return area, np.sqrt(total)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.normals import angle_between, tangents, unit
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import Bulges, Parts, bulged
@@ -84,14 +84,16 @@ class Moments:
         return cls(e, f, whole, own.reshape(p, k, k), across.reshape(p, k, k_other))
 
 
-def dual_mortar(secondary: FaceSurface, primary: FaceSurface, *, reach: float | None = None) -> Pairing:
+def dual_mortar(
+    secondary: ContactSurface, primary: ContactSurface, *, reach: float | None = None
+) -> Pairing:
     """Pair two surfaces of faces in the weighted mean, with dual multipliers on the secondary.
 
     Parameters
     ----------
-    secondary : FaceSurface
+    secondary : ContactSurface
         Carries the multipliers: best the finer, or the softer, of the two.
-    primary : FaceSurface
+    primary : ContactSurface
     reach : float, optional
         Parts of the surfaces farther apart than this along the normal do not meet [length].
 
@@ -173,8 +175,8 @@ def _bulges(parts: Segmentation, moments: Moments) -> tuple[Parts, tuple[Index, 
 
 
 def normals_of_sides(
-    secondary: FaceSurface,
-    primary: FaceSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     moments: Moments,
     A: Array,
     own: Array,
@@ -186,7 +188,7 @@ def normals_of_sides(
 
     Parameters
     ----------
-    secondary, primary : FaceSurface
+    secondary, primary : ContactSurface
     moments : Moments
     A : ndarray, shape (nf, k, k)
         The multipliers in the shape functions of the secondary's faces.
@@ -220,7 +222,7 @@ def normals_of_sides(
     return np.where(sharp & ~corner, of_primary, own), of_primary
 
 
-def whole_shares(surface: FaceSurface) -> Array:
+def whole_shares(surface: ContactSurface) -> Array:
     """Integrals of what the multipliers are dual to over whole faces, shape (nf, k) [area]."""
     kind, nodes = surface.kind, surface.points[surface.facets]
     at, weight = kind.quadrature(2 * kind.degree)
@@ -233,7 +235,7 @@ def whole_shares(surface: FaceSurface) -> Array:
 
 
 def _bases(
-    surface: FaceSurface, moments: Moments, whole: Array, supports: Supports | None
+    surface: ContactSurface, moments: Moments, whole: Array, supports: Supports | None
 ) -> DualBasis:
     """Multipliers of all faces; zero where nothing is covered."""
     nf, k = surface.facets.shape
@@ -248,7 +250,7 @@ def _bases(
 
 
 def _own_rows(
-    secondary: FaceSurface, primary: FaceSurface, supports: Supports | None, basis: DualBasis
+    secondary: ContactSurface, primary: ContactSurface, supports: Supports | None, basis: DualBasis
 ) -> tuple[Array, csr_matrix]:
     """S of the rows of the secondary, and what rule 2 of `pairing.supports` changes in ``M``.
 
@@ -280,7 +282,9 @@ def _own_rows(
     return owner, csr_matrix((data.ravel(), (row.ravel(), column.ravel())), shape=shape)
 
 
-def _secondary_matrix(surface: FaceSurface, share: Array, S: Array) -> tuple[csr_matrix, Array, Array]:
+def _secondary_matrix(
+    surface: ContactSurface, share: Array, S: Array
+) -> tuple[csr_matrix, Array, Array]:
     """Assemble ``D``, the areas ``int phi_i``, and the normals of the primary at the nodes."""
     m, k = len(surface.points), surface.facets.shape[1]
     data = (S * share[:, None, :]) @ node_rows(surface.kind)
@@ -296,7 +300,7 @@ def _secondary_matrix(surface: FaceSurface, share: Array, S: Array) -> tuple[csr
 
 
 def _primary_matrix(
-    secondary: FaceSurface, primary: FaceSurface, moments: Moments, A: Array
+    secondary: ContactSurface, primary: ContactSurface, moments: Moments, A: Array
 ) -> tuple[csr_matrix, Index]:
     """Assemble ``M``; and for each node the primary face where its shape function weighs most."""
     e, f = moments.e, moments.f

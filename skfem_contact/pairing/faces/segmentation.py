@@ -41,7 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import KINDS
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.faces.candidates import cells_along_normals
 from skfem_contact.pairing.faces.cells import AFFINE, PART, SKEW, Cells
@@ -72,7 +72,7 @@ class Segmentation:
 
     Attributes
     ----------
-    secondary, primary : FaceSurface
+    secondary, primary : ContactSurface
     cells : (Cells, Cells)
         Of both surfaces.
     e, f : ndarray of int, shape (p,)
@@ -81,8 +81,8 @@ class Segmentation:
         In the planes of the secondary's cells.
     """
 
-    secondary: FaceSurface
-    primary: FaceSurface
+    secondary: ContactSurface
+    primary: ContactSurface
     cells: tuple[Cells, Cells]
     e: Index
     f: Index
@@ -139,12 +139,14 @@ class Segmentation:
         return KINDS["tri3"].shapes(xi)[0], w
 
 
-def segment(secondary: FaceSurface, primary: FaceSurface, reach: float | None = None) -> Segmentation:
+def segment(
+    secondary: ContactSurface, primary: ContactSurface, reach: float | None = None
+) -> Segmentation:
     """Find all parts of the secondary that the primary covers.
 
     Parameters
     ----------
-    secondary, primary : FaceSurface
+    secondary, primary : ContactSurface
     reach : float, optional
         Longest distance along the normal [length]. Without it gaps are unlimited, and overlaps go
         up to half the diagonal of the box around the smaller surface, as in `node_to_segment`.
@@ -178,8 +180,8 @@ def segment(secondary: FaceSurface, primary: FaceSurface, reach: float | None = 
 
 
 def _gaps(
-    secondary: FaceSurface,
-    primary: FaceSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     cells: tuple[Cells, Cells],
     e: Index,
     f: Index,

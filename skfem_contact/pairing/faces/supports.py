@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.faces.meeting import meet
 from skfem_contact.pairing.faces.segmentation import Segmentation
 from skfem_contact.pairing.node import Pairing
@@ -79,7 +79,7 @@ def slip_rows(parts: Segmentation, supports: Supports) -> tuple[csr_matrix, csr_
     return own, csr_matrix((weight.ravel(), at), shape=(m, len(primary.points)))
 
 
-def held_tangents(secondary: FaceSurface, primary: FaceSurface, pairing: Pairing) -> Pairing:
+def held_tangents(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
     """The pairing with its tangents that supports hold on both sides as `Pairing.still`.
 
     On a plane of symmetry, and at a wall that guides both bodies, the mortar row across it has some
