@@ -135,9 +135,9 @@ def seen_from_outside(mesh: Any, numbers: Index) -> tuple[Index, Index]:
     x = mesh.p.take(vertices, axis=1)
     outward = x.mean(axis=2) - mesh.p.take(mesh.t.take(element, axis=1), axis=1).mean(axis=1)
     wrong = np.einsum("fd,df->f", area_vectors(x.transpose(1, 2, 0)), outward) < 0
-    first = mesh.dim() - 2  # the corner that stays: a line changes its ends
-    vertices[wrong, first:] = np.flip(vertices[wrong, first:], axis=1)
-    return numbers, vertices
+    c = vertices.shape[1]
+    backward = (3 - mesh.dim() - np.arange(c)) % c  # the first corner of a face stays the first
+    return numbers, np.where(wrong[:, None], vertices[:, backward], vertices)
 
 
 def area_vectors(corners: Array) -> Array:
@@ -162,7 +162,7 @@ def check_facets(
     facet, size, slit = ("facets", "length", "slit") if kind.dim == 1 else ("faces", "area", "crack")
     corners = node_positions(points, facets[:, : kind.corners])
     middle = corners.mean(axis=1)
-    side = sizes(corners - np.roll(corners, -1, axis=1))
+    side = sizes(corners - corners[:, np.arange(kind.corners) - 1])
     # coordinates carry 16 digits of the mesh's extent; anything near that has no direction
     small = NO_EXTENT * np.abs(mesh.doflocs - mesh.doflocs.mean(axis=1, keepdims=True)).max()
     none, folded = side.min(axis=1) <= small, np.zeros(0, dtype=bool)

@@ -66,8 +66,8 @@ def kink_angles(points: Array, facets: Index, kind: FacetKind, twins: Index) -> 
     if kind.triangle:
         far, there = _at_far_vertices(points, facets[:, :3], twins, turn)
     else:
-        opposite = kind.corners // 2
-        far, there = np.roll(turn, opposite, axis=1), np.roll(known, opposite, axis=1)
+        opposite = np.arange(kind.corners) - kind.corners // 2
+        far, there = turn[:, opposite], known[:, opposite]
     bend = _without_corners(turn)
     kinked = known & there & (bend > BENT) & (far < STRAIGHT * bend)
     kinked |= np.where(known, kinked.ravel()[twins], False)

@@ -118,8 +118,10 @@ def _means(weighted: Array, piece: Index, weight: Array, own: Array) -> Array:
 
 def _summed(place: Index, vectors: Array, count: int) -> Array:
     """Sums (count, d) of vectors (..., d) by their places."""
-    parts, place = np.moveaxis(vectors, -1, 0), place.ravel()
-    return np.stack([np.bincount(place, part.ravel(), count) for part in parts], axis=1)
+    total, place = np.empty((count, vectors.shape[-1])), place.ravel()
+    for i in range(vectors.shape[-1]):
+        total[:, i] = np.bincount(place, vectors[..., i].ravel(), count)
+    return total
 
 
 def _at_edges(own: Array, area: Array, twins: Index, mirrored: Mask) -> Array:
