@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from skfem_contact.bodies.areas import own_normals, tributary_areas
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import check_facets, order_along, seen_from_outside, twin_edges
 from skfem_contact.bodies.kinks import end_slopes, end_turns, kink_angles, sharp_edges
+from skfem_contact.bodies.member import Meshed
 from skfem_contact.bodies.nodes import as_met, facet_nodes, held_components, node_dofs
 from skfem_contact.bodies.normal_field import sizes_and_normals
 from skfem_contact.bodies.quadrics import Quadrics
@@ -21,9 +22,6 @@ from skfem_contact.bodies.selection import name_of, select_facets
 from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import seal
-
-if TYPE_CHECKING:
-    from skfem_contact.bodies.body import Body
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +100,7 @@ class ContactSurface:
     ('quad4', [[0.0, 1.0, 0.0]], [0.25, 0.25, 0.25, 0.25])
     """
 
-    body: Body
+    body: Meshed
     name: str
     points: np.ndarray
     dofs: np.ndarray
@@ -236,7 +234,7 @@ class ContactSurface:
 
 
 def extract_surface(
-    body: Body, where: Any, nodes: bool = False, name: str | None = None
+    body: Meshed, where: Any, nodes: bool = False, name: str | None = None
 ) -> ContactSurface:
     """Take a surface out of the mesh of a body; the function behind `Body.surface`."""
     check_name(name, "name of a surface")

@@ -75,7 +75,7 @@ def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str
     sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
     for side in sides:
         name = result.system.names[result.system.index(side.body)]
-        if name in lockable(result) and _locks(result, side.body):
+        if name in lockable(result) and _locks(result, result.system.solids[name]):
             return f"body {name!r} locks (result.validity), and its answer shows little of that error"
         if side.dim == 3 and _straight(side):
             return (

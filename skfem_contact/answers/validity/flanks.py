@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.validity.standing import Nearby, Standing
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces.projection import project
 from skfem_contact.pairing.thresholds import COINCIDENT
@@ -80,7 +80,6 @@ class Flanks:
 def boundary(surface: ContactSurface) -> ContactSurface | None:
     """All of the boundary of the body of a surface; None where some of it has no sides to speak of."""
     try:
-        whole = surface.body.surface(None)
+        return extract_surface(surface.body, None)
     except InputError:  # faces that fold over, far from the contact
         return None
-    return whole
