@@ -34,17 +34,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-#: Triangles of a face by its nodes; k is one more at the centre, where there is no node.
-TRIANGLES = {
-    "tri3": [(0, 1, 2)],
-    "tri6": [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
-    "quad4": [(i, (i + 1) % 4, 4) for i in range(4)],
-    **{
-        kind: [t for i in range(4) for t in ((i, 4 + i, 8), (4 + i, (i + 1) % 4, 8))]
-        for kind in ("quad8", "quad9")
-    },
-}
-
 
 @dataclass(frozen=True, eq=False)
 class Contour:
@@ -75,7 +64,7 @@ def contour(surface: ContactSurface, closed: Mask, gap: Array) -> Contour:
     gap : ndarray, shape (m,)
         ``inf`` where a point has no partner [length].
     """
-    corners = np.array(TRIANGLES[surface.kind.name])
+    corners = surface.kind.triangles
     h = heights(surface, closed, gap)
     height = with_centres(surface, h)[:, corners].reshape(-1, 3)
     x = with_centres(surface, surface.points)[:, corners].reshape(-1, 3, 3)
@@ -248,7 +237,7 @@ def with_centres(surface: ContactSurface, values: Array) -> Array:
     The mean of the four nodes nearest to it; none where two or more of these have none.
     """
     of_faces = values[surface.facets]
-    if surface.kind.name not in ("quad4", "quad8"):
+    if not surface.kind.centreless:
         return of_faces
     near = of_faces[:, -4:]
     known = np.isfinite(near)

@@ -132,7 +132,7 @@ class ContactSurface:
         """Dimension of space."""
         return self.points.shape[1]
 
-    @property
+    @cached_property
     def kind(self) -> FacetKind:
         """Nodes and shape functions of the facets."""
         return kind_of(self.dim, self.facets.shape[1])

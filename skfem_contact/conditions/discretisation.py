@@ -195,7 +195,7 @@ def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
     weight, of equal ones the one with the smaller gap: numbers of nodes have no say in it.
     """
     heir: NDArray[np.intp] = np.arange(len(pairing.gap))
-    if surface.kind.name == "line3":
+    if surface.kind.dim == 1 and surface.quadratic:
         at, middle = surface.facets, heir.copy()
         middle[at[:, :2]] = at[:, 2:]
         lonely = _idle_points(surface, surface.area) & ~pairing.paired

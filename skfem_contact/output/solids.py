@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.contours import TRIANGLES
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.surface import ContactSurface
@@ -111,12 +110,11 @@ def _pieces(surface: ContactSurface, shown: Mask, places: Array, values: Array) 
     kind = surface.kind
     nodes = surface.facets[shown]
     x, v = places[nodes], values[nodes]
-    if kind.name in ("quad4", "quad8"):
+    if kind.centreless:
         N, _ = kind.shapes(kind.middle)
         x = np.concatenate([x, np.einsum("k,fkd->fd", N, x)[:, None]], axis=1)
         v = np.concatenate([v, v[:, -4:].mean(axis=1)[:, None]], axis=1)
-    corners = np.array(TRIANGLES[kind.name])
-    x, v = x[:, corners].reshape(-1, 3, 3), v[:, corners].reshape(-1, 3)
+    x, v = x[:, kind.triangles].reshape(-1, 3, 3), v[:, kind.triangles].reshape(-1, 3)
     while len(x) < 4000:  # as smooth as a picture can show
         x = np.einsum("qik,tkd->tqid", QUARTERS, x).reshape(-1, 3, 3)
         v = np.einsum("qik,tk->tqi", QUARTERS, v).reshape(-1, 3)

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.contours import (
-    TRIANGLES,
     Contour,
     NormalEquations,
     triangle_areas,
@@ -259,7 +258,7 @@ class Edge:
         self, surface: ContactSurface, contour: Contour, rim: Mask, faces: Index, behind: Index
     ) -> None:
         self.surface, self.faces, self.behind = surface, faces, behind
-        self.corners = np.array(TRIANGLES[surface.kind.name])
+        self.corners = surface.kind.triangles
         x = with_centres(surface, surface.points)[:, self.corners]
         area = triangle_areas(surface, x.reshape(-1, 3, 3))
         self.area = area.reshape(len(surface.facets), -1)[faces]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.areas import tributary_areas
-from skfem_contact.bodies.facet_kinds import KINDS
+from skfem_contact.bodies.facet_kinds import kind_of
 from skfem_contact.bodies.facets import twin_edges
 from skfem_contact.bodies.normal_field import sizes_and_normals
 from skfem_contact.bodies.surface import ContactSurface
@@ -26,21 +26,14 @@ from skfem_contact.bodies.surface import ContactSurface
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Linear faces by the nodes of a second-order one; without a node in the middle these are triangles.
-WITHIN: dict[str, list[tuple[int, ...]]] = {
-    "tri6": [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
-    "quad8": [(0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 6), (4, 6, 7)],
-    "quad9": [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)],
-}
-
 
 def cut(surface: ContactSurface) -> ContactSurface:
     """The linear faces between the nodes of a second-order surface; a linear one as it is."""
     if not surface.kind.quadratic:
         return surface
-    parts = WITHIN[surface.kind.name]
+    parts = surface.kind.linear_parts
     facets = np.concatenate([surface.facets[:, part] for part in parts])
-    kind = KINDS[{3: "tri3", 4: "quad4"}[facets.shape[1]]]
+    kind = kind_of(3, facets.shape[1])
     points, twins = surface.points, twin_edges(facets)
     return replace(
         surface,

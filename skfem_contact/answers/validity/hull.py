@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.contours import TRIANGLES
 from skfem_contact.answers.thresholds import PAIRS_AT_ONCE
 from skfem_contact.answers.validity.overlap import within
 from skfem_contact.bodies.body import Body
@@ -157,10 +156,10 @@ def hull(body: Body, u: Array) -> Hull:
     dofs = node_dofs(basis, nodes.ravel(), body.components)
     x = (basis.doflocs[:, dofs[:, 0]].T + u[dofs]).reshape(*nodes.shape, -1)
     kind = kind_of(3, nodes.shape[1])
-    if kind.name in ("quad4", "quad8"):
+    if kind.centreless:
         N, _ = kind.shapes(kind.middle)
         x = np.concatenate([x, np.einsum("k,fkd->fd", N, x)[:, None]], axis=1)
-    return Hull(np.ascontiguousarray(x[:, np.array(TRIANGLES[kind.name])].reshape(-1, 3, 3)))
+    return Hull(np.ascontiguousarray(x[:, kind.triangles].reshape(-1, 3, 3)))
 
 
 def _to_triangles(points: Array, corners: Array) -> Array:

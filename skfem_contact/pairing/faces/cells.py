@@ -27,7 +27,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
+from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.pairing.faces.clipping import signed_areas
@@ -104,8 +104,7 @@ class Cells:
         if kind.corners == 4:
             skew = np.linalg.norm(np.einsum("c,ncd->nd", SADDLE, corners), axis=1) > round_off
             shape[straight[facet] & skew] = SKEW
-        linear = KINDS["tri3" if kind.corners == 3 else "quad4"]
-        return cls(linear, facet, reference, origin, axes, corners, normals @ turn, plane, shape)
+        return cls(kind.linear, facet, reference, origin, axes, corners, normals @ turn, plane, shape)
 
     @cached_property
     def positions(self) -> Array:
@@ -192,8 +191,7 @@ def _straight(surface: ContactSurface) -> Mask:
     kind = surface.kind
     if not kind.quadratic:
         return np.ones(len(surface.facets), dtype=bool)
-    linear = KINDS["tri3" if kind.corners == 3 else "quad4"]
-    N, _ = linear.shapes(kind.locations)
+    N, _ = kind.linear.shapes(kind.locations)
     x, normals = surface.points[surface.facets], surface.facet_node_normals
     off = np.linalg.norm(x - N @ x[:, : kind.corners], axis=2).max(axis=1)
     mean = N @ normals[:, : kind.corners]
@@ -205,7 +203,8 @@ def _straight(surface: ContactSurface) -> Mask:
 def quarters(kind: FacetKind) -> Array:
     """Reference coordinates of the corners of the four parts of a face, (4, c, 2).
 
-    >>> quarters(KINDS["tri6"])[3].tolist()
+    >>> from skfem_contact.bodies.facet_kinds import kind_of
+    >>> quarters(kind_of(3, 6))[3].tolist()
     [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
     """
     corner = kind.locations[: kind.corners]

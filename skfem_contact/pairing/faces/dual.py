@@ -54,9 +54,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-#: What corners take of the middles of their edges where their own integrals are not positive.
-TAKEN = {"tri6": 0.2, "quad8": 0.2}
-
 
 @dataclass(frozen=True, eq=False)
 class DualBasis:
@@ -191,7 +188,7 @@ def _handed(kind: FacetKind, share: Array, kept: Mask) -> Array:
 @lru_cache
 def positive_functions(kind: FacetKind) -> Array:
     """B of ``P = B N``, the functions that the multipliers of a kind are dual to, shape (k, k)."""
-    B, taken = np.eye(kind.nodes), TAKEN.get(kind.name, 0.0)
+    B, taken = np.eye(kind.nodes), kind.taken
     for start, end, *middle in kind.edges if taken else ():
         B[[start, end], middle] = taken
         B[middle, middle] = 1 - 2 * taken

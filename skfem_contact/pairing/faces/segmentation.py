@@ -55,9 +55,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-# Degrees of shape functions in the plane of a parallelogram or a triangle.
-DEGREE = {"tri3": 1, "quad4": 2, "tri6": 2, "quad8": 3, "quad9": 4}
-
 # Degrees of the quadrature: at least, in parts of curved faces, and by how much more than for
 # polynomials on faces that are neither parallelograms nor triangles.
 LEAST, CURVED, ROOTS = 5, 10, 7
@@ -128,13 +125,13 @@ class Segmentation:
 
     def _rule(self, shape: int, heights: bool) -> tuple[Array, Array]:
         """Barycentric coordinates (n, 3) and weights (n,) of Gauss points of a triangle."""
-        own, other = (DEGREE[surface.kind.name] for surface in (self.secondary, self.primary))
+        own, other = (surface.kind.order for surface in (self.secondary, self.primary))
         # products of two shape functions of the secondary, or of one and one of the primary, and a
         # `measure` linear in the position
         degree = max(LEAST, own + max(own, other) + 1)
         degree = {AFFINE: degree, PART: max(CURVED, degree), SKEW: degree + ROOTS}[shape]
         if heights:
-            degree = HEIGHTS + min(max(own, other), DEGREE["quad4"])
+            degree = HEIGHTS + min(max(own, other), KINDS["quad4"].order)
         xi, w = KINDS["tri3"].quadrature(degree)
         return KINDS["tri3"].shapes(xi)[0], w
 
