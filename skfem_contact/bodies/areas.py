@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.arguments import numbers
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
-from skfem_contact.bodies.normals import cross, sizes
+from skfem_contact.bodies.normals import across, sizes
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 
@@ -27,17 +27,8 @@ def _elements(points: Array, facets: Index, kind: FacetKind, dN: Array) -> Array
     """`area_elements` for derivatives (q, k, d-1); of straight facets only one, (nf, 1, d)."""
     if kind.straight:  # the same all over, so it is computed once
         x = points.T.take(facets.T, axis=1)
-        along = [(x[:, i + 1] - x[:, 0]).T[:, None] for i in range(kind.dim)]
-    else:
-        x = node_positions(points, facets)
-        along = [np.einsum("qk,fkd->fqd", part, x, order="F") for part in np.moveaxis(dN, 2, 0)]
-    if kind.dim == 2:
-        return cross(*along) + 0.0  # + 0.0 turns -0.0 into 0.0
-    # the body is on the left, so outward is to the right of the direction of travel
-    out = np.empty_like(along[0])
-    out[..., 0] = along[0][..., 1]
-    np.subtract(0.0, along[0][..., 0], out=out[..., 1])
-    return out
+        return across((x[:, 1:] - x[:, :1]).T)[:, None]
+    return across(np.einsum("qki,fkd->fqid", dN, node_positions(points, facets), order="F"))
 
 
 def facet_sizes(points: Array, facets: Index, kind: FacetKind) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.areas import area_elements
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
-from skfem_contact.bodies.normals import sizes
+from skfem_contact.bodies.normals import across, sizes
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.thresholds import NO_EXTENT, SAME_FACET
 from skfem_contact.errors import InputError
@@ -143,11 +143,8 @@ def seen_from_outside(mesh: Any, numbers: Index) -> tuple[Index, Index]:
 def area_vectors(corners: Array) -> Array:
     """Mean normals of facets (..., c, d), warped ones too, as long as they or twice their area."""
     if corners.shape[-1] == 2:
-        along = corners[..., 1, :] - corners[..., 0, :]
-        return np.stack([along[..., 1], -along[..., 0]], axis=-1)
-    first = corners[..., 2, :] - corners[..., 0, :]
-    second = corners[..., 3 if corners.shape[-2] == 4 else 2, :] - corners[..., 1, :]
-    return np.cross(first, second)
+        return across(corners[..., 1:, :] - corners[..., :1, :])
+    return across(corners[..., [2, -1], :] - corners[..., [0, 1], :])
 
 
 def check_facets(

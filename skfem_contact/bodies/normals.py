@@ -47,6 +47,22 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return out
 
 
+def across(along: np.ndarray) -> np.ndarray:
+    """Outward normals to tangents (..., d-1, d), as long as these, or as their parallelogram is large.
+
+    The body is on the left of a curve, so outward is to the right of the direction of travel.
+
+    >>> across(np.array([[2.0, 0.0]])).tolist(), across(2 * np.eye(3)[:2]).tolist()
+    ([0.0, -2.0], [0.0, 0.0, 4.0])
+    """
+    if along.shape[-1] == 3:
+        return cross(along[..., 0, :], along[..., 1, :]) + 0.0  # + 0.0 turns -0.0 into 0.0
+    out = np.empty_like(along[..., 0, :])
+    np.add(along[..., 0, 1], 0.0, out=out[..., 0])
+    np.subtract(0.0, along[..., 0, 0], out=out[..., 1])
+    return out
+
+
 def sizes(vectors: np.ndarray) -> np.ndarray:
     """Lengths of vectors (..., d), shape (...).
 

@@ -247,12 +247,12 @@ def extract_surface(
         order = order_along(vertices)
         numbers, vertices = numbers[order], vertices[order]
     given = facet_nodes(basis, numbers, vertices)
-    along = [0, 2, 1] if given.shape == (len(numbers), 3) and body.dim == 2 else slice(None)
-    unique, facets = as_met(given[:, along])
-    facets = facets[:, along]
+    kind, twins = kind_of(body.dim, given.shape[1]), twin_edges(vertices)
+    met = np.argsort(kind.locations[:, 0]) if kind.dim == 1 else np.arange(kind.nodes)
+    unique, facets = as_met(given[:, met])
+    facets = facets[:, np.argsort(met)]
     dofs = node_dofs(basis, unique, body.components)
     points = np.ascontiguousarray(basis.doflocs[:, dofs[:, 0]].T)
-    kind, twins = kind_of(body.dim, facets.shape[1]), twin_edges(vertices)
     check_facets(points, facets, kind, numbers, mesh, label)
     turns = end_turns(basis, points, facets, vertices, twins) if body.dim == 2 else None
     return surface_of(body, name, points, dofs, facets, twins, mesh_facets=numbers, end_turns=turns)

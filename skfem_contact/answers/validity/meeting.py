@@ -11,7 +11,7 @@ from skfem_contact.answers.thresholds import PIECES
 from skfem_contact.answers.validity.hull import Hull
 from skfem_contact.answers.validity.overlap import Outline
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import signed_distances
@@ -106,15 +106,12 @@ def at_obstacle(
 
 
 def _weights_between(surface: ContactSurface) -> list[Array]:
-    """Shape functions at points between the nodes of a facet."""
-    kind = surface.kind
-    if surface.dim == 3:  # halfway between any two nodes, and the middle
-        pairs = [(i, j) for i in range(kind.nodes) for j in range(i)]
-        at = [0.5 * (kind.locations[i] + kind.locations[j]) for i, j in pairs]
-        return list(kind.shapes(np.array([*at, kind.middle]))[0])
-    if not surface.quadratic:
-        return [np.array([0.5, 0.5])]
-    return [np.array([0.375, -0.125, 0.75]), np.array([-0.125, 0.375, 0.75])]
+    """Shape functions halfway between any two nodes of a facet, and in the middle, where no node is."""
+    kind, at = surface.kind, surface.kind.locations
+    halfway = 0.5 * (at[:, None] + at).reshape(-1, kind.dim)
+    places = np.unique(np.vstack([halfway, kind.middle]), axis=0)
+    to_nodes = np.abs(places[:, None] - at).max(axis=2).min(axis=1)
+    return list(kind.shapes(places[to_nodes > COMPUTED])[0])
 
 
 def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
@@ -143,16 +140,8 @@ def drawn_off(surface: ContactSurface) -> float:
     if not surface.quadratic:
         return sagitta(surface, surface.facet_node_normals)
     x = surface.points[surface.facets]
-    if surface.dim == 2:
-        ends, middle, parts = [(0, 1)], [2], PIECES
-    else:
-        corners = surface.kind.corners
-        ends = [(i, (i + 1) % corners) for i in range(corners)]
-        middle, parts = list(range(corners, 2 * corners)), 2
-    heights = [
-        np.linalg.norm(x[:, k] - 0.5 * (x[:, i] + x[:, j]), axis=1)
-        for (i, j), k in zip(ends, middle, strict=True)
-    ]
+    chords, parts = ([(0, 1, 2)], PIECES) if surface.dim == 2 else (surface.kind.edges, 2)
+    heights = [np.linalg.norm(x[:, k] - 0.5 * (x[:, i] + x[:, j]), axis=1) for i, j, k in chords]
     return max(float(np.max(heights) / parts**2), _chord_height(surface))
 
 
@@ -176,17 +165,14 @@ def sagitta(surface: ContactSurface, normals: Array) -> float:
     Parameters
     ----------
     surface : ContactSurface
-    normals : ndarray, shape (nf, 2, d) or (nf, k, 3)
+    normals : ndarray, shape (nf, k, d)
     """
     if surface.quadratic:
         return 0.0
-    if surface.dim == 3:
-        x, n = surface.points[surface.facets], normals
-        pairs = [(i, j) for i in range(surface.kind.corners) for j in range(i)]
-        heights = [
-            np.linalg.norm(n[:, i] - n[:, j], axis=1) * np.linalg.norm(x[:, i] - x[:, j], axis=1)
-            for i, j in pairs
-        ]
-        return float(np.max(heights) / 8)
-    turn = np.linalg.norm(normals[:, 1] - normals[:, 0], axis=1)
-    return float(np.max(turn * surface.lengths) / 8)
+    x, n = surface.points[surface.facets], normals
+    pairs = [(i, j) for i in range(surface.kind.corners) for j in range(i)]
+    heights = [
+        np.linalg.norm(n[:, i] - n[:, j], axis=1) * np.linalg.norm(x[:, i] - x[:, j], axis=1)
+        for i, j in pairs
+    ]
+    return float(np.max(heights) / 8)
