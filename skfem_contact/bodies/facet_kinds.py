@@ -209,6 +209,15 @@ class FacetKind:
         return second[0] if np.allclose(second, second[0], rtol=0, atol=COMPUTED) else None
 
     @cached_property
+    def between(self) -> Array:
+        """Shape functions (p, k) halfway between any two nodes, and in the middle, where no node is."""
+        at = self.locations
+        halfway = 0.5 * (at[:, None] + at).reshape(-1, self.dim)
+        places = np.unique(np.vstack([halfway, self.middle]), axis=0)
+        to_nodes = np.abs(places[:, None] - at).max(axis=2).min(axis=1)
+        return self.shapes(places[to_nodes > COMPUTED])[0]
+
+    @cached_property
     def derivatives(self) -> Array:
         """Of the shape functions at the nodes, and in the middle, shape (k + 1, k, d-1)."""
         return self.shapes(np.vstack([self.locations, self.middle]))[1]

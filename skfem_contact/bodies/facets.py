@@ -127,16 +127,15 @@ def seen_from_outside(mesh: Any, numbers: Index) -> tuple[Index, Index]:
         Lines as they are, faces in the order of their elements.
     vertices : ndarray of int, shape (nf, c)
     """
-    element = mesh.f2t[0].take(numbers)
-    if mesh.dim() == 3:
+    element, d = mesh.f2t[0].take(numbers), len(mesh.p)
+    if d == 3:
         order = np.argsort(element, kind="stable")
         numbers, element = numbers[order], element[order]
     vertices = mesh.facets.take(numbers, axis=1).T.astype(np.intp)
-    x = mesh.p.take(vertices, axis=1)
-    outward = x.mean(axis=2) - mesh.p.take(mesh.t.take(element, axis=1), axis=1).mean(axis=1)
-    wrong = np.einsum("fd,df->f", area_vectors(x.transpose(1, 2, 0)), outward) < 0
-    c = vertices.shape[1]
-    backward = (3 - mesh.dim() - np.arange(c)) % c  # the first corner of a face stays the first
+    x, c = mesh.p.T.take(vertices, axis=0), vertices.shape[1]
+    outward = x.mean(axis=1) - mesh.p.take(mesh.t.take(element, axis=1), axis=1).mean(axis=1).T
+    wrong = np.einsum("fd,fd->f", area_vectors(x), outward) < 0
+    backward = (3 - d - np.arange(c)) % c  # the first corner of a face stays the first
     return numbers, np.where(wrong[:, None], vertices[:, backward], vertices)
 
 

@@ -63,6 +63,9 @@ def kink_angles(points: Array, facets: Index, kind: FacetKind, twins: Index) -> 
     [0.0, 0.0, 26.57, 0.0, 0.0]
     """
     turn, known = _turns(own_normals(points, facets, kind)[0][:, : kind.corners], twins), twins >= 0
+    kinks = np.zeros(len(points))
+    if not np.any(turn > BENT):
+        return kinks
     if kind.triangle:
         far, there = _at_far_vertices(points, facets[:, :3], twins, turn)
     else:
@@ -73,7 +76,6 @@ def kink_angles(points: Array, facets: Index, kind: FacetKind, twins: Index) -> 
     kinked |= np.where(known, kinked.ravel()[twins], False)
     if kind.dim == 2:
         kinked &= _in_lines(facets[:, kind.edges[:, :2]], twins, kinked, len(points))
-    kinks = np.zeros(len(points))
     nodes = facets[:, kind.edges][kinked]
     np.maximum.at(kinks, nodes, np.broadcast_to(bend[kinked][:, None], nodes.shape))
     return kinks

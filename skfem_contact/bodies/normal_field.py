@@ -154,15 +154,17 @@ def _on_symmetry(
     """
     c = kind.corners
     mirrored = np.zeros((*twins.shape, points.shape[1]), dtype=bool)
+    if not held.any():
+        return mirrored
     facet, edge = np.nonzero(twins < 0)
     ends = np.take_along_axis(corners[facet], kind.edges[edge, : kind.dim], axis=1)
     both: Mask = np.all(held[ends], axis=1)
-    if not both.any():
-        return mirrored
     way = np.ptp(points[ends], axis=1)
     both &= way <= GIVEN * np.linalg.norm(way, axis=1, keepdims=True)
     both &= ~np.all(both, axis=1)[:, None]
     some = np.any(both, axis=1)
+    if not some.any():
+        return mirrored
     facet, edge, both = facet[some], edge[some], both[some]
     plane = points[ends[some]].mean(axis=1)
     # where the facet's own normal is that of a sphere through its corners, and the corners beyond

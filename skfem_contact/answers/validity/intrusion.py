@@ -21,7 +21,6 @@ from skfem_contact.answers.validity.skin import Skin
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.answers.validity.watched import Intrusion
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
@@ -34,10 +33,6 @@ from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-
-#: Shape functions of linear and quadratic facets at points between their nodes.
-BETWEEN = {2: facet_shapes(np.array([0.5]), 2)[0], 3: facet_shapes(np.array([0.25, 0.75]), 3)[0]}
 
 
 class Intrusions:
@@ -131,7 +126,7 @@ class Intrusions:
             # what supports hold in the other body is warned of as that
             free: Mask = np.logical_not(np.all(sides[k].held, axis=1))
             ends = sides[k].facets[free[sides[k].facets].all(axis=1)]
-            between = np.einsum("pk,fkd->pfd", BETWEEN[ends.shape[1]], nodes[k][ends])
+            between = np.einsum("pk,fkd->pfd", sides[k].kind.between, nodes[k][ends])
             points = np.concatenate([nodes[k][free], between.reshape(-1, 2)])
             there = places[numbers[1 - k]]
             points = points[((points >= there.min(axis=0)) & (points <= there.max(axis=0))).all(axis=1)]

@@ -11,7 +11,7 @@ from skfem_contact.answers.thresholds import PIECES
 from skfem_contact.answers.validity.hull import Hull
 from skfem_contact.answers.validity.overlap import Outline
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import signed_distances
@@ -97,21 +97,12 @@ def at_obstacle(
     ends = surface.facets
     between = [
         signed_distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ w
-        for w in _weights_between(surface)
+        for w in surface.kind.between
     ]
     deepest = -float(np.min(np.concatenate([at_nodes, *between])))
     lonely = -at_nodes[~paired] > max(chords, noise)
     opening = float(np.max(at_nodes[closed], initial=0.0))
     return Meeting(deepest if deepest > noise else 0.0, int(lonely.sum()), opening)
-
-
-def _weights_between(surface: ContactSurface) -> list[Array]:
-    """Shape functions halfway between any two nodes of a facet, and in the middle, where no node is."""
-    kind, at = surface.kind, surface.kind.locations
-    halfway = 0.5 * (at[:, None] + at).reshape(-1, kind.dim)
-    places = np.unique(np.vstack([halfway, kind.middle]), axis=0)
-    to_nodes = np.abs(places[:, None] - at).max(axis=2).min(axis=1)
-    return list(kind.shapes(places[to_nodes > COMPUTED])[0])
 
 
 def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
