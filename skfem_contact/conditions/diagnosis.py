@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import structural_rank
 
 from skfem_contact.arrays import largest
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.interface import Interface
@@ -286,7 +286,7 @@ def _far_side(contact: Contact) -> str:
     """In words how a primary comes to lie on the wrong side."""
     primary = contact.primary
     outline = primary.outline if isinstance(primary, Obstacle) else None
-    if isinstance(outline, CurveSurface):
+    if outline is not None and outline.dim == 2:
         return "the points of the polyline run the wrong way round: it is solid on their left"
     return "the primary surface is on the far side of its body"
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.member import Meshed
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.digits import GIVEN, SOLVED
@@ -20,7 +20,7 @@ def warn_measures(contacts: Sequence[Contact]) -> None:
     -----
     ContactWarning
     """
-    bodies: list[Body] = []
+    bodies: list[Meshed] = []
     for contact in contacts:
         sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
         bodies += [side.body for side in sides if not any(side.body is known for known in bodies)]
@@ -37,7 +37,7 @@ def warn_measures(contacts: Sequence[Contact]) -> None:
             )
 
 
-def _has_rings(body: Body) -> bool:
+def _has_rings(body: Meshed) -> bool:
     """Whether the stiffness resists that all points move away from the axis."""
     away = (body.dof_component == 0).astype(float)
     forces = np.linalg.norm(body.K @ away)
