@@ -351,13 +351,10 @@ def test_segments_against_ray_casting(kind):
     xi = (np.arange(n) + 0.5) / n
     N = np.stack([f(xi) for f in line_shapes(k)], axis=1)
     dN = np.stack([f.deriv()(xi) for f in line_shapes(k)], axis=1)
-    nodal = s.facet_node_normals
-    if k == 3:
-        nodal = np.concatenate([nodal, s.facet_normals[:, None]], axis=1)
     fine = np.stack([f(np.linspace(0, 1, 401)) for f in line_shapes(k)], axis=1)
     curve = np.concatenate([fine @ p.points[facet] for facet in p.facets])
     total, covered = np.zeros(2), 0.0
-    for facet, normals in zip(s.facets, nodal, strict=True):
+    for facet, normals in zip(s.facets, s.facet_node_normals, strict=True):
         x, normal = N @ s.points[facet], N @ normals
         length = np.linalg.norm(dN @ s.points[facet], axis=1) / n
         for at, direction, weight in zip(x[::20], normal[::20], 20 * length[::20], strict=True):

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, at, body, cube, onto_octant, shuffled
 
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.face_kinks import kink_angles
 from skfem_contact.bodies.facet_kinds import KINDS as FACETS
+from skfem_contact.bodies.kinks import kink_angles
 from skfem_contact.bodies.normals import angle_between
 from skfem_contact.bodies.selection import mesh_edges
 from skfem_contact.conditions.contact import Contact

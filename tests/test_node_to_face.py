@@ -12,7 +12,7 @@ from solid_meshes import KINDS, at, body, cube, elastic, onto_ball, shuffled
 
 import skfem_contact as sc
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.faces.closest import closest_faces
 from skfem_contact.pairing.faces.joints import rim_points
 from skfem_contact.pairing.faces.node import node_to_face
@@ -71,7 +71,7 @@ def test_projection_of_points_on_the_face(kind):
         np.testing.assert_allclose(feet.xi, xi, rtol=0, atol=1e-11)
 
 
-def brute(secondary: FaceSurface, primary: FaceSurface) -> np.ndarray:
+def brute(secondary: ContactSurface, primary: ContactSurface) -> np.ndarray:
     """The least distance of each point to any face that faces it, by projection on all of them."""
     m, nf = len(secondary.points), len(primary.facets)
     point, facet = np.repeat(np.arange(m), nf), np.tile(np.arange(nf), m)

@@ -71,7 +71,7 @@ def test_what_all_packages_use_needs_none_of_them(name):
 
 
 def test_no_circle_is_larger_than_two_files():
-    """Two modules may know of each other, as a body and its surface do; three may not."""
+    """Two modules may know of each other, as a result and its report do; three may not."""
     number = {name: i for i, name in enumerate(MODULES)}
     arrows = [(number[a], number[b]) for a in MODULES for b in imports(a)]
     rows, columns = zip(*arrows, strict=True)

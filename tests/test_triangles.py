@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS
 
 import skfem_contact as sc
-from skfem_contact.bodies.bare import bare_faces
+from skfem_contact.bodies.bare import bare_surface
 from skfem_contact.pairing.faces.node import node_to_face
 
 TIP = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
@@ -424,7 +424,7 @@ CHAMFERED = hull(
 )
 def test_cut_triangles_are_the_same_surface(shape):
     """Its area and its rim, no edges that do not fit together; and the same cut after a motion."""
-    plain = bare_faces(shape.points, shape.triangles, "plain")
+    plain = bare_surface(shape.points, shape.triangles, "plain")
     cut = shape.outline
     assert len(cut.facets) > len(plain.facets)
     assert_allclose(cut.facet_areas.sum(), plain.facet_areas.sum(), rtol=1e-12)

@@ -27,23 +27,12 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.thresholds import AT_45, NO_GAP, REACH
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-#: Triangles of a face by its nodes; k is one more at the centre, where there is no node.
-TRIANGLES = {
-    "tri3": [(0, 1, 2)],
-    "tri6": [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
-    "quad4": [(i, (i + 1) % 4, 4) for i in range(4)],
-    **{
-        kind: [t for i in range(4) for t in ((i, 4 + i, 8), (4 + i, (i + 1) % 4, 8))]
-        for kind in ("quad8", "quad9")
-    },
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,17 +54,17 @@ class Contour:
     heights: Array
 
 
-def contour(surface: FaceSurface, closed: Mask, gap: Array) -> Contour:
+def contour(surface: ContactSurface, closed: Mask, gap: Array) -> Contour:
     """The edge of contact and the area within.
 
     Parameters
     ----------
-    surface : FaceSurface
+    surface : ContactSurface
     closed : ndarray of bool, shape (m,)
     gap : ndarray, shape (m,)
         ``inf`` where a point has no partner [length].
     """
-    corners = np.array(TRIANGLES[surface.kind.name])
+    corners = surface.kind.triangles
     h = heights(surface, closed, gap)
     height = with_centres(surface, h)[:, corners].reshape(-1, 3)
     x = with_centres(surface, surface.points)[:, corners].reshape(-1, 3, 3)
@@ -83,7 +72,7 @@ def contour(surface: FaceSurface, closed: Mask, gap: Array) -> Contour:
     return Contour(segments, float(part @ triangle_areas(surface, x)), h)
 
 
-def heights(surface: FaceSurface, closed: Mask, gap: Array) -> Array:
+def heights(surface: ContactSurface, closed: Mask, gap: Array) -> Array:
     """``gap**(2/3)`` continued into the contact: negative inside, positive outside, (m,).
 
     ``inf`` at points without a partner.
@@ -130,7 +119,7 @@ def neighbours(surface: ContactSurface) -> csr_matrix:
     return beside
 
 
-def triangle_areas(surface: FaceSurface, x: Array) -> Array:
+def triangle_areas(surface: ContactSurface, x: Array) -> Array:
     """Areas of the triangles x (t, 3, 3) of all faces, which add up to those of the faces, (t,)."""
     area = 0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
     area = area.reshape(len(surface.facets), -1)
@@ -150,7 +139,7 @@ def _around(beside: csr_matrix, here: Index) -> tuple[Index, Index]:
 
 
 def _continued(
-    surface: FaceSurface, here: Index, row: Index, node: Index, sample: Mask, h: Array
+    surface: ContactSurface, here: Index, row: Index, node: Index, sample: Mask, h: Array
 ) -> tuple[Array, Mask, Mask]:
     """What open nodes near by say of h at some nodes; whether enough were ahead, or on any side.
 
@@ -242,13 +231,13 @@ class NormalEquations:
         return out
 
 
-def with_centres(surface: FaceSurface, values: Array) -> Array:
+def with_centres(surface: ContactSurface, values: Array) -> Array:
     """Values at the nodes of each face, and at its centre where that is no node, (nf, k or k + 1, ...).
 
     The mean of the four nodes nearest to it; none where two or more of these have none.
     """
     of_faces = values[surface.facets]
-    if surface.kind.name not in ("quad4", "quad8"):
+    if not surface.kind.centreless:
         return of_faces
     near = of_faces[:, -4:]
     known = np.isfinite(near)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.projection import project
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.faces import projection as faces
 from skfem_contact.trees import Tree
@@ -185,7 +185,7 @@ def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:
     middle = surface.points[surface.facets].mean(axis=1)
     near = np.asarray(Tree(middle).query(points, k=few)[1]).reshape(len(points), few)
     several = np.repeat(points, few, axis=0)
-    if isinstance(surface, FaceSurface):
+    if surface.dim == 3:
         feet = faces.project(surface, near.ravel(), several)
         N, foot = feet.shape, feet.foot
     else:

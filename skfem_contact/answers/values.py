@@ -14,7 +14,7 @@ from skfem_contact.answers.contours import Contour, contour
 from skfem_contact.answers.error.sources import ErrorEstimate
 from skfem_contact.answers.fields import closed_area, displaced, edge_positions, interpolate
 from skfem_contact.arguments import numbers
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.errors import InputError
@@ -243,23 +243,21 @@ class ContactValues:
         There ``gap**(2/3)``, extrapolated from the open side, vanishes; see `fields` and `contours`.
         In the order of the points or faces; ends of the surface that are closed are no edges.
         """
-        if isinstance(self._placed, FaceSurface):
+        if self._placed.dim == 3:
             return sealed(self._contour.segments)
         return sealed(edge_positions(self._placed, self.status != OPEN, self.gap))
 
     @cached_property
     def contact_area(self) -> float:
         """Area in contact, up to `contact_edges` [area]."""
-        if isinstance(self._placed, FaceSurface):
+        if self._placed.dim == 3:
             return self._contour.area
         return closed_area(self._placed, self.status != OPEN, self.gap)
 
     @cached_property
     def _contour(self) -> Contour:
         """The edge of contact on faces."""
-        surface = self._placed
-        assert isinstance(surface, FaceSurface)
-        return contour(surface, self.status != OPEN, self.gap)
+        return contour(self._placed, self.status != OPEN, self.gap)
 
     @cached_property
     def error_estimate(self) -> ErrorEstimate:

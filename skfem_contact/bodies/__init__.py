@@ -7,9 +7,9 @@
   of them; `stiffness`, `moduli`, `rigid_modes`, `pieces` of a mesh;
 * `distributed`: a stiffness held rank by rank;
 * `surface`: a boundary as contact sees it; `nodes`: its nodes; `bare`: one without a body;
-* `facet_kinds`: the shape functions of facets;
-* `curves`, `facets`, `normals`, `projection`: boundaries of plane bodies, normals, closest points;
-* `faces`, `face_normals`, `face_kinks`: boundaries of solids;
+* `facet_kinds`: the shape functions of facets; `facets`: their corners, and what lies across edges;
+* `areas`, `normal_field`, `kinks`: areas, averaged normals, and where a surface turns;
+* `normals`: vectors, tangents and angles; `projection`: closest points of lines;
 * `rings`, `quadrics`: the smooth boundaries that nodes lie on;
 * `thresholds`: numbers, and where they come from.
 """

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from skfem_contact.bodies.face_kinks import kink_angles as face_kinks
-from skfem_contact.bodies.face_normals import areas_and_normals, face_areas
-from skfem_contact.bodies.faces import twin_edges
 from skfem_contact.bodies.facet_kinds import kind_of
-from skfem_contact.bodies.facets import facet_neighbours
-from skfem_contact.bodies.normals import kink_angles, lengths_and_normals, tributary_areas
-from skfem_contact.bodies.surface import CurveSurface, FaceSurface
-from skfem_contact.sealed import seal
+from skfem_contact.bodies.facets import twin_edges
+from skfem_contact.bodies.surface import ContactSurface, surface_of
 
 
 class NoBody:
@@ -27,72 +20,30 @@ class NoBody:
         self.dim = self.components = d
 
 
-def bare_curve(points: np.ndarray, facets: np.ndarray, name: str) -> CurveSurface:
-    """A surface of straight facets, listed along it with the solid on the left.
+def bare_surface(points: np.ndarray, facets: np.ndarray, name: str) -> ContactSurface:
+    """A surface of given facets: lines with the solid on the left, one after the other, or faces.
+
+    It is the polygon or polyhedron that it is, no piece of a curve.
 
     Parameters
     ----------
-    points : ndarray, shape (m, 2)
+    points : ndarray, shape (m, d)
         [length]
-    facets : ndarray of int, shape (nf, 2)
+    facets : ndarray of int, shape (nf, k)
+        Corners of faces counter-clockwise seen from outside.
     name : str
 
     Examples
     --------
     >>> points = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
-    >>> square = bare_curve(points, np.array([[0, 1], [1, 2], [2, 3], [3, 0]]), "square")
+    >>> square = bare_surface(points, np.array([[0, 1], [1, 2], [2, 3], [3, 0]]), "square")
     >>> square.facet_normals.tolist()[0]
     [0.0, -1.0]
-    """
-    nobody: Any = NoBody(2)
-    neighbours = facet_neighbours(facets)
-    held = np.zeros(points.shape, dtype=bool)
-    surface = CurveSurface(
-        body=nobody,
-        name=name,
-        points=points,
-        dofs=np.arange(points.size).reshape(points.shape),
-        facets=facets,
-        area=tributary_areas(points, facets, None, name),
-        mesh_facets=np.arange(len(facets)),
-        slopes=np.zeros(facets.shape),
-        end_turns=np.zeros(facets.shape),
-        kinks=kink_angles(points, facets, neighbours),
-        **lengths_and_normals(points, facets, held, neighbours),
-    )
-    seal(surface)
-    return surface
-
-
-def bare_faces(points: np.ndarray, facets: np.ndarray, name: str) -> FaceSurface:
-    """A surface of triangles, whose corners are counter-clockwise seen from outside.
-
-    Parameters
-    ----------
-    points : ndarray, shape (m, 3)
-        [length]
-    facets : ndarray of int, shape (nf, 3)
-    name : str
-
-    Examples
-    --------
     >>> points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]])
-    >>> bare_faces(points, np.array([[0, 1, 2]]), "floor").facet_normals.tolist()
+    >>> bare_surface(points, np.array([[0, 1, 2]]), "floor").facet_normals.tolist()
     [[0.0, 0.0, 1.0]]
     """
-    nobody: Any = NoBody(3)
-    kind, held, twins = kind_of(3, 3), np.zeros(points.shape, dtype=bool), twin_edges(facets)
-    surface = FaceSurface(
-        body=nobody,
-        name=name,
-        points=points,
-        dofs=np.arange(points.size).reshape(points.shape),
-        facets=facets,
-        area=face_areas(points, facets, kind, None, name),
-        mesh_facets=np.arange(len(facets)),
-        kinks=face_kinks(points, facets, kind, twins),
-        twins=twins,
-        **areas_and_normals(points, facets, kind, held, twins),
-    )
-    seal(surface)
-    return surface
+    dofs, count = np.arange(points.size).reshape(points.shape), len(facets)
+    twins = twin_edges(facets[:, : kind_of(points.shape[1], facets.shape[1]).corners])
+    given = {"mesh_facets": np.arange(count), "slopes": np.zeros((count, 2))}
+    return surface_of(NoBody(points.shape[1]), name, points, dofs, facets, twins, **given)

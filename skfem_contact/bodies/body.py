@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import skfem
@@ -30,26 +30,23 @@ from skfem_contact.bodies.inputs import (
     prescribed_values,
     stiffness_of,
 )
-from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.member import Meshed
 from skfem_contact.bodies.moduli import Moduli, mean_moduli, moduli
 from skfem_contact.bodies.pieces import pieces
 from skfem_contact.bodies.quadrature import volume
 from skfem_contact.bodies.rigid_modes import motion_names, rigid_modes
 from skfem_contact.bodies.stiffness import Stiffness
+from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.carried import can_be_carried, carried
-from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import seal
-
-if TYPE_CHECKING:
-    from skfem_contact.bodies.surface import CurveSurface, FaceSurface
 
 Array = NDArray[np.float64]
 
 
 @with_known_keywords(stiffness="write K", load="write f", springs="add their matrix to K")
 @dataclass(frozen=True, eq=False, init=False)
-class Body(Member):
+class Body(Meshed):
     """One body: a scikit-fem basis with the linear system assembled on it.
 
     Two bodies that live in one mesh are one `Body`; contact is then between two of its surfaces.
@@ -305,18 +302,6 @@ class Body(Member):
         return component
 
     @cached_property
-    def axisymmetric(self) -> bool:
-        """Whether `measure` of a plane body is proportional to ``x[0]`` (a thickness is not)."""
-        if self.measure is None or self.components == 1 or self.dim != 2:
-            return False
-        radius = self.dof_points[:, 0]
-        weight = np.broadcast_to(self.measure(self.dof_points.T), radius.shape)
-        # compared at the largest radius, where the quotient has all its digits
-        far = np.argmax(np.abs(radius))
-        deviation = np.abs(weight * radius[far] - weight[far] * radius)
-        return bool(np.all(deviation <= SOLVED * np.abs(weight[far] * radius[far])))
-
-    @cached_property
     def moduli(self) -> Moduli | None:
         """Bulk and shear modulus of the material of every element; None if nothing tells them.
 
@@ -375,9 +360,7 @@ class Body(Member):
         return tuple(f"{name} of part {i + 1}" for i in range(count) for name in names)
 
     @known_keywords()
-    def surface(
-        self, where: Any, nodes: bool = False, *, name: str | None = None
-    ) -> CurveSurface | FaceSurface:
+    def surface(self, where: Any, nodes: bool = False, *, name: str | None = None) -> ContactSurface:
         """Part of the boundary that may come into contact.
 
         Parameters
@@ -395,14 +378,11 @@ class Body(Member):
         Returns
         -------
         ContactSurface
-            A `CurveSurface` of a plane body, a `FaceSurface` of a solid.
+            A curve of a plane body, faces of a solid.
 
         Raises
         ------
         InputError
             Nothing selected, unknown names (the message lists those known), degenerate facets.
         """
-        # `surface` comes after `body` in the order of the theory, so the import waits until here
-        from skfem_contact.bodies.surface import extract_surface
-
         return extract_surface(self, where, nodes=nodes, name=name)

@@ -1,9 +1,11 @@
-"""`FacetKind`: nodes, corners, edges and shape functions of the facets of lines and faces."""
+"""`FacetKind`: what is the same for all facets of a kind: nodes, edges, shape functions, names."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -11,7 +13,9 @@ import skfem
 from numpy.typing import NDArray
 from skfem.quadrature import get_quadrature
 
+from skfem_contact.bodies.thresholds import TAKEN
 from skfem_contact.digits import COMPUTED
+from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -35,6 +39,13 @@ class FacetKind:
     degree : int
         What products of shape functions and the area element ask of a quadrature: exact for plane
         faces with straight edges, else with an error far below that of the facet itself.
+    cell : str
+        Its name in meshio.
+    vtk : int
+        Its number in VTK.
+    parts : sequence of sequences of int
+        The linear facets between its nodes, by their corners; the facet itself where it has no
+        others.
 
     Examples
     --------
@@ -46,6 +57,16 @@ class FacetKind:
     element: Any
     corners: int
     degree: int
+    cell: str
+    vtk: int
+    parts: Sequence[Sequence[int]] = ()
+
+    def __post_init__(self) -> None:
+        if not self.parts:
+            object.__setattr__(self, "parts", [range(self.corners)])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return kind_of, (self.dim + 1, self.nodes)  # the one in `KINDS`, whatever is pickled
 
     @property
     def nodes(self) -> int:
@@ -75,12 +96,56 @@ class FacetKind:
     @property
     def linear(self) -> FacetKind:
         """The kind that has the corners only."""
-        return _BY_SIZE[self.dim + 1, self.corners]
+        return kind_of(self.dim + 1, self.corners)
+
+    @property
+    def order(self) -> int:
+        """Degree of the shape functions where the facet is straight, or a parallelogram."""
+        return int(self.element.maxdeg)
+
+    @cached_property
+    def taken(self) -> float:
+        """What corners of faces take of the middles of their edges, to have positive integrals."""
+        positive = self.shares[: self.corners].min() > COMPUTED
+        return 0.0 if self.dim == 1 or positive else TAKEN
+
+    @cached_property
+    def cut(self) -> Index:
+        """Triangles (t, 3) between the nodes of a face."""
+        return np.array([(part[0], *pair) for part in self.parts for pair in pairwise(part[1:])])
+
+    @cached_property
+    def linear_parts(self) -> Index:
+        """The linear faces that a face is cut into (p, c), all triangles or all quadrilaterals."""
+        unlike = len({len(part) for part in self.parts}) > 1
+        return self.cut if unlike else np.array(self.parts)
+
+    @cached_property
+    def triangles(self) -> Index:
+        """Triangles (t, 3) that prefer no diagonal; k is one more node at the centre, if there is none.
+
+        Those of `cut`, if all `parts` are triangles; else round the centre.
+        """
+        if all(len(part) == 3 for part in self.parts):
+            return self.cut
+        rim = self.edges[:, [0, 2, 1]] if self.quadratic else self.edges
+        steps = np.stack([rim[:, :-1], rim[:, 1:]], axis=2).reshape(-1, 2)
+        return np.column_stack([steps, np.full(len(steps), steps.max() + 1)])
+
+    @property
+    def centreless(self) -> bool:
+        """Whether `triangles` meet where there is no node."""
+        return bool(self.triangles.max() == self.nodes)
 
     @cached_property
     def edges(self) -> Index:
-        """Nodes of each edge of a face: start, end, and the middle if there is one, (c, 2 or 3)."""
+        """Nodes of each edge of a face: start, end, and the middle if there is one, (c, 2 or 3).
+
+        The edges of a line are its ends, (2, 1).
+        """
         start = np.arange(self.corners)
+        if self.dim == 1:
+            return start[:, None]
         columns = [start, (start + 1) % self.corners]
         return np.column_stack(columns + ([start + self.corners] if self.quadratic else []))
 
@@ -143,24 +208,34 @@ class FacetKind:
         return second[0] if np.allclose(second, second[0], rtol=0, atol=COMPUTED) else None
 
     @cached_property
+    def between(self) -> Array:
+        """Shape functions (p, k) halfway between any two nodes, and in the middle, where no node is."""
+        at = self.locations
+        halfway = 0.5 * (at[:, None] + at).reshape(-1, self.dim)
+        places = np.unique(np.vstack([halfway, self.middle]), axis=0)
+        to_nodes = np.abs(places[:, None] - at).max(axis=2).min(axis=1)
+        return self.shapes(places[to_nodes > COMPUTED])[0]
+
+    @cached_property
+    def derivatives(self) -> Array:
+        """Of the shape functions at the nodes, and in the middle, shape (k + 1, k, d-1)."""
+        return self.shapes(np.vstack([self.locations, self.middle]))[1]
+
+    @cached_property
+    def gauss(self) -> tuple[Array, Array, Array]:
+        """Shape functions (q, k), their derivatives (q, k, d-1) and weights (q,) of `quadrature`."""
+        at, weight = self.quadrature()
+        return *self.shapes(at), weight
+
+    @cached_property
     def shares(self) -> Array:
         """Integrals of the shape functions over a straight facet of area one, shape (k,).
 
         >>> KINDS["quad8"].shares.round(12).tolist()[3:5]
         [-0.083333333333, 0.333333333333]
         """
-        at, weight = self.quadrature()
-        return np.asarray(weight @ self.shapes(at)[0] / weight.sum())
-
-    @property
-    def signed(self) -> bool:
-        """Whether all `shares` are positive: else nodal forces of a pressure do not have its sign."""
-        return bool(self.shares.min() > COMPUTED)
-
-    @property
-    def polynomial(self) -> int:
-        """Degree of the shape functions in the plane of a parallelogram or a triangle."""
-        return int(self.element.maxdeg)
+        N, _, weight = self.gauss
+        return np.asarray(weight @ N / weight.sum())
 
     def quadrature(self, degree: int | None = None) -> tuple[Array, Array]:
         """Gauss points (q, d-1) and weights (q,), for polynomials up to `degree` at least."""
@@ -172,17 +247,24 @@ class FacetKind:
 KINDS = {
     kind.name: kind
     for kind in (
-        FacetKind("line2", skfem.ElementLineP1(), 2, 9),
-        FacetKind("line3", skfem.ElementLineP2(), 2, 9),
-        FacetKind("tri3", skfem.ElementTriP1(), 3, 4),
-        FacetKind("tri6", skfem.ElementTriP2(), 3, 8),
-        FacetKind("quad4", skfem.ElementQuad1(), 4, 5),
-        FacetKind("quad8", skfem.ElementQuadS2(), 4, 7),
-        FacetKind("quad9", skfem.ElementQuad2(), 4, 7),
+        FacetKind("line2", skfem.ElementLineP1(), 2, 9, "line", 3),
+        FacetKind("line3", skfem.ElementLineP2(), 2, 9, "line3", 21, [(0, 2), (2, 1)]),
+        FacetKind("tri3", skfem.ElementTriP1(), 3, 4, "triangle", 5),
+        FacetKind(
+            "tri6", skfem.ElementTriP2(), 3, 8, "triangle6", 22,
+            [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
+        ),
+        FacetKind("quad4", skfem.ElementQuad1(), 4, 5, "quad", 9),
+        FacetKind(
+            "quad8", skfem.ElementQuadS2(), 4, 7, "quad8", 23,
+            [(0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 6, 7)],
+        ),
+        FacetKind(
+            "quad9", skfem.ElementQuad2(), 4, 7, "quad9", 28,
+            [(0, 4, 8, 7), (1, 5, 8, 4), (2, 6, 8, 5), (3, 7, 8, 6)],
+        ),
     )
-}
-
-_BY_SIZE = {(kind.dim + 1, kind.nodes): kind for kind in KINDS.values()}
+}  # fmt: skip
 
 
 def node_positions(points: Array, facets: Index) -> Array:
@@ -200,4 +282,7 @@ def kind_of(dim: int, nodes: int) -> FacetKind:
     >>> kind_of(3, 8).name, kind_of(2, 3).name
     ('quad8', 'line3')
     """
-    return _BY_SIZE[dim, nodes]
+    for kind in KINDS.values():
+        if (kind.dim + 1, kind.nodes) == (dim, nodes):
+            return kind
+    raise InputError(f"no kind of facets in {dim}-D with {nodes} nodes is known; add it to KINDS")

@@ -26,19 +26,20 @@ Loads: TypeAlias = ArrayLike | LinearForm | Mapping[str, ArrayLike]
 Dofs: TypeAlias = ArrayLike | DofsView | Mapping[str, DofsView] | Callable[[CellBasis], Any]
 Values: TypeAlias = ArrayLike | Mapping[str, Any]
 
-#: Lagrange elements whose DOFs are values at the nodes of the mesh: only these have contact nodes.
-SUPPORTED = (
-    skfem.ElementTriP1,
-    skfem.ElementTriP2,
-    skfem.ElementQuad1,
-    skfem.ElementQuad2,
-    skfem.ElementQuadS2,
-    skfem.ElementTetP1,
-    skfem.ElementTetP2,
-    skfem.ElementHex1,
-    skfem.ElementHexS2,
-    skfem.ElementHex2,
-)
+#: Lagrange elements whose DOFs are values at the nodes of the mesh: only these have contact nodes. With
+#: what meshio calls their cells.
+SUPPORTED: dict[type[skfem.Element], str] = {
+    skfem.ElementTriP1: "triangle",
+    skfem.ElementTriP2: "triangle6",
+    skfem.ElementQuad1: "quad",
+    skfem.ElementQuad2: "quad9",
+    skfem.ElementQuadS2: "quad8",
+    skfem.ElementTetP1: "tetra",
+    skfem.ElementTetP2: "tetra10",
+    skfem.ElementHex1: "hexahedron",
+    skfem.ElementHexS2: "hexahedron20",
+    skfem.ElementHex2: "hexahedron27",
+}
 
 
 REAL = "contact needs real numbers"
@@ -64,7 +65,7 @@ def check_basis(basis: Any, whose: str) -> None:
         )
     element, mesh = basis.elem, basis.mesh
     inner = element.elem if isinstance(element, skfem.ElementVector) else element
-    if not isinstance(inner, SUPPORTED):
+    if not isinstance(inner, tuple(SUPPORTED)):
         raise InputError(
             f"{whose} uses {type(inner).__name__}: contact needs elements whose DOFs are values "
             f"at nodes ({', '.join(kind.__name__ for kind in SUPPORTED)}), alone or in an "

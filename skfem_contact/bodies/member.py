@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
+
+from skfem_contact.digits import SOLVED
 
 Index = np.ndarray
 
@@ -89,3 +92,29 @@ class Member(ABC):
     @abstractmethod
     def displaced(self, x: Mapping[str, Any], before: np.ndarray, what: str) -> np.ndarray:
         """Prescribed values (n,) with those that a dict names replaced."""
+
+
+class Meshed(Member):
+    """A body with a mesh, whose boundary may come into contact.
+
+    Attributes
+    ----------
+    basis : skfem.CellBasis
+    measure : callable or None
+        Weight of areas by position, ``lambda x: 2 * np.pi * x[0]`` of an axisymmetric body.
+    """
+
+    basis: Any
+    measure: Callable[[np.ndarray], np.ndarray] | None
+
+    @cached_property
+    def axisymmetric(self) -> bool:
+        """Whether `measure` of a plane body is proportional to ``x[0]`` (a thickness is not)."""
+        if self.measure is None or self.components == 1 or self.dim != 2:
+            return False
+        radius = self.dof_points[:, 0]
+        weight = np.broadcast_to(self.measure(self.dof_points.T), radius.shape)
+        # compared at the largest radius, where the quotient has all its digits
+        far = np.argmax(np.abs(radius))
+        deviation = np.abs(weight * radius[far] - weight[far] * radius)
+        return bool(np.all(deviation <= SOLVED * np.abs(weight[far] * radius[far])))

@@ -15,33 +15,23 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
-def curve_nodes(basis: Any, numbers: Index, ends: Index) -> Index:
-    """The nodes of facets in the plane as one meets them, shape (nf, k): start, middle, end.
-
-    Vertex v of the mesh has the number v, the middle of facet f ``nvertices + f``.
-    """
-    start, end = ends.T
-    if not basis.facet_dofs.size:
-        return np.column_stack([start, end])
-    return np.column_stack([start, basis.mesh.nvertices + numbers, end])
-
-
-def face_nodes(basis: Any, numbers: Index, vertices: Index) -> Index:
-    """The nodes of faces, shape (nf, k): corners, then middles of edges, then the centre.
+def facet_nodes(basis: Any, numbers: Index, vertices: Index) -> Index:
+    """The nodes of facets, shape (nf, k): corners, then middles of edges of faces, then the middle.
 
     Of the mesh vertex v has the number v, edge e ``nvertices + e``, and facet f
-    ``nvertices + nedges + f``.
+    ``nvertices + nedges + f``; in the plane there are no edges.
     """
-    mesh, columns = basis.mesh, [vertices]
+    mesh, columns, first = basis.mesh, [vertices], basis.mesh.nvertices
     if basis.edge_dofs.size:
-        columns.append(mesh.nvertices + mesh_edges(mesh, vertices, np.roll(vertices, -1, axis=1)))
+        columns.append(first + mesh_edges(mesh, vertices, np.roll(vertices, -1, axis=1)))
+        first += mesh.edges.shape[1]
     if basis.facet_dofs.size:
-        columns.append(mesh.nvertices + mesh.edges.shape[1] + numbers[:, None])
+        columns.append(first + numbers[:, None])
     return np.concatenate(columns, axis=1)
 
 
 def node_dofs(basis: Any, nodes: Index, components: int) -> NDArray[np.int32]:
-    """The DOFs of nodes by their numbers of `curve_nodes` or `face_nodes`, (len(nodes), components)."""
+    """The DOFs of nodes by their numbers of `facet_nodes`, (len(nodes), components)."""
     mesh = basis.mesh
     edges = mesh.edges.shape[1] if basis.edge_dofs.size else 0
     vertices = mesh.nvertices  # counted whenever one asks

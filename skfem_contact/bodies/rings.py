@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,14 +15,6 @@ from skfem_contact.digits import GIVEN
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-#: The linear facets that a facet with middle nodes is cut into at them.
-PARTS: dict[str, Sequence[Sequence[int]]] = {
-    "line3": [[0, 2], [2, 1]],
-    "tri6": [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]],
-    "quad8": [[0, 4, 7], [4, 1, 5], [5, 2, 6], [7, 6, 3], [4, 5, 6, 7]],
-    "quad9": [[0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]],
-}
 
 
 def around(facets: Index, kind: FacetKind, bowed: Mask, m: int) -> csr_matrix:
@@ -40,7 +31,7 @@ def around(facets: Index, kind: FacetKind, bowed: Mask, m: int) -> csr_matrix:
     """
     whole = [list(range(kind.corners))]
     rows, columns = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
-    for some, parts in ((facets[~bowed], whole), (facets[bowed], PARTS.get(kind.name, whole))):
+    for some, parts in ((facets[~bowed], whole), (facets[bowed], kind.parts)):
         for part in parts:
             for shift in range(1, len(part)):
                 rows.append(some[:, part].ravel())

@@ -16,6 +16,11 @@ UNSYMMETRIC, SYMMETRIC = 1e-6, 1e-13
 # body takes whose gradients fill it. Between 256 kB and 128 MB the time is the same.
 BYTES_AT_ONCE = 32_000_000
 
+# -- facet_kinds -------------------------------------------------
+
+# What corners of a face take of the middles of their edges where their own integrals are not positive.
+TAKEN = 0.2
+
 # -- normals -----------------------------------------------------
 
 # Two facets that meet at 45 degrees or more form a corner: no normal is averaged over it. Chamfers of
@@ -54,7 +59,7 @@ ROUND_OFF = 1e-12
 # A facet with middle nodes is straight if they are no farther off than this part of its size.
 BOWED = 1e-4
 
-# -- body, curves, face_normals, normals, facets, faces, projection
+# -- body, facets, projection -------------------------------------
 
 # Coordinates carry 16 digits of the mesh's extent: what is smaller than this part of it has no
 # direction. And middles of facets closer than this part of the shortest one are the same facet's.

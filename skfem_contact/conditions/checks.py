@@ -15,9 +15,9 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import structural_rank
 
 from skfem_contact.arrays import largest
-from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.member import Meshed
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.interface import Interface
@@ -290,7 +290,7 @@ def _far_side(contact: Contact) -> str:
     """In words how a primary comes to lie on the wrong side."""
     primary = contact.primary
     outline = primary.outline if isinstance(primary, Obstacle) else None
-    if isinstance(outline, CurveSurface):
+    if outline is not None and outline.dim == 2:
         return "the points of the polyline run the wrong way round: it is solid on their left"
     return "the primary surface is on the far side of its body"
 
@@ -306,7 +306,7 @@ def warn_measures(contacts: Sequence[Contact]) -> None:
     -----
     ContactWarning
     """
-    bodies: list[Body] = []
+    bodies: list[Meshed] = []
     for contact in contacts:
         sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
         bodies += [side.body for side in sides if not any(side.body is known for known in bodies)]
@@ -323,7 +323,7 @@ def warn_measures(contacts: Sequence[Contact]) -> None:
             )
 
 
-def _has_rings(body: Body) -> bool:
+def _has_rings(body: Meshed) -> bool:
     """Whether the stiffness resists that all points move away from the axis."""
     away = (body.dof_component == 0).astype(float)
     forces = np.linalg.norm(body.K @ away)

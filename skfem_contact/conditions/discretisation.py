@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.thresholds import DIGITS_OF_WEIGHTS, NO_AREA
 from skfem_contact.errors import InputError
@@ -48,57 +48,62 @@ def pair(
     known : frozenset
         Vertices that carried in a round before, `Pairing.corners`.
     """
-    secondary, primary, placed = contact.secondary, contact.primary, None
-    if isinstance(primary, Obstacle):
-        placed = primary if motion is None else primary.moved(motion)
-    surface = placed.outline if placed is not None else primary
-    if isinstance(surface, ContactSurface) and surface.dim != secondary.dim:
-        raise _unlike(contact, surface.dim)
+    secondary, primary = contact.secondary, contact.primary
     if len(moved):
         secondary = secondary.moved(moved[0])
-    if isinstance(surface, ContactSurface):
-        if len(moved) and placed is None:
-            surface = surface.moved(moved[1])
-        pairing = _pair_surfaces(contact, secondary, surface, known)
-        if contact.sliding == "small" and not contact.tied and not len(moved):
-            pairing = loaded_frames(secondary, surface, pairing)
-        if placed is not None:
-            pairing = _without_nodes(pairing)
+    if isinstance(primary, Obstacle):
+        placed = primary if motion is None else primary.moved(motion)
+        partner = placed.outline
+        if partner is None:
+            return _along_supports(secondary, _by_distance(contact, secondary, placed))
     else:
-        assert placed is not None
-        pairing = _near(contact, placed.pair(secondary))
-        away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
-        pairing = _with_signs(contact, secondary, pairing, away)
-    if secondary.dim == 2:
-        return pairing
-    tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
-    pairing = replace(pairing, tangent=tangent)
-    return (
-        held_tangents(secondary, primary, pairing) if isinstance(primary, ContactSurface) else pairing
-    )
+        partner = primary.moved(moved[1]) if len(moved) else primary
+    if partner.dim != secondary.dim:
+        raise _unlike(contact, partner.dim)
+    pairing = _pair_surfaces(contact, secondary, partner, known)
+    if contact.sliding == "small" and not contact.tied and not len(moved):
+        pairing = loaded_frames(secondary, partner, pairing)
+    if contact.rigid:
+        return _along_supports(secondary, _without_nodes(pairing))
+    pairing = _along_supports(secondary, pairing)
+    return pairing if secondary.dim == 2 else held_tangents(secondary, partner, pairing)
 
 
 def _unlike(contact: Contact, d: int) -> InputError:
     """The error for a plane body and a solid: the primary is of d dimensions."""
-    kind = "" if isinstance(contact.primary, Obstacle) else "surface "
+    kind = "surface " if not contact.rigid else ""
     return InputError(
         f"contact {contact.label}: surface {contact.secondary.label!r} is {contact.secondary.dim}-D, "
         f"{kind}{contact.primary.label!r} {d}-D"
     )
 
 
+def _along_supports(secondary: ContactSurface, pairing: Pairing) -> Pairing:
+    """The pairing with tangents along the supports of its points; in the plane there is only one."""
+    if secondary.dim == 2:
+        return pairing
+    tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
+    return replace(pairing, tangent=tangent)
+
+
+def _by_distance(contact: Contact, secondary: ContactSurface, obstacle: Obstacle) -> Pairing:
+    """Pair nodes with an obstacle that is known by its distances."""
+    pairing = _near(contact, obstacle.pair(secondary))
+    away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
+    return _with_signs(contact, secondary, pairing, away)
+
+
 def _pair_surfaces(
     contact: Contact, secondary: ContactSurface, primary: ContactSurface, known: Names
 ) -> Pairing:
     """Pair surfaces of two bodies, or one and the edges or triangles of an obstacle node by node."""
-    mortar = contact.method == "mortar" and isinstance(contact.primary, ContactSurface)
-    if isinstance(secondary, FaceSurface) and isinstance(primary, FaceSurface):
+    mortar = contact.method == "mortar" and not contact.rigid
+    if secondary.dim == 3:
         if mortar:
             return dual_mortar(secondary, primary, reach=contact.reach)
         pairing = node_to_face(secondary, primary, reach=contact.reach)
         away = gap_vectors(secondary, primary, pairing.secondary_weights, pairing.primary_weights)
         return _with_signs(contact, secondary, pairing, away)
-    assert isinstance(secondary, CurveSurface) and isinstance(primary, CurveSurface)
     corners = None if contact.bilateral else _corners(contact, secondary, primary, known)
     if mortar:
         pressed = None if corners is None else corners.pressed
@@ -138,7 +143,7 @@ def _without_nodes(pairing: Pairing) -> Pairing:
 
 
 def _corners(
-    contact: Contact, secondary: CurveSurface, primary: CurveSurface, known: Names
+    contact: Contact, secondary: ContactSurface, primary: ContactSurface, known: Names
 ) -> CornerContacts:
     """What corners meet; with small sliding only what they overlap now."""
     return corner_contacts(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
 from skfem_contact.conditions.statics import drives, escape
@@ -297,5 +297,5 @@ def _stateless(attempt: Attempt) -> str:
 
 def _has_corners(contact: Contact) -> bool:
     """Whether the surfaces of a contact have convex corners, their ends included."""
-    sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, CurveSurface)]
-    return any(len(Corners.of(side).node) for side in sides)
+    sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
+    return any(len(Corners.of(side).node) for side in sides if side.dim == 2)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, identity, vstack
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.bodies.face_kinks import bends
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.kinks import bends
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT, STEEPEST
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ class Patches:
         Of the triangles over each of their edges [length].
     """
 
-    surface: FaceSurface
+    surface: ContactSurface
     of: Index = field(init=False)
     bend: Array = field(init=False)
     inside: Mask = field(init=False)
@@ -110,7 +110,7 @@ class Patches:
         return np.asarray((inner | last)[self.of])
 
 
-def cut_at_bends(surface: FaceSurface) -> tuple[csr_matrix, Index] | None:
+def cut_at_bends(surface: ContactSurface) -> tuple[csr_matrix, Index] | None:
     """Narrow triangles along the bends beside flats.
 
     Returns

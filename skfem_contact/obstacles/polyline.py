@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import check_name, check_switch, numbers, take, with_known_keywords
-from skfem_contact.bodies.bare import bare_curve
-from skfem_contact.bodies.normals import end_slopes
+from skfem_contact.bodies.bare import bare_surface
+from skfem_contact.bodies.kinks import end_slopes
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Outlined
@@ -99,19 +99,19 @@ class RigidPolyline(Outlined):
             object.__setattr__(self, key, value)
 
     @cached_property
-    def outline(self) -> CurveSurface:
+    def outline(self) -> ContactSurface:
         """Its edges with their normals, as surfaces of bodies have them.
 
         Edges that are no pieces of a curve are cut near their ends, see `_cut_at_bends`.
         """
         count = len(self.points)
         start = np.arange(count if self.closed else count - 1)
-        plain = bare_curve(self.points, np.column_stack([start, (start + 1) % count]), self.label)
+        plain = bare_surface(self.points, np.column_stack([start, (start + 1) % count]), self.label)
         points = _cut_at_bends(plain)
         if len(points) == count:
             return plain
         start = np.arange(len(points) if self.closed else len(points) - 1)
-        return bare_curve(points, np.column_stack([start, (start + 1) % len(points)]), self.label)
+        return bare_surface(points, np.column_stack([start, (start + 1) % len(points)]), self.label)
 
     @property
     def reference(self) -> Array:
@@ -129,14 +129,13 @@ class RigidPolyline(Outlined):
         return self.outline.points[start], self.outline.points[end]
 
     def _partners(self, surface: ContactSurface) -> Pairing:
-        assert isinstance(surface, CurveSurface)
         return node_to_segment(surface, self.outline)
 
     def _signed_distances(self, points: Array) -> Array:
         return signed_distances(self.outline, points)
 
 
-def _cut_at_bends(plain: CurveSurface) -> Array:
+def _cut_at_bends(plain: ContactSurface) -> Array:
     """The points of an outline, and more of them on straight edges, beside smooth bends.
 
     Normals are interpolated between the nodes of an edge. On a piece of a curve that is right. The flat

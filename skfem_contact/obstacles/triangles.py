@@ -21,9 +21,9 @@ from skfem_contact.arguments import (
     take,
     with_known_keywords,
 )
-from skfem_contact.bodies.bare import bare_faces
+from skfem_contact.bodies.bare import bare_surface
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_at_bends
 from skfem_contact.obstacles.motion import MotionLike
@@ -179,7 +179,7 @@ class RigidSurface(Outlined):
         return bool(np.all(np.unique(edges, axis=0, return_counts=True)[1] == 2))
 
     @cached_property
-    def outline(self) -> FaceSurface:
+    def outline(self) -> ContactSurface:
         """Its triangles with their normals, as surfaces of solids have them.
 
         Flats are cut along the bends beside them, see `bends`.
@@ -187,11 +187,11 @@ class RigidSurface(Outlined):
         if self._cut is None:
             return self._plain
         weights, triangles = self._cut
-        return bare_faces(weights @ self.points, triangles, self.label)
+        return bare_surface(weights @ self.points, triangles, self.label)
 
     @cached_property
-    def _plain(self) -> FaceSurface:
-        return bare_faces(self.points, self.triangles, self.label)
+    def _plain(self) -> ContactSurface:
+        return bare_surface(self.points, self.triangles, self.label)
 
     @cached_property
     def _cut(self) -> tuple[csr_matrix, Index] | None:
@@ -214,7 +214,6 @@ class RigidSurface(Outlined):
         return np.asarray(x.mean(axis=1).T @ area / area.sum())
 
     def _partners(self, surface: ContactSurface) -> Pairing:
-        assert isinstance(surface, FaceSurface)
         return node_to_face(surface, self.outline)
 
     def _signed_distances(self, points: Array) -> Array:

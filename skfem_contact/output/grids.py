@@ -14,7 +14,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.output import wanted
-from skfem_contact.output.nodes import FACETS, body_cells, body_nodes, three
+from skfem_contact.output.nodes import body_cells, body_nodes, three
 from skfem_contact.output.tools import tools
 from skfem_contact.output.vtu import Grid
 from skfem_contact.output.wanted import Stress
@@ -77,9 +77,8 @@ def contact_grid(result: ContactResult, units: Mapping[str, str]) -> Grid:
     columns: dict[str, list[Array]] = {}
     for i, (contact, values) in enumerate(zip(result.contacts, result.values, strict=True)):
         surface = contact.secondary
-        kind = FACETS[surface.dim, surface.facets.shape[1]]
         points.append(three(values.points))
-        cells.append((kind, surface.facets + start))
+        cells.append((surface.kind.cell, surface.facets + start))
         numbers.append(np.full(len(surface.facets), i + 1, dtype=np.int32))
         for name, column in _point_data(values, surface, result).items():
             columns.setdefault(name, []).append(column)

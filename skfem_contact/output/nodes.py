@@ -7,32 +7,10 @@ import skfem
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.inputs import SUPPORTED
 
 Array = NDArray[np.float64]
 
-#: What meshio calls the cells of each element, whose nodes are where its DOFs are.
-CELLS = {
-    skfem.ElementTriP1: "triangle",
-    skfem.ElementTriP2: "triangle6",
-    skfem.ElementQuad1: "quad",
-    skfem.ElementQuadS2: "quad8",
-    skfem.ElementQuad2: "quad9",
-    skfem.ElementTetP1: "tetra",
-    skfem.ElementTetP2: "tetra10",
-    skfem.ElementHex1: "hexahedron",
-    skfem.ElementHexS2: "hexahedron20",
-    skfem.ElementHex2: "hexahedron27",
-}
-#: The same for facets, by dimension of space and number of nodes.
-FACETS = {
-    (2, 2): "line",
-    (2, 3): "line3",
-    (3, 3): "triangle",
-    (3, 4): "quad",
-    (3, 6): "triangle6",
-    (3, 8): "quad8",
-    (3, 9): "quad9",
-}
 #: Nodes of a tetrahedron whose first two corners change places.
 MIRRORED = (1, 0, 2, 3, 4, 6, 5, 8, 7, 9)
 
@@ -51,14 +29,18 @@ def body_nodes(body: Body) -> NDArray[np.int64]:
 
 
 def body_cells(body: Body) -> tuple[str, NDArray[np.int64]]:
-    """The type of cell in the words of meshio, and the nodes of each cell, (elements, nodes)."""
+    """The type of cell in the words of meshio, and the nodes of each cell, (elements, nodes).
+
+    Without nodes of the element that the cell does not have.
+    """
     element = body.basis.elem
     inner = element.elem if isinstance(element, skfem.ElementVector) else element
-    kind = next(name for cls, name in CELLS.items() if isinstance(inner, cls))
+    kind = next(name for cls, name in SUPPORTED.items() if isinstance(inner, cls))
     node = np.zeros(body.n, dtype=np.int64)
     nodes = body_nodes(body)
     node[nodes] = np.arange(len(nodes))[:, None]
     cells = node[body.basis.dofs.element_dofs[:: body.components]]
+    cells = cells[: int("".join(filter(str.isdigit, kind)) or len(cells))]
     if kind.startswith("hexahedron"):  # scikit-fem counts the corners of a brick in another order
         from skfem.io.meshio import HEX_MAPPING  # which imports meshio
 

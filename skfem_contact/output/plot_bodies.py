@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_switch, known_keywords, numbers
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.facet_kinds import kind_of
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
 from skfem_contact.output import wanted
@@ -25,18 +26,6 @@ from skfem_contact.output.view import View, gaps_overlap, view
 from skfem_contact.output.wanted import Stress
 
 Array = NDArray[np.float64]
-
-#: How the cells of each type are cut into triangles, by local node numbers.
-TRIANGLES = {
-    "triangle": [(0, 1, 2)],
-    "triangle6": [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
-    "quad": [(0, 1, 2), (0, 2, 3)],
-    "quad8": [(0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 6), (4, 6, 7)],
-    "quad9": [
-        *[(0, 4, 8), (4, 1, 8), (1, 5, 8), (5, 2, 8)],
-        *[(2, 6, 8), (6, 3, 8), (3, 7, 8), (7, 0, 8)],
-    ],
-}
 
 
 @known_keywords()
@@ -180,7 +169,7 @@ def _draw_cells(ax: Any, result: ContactResult, seen: View, values: list[Array],
     for body, colour in zip(result.system.solids.values(), values, strict=True):
         nodes, (kind, cells) = body_nodes(body), body_cells(body)
         x = seen.place(body.dof_points[nodes[:, 0]], result.displacement(body)[nodes]).T
-        triangles = np.concatenate([cells[:, list(local)] for local in TRIANGLES[kind]])
+        triangles = np.concatenate([cells[:, local] for local in kind_of(3, cells.shape[1]).cut])
         image = ax.tripcolor(
             *x, triangles, colour, shading="gouraud", cmap=cmap, vmin=low, vmax=high, rasterized=True
         )

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords, members
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.surface import FaceSurface
 from skfem_contact.errors import InputError
 from skfem_contact.output.draw_tools import TOOL, placed_tools, with_tools
 from skfem_contact.output.drawing import FRICTION, LINES, is_solid
@@ -20,7 +19,7 @@ from skfem_contact.output.plot_bodies import colour_name, colours
 from skfem_contact.output.thresholds import LONGEST
 from skfem_contact.output.units import checked, quantity
 from skfem_contact.output.view import View, view
-from skfem_contact.output.vtu import VTK_CELLS
+from skfem_contact.output.vtu import vtk_numbers
 from skfem_contact.output.wanted import Stress
 
 Array = NDArray[np.float64]
@@ -143,7 +142,7 @@ def _add(plotter: Any, mesh: Any, **style: Any) -> None:
 def _grid(pyvista: Any, result: ContactResult, body: Any, seen: View) -> Any:
     nodes, (kind, cells) = body_nodes(body), body_cells(body)
     x = seen.place(body.dof_points[nodes[:, 0]], result.displacement(body)[nodes])
-    return pyvista.UnstructuredGrid({VTK_CELLS[kind]: cells}, three(x))
+    return pyvista.UnstructuredGrid({vtk_numbers()[kind]: cells}, three(x))
 
 
 def _skin(pyvista: Any, grid: Any) -> Any:
@@ -184,7 +183,6 @@ def _arrows(
         return []
     for values in drawn:
         surface = values.surface
-        assert isinstance(surface, FaceSurface)
         u = result.displacement(surface.body)[surface.dofs]
         way = LONGEST * size / peak * values.traction
         tails = pyvista.PolyData(seen.place(values.points, u) - way)

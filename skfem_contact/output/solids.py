@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.contours import TRIANGLES
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import SLIP, STICK
 from skfem_contact.output.draw_tools import Box, with_tools
 from skfem_contact.output.drawing import FRICTION, LINES, note, open_words, solid_axes
@@ -50,7 +49,6 @@ QUARTERS = np.array(
 def draw_contact(values: ContactValues, ax: Any, units: Mapping[str, str]) -> Any:
     """The secondary surface around what touches, coloured by pressure, seen from the other side."""
     surface = values.surface
-    assert isinstance(surface, FaceSurface)
     closed = values.status != 0
     shown = _near(surface, closed)
     eye = _eye(surface, shown, closed)
@@ -88,7 +86,6 @@ def draw_bodies(
     parts, shades, outlines = [], [], []
     for body, colour in zip(result.system.solids.values(), colours, strict=True):
         surface = body.surface(None)
-        assert isinstance(surface, FaceSurface)
         places = seen.place(surface.points, result.displacement(body)[surface.dofs])
         every = np.ones(len(surface.facets), dtype=bool)
         x, shade = _pieces(surface, every, places, colour)
@@ -113,19 +110,18 @@ def _pieces(surface: ContactSurface, shown: Mask, places: Array, values: Array) 
     kind = surface.kind
     nodes = surface.facets[shown]
     x, v = places[nodes], values[nodes]
-    if kind.name in ("quad4", "quad8"):
+    if kind.centreless:
         N, _ = kind.shapes(kind.middle)
         x = np.concatenate([x, np.einsum("k,fkd->fd", N, x)[:, None]], axis=1)
         v = np.concatenate([v, v[:, -4:].mean(axis=1)[:, None]], axis=1)
-    corners = np.array(TRIANGLES[kind.name])
-    x, v = x[:, corners].reshape(-1, 3, 3), v[:, corners].reshape(-1, 3)
+    x, v = x[:, kind.triangles].reshape(-1, 3, 3), v[:, kind.triangles].reshape(-1, 3)
     while len(x) < 4000:  # as smooth as a picture can show
         x = np.einsum("qik,tkd->tqid", QUARTERS, x).reshape(-1, 3, 3)
         v = np.einsum("qik,tk->tqi", QUARTERS, v).reshape(-1, 3)
     return x, v.mean(axis=1)
 
 
-def _outline(surface: FaceSurface, places: Array, eye: Array) -> Array:
+def _outline(surface: ContactSurface, places: Array, eye: Array) -> Array:
     """Sharp edges of faces that look at the viewer, cut as finely as the faces, (s, 2, 3)."""
     edges = surface.kind.edges
     chain = surface.facets[:, edges[:, [0, 2, 1]] if edges.shape[1] == 3 else edges]
@@ -187,7 +183,7 @@ def _lines(ax: Any, segments: Array, label: str | None = None, **style: Any) -> 
 
 
 def _states(
-    ax: Any, values: ContactValues, seen: Mask, surface: FaceSurface, units: Mapping[str, str]
+    ax: Any, values: ContactValues, seen: Mask, surface: ContactSurface, units: Mapping[str, str]
 ) -> None:
     """What sticks as points, what slips as arrows of its friction."""
     if values.contact.friction is None:
@@ -214,7 +210,7 @@ def _states(
         )  # fmt: skip
 
 
-def _near(surface: FaceSurface, closed: Mask) -> Mask:
+def _near(surface: ContactSurface, closed: Mask) -> Mask:
     """Faces around what touches: all, if nothing does."""
     if not closed.any():
         return np.ones(len(surface.facets), dtype=bool)
@@ -225,7 +221,7 @@ def _near(surface: FaceSurface, closed: Mask) -> Mask:
     return np.asarray(np.all((middle >= low - margin) & (middle <= high + margin), axis=1))
 
 
-def _eye(surface: FaceSurface, shown: Mask, closed: Mask) -> Array:
+def _eye(surface: ContactSurface, shown: Mask, closed: Mask) -> Array:
     """Towards the viewer: out of the faces, a little aside and above."""
     touching = shown & closed[surface.facets].any(axis=1)
     some = touching if touching.any() else shown

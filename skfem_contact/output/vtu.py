@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-#: Numbers of VTK's cells by their names in meshio.
+from skfem_contact.bodies.facet_kinds import KINDS
+
+#: Numbers of VTK's cells by their names in meshio; those of facets are in `KINDS`.
 VTK_CELLS = {
-    "line": 3, "line3": 21, "triangle": 5, "triangle6": 22, "quad": 9, "quad8": 23, "quad9": 28,
     "tetra": 10, "tetra10": 24, "hexahedron": 12, "hexahedron20": 25, "hexahedron27": 29,
 }  # fmt: skip
 TYPES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
@@ -28,6 +29,11 @@ TYPES = {"f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 BLOCK = 2**15
 #: Components of a symmetric tensor, in the order of VTK.
 SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+
+
+def vtk_numbers() -> dict[str, int]:
+    """Numbers of VTK's cells by their names in meshio."""
+    return VTK_CELLS | {kind.cell: kind.vtk for kind in KINDS.values()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +85,8 @@ class Grid:
 
     def _topology(self) -> dict[str, NDArray[Any]]:
         corners = np.concatenate([np.full(len(c), c.shape[1]) for _, c in self.cells])
-        kinds = [np.full(len(c), VTK_CELLS[kind], dtype=np.uint8) for kind, c in self.cells]
+        numbers = vtk_numbers()
+        kinds = [np.full(len(c), numbers[kind], dtype=np.uint8) for kind, c in self.cells]
         return {
             "connectivity": np.concatenate([c.ravel() for _, c in self.cells]),
             "offsets": np.cumsum(corners),

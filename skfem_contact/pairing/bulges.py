@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix
 
-from skfem_contact.bodies.normals import unit
+from skfem_contact.bodies.normals import across, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.smooth import Heights, Place, curved_pairs, heights, of_trace_one
 from skfem_contact.pairing.vectors import dot, without_round_off
@@ -167,11 +167,7 @@ def _gradients(place: Place) -> tuple[Array, Array]:
     slopes = kind.shapes(M @ kind.locations)[1]
     J = np.swapaxes(nodes, 1, 2) @ slopes
     metric = np.swapaxes(J, 1, 2) @ J
-    if surface.dim == 2:
-        normal = np.stack([J[..., 1, 0], -J[..., 0, 0]], axis=-1)
-    else:
-        normal = np.cross(J[..., 0], J[..., 1])
-    return slopes @ np.linalg.solve(metric, np.swapaxes(J, 1, 2)), unit(normal)
+    return slopes @ np.linalg.solve(metric, np.swapaxes(J, 1, 2)), unit(across(np.swapaxes(J, 1, 2)))
 
 
 def bulged(

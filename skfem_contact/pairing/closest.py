@@ -6,7 +6,7 @@ import numpy as np
 
 from skfem_contact.bodies.normals import sizes, tangents
 from skfem_contact.bodies.projection import interpolated_normals, project
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
@@ -29,7 +29,7 @@ def search_range(
 
 
 def closest_facets(
-    secondary: CurveSurface, primary: CurveSurface, outside: float, inside: float
+    secondary: ContactSurface, primary: ContactSurface, outside: float, inside: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Point numbers, facets and local coordinates of all pairs."""
 
@@ -77,8 +77,8 @@ def closest_facets(
 
 
 def _judge(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     point: np.ndarray,
     facet: np.ndarray,
     outside: float,
@@ -99,8 +99,8 @@ def _judge(
     above_facet = over <= aside + COINCIDENT * primary.lengths[facet]
 
     # beyond an end: the vertex is the closest point only if it is that of the next facet, too
-    own_normal = primary.end_normals[facet, side]
-    next_normal = primary.end_normals[other, 1 - side]
+    own_normal = primary.own_normals[facet, side]
+    next_normal = primary.own_normals[other, 1 - side]
     into_next = np.where(side == 1, 1.0, -1.0) * ahead(apart, next_normal)
     beyond_next = into_next > COINCIDENT * primary.lengths[other]
     smooth = np.einsum("pd,pd->p", own_normal, next_normal) >= CORNER
@@ -127,7 +127,7 @@ def _slopes(turn: np.ndarray) -> np.ndarray:
     return np.where(steep, -1.0 / np.tan(np.where(steep, turn, 0.5 * np.pi)), 0.0)
 
 
-def signed_distances(surface: CurveSurface, points: np.ndarray) -> np.ndarray:
+def signed_distances(surface: ContactSurface, points: np.ndarray) -> np.ndarray:
     """Distances of points (p, 2) from a surface, negative where its body is, shape (p,) [length].
 
     The closest of all facets counts, whichever way anything looks. Beyond the ends of an open curve
@@ -152,8 +152,8 @@ def signed_distances(surface: CurveSurface, points: np.ndarray) -> np.ndarray:
     side = (xi >= 0.5).astype(int)
     other = surface.neighbours[facet, side]
     at_vertex = (other >= 0) & (np.abs(xi - side) <= COINCIDENT)
-    there = surface.end_normals[other, 1 - side]
-    normal = surface.end_normals[facet, side] + np.where(at_vertex[:, None], there, 0.0)
+    there = surface.own_normals[other, 1 - side]
+    normal = surface.own_normals[facet, side] + np.where(at_vertex[:, None], there, 0.0)
     away = points - foot
     sign = np.where(np.einsum("pd,pd->p", away, normal) < 0, -1.0, 1.0)
     # beyond the end of an open curve there is no body
@@ -165,8 +165,8 @@ def signed_distances(surface: CurveSurface, points: np.ndarray) -> np.ndarray:
 
 
 def overhang(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     lonely: np.ndarray,
     outside: float,
     inside: float,
@@ -174,9 +174,7 @@ def overhang(
     """By how much points without a partner lie beyond the nearest end or corner facing them."""
     miss = np.where(lonely, np.inf, 0.0)
     end_facet = np.full(len(miss), -1)
-    other = primary.neighbours
-    bend = np.einsum("fsd,fsd->fs", primary.end_normals, primary.end_normals[other, [1, 0]])
-    facet, side = np.nonzero((other < 0) | (bend < CORNER))
+    facet, side = np.nonzero((primary.twins < 0) | primary.sharp_edges)
     point = np.flatnonzero(lonely)
     if not (len(facet) and len(point)):
         return miss, end_facet
@@ -185,8 +183,8 @@ def overhang(
     _, near = Tree(vertex).query(secondary.points[point], k=few)
     near = near.reshape(len(point), few)
     apart = secondary.points[point][:, None] - vertex[near]
-    normal = primary.end_normals[facet, side][near]
-    outward = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(primary.end_normals[facet, side])[:, 0]
+    normal = primary.own_normals[facet, side][near]
+    outward = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(primary.own_normals[facet, side])[:, 0]
     along = np.einsum("pkd,pkd->pk", apart, outward[near])
     height = np.einsum("pkd,pkd->pk", apart, normal)
     faces = np.einsum("pd,pkd->pk", secondary.normals[point], primary.facet_normals[facet][near])

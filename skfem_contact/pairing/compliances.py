@@ -7,12 +7,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.bodies.areas import area_integrals
 from skfem_contact.bodies.bare import NoBody
-from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.normals import GAUSS, normals_at
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.normals import sizes
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.faces.joints import rim_points
-from skfem_contact.pairing.faces.moduli import area_vectors, strained
 from skfem_contact.pairing.thresholds import ALONG, NO_NORMAL
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
@@ -38,11 +37,10 @@ def plane_moduli(surface: ContactSurface) -> Array:
 
     Read off the stiffness, whatever mesh and element: under a displacement linear in the position
     the stress is uniform around a node, and its nodal force is ``sigma a`` with the vector
-    ``a = int N n dA`` of the boundary. A dilatation gives ``P = 2 (lambda + mu) |a|``, shears
-    ``Q = 2 mu |a|``, and the plane modulus is ``4 mu (lambda + mu) / (lambda + 2 mu)``. (Of solids P is
-    ``(3 lambda + 2 mu) |a|``, see `faces.moduli`.) For plane stress lambda is the one of plane stress,
-    as it stands in K. Bodies need not be homogeneous but around a node; springs to the ground do not
-    matter.
+    ``a = int N n dA`` of the boundary. In d dimensions a dilatation gives a force of
+    ``P = (d lambda + 2 mu) |a|``, shears ``Q = 2 mu |a|``, and the plane modulus is
+    ``4 mu (lambda + mu) / (lambda + 2 mu)``. For plane stress lambda is the one of plane stress, as it
+    stands in K. Bodies need not be homogeneous but around a node; springs to the ground do not matter.
 
     Where K is not that of an elastic body, its diagonal stands in for the modulus, which it is but
     for a factor of the order of one. The ends of a surface, whose nodes have other boundaries too,
@@ -60,26 +58,19 @@ def plane_moduli(surface: ContactSurface) -> Array:
     >>> bool(abs(plane_moduli(top) - 1.0).max() < 1e-12)
     True
     """
-    if isinstance(surface, FaceSurface):
-        area, length = area_vectors(surface)
-        dilated, Q = strained(surface)
-    else:
-        area, length = _area_vectors(surface)
-        dilated, stretched, sheared = _strained(surface)
-        Q = np.sqrt(0.5 * np.sum(stretched**2 + sheared**2, axis=1))
-    size, P = np.linalg.norm(area, axis=1), np.linalg.norm(dilated, axis=1)
+    d, kind = surface.dim, surface.kind
+    area, total = area_integrals(surface.points, surface.facets, kind, surface.body.measure)
+    dilated, Q = _strained(surface)
+    size, P = sizes(area), sizes(dilated)
     with np.errstate(divide="ignore", invalid="ignore"):
-        if surface.dim == 3:
-            # on a plane of symmetry the force has a part across that plane, from the boundary there
-            p, ratio = dot(dilated, area) / size**2, Q / P
-            modulus = ratio * (2 + ratio) / (1 + 2 * ratio) * p
-        else:
-            modulus = 2 * P * Q / ((P + Q) * size)
+        # on a plane of symmetry the force has a part across that plane, from the boundary there
+        p, ratio = dot(dilated, area) / size**2, Q / P
+        modulus = ratio * (2 + (d - 2) * ratio) / (1 + (d - 1) * ratio) * p
+        length = total ** (1 / kind.dim)
         diagonal = surface.body.K.diagonal()[surface.dofs].mean(axis=1) * length / size
     elastic = (dot(dilated, area) > ALONG * P * size) & np.isfinite(modulus) & (modulus > 0)
-    if surface.dim == 3:  # at corners of quadratic triangles a is round-off
-        elastic &= size > NO_NORMAL * length**2
-    inner = _inner(surface)
+    elastic &= size > NO_NORMAL * total  # at corners of quadratic triangles a is round-off
+    inner = ~rim_points(surface, mirrored=False)
     known = elastic & inner
     if not known.any():
         return np.where(np.isfinite(diagonal) & (diagonal > 0), diagonal, 1.0)
@@ -90,46 +81,33 @@ def plane_moduli(surface: ContactSurface) -> Array:
     return modulus
 
 
-def _inner(surface: ContactSurface) -> NDArray[np.bool_]:
-    """Nodes that have no other boundaries than the surface, planes of symmetry apart, shape (m,)."""
-    if isinstance(surface, FaceSurface):
-        return ~rim_points(surface, mirrored=False)
-    facets = np.bincount(surface.facets[:, :2].ravel(), minlength=len(surface.points))
-    facets[surface.facets[:, 2:]] = 2
-    return np.asarray(facets == 2)
+def _strained(surface: ContactSurface) -> tuple[Array, Array]:
+    """Nodal forces ``(d lambda + 2 mu) a`` of K under a dilatation (m, d), and ``2 mu |a|``, (m,).
 
-
-def _strained(surface: ContactSurface) -> tuple[Array, Array, Array]:
-    """Nodal forces of K under a dilatation, a stretch and a shear around each node, each (m, 2)."""
-    body, centre = surface.body, surface.points.mean(axis=0)
-    unit_x = (np.arange(2) == body.dof_component[:, None]).astype(float)
+    The shears are an orthonormal basis of the strains without a trace, 2 in the plane and 5 in space;
+    their squares add up to 1 and 5/3 of the identity.
+    """
+    d, body, centre = surface.dim, surface.body, surface.points.mean(axis=0)
+    strains = np.array([np.eye(d), *_shears(d)])
+    own = body.dof_component[:, None]
     at = body.dof_points - centre
-    fields = [at, at * [1.0, -1.0], at[:, ::-1]]
-    columns = [np.sum(unit_x * field, axis=1) for field in fields]
+    columns = [np.take_along_axis(at @ strain, own, axis=1)[:, 0] for strain in strains]
+    unit_x = (np.arange(d) == own).astype(float)
     forces = body.K[surface.dofs.ravel()] @ np.column_stack([*columns, unit_x])
-    forces = forces.reshape(len(surface.points), 2, 5)
+    forces = forces.reshape(len(surface.points), d, -1)
     # the fields vanish at the node itself: less their value there, a translation
-    x, y = (surface.points - centre).T[:, :, None]
-    by_x, by_y = forces[:, :, 3], forces[:, :, 4]
-    return (
-        forces[:, :, 0] - x * by_x - y * by_y,
-        forces[:, :, 1] - x * by_x + y * by_y,
-        forces[:, :, 2] - y * by_x - x * by_y,
-    )
+    here = np.einsum("sij,mj->mis", strains, surface.points - centre)
+    found = forces[:, :, :-d] - np.einsum("mci,mis->mcs", forces[:, :, -d:], here)
+    squares = np.sum(found[:, :, 1:] ** 2, axis=(1, 2))
+    return found[:, :, 0], np.sqrt(squares * 2 * d / ((d + 2) * (d - 1)))
 
 
-def _area_vectors(surface: ContactSurface) -> tuple[Array, Array]:
-    """``int N n dA`` with the body's measure, (m, 2), and ``int |N| ds`` without, (m,)."""
-    at, weight = 0.5 * (GAUSS[0] + 1), 0.5 * GAUSS[1]
-    N, _ = facet_shapes(at, surface.facets.shape[1])
-    normal, speed = normals_at(surface.points, surface.facets, at)
-    ds = speed * weight
-    dA = ds
-    if surface.body.measure is not None:
-        x = np.einsum("qk,fkd->dfq", N, surface.points[surface.facets])
-        dA = ds * surface.body.measure(x)
-    area = np.zeros_like(surface.points)
-    length = np.zeros(len(surface.points))
-    np.add.at(area, surface.facets, np.einsum("fq,qk,fqd->fkd", dA, N, normal))
-    np.add.at(length, surface.facets, ds @ np.abs(N))
-    return area, length
+def _shears(d: int) -> list[Array]:
+    """An orthonormal basis of symmetric tensors (d, d) without a trace."""
+    basis = []
+    for j in range(1, d):
+        basis.append(np.diag([1.0] * j + [-j] + [0.0] * (d - j - 1)) / np.sqrt(j * (j + 1)))
+        for i in range(j):
+            basis.append(np.zeros((d, d)))
+            basis[-1][i, j] = basis[-1][j, i] = np.sqrt(0.5)
+    return basis

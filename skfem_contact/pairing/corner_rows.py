@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.thresholds import COINCIDENT
 from skfem_contact.pairing.vertices import Corners, Met
@@ -25,7 +25,7 @@ Names = frozenset[tuple[int, int]]
 class CornerRows:
     """A pairing some of whose rows are replaced."""
 
-    def __init__(self, pairing: Pairing, secondary: CurveSurface, primary: CurveSurface) -> None:
+    def __init__(self, pairing: Pairing, secondary: ContactSurface, primary: ContactSurface) -> None:
         self.old, self.secondary, self.primary = pairing, secondary, primary
         self.values = {
             name: np.array(getattr(pairing, name))

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.corner_rows import CornerRows, Names
@@ -48,8 +48,8 @@ class CornerContacts:
         The corners of the secondary on facets of the primary, and the other way round.
     """
 
-    secondary: CurveSurface
-    primary: CurveSurface
+    secondary: ContactSurface
+    primary: ContactSurface
     tilt: float
     own: tuple[Corners, Met]
     other: tuple[Corners, Met]
@@ -102,8 +102,8 @@ class CornerContacts:
 
 
 def corner_contacts(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     *,
     reach: float | None = None,
     only_overlaps: bool = False,
@@ -113,7 +113,7 @@ def corner_contacts(
 
     Parameters
     ----------
-    secondary, primary : CurveSurface
+    secondary, primary : ContactSurface
     reach : float, optional
         As in `node_to_segment`.
     only_overlaps : bool
@@ -132,7 +132,7 @@ def corner_contacts(
     return CornerContacts(secondary, primary, LEAN, *found)
 
 
-def unselected_sides(own: CurveSurface, other: CurveSurface) -> list[tuple[int, float]]:
+def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[int, float]]:
     """Ends of a surface that the other one overlaps from a side that is not part of the surface.
 
     Returns

@@ -59,9 +59,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-#: What corners take of the middles of their edges where their own integrals are not positive.
-TAKEN = 0.2
-
 
 @dataclass(frozen=True, eq=False)
 class DualBasis:
@@ -205,9 +202,9 @@ def _handed(kind: FacetKind, share: Array, kept: Mask) -> Array:
 def positive_functions(kind: FacetKind) -> Array:
     """B of ``P = B N``, the functions that the multipliers of a kind are dual to, shape (k, k)."""
     B = np.eye(kind.nodes)
-    for start, end, middle in () if kind.signed else kind.edges:
-        B[[start, end], middle] = TAKEN
-        B[middle, middle] = 1 - 2 * TAKEN
+    for start, end, middle in kind.edges if kind.taken else ():
+        B[[start, end], middle] = kind.taken
+        B[middle, middle] = 1 - 2 * kind.taken
     return B
 
 

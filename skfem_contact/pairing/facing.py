@@ -12,25 +12,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import angle_between, unit
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.moments import Moments
 from skfem_contact.pairing.thresholds import COINCIDENT, KINK, SAME_NORMAL, SPREAD
-from skfem_contact.pairing.vectors import dot, facet_normal_field
+from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
-def sharp_nodes(surface: CurveSurface) -> Mask:
+def sharp_nodes(surface: ContactSurface) -> Mask:
     """Nodes where facets meet at 45 degrees or more, or straight parts at a kink, shape (m,)."""
     return np.asarray(surface.sharp_points | (surface.kinks > KINK))
 
 
 def node_normals(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     point: Index,
     feet: Array,
     weights: Array,
@@ -40,7 +40,7 @@ def node_normals(
 
     Parameters
     ----------
-    secondary, primary : CurveSurface
+    secondary, primary : ContactSurface
     point : ndarray of int, shape (p,)
         Nodes that have a foot.
     feet : ndarray, shape (p, d)
@@ -82,7 +82,7 @@ def mortar_normals(
     -------
     of_secondary, of_primary : ndarray, shape (m, d)
     """
-    node, field = secondary.facets[moments.e], facet_normal_field(primary)[moments.f]
+    node, field = secondary.facets[moments.e], primary.facet_node_normals[moments.f]
     total = np.zeros_like(own)
     np.add.at(total, node, A[moments.e] @ moments.cross @ field)
     length = np.linalg.norm(total, axis=1, keepdims=True)
@@ -100,6 +100,6 @@ def mortar_normals(
     # an edge of the secondary, if its covered facets have several normals there
     covered = np.unique(moments.e)
     turned, node = np.zeros(len(own)), secondary.facets[covered]
-    np.maximum.at(turned, node, angle_between(facet_normal_field(secondary)[covered], -own[node]))
+    np.maximum.at(turned, node, angle_between(secondary.facet_node_normals[covered], -own[node]))
     sharp = ((turned > SAME_NORMAL) | (secondary.kinks > KINK))[:, None]
     return np.where(sharp & ~corner, of_primary, own), of_primary

@@ -3,7 +3,7 @@ r"""Kinks: straight sides and flats that turn, by less than a corner does, and m
 At less than 45 degrees a surface has one normal at a node, averaged, and the multipliers of mortar
 contact reach over it: both right for curves, whose facets turn by like angles one after the other.
 A chamfer beside a flat is no curve. Its node is known by what the surface does next to it: on one
-side at least it goes straight on (`bodies.normals.kink_angles`, `bodies.face_kinks`). There
+side at least it goes straight on (`bodies.kinks.kink_angles`). There
 
 * the normal is that of the other side of the interface (`facing`): it meets one of the two parts;
 * the gap of a mortar row is no less than the least distance in its support. A dual multiplier is

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import bulged
 from skfem_contact.pairing.faces.segmentation import segment as segment_faces
@@ -178,11 +178,9 @@ def dual_mortar(
 
 def _segment(secondary: ContactSurface, primary: ContactSurface, reach: float | None) -> Pieces:
     """Return the parts of two curves, or of two surfaces of faces, that meet."""
-    if isinstance(secondary, CurveSurface) and isinstance(primary, CurveSurface):
-        return segment_curves(secondary, primary, reach)
-    if isinstance(secondary, FaceSurface) and isinstance(primary, FaceSurface):
-        return segment_faces(secondary, primary, reach)
-    raise InputError(
-        f"Mortar contact between '{secondary.label}' in {secondary.dim}-D and '{primary.label}' in "
-        f"{primary.dim}-D: both are curves, or both are faces of solids."
-    )
+    if secondary.dim != primary.dim:
+        raise InputError(
+            f"Mortar contact between '{secondary.label}' in {secondary.dim}-D and '{primary.label}' in "
+            f"{primary.dim}-D: both are curves, or both are faces of solids."
+        )
+    return (segment_curves if secondary.dim == 2 else segment_faces)(secondary, primary, reach)

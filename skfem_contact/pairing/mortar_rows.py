@@ -14,7 +14,7 @@ from skfem_contact.pairing.moments import Moments
 from skfem_contact.pairing.node import gap_vectors
 from skfem_contact.pairing.supports import MET, Supports, without_multiplier
 from skfem_contact.pairing.thresholds import SHARE_KEPT
-from skfem_contact.pairing.vectors import facet_normal_field, without_round_off
+from skfem_contact.pairing.vectors import without_round_off
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ def secondary_matrix(
     part = data.sum(axis=2)
     area = np.asarray(np.bincount(surface.facets.ravel(), part.ravel(), m), dtype=float)
     total = np.zeros_like(surface.points)
-    np.add.at(total, surface.facets, part[:, :, None] * facet_normal_field(surface))
+    np.add.at(total, surface.facets, part[:, :, None] * surface.facet_node_normals)
     return D, area, -node_directions(surface, total, area)
 
 

@@ -10,7 +10,7 @@ from scipy.sparse import bsr_matrix, csr_matrix, identity
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.normals import angle_between, tangents
 from skfem_contact.bodies.projection import interpolated_normals
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import bulged_nodes
 from skfem_contact.pairing.closest import closest_facets, overhang, search_range
@@ -131,13 +131,13 @@ def gap_vectors(
 
 
 def node_to_segment(
-    secondary: CurveSurface, primary: CurveSurface, *, reach: float | None = None
+    secondary: ContactSurface, primary: ContactSurface, *, reach: float | None = None
 ) -> Pairing:
     """Pair every node of the secondary surface with its closest point on the primary surface.
 
     Parameters
     ----------
-    secondary, primary : CurveSurface
+    secondary, primary : ContactSurface
         As a rule the secondary one is the finer.
     reach : float, optional
         Largest distance between a node and its partner [length]. Without it, gaps are unlimited

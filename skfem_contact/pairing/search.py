@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import sizes
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.pairing.thresholds import FEW_PAIRS, MARGIN, PAIRS_AT_ONCE
-from skfem_contact.pairing.vectors import dot, facet_normal_field, turned
+from skfem_contact.pairing.vectors import dot, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -60,7 +60,7 @@ class FacetTree:
     levels: tuple[Nodes, ...]
 
     @classmethod
-    def build(cls, surface: CurveSurface, count: int) -> FacetTree:
+    def build(cls, surface: ContactSurface, count: int) -> FacetTree:
         """Build the hierarchy over the facets of a surface, as high as `count` items need it.
 
         Where all nodes of a level can be asked about every item at once, levels above save nothing.
@@ -196,7 +196,7 @@ def closest_candidates(
 
 
 def normal_candidates(
-    secondary: CurveSurface, primary: CurveSurface, reach: float
+    secondary: ContactSurface, primary: ContactSurface, reach: float
 ) -> tuple[Index, Index]:
     """Pairs of facets that may meet along the normals of the secondary.
 
@@ -210,7 +210,7 @@ def normal_candidates(
     """
     centre, radius = ball_of(*_boxes(secondary))
     ends = secondary.points[secondary.facets[:, :2]]
-    along = turned(facet_normal_field(secondary)[:, :2])
+    along = turned(secondary.facet_node_normals[:, :2])
     along = along / np.linalg.norm(along, axis=2, keepdims=True)
 
     def in_strip(e: Index, nodes: Nodes) -> Mask:
@@ -230,7 +230,7 @@ def children(count: int) -> tuple[np.ndarray, np.ndarray]:
     return left, np.minimum(left + 1, count - 1)
 
 
-def _boxes(surface: CurveSurface) -> tuple[np.ndarray, np.ndarray]:
+def _boxes(surface: ContactSurface) -> tuple[np.ndarray, np.ndarray]:
     corners = surface.points.take(surface.facets, axis=0)
     if surface.quadratic:
         # a quadratic curve lies in the hull of its ends and its Bezier control point
@@ -244,7 +244,7 @@ def ball_of(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return 0.5 * (lower + upper), radius * (1 + MARGIN)
 
 
-def _cones(surface: CurveSurface) -> tuple[np.ndarray, np.ndarray]:
+def _cones(surface: ContactSurface) -> tuple[np.ndarray, np.ndarray]:
     """Directions in which closest points on each facet look, its ends included.
 
     The normal of a quadratic facet turns monotonically between its ends. At a smooth joint the
@@ -254,9 +254,9 @@ def _cones(surface: CurveSurface) -> tuple[np.ndarray, np.ndarray]:
     angle = np.arctan2(normals[:, 1], normals[:, 0])
     spread = np.zeros(len(angle))
     for side in (0, 1):
-        own = surface.end_normals[:, side]
+        own = surface.own_normals[:, side]
         other = surface.neighbours[:, side]
-        there = surface.end_normals[other, 1 - side]
+        there = surface.own_normals[other, 1 - side]
         sharp = np.einsum("fd,fd->f", own, there) < CORNER
         at_end = np.abs(_wrap(np.arctan2(own[:, 1], own[:, 0]) - angle))
         beyond = np.abs(_wrap(np.arctan2(there[:, 1], there[:, 0]) - angle))

@@ -30,12 +30,12 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.normals import sizes
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.pieces import Meeting, Pieces
 from skfem_contact.pairing.search import normal_candidates
 from skfem_contact.pairing.thresholds import BISECTION_DONE, FACING, NEWTON_DONE, SLIVER
-from skfem_contact.pairing.vectors import dot, facet_normal_field, ragged, turned
+from skfem_contact.pairing.vectors import dot, ragged, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -48,15 +48,15 @@ class Segments(Pieces):
 
     Attributes
     ----------
-    secondary, primary : CurveSurface
+    secondary, primary : ContactSurface
     e, f : ndarray of int, shape (p,)
         Facets of both.
     start, stop : ndarray, shape (p,)
         Local coordinates on the facets e, in [0, 1].
     """
 
-    secondary: CurveSurface
-    primary: CurveSurface
+    secondary: ContactSurface
+    primary: ContactSurface
     e: Index
     f: Index
     start: Array
@@ -98,7 +98,7 @@ class Segments(Pieces):
         return _meeting(self.secondary, self.primary, self.e[some], self.f[some], xi, beyond=1.0)
 
 
-def segment(secondary: CurveSurface, primary: CurveSurface, reach: float | None = None) -> Segments:
+def segment(secondary: ContactSurface, primary: ContactSurface, reach: float | None = None) -> Segments:
     """Find all parts of the secondary that the primary covers.
 
     Where a normal line meets the primary more than once (two layers, a closed curve), the meeting
@@ -106,7 +106,7 @@ def segment(secondary: CurveSurface, primary: CurveSurface, reach: float | None 
 
     Parameters
     ----------
-    secondary, primary : CurveSurface
+    secondary, primary : ContactSurface
     reach : float, optional
         Longest distance along the normal [length]. Without it gaps are unlimited, and overlaps go
         up to half the diagonal of the box around the smaller surface, as in `node_to_segment`.
@@ -116,7 +116,7 @@ def segment(secondary: CurveSurface, primary: CurveSurface, reach: float | None 
     return Segments(secondary, primary, *_segments(secondary, primary, e, f, limits))
 
 
-def _area_element(surface: CurveSurface, facet: Index, xi: Array) -> Array:
+def _area_element(surface: ContactSurface, facet: Index, xi: Array) -> Array:
     """``measure |dx/dxi|`` at places ``xi`` (p, n) in [0, 1] of facets, shape (p, n)."""
     nodes = surface.points[surface.facets[facet]]
     N, dN = facet_shapes(xi, nodes.shape[1])
@@ -133,15 +133,15 @@ def _gauss(n: int) -> tuple[Array, Array]:
 
 
 def _segments(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     e: Index,
     f: Index,
     limits: tuple[float, float],
 ) -> tuple[Index, Index, Array, Array]:
     """Non-overlapping intervals ``(e, f, start, stop)`` of secondary facets under primary ones."""
     nodes = secondary.points[secondary.facets[e]]
-    normals = facet_normal_field(secondary)[e]
+    normals = secondary.facet_node_normals[e]
     ends = [_project(nodes, normals, primary.points[primary.facets[f, side]]) for side in range(2)]
     start, stop = np.minimum(*ends), np.maximum(*ends)
     found = stop - start > SLIVER  # False for nan
@@ -206,8 +206,8 @@ def _project(nodes: Array, normals: Array, y: Array) -> Array:
 
 
 def _meeting(
-    secondary: CurveSurface,
-    primary: CurveSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     e: Index,
     f: Index,
     xi: Array,
@@ -216,7 +216,7 @@ def _meeting(
     """What normals at places ``xi`` (p, n) of facets e meet on facets f, or so far beyond ends."""
     nodes, other = secondary.points[secondary.facets[e]], primary.points[primary.facets[f]]
     N, _ = facet_shapes(xi, nodes.shape[1])
-    normal = N @ facet_normal_field(secondary)[e]
+    normal = N @ secondary.facet_node_normals[e]
     eta = np.clip(_meet(N @ nodes, normal, other), -beyond, 1.0 + beyond)
     M, _ = facet_shapes(eta, other.shape[1])
     return Meeting(e, f, N, M, normal, (nodes, other), None)
@@ -241,7 +241,7 @@ def _meet(x: Array, normal: Array, nodes: Array) -> Array:
     return np.nan_to_num(eta, nan=0.5)
 
 
-def _looks_at(primary: CurveSurface, points: Meeting) -> Mask:
+def _looks_at(primary: ContactSurface, points: Meeting) -> Mask:
     """Whether the primary faces the secondary where they meet, (p, n)."""
     eta = points.M @ primary.kind.locations[:, 0]
     outward = -turned(facet_shapes(eta, points.M.shape[2])[1] @ points.nodes[1])

@@ -40,7 +40,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.pieces import Pieces
 from skfem_contact.pairing.thresholds import MOVING_SHARE, OVERHANG, SHARE_FREE
-from skfem_contact.pairing.vectors import entries, facet_normal_field
+from skfem_contact.pairing.vectors import entries
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -89,7 +89,7 @@ def find_supports(pieces: Pieces) -> Supports | None:
     opposite, weight, above = _opposite(pieces, facet)
     there = np.asarray(np.isin(primary.dofs, primary.body.D), dtype=bool)[opposite]  # (h, k, k', c)
     here, size = fixed[secondary.facets[facet]], np.abs(weight)
-    normal = facet_normal_field(secondary)[facet]
+    normal = secondary.facet_node_normals[facet]
     if fixed.shape[1] == 1:  # of a scalar field its value, no directions
         normal = np.ones((*here.shape[:2], 1))
     own = ~can_move(here, normal)

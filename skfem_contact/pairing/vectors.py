@@ -1,4 +1,4 @@
-"""Vectors in the plane, normal fields, ragged ranges, entries of weights: as all pairings use them."""
+"""Vectors in the plane, ragged ranges, entries of weights: as all pairings use them."""
 
 from __future__ import annotations
 
@@ -12,14 +12,6 @@ from skfem_contact.pairing.thresholds import NO_WEIGHT
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-
-def facet_normal_field(surface: ContactSurface) -> Array:
-    """Normals at the nodes of each facet, shape (nf, k, d), to be interpolated over it."""
-    normals = surface.facet_node_normals
-    if normals.shape[1] == surface.facets.shape[1]:
-        return normals
-    return np.concatenate([normals, surface.facet_normals[:, None]], axis=1)
 
 
 def dot(v: Array, w: Array) -> Array:

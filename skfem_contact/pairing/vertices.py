@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.projection import interpolated_normals, project
-from skfem_contact.bodies.surface import CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.thresholds import COINCIDENT, PAIRS_AT_ONCE, SLACK
@@ -44,10 +44,10 @@ class Corners:
     facet: Index
 
     @classmethod
-    def of(cls, surface: CurveSurface) -> Corners:
+    def of(cls, surface: ContactSurface) -> Corners:
         """Find the sharp corners, and ends of any angle; none on a line of symmetry."""
         after = surface.neighbours[:, 1]
-        angle = np.arctan2(surface.end_normals[..., 1], surface.end_normals[..., 0])
+        angle = np.arctan2(surface.own_normals[..., 1], surface.own_normals[..., 0])
         bend = _wrap(angle[after, 0] - angle[:, 1])
         inner = np.flatnonzero((after >= 0) & (bend > 0) & (np.cos(bend) < CORNER))
         f, side = np.nonzero((surface.neighbours < 0) & (surface.end_turns > 0))
@@ -83,8 +83,8 @@ class Met:
 
 def meet(
     corners: Corners,
-    own: CurveSurface,
-    other: CurveSurface,
+    own: ContactSurface,
+    other: ContactSurface,
     tilt: Array,
     limits: tuple[float, float],
     only_overlaps: bool = False,
@@ -108,8 +108,8 @@ def meet(
 
 def closest(
     corners: Corners,
-    own: CurveSurface,
-    other: CurveSurface,
+    own: ContactSurface,
+    other: ContactSurface,
     limits: tuple[float, float],
     only_overlaps: bool = False,
 ) -> Met:
@@ -132,16 +132,16 @@ def closest(
     # beyond an end: its node is the closest point only if it is that of the next facet, too
     side = (xi >= 0.5).astype(int)
     onward = other.neighbours[facet, side]
-    there = other.end_normals[onward, 1 - side]
+    there = other.own_normals[onward, 1 - side]
     into = np.where(side == 1, 1.0, -1.0) * ahead(x - foot, there)
     at_node = into <= COINCIDENT * other.lengths[onward]
-    at_node &= (onward >= 0) & (np.einsum("qd,qd->q", other.end_normals[facet, side], there) >= CORNER)
+    at_node &= (onward >= 0) & (np.einsum("qd,qd->q", other.own_normals[facet, side], there) >= CORNER)
     good &= (over <= COINCIDENT * other.lengths[facet]) | at_node
     good &= np.where(gap >= 0, distance <= limits[0], distance <= limits[1])
     return some(Met(corner, facet, xi, normal, gap), good)
 
 
-def _all_outside(points: Array, surface: CurveSurface, facet: Index) -> bool:
+def _all_outside(points: Array, surface: ContactSurface, facet: Index) -> bool:
     """Whether no point can lie in the body at its facet, as is soon seen of straight facets.
 
     The gap is then a mean, with positive weights, of the distances from both ends of the facet along
@@ -156,7 +156,7 @@ def _all_outside(points: Array, surface: CurveSurface, facet: Index) -> bool:
     return bool(np.all(above >= -0.5 * COINCIDENT * surface.lengths.take(facet)[:, None, None]))
 
 
-def _candidates(points: Array, surface: CurveSurface) -> tuple[Index, Index]:
+def _candidates(points: Array, surface: ContactSurface) -> tuple[Index, Index]:
     """Pairs of points and facets among which the closest facets to the points are."""
     middle = surface.points.take(surface.facets, axis=0).mean(axis=1)
     # no point of a facet, curved or not, is farther from its middle
@@ -171,7 +171,7 @@ def _candidates(points: Array, surface: CurveSurface) -> tuple[Index, Index]:
     return corner, facet
 
 
-def lean_of(corners: Corners, corner: Index, other: CurveSurface, facet: Index) -> Array:
+def lean_of(corners: Corners, corner: Index, other: ContactSurface, facet: Index) -> Array:
     """Angle from the beginning of a corner's cone to the opposite of a facet's normal [rad]."""
     normal = other.facet_normals[facet]
     return _wrap(np.arctan2(-normal[:, 1], -normal[:, 0]) - corners.first[corner])

@@ -17,7 +17,9 @@ from scenes import elastic
 from unlike_meshes import KINDS, named_sides
 
 import skfem_contact as sc
-from skfem_contact.bodies.normals import kink_angles
+from skfem_contact.bodies.facet_kinds import kind_of
+from skfem_contact.bodies.facets import twin_edges
+from skfem_contact.bodies.kinks import kink_angles
 
 # contact ends within a facet of the lower block, this part of the width; .3 to 6 % are measured
 EDGE = 0.07
@@ -90,8 +92,7 @@ def turning(angles, start=0.0):
     points = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
     n = len(steps)
     facets = np.stack([np.arange(n), np.arange(1, n + 1)], axis=1)
-    neighbours = np.stack([np.arange(-1, n - 1), np.append(np.arange(1, n), -1)], axis=1)
-    return np.degrees(kink_angles(points, facets, neighbours))
+    return np.degrees(kink_angles(points, facets, kind_of(2, 2), twin_edges(facets)))
 
 
 def test_curves_have_no_kinks():

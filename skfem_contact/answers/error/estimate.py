@@ -44,7 +44,7 @@ from skfem_contact.answers.thresholds import LOCKED
 from skfem_contact.answers.validity.locking import lockable, locked_share
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
@@ -73,9 +73,9 @@ def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str
     sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
     for side in sides:
         name = result.system.names[result.system.index(side.body)]
-        if name in lockable(result) and _locks(result, side.body):
+        if name in lockable(result) and _locks(result, result.system.solids[name]):
             return f"body {name!r} locks (result.validity), and its answer shows little of that error"
-        if isinstance(side, FaceSurface) and _straight(side):
+        if side.dim == 3 and _straight(side):
             return (
                 f"second-order faces of {side.label!r} stand straight for a curve; move their middle "
                 "nodes to it, or take linear elements"
@@ -99,7 +99,7 @@ def _estimated(result: Answer, values: ContactValues) -> ErrorEstimate:
     if not closed.any():
         none = ErrorSources()
         return ErrorEstimate(none, none, np.zeros(len(closed)), {}, 0, "nothing touches")
-    if isinstance(surface, FaceSurface):
+    if surface.dim == 3:
         return _of_faces(result, values, contact)
     # at prescribed nodes the support bears what contact would, and nobody knows how much of it
     line = Line.of(surface, np.asarray(~surface.held.all(axis=1)))
@@ -120,7 +120,6 @@ def _estimated(result: Answer, values: ContactValues) -> ErrorEstimate:
 def _of_faces(result: Answer, values: ContactValues, contact: Contact) -> ErrorEstimate:
     """The same in 3-D."""
     surface = values.surface
-    assert isinstance(surface, FaceSurface)
     # as vectors: tangents may be another choice from one node to the next
     friction = values.traction - values.pressure[:, None] * values.normal
     both = np.hstack([values.pressure[:, None], friction])
@@ -141,7 +140,7 @@ def _between_nodes(result: Answer, values: ContactValues, contact: Contact) -> b
     """Whether nodes press on the other side between its nodes, node by node."""
     if contact.method != "node" or contact.rigid:
         return False
-    assert isinstance(contact.primary, FaceSurface)
+    assert isinstance(contact.primary, ContactSurface)
     rows = result.kin.B_n[result.slices()[result.names.index(values.name)]]
     body = contact.primary.body
     own = 2 if body is contact.secondary.body else 1
@@ -149,7 +148,7 @@ def _between_nodes(result: Answer, values: ContactValues, contact: Contact) -> b
     return bool(most > own * body.components)
 
 
-def _straight(side: FaceSurface) -> bool:
+def _straight(side: ContactSurface) -> bool:
     """Whether second-order faces of a curved side have their middle nodes on straight edges."""
     return bool(side.quadratic and np.any(side.quadrics.curved & ~side.quadrics.bowed))
 

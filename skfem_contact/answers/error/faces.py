@@ -32,7 +32,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.contours import (
-    TRIANGLES,
     Contour,
     NormalEquations,
     triangle_areas,
@@ -42,11 +41,12 @@ from skfem_contact.answers.contours import contour as contour_of
 from skfem_contact.answers.fields import displaced
 from skfem_contact.answers.thresholds import SEGMENTS_NEAR, SHARPER
 from skfem_contact.answers.values import ContactValues
-from skfem_contact.bodies.face_normals import areas_and_normals, face_areas
-from skfem_contact.bodies.faces import twin_edges
-from skfem_contact.bodies.facet_kinds import KINDS
+from skfem_contact.bodies.areas import tributary_areas
+from skfem_contact.bodies.facet_kinds import KINDS, kind_of
+from skfem_contact.bodies.facets import twin_edges
+from skfem_contact.bodies.normal_field import sizes_and_normals
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.faces.joints import rim_points
@@ -94,14 +94,14 @@ class Net:
 
     Attributes
     ----------
-    surface : FaceSurface
+    surface : ContactSurface
     known : ndarray of bool, shape (m,)
         Nodes with a value; the others are no neighbours.
     weight : ndarray, shape (m,), optional
         How much each node counts in parabolas.
     """
 
-    surface: FaceSurface
+    surface: ContactSurface
     known: Mask
     weight: Array | None = None
 
@@ -174,7 +174,6 @@ class FacesError:
     """
 
     def __init__(self, values: ContactValues, unlike: bool) -> None:
-        assert isinstance(values.surface, FaceSurface)
         self.whole, surface = values.surface, cut(values.surface)
         self.values, self.surface, self.unlike = values, surface, unlike
         self.net = Net(surface, np.asarray(~surface.held.all(axis=1)))
@@ -223,7 +222,6 @@ class FacesError:
         contour = self.values._contour
         if self.whole.kind.quadratic:
             placed = displaced(self.surface, self.values.points)
-            assert isinstance(placed, FaceSurface)
             contour = contour_of(placed, self.closed, self.values.gap)
         if not (self.at_rim.any() and len(contour.segments)):
             return None
@@ -234,7 +232,7 @@ class FacesError:
         return Edge(self.surface, contour, self.rim, np.flatnonzero(self.at_rim), behind)
 
 
-def _between(surface: FaceSurface, net: Net, smooth: Mask, traction: Array) -> Array:
+def _between(surface: ContactSurface, net: Net, smooth: Mask, traction: Array) -> Array:
     """Squares of the parabolas less their interpolation on faces, by their nodes, (m,)."""
     out = np.zeros(len(surface.points))
     faces = np.flatnonzero(smooth)
@@ -259,7 +257,7 @@ class Edge:
 
     Parameters
     ----------
-    surface : FaceSurface
+    surface : ContactSurface
     contour : Contour
     rim : ndarray of bool, shape (m,)
         Closed nodes beside open ones.
@@ -268,10 +266,10 @@ class Edge:
     """
 
     def __init__(
-        self, surface: FaceSurface, contour: Contour, rim: Mask, faces: Index, behind: Index
+        self, surface: ContactSurface, contour: Contour, rim: Mask, faces: Index, behind: Index
     ) -> None:
         self.surface, self.faces, self.behind = surface, faces, behind
-        self.corners = np.array(TRIANGLES[surface.kind.name])
+        self.corners = surface.kind.triangles
         x = with_centres(surface, surface.points)[:, self.corners]
         area = triangle_areas(surface, x.reshape(-1, 3, 3))
         self.area = area.reshape(len(surface.facets), -1)[faces]
@@ -352,33 +350,25 @@ def _scatter(net: Net, first: Array, left_out: Mask) -> Array:
     return np.asarray(np.sum(height**2, axis=1))
 
 
-#: Linear faces by the nodes of a second-order one; without a node in the middle these are triangles.
-WITHIN: dict[str, list[tuple[int, ...]]] = {
-    "tri6": [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)],
-    "quad8": [(0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 6), (4, 6, 7)],
-    "quad9": [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)],
-}
-
-
-def cut(surface: FaceSurface) -> FaceSurface:
+def cut(surface: ContactSurface) -> ContactSurface:
     """The linear faces between the nodes of a second-order surface; a linear one as it is."""
     if not surface.kind.quadratic:
         return surface
-    parts = WITHIN[surface.kind.name]
+    parts = surface.kind.linear_parts
     facets = np.concatenate([surface.facets[:, part] for part in parts])
-    kind = KINDS[{3: "tri3", 4: "quad4"}[facets.shape[1]]]
+    kind = kind_of(3, facets.shape[1])
     points, twins = surface.points, twin_edges(facets)
     return replace(
         surface,
         facets=facets,
         twins=twins,
         mesh_facets=np.tile(surface.mesh_facets, len(parts)),
-        area=face_areas(points, facets, kind, surface.body.measure, surface.label),
-        **areas_and_normals(points, facets, kind, surface.held, twins),
+        area=tributary_areas(points, facets, kind, surface.body.measure, surface.label),
+        **sizes_and_normals(points, facets, kind, surface.held, twins),
     )
 
 
-def ripple(surface: FaceSurface, faces: Mask, off: Array) -> Array:
+def ripple(surface: ContactSurface, faces: Mask, off: Array) -> Array:
     """Square integrals over faces of what nodal values (m, k) are off, by nodes, (m,)."""
     out = np.zeros(len(surface.points))
     at, weight = surface.kind.quadrature(4)

@@ -27,7 +27,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.fields import Edges, Segments, find_edges
 from skfem_contact.answers.thresholds import SHARPER
 from skfem_contact.answers.values import ContactValues
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
 
@@ -288,11 +288,10 @@ def _lost(surface: ContactSurface, forces: Array) -> float:
     """Root of the mean square of ``1 - cos(a / 2)`` over a surface, weighted as the pressure is."""
     if surface.quadratic or surface.dofs.shape[1] != surface.dim:
         return 0.0  # what flows from chord to chord has no direction
-    if isinstance(surface, FaceSurface):
+    if surface.dim == 3:
         along = np.einsum("fkd,fkd->fk", surface.own_normals, surface.facet_node_normals)
         low, extent = np.maximum(1 - along.mean(axis=1), 0.0), surface.facet_areas
     else:
-        assert isinstance(surface, CurveSurface)
         half = np.arctan(0.5 * (surface.slopes[:, 0] - surface.slopes[:, 1]))
         low, extent = 1 - np.cos(half), surface.lengths
     size = np.linalg.norm(forces[surface.dofs], axis=1)

@@ -17,7 +17,7 @@ wrong by as large a part of them at most, and by less than half of that in gener
 In the plane and in space, curvatures are tensors K. Along a facet of the plane, or an edge or diagonal
 of a face, a smooth boundary is a curve over a chord: its slopes at both ends follow from the averaged
 normals, and say how it bends, ``k h`` of a chord of length h, by the rules of
-`bodies.normals.end_slopes` (what is straight, a kink, or a polygon of less than 16 sides does not
+`bodies.kinks.end_slopes` (what is straight, a kink, or a polygon of less than 16 sides does not
 bend). The tensor of a face takes what all its chords say. Between two sides
 
     e = max |x' (K_s + K_p) x| / 8
@@ -40,8 +40,8 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import CURVED, FLAT, PIECES, TWIST
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.normals import end_slopes
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.bodies.kinks import end_slopes
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import ALIKE, STEEPEST
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.thresholds import FACING
@@ -225,11 +225,10 @@ def bends(surface: ContactSurface) -> tuple[Array, Array]:
     >>> bool(bend.any()), edges.shape
     (False, (4, 4, 3))
     """
-    if isinstance(surface, CurveSurface):
+    if surface.dim == 2:
         rise, edges = _curve_rises(surface)
         bend = (rise / surface.lengths[:, None] ** 2)[:, :, None] * np.eye(2)
     else:
-        assert isinstance(surface, FaceSurface)
         rise, edges, bend = _face_bends(surface)
         if not rise.any():
             return bend, edges
@@ -246,7 +245,7 @@ def bends(surface: ContactSurface) -> tuple[Array, Array]:
     return bend, np.where(curved[:, None, None], 0.5, 1.0) * edges
 
 
-def _curve_rises(surface: CurveSurface) -> tuple[Array, Array]:
+def _curve_rises(surface: ContactSurface) -> tuple[Array, Array]:
     """Curvature times length squared of facets of the plane, (nf, 1), and chords of their length."""
     chain, slopes = surface.facets[:, :2], surface.slopes
     if surface.quadratic:
@@ -257,7 +256,7 @@ def _curve_rises(surface: CurveSurface) -> tuple[Array, Array]:
     return rise[:, None], along[:, None]
 
 
-def _face_bends(surface: FaceSurface) -> tuple[Array, Array, Array]:
+def _face_bends(surface: ContactSurface) -> tuple[Array, Array, Array]:
     """Curvature times the square of the length of chords, edges and tensors of faces; see `bends`."""
     kind, corners = surface.kind, surface.facets[:, : surface.kind.corners]
     chords = _chords(kind)
@@ -289,7 +288,7 @@ def _face_bends(surface: FaceSurface) -> tuple[Array, Array, Array]:
     return rise, edges, np.einsum("fad,fab,fbe->fde", axes, plane, axes)
 
 
-def kinked_faces(surface: FaceSurface) -> Mask:
+def kinked_faces(surface: ContactSurface) -> Mask:
     """Faces at whose edges the surface turns, but not as a curve does, shape (nf,)."""
     corners = surface.facets[:, : surface.kind.corners]
     start, end = np.arange(corners.shape[1]), np.roll(np.arange(corners.shape[1]), -1)
@@ -308,7 +307,7 @@ def _chords(kind: FacetKind) -> Index:
 def _rises(along: Array, across: Array, first: Array, last: Array) -> tuple[Array, Mask]:
     """Curvature times the square of the length of chords (nf, c, 3), from the normals at their ends.
 
-    Zero where a chord is no piece of a curve, as in `bodies.normals.end_slopes`; and those which are
+    Zero where a chord is no piece of a curve, as in `bodies.kinks.end_slopes`; and those which are
     neither that nor straight.
     """
     length = np.linalg.norm(along, axis=2)

@@ -15,13 +15,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.contours import TRIANGLES
 from skfem_contact.answers.thresholds import PAIRS_AT_ONCE, PIECES
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.faces import seen_from_outside
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
-from skfem_contact.bodies.nodes import face_nodes, node_dofs
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.bodies.facets import seen_from_outside
+from skfem_contact.bodies.nodes import facet_nodes, node_dofs
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -181,13 +180,7 @@ class BoundaryNodes:
     def of(cls, body: Body) -> BoundaryNodes:
         """Those of a body."""
         basis, mesh = body.basis, body.basis.mesh
-        numbers = mesh.boundary_facets()
-        if body.dim == 2:
-            nodes = mesh.facets[:, numbers].T
-            if basis.facet_dofs.size:
-                nodes = np.column_stack([nodes, mesh.nvertices + numbers])
-        else:
-            nodes = face_nodes(basis, *seen_from_outside(mesh, numbers))
+        nodes = facet_nodes(basis, *seen_from_outside(mesh, mesh.boundary_facets()))
         some, facets = np.unique(nodes, return_inverse=True)
         dofs = node_dofs(basis, some, body.components)
         points = basis.doflocs[:, dofs[:, 0]].T
@@ -223,10 +216,9 @@ def _drawing(kind: FacetKind) -> tuple[Array | None, Index]:
             return None, np.array([[0, 1]])
         at = np.linspace(0.0, 1.0, PIECES + 1)
         return kind.shapes(at[:, None])[0], np.stack([np.arange(PIECES), 1 + np.arange(PIECES)], axis=1)
-    simplices = np.array(TRIANGLES[kind.name])
-    if simplices.max() < kind.nodes:
-        return None, simplices
-    return np.vstack([np.eye(kind.nodes), kind.shapes(kind.middle)[0]]), simplices
+    if not kind.centreless:
+        return None, kind.triangles
+    return np.vstack([np.eye(kind.nodes), kind.shapes(kind.middle)[0]]), kind.triangles
 
 
 def _sides(corners: Array, points: Array) -> Array:
@@ -348,7 +340,7 @@ def at_obstacle(
     ends = surface.facets
     between = [
         signed_distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ w
-        for w in weights_between(surface.kind)
+        for w in surface.kind.between
     ]
     deepest = -float(np.min(np.concatenate([at_nodes, *between])))
     lonely = -at_nodes[~paired] > max(chords, noise)
@@ -356,21 +348,12 @@ def at_obstacle(
     return Meeting(deepest if deepest > noise else 0.0, int(lonely.sum()), opening)
 
 
-@lru_cache
-def weights_between(kind: FacetKind) -> Array:
-    """Shape functions (q, k) halfway between any two nodes of a facet, and at its middle."""
-    pairs = [(i, j) for i in range(kind.nodes) for j in range(i)]
-    at = [0.5 * (kind.locations[i] + kind.locations[j]) for i, j in pairs]
-    return np.unique(kind.shapes(np.array([*at, kind.middle]))[0], axis=0)
-
-
 def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
     """Signed distances of any points, whether they face the obstacle or not."""
     # these points are none of the nodes that the facets of the surface are made of
-    if isinstance(obstacle.outline, CurveSurface):
-        return signed_distances(obstacle.outline, points)
-    if isinstance(obstacle.outline, FaceSurface):
-        return distances_from_faces(obstacle.outline, points)
+    outline = obstacle.outline
+    if outline is not None:
+        return (signed_distances if outline.dim == 2 else distances_from_faces)(outline, points)
     at = replace(surface, points=points, normals=np.zeros_like(points))
     return distances(obstacle, at)[0]
 

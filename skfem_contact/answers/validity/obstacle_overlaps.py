@@ -18,7 +18,7 @@ from skfem_contact.answers.thresholds import GAP, SAGITTA, TILT
 from skfem_contact.answers.validity.chords import bends, kinked_faces
 from skfem_contact.answers.validity.deformed_boundaries import signed_distance
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
@@ -158,7 +158,8 @@ def pierced_words(surface: ContactSurface, depth: float, place: Array, label: st
 
 def of_triangles(contact: Contact) -> bool:
     """Whether it is a solid on an obstacle of triangles, whose corners may stand between its nodes."""
-    rigid = isinstance(contact.primary, Obstacle) and isinstance(contact.primary.outline, FaceSurface)
+    outline = contact.primary.outline if isinstance(contact.primary, Obstacle) else None
+    rigid = outline is not None and outline.dim == 3
     return rigid and not contact.bilateral and contact.gap is None
 
 
@@ -184,9 +185,9 @@ def triangle_words(
     """
     contact = geometry.contacts[i]
     surface, obstacle = contact.secondary, contact.primary
-    assert isinstance(surface, FaceSurface) and isinstance(obstacle, Obstacle)
+    assert isinstance(obstacle, Obstacle)
     outline = obstacle.moved(_motion(geometry, i, case, u)).outline
-    assert isinstance(outline, FaceSurface)
+    assert outline is not None
     words = _unseen_words(geometry, i, gap, case, u, outline)
     leaning = leaning_faces(surface, outline)
     if words or not leaning.any():
@@ -195,12 +196,11 @@ def triangle_words(
 
 
 def _unseen_words(
-    geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Array, outline: FaceSurface
+    geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Array, outline: ContactSurface
 ) -> str:
     """What to say of corners and edges of triangles that stand in a solid between its nodes."""
     contact, part = geometry.contacts[i], geometry.point_slices[i]
     surface, obstacle = contact.secondary, contact.primary
-    assert isinstance(surface, FaceSurface)
     if case.interference[part].any():
         return ""
     known = np.isfinite(gap[part])
@@ -222,7 +222,7 @@ def _motion(geometry: Geometry, i: int, case: LoadCase, u: Array) -> MotionLike:
     return case.motion[i].as_argument() if body is None else as_motion(geometry.system, body, u)
 
 
-def leaning_faces(secondary: FaceSurface, outline: FaceSurface) -> Mask:
+def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
     """Large triangles that are no pieces of a curve, and whose normals lean nevertheless, shape (nf,).
 
     Normals turn from a flat into a chamfer over a strip along the bend (`obstacles.bends`). Forces on
@@ -236,7 +236,7 @@ def leaning_faces(secondary: FaceSurface, outline: FaceSurface) -> Mask:
 
 
 def leaning_words(
-    geometry: Geometry, i: int, state: State, outline: FaceSurface, leaning: Mask, u: Array
+    geometry: Geometry, i: int, state: State, outline: ContactSurface, leaning: Mask, u: Array
 ) -> str:
     """What to say of forces that lean on flats; empty if they do not, or hardly.
 
@@ -247,7 +247,7 @@ def leaning_words(
         The contact, on an obstacle of triangles.
     state : State
         Of the answer.
-    outline : FaceSurface
+    outline : ContactSurface
         Of the obstacle where it is.
     leaning : ndarray of bool, shape (nf,)
         See `leaning_faces`.
@@ -256,7 +256,6 @@ def leaning_words(
     """
     contact, part = geometry.contacts[i], geometry.point_slices[i]
     surface = contact.secondary
-    assert isinstance(surface, FaceSurface)
     force = np.where(state.status[part] != OPEN, np.abs(state.normal_force[part]), 0.0)
     if not force.any():
         return ""
@@ -280,7 +279,7 @@ def leaning_words(
 
 def slides_off(contact: Contact) -> bool:
     """Whether nodes of a solid may slide off another one, and are let go."""
-    solids = isinstance(contact.secondary, FaceSurface) and isinstance(contact.primary, FaceSurface)
+    solids = contact.secondary.dim == 3 and not contact.rigid
     node = contact.sliding == "finite" and contact.method == "node"
     return solids and node and not contact.tied and contact.gap is None
 
@@ -294,7 +293,7 @@ def past_words(
     """
     contact, part = geometry.contacts[i], geometry.point_slices[i]
     one, other = contact.secondary, contact.primary
-    assert isinstance(one, FaceSurface) and isinstance(other, FaceSurface)
+    assert isinstance(other, ContactSurface)
     paired = np.isfinite(gap[part])
     if paired.all() or case.interference[part].any():
         return ""

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import OVERLAP
 from skfem_contact.answers.validity.chords import drawn_off
-from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes, weights_between, within
+from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes, within
 from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.answers.validity.validity import Drift
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
@@ -88,7 +88,7 @@ class PlaneOverlaps:
             # what supports hold in the other body is warned of as that
             free: Mask = np.logical_not(np.all(side.held, axis=1))
             ends = side.facets[free[side.facets].all(axis=1)]
-            between = np.einsum("pk,fkd->pfd", weights_between(side.kind), nodes[k][ends])
+            between = np.einsum("pk,fkd->pfd", side.kind.between, nodes[k][ends])
             points = np.concatenate([nodes[k][free], between.reshape(-1, 2)])
             body = self.nodes[numbers[1 - k]]
             places = body.points + parts[numbers[1 - k]][body.dofs]
@@ -113,8 +113,6 @@ class PlaneOverlaps:
         words = []
         for own, other in (sides, sides[::-1]):
             shared = [s for s in others if isinstance(s, ContactSurface) and s.body is own.body]
-            if not (isinstance(own, CurveSurface) and isinstance(other, CurveSurface)):
-                continue
             for node, depth in unselected_sides(own, other):
                 dofs = own.dofs[node, 0]
                 if sum(dofs in s.dofs[:, 0] for s in shared) > 1:

@@ -32,8 +32,8 @@ from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.answers.validity.validity import Drift, HiddenOverlap
 from skfem_contact.answers.validity.words import hidden_words
-from skfem_contact.bodies.faces import area_vectors
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.facets import area_vectors
+from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
@@ -178,8 +178,7 @@ class SolidPair:
     """What is known beforehand of one contact of two solids."""
 
     def __init__(self, contact: Contact, extent: float) -> None:
-        assert isinstance(contact.secondary, FaceSurface)
-        assert isinstance(contact.primary, FaceSurface)
+        assert isinstance(contact.primary, ContactSurface)
         self.contact, self.secondary, self.primary = contact, contact.secondary, contact.primary
         self.sides = self.secondary, self.primary
         self.noise = SOLVED * extent
@@ -244,8 +243,8 @@ class SolidPair:
 
     def _vertices(
         self,
-        secondary: FaceSurface,
-        primary: FaceSurface,
+        secondary: ContactSurface,
+        primary: ContactSurface,
         pairs: Sequence[tuple[Index, Index]],
         added: Array,
         approach: float,
@@ -291,7 +290,7 @@ class SolidPair:
 def _looked_at(contact: Contact) -> bool:
     """Whether two solids press each other where the meshes say."""
     secondary, primary = contact.secondary, contact.primary
-    if not (isinstance(secondary, FaceSurface) and isinstance(primary, FaceSurface)):
+    if secondary.dim != 3 or not isinstance(primary, ContactSurface):
         return False
     if contact.bilateral or contact.gap is not None:
         return False
@@ -303,11 +302,11 @@ class Nearby:
 
     Parameters
     ----------
-    other : FaceSurface
+    other : ContactSurface
         With the faces.
     """
 
-    def __init__(self, other: FaceSurface) -> None:
+    def __init__(self, other: ContactSurface) -> None:
         self.corners = other.facets[:, : other.kind.corners]
         self.facets = other.facets
         x = other.points[other.facets]
@@ -359,13 +358,13 @@ class Nearby:
 
 
 def nodes_in_faces(
-    other: FaceSurface, own: FaceSurface, node: Index, face: Index, least: float
+    other: ContactSurface, own: ContactSurface, node: Index, face: Index, least: float
 ) -> tuple[Index, Index, Array]:
     """Nodes of one surface that lie in the body of the other, under a face that looks at them.
 
     Parameters
     ----------
-    other, own : FaceSurface
+    other, own : ContactSurface
         With the faces, and with the nodes.
     node, face : ndarray of int, shape (q,)
         Pairs to look at.
@@ -393,12 +392,12 @@ def nodes_in_faces(
     return node[order], face[order], depth[order]
 
 
-def falls_away(own: FaceSurface, node: Index, across: Array, by: float) -> Mask:
+def falls_away(own: ContactSurface, node: Index, across: Array, by: float) -> Mask:
     """Nodes from which every face of their surface falls away by more than a length, (p,).
 
     Parameters
     ----------
-    own : FaceSurface
+    own : ContactSurface
         As it is meshed: faces that lie on the other side are deformed by the contact.
     node : ndarray of int, shape (p,)
     across : ndarray, shape (p, 3)
@@ -427,13 +426,13 @@ class Flanks:
 
     Parameters
     ----------
-    whole, selected : FaceSurface
+    whole, selected : ContactSurface
         All of the boundary, and the contact surface.
-    own : FaceSurface
+    own : ContactSurface
         Of the other body, whose nodes are looked for.
     """
 
-    def __init__(self, whole: FaceSurface, selected: FaceSurface, own: FaceSurface) -> None:
+    def __init__(self, whole: ContactSurface, selected: ContactSurface, own: ContactSurface) -> None:
         self.whole, self.own = whole, own
         self.beside = ~np.isin(whole.mesh_facets, selected.mesh_facets)
         self.near = Nearby(whole)
@@ -478,11 +477,9 @@ class Flanks:
         )
 
 
-def boundary(surface: FaceSurface) -> FaceSurface | None:
+def boundary(surface: ContactSurface) -> ContactSurface | None:
     """All of the boundary of the body of a surface; None where some of it has no sides to speak of."""
     try:
-        whole = surface.body.surface(None)
+        return extract_surface(surface.body, None)
     except InputError:  # faces that fold over, far from the contact
         return None
-    assert isinstance(whole, FaceSurface)
-    return whole

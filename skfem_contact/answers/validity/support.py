@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import NO_APPROACH, SUPPORTED
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.member import Member, Meshed
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.pairing.node import Pairing
@@ -130,7 +130,7 @@ class NodesOfBody(Protocol):
     """Nodes of a body, such as those of a surface: their places and DOFs, (m, d) each."""
 
     @property
-    def body(self) -> Body: ...
+    def body(self) -> Meshed: ...
     @property
     def points(self) -> Array: ...
     @property

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.validity.chords import sagittas, tool_sagittas
 from skfem_contact.answers.validity.deformed_boundaries import distances
 from skfem_contact.arrays import largest
-from skfem_contact.bodies.surface import ContactSurface, CurveSurface, FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.loads import LoadCase, Motion
@@ -100,9 +100,9 @@ class Track:
         gap = np.where(pairing.paired, pairing.gap, 0.0)
         self.feet = self.points - gap[:, None] * pairing.normal
         self.spacing = self.width = node_lengths(self.secondary, pairing)
-        if isinstance(self.secondary, CurveSurface):
+        if self.secondary.dim == 2:
             self.width = self.spacing.copy()
-            self.width[self.secondary.facets[:, :2][self.secondary.neighbours < 0]] *= 2.0
+            self.width[self.secondary.facets[:, :2][self.secondary.twins < 0]] *= 2.0
         self.added = np.where(self.paired, gap0 + own - gap, 0.0)
         self.follows, self.nodal = not contact.tied, contact.method == "node"
         self.by_node = _by_node(pairing)
@@ -406,14 +406,11 @@ class Rim:
     def of(cls, surface: ContactSurface) -> Rim:
         """That of a surface."""
         x, c = surface.points, surface.kind.corners
-        if isinstance(surface, CurveSurface):
-            facet, end = np.nonzero(surface.neighbours < 0)
-            ends = x[surface.facets[facet[:, None], np.column_stack([end, 1 - end])]]
+        facet, edge = np.nonzero(surface.twins < 0)
+        ends = x[surface.facets[facet[:, None], np.column_stack([edge, (edge + 1) % c])]]
+        if surface.dim == 2:
             return cls(ends[:, :1], ends[:, 0] - ends[:, 1])
-        assert isinstance(surface, FaceSurface)
-        face, edge = np.nonzero(surface.twins < 0)
-        ends = x[surface.facets[face[:, None], np.column_stack([edge, (edge + 1) % c])]]
-        return cls(ends, np.cross(ends[:, 1] - ends[:, 0], surface.facet_normals[face]))
+        return cls(ends, np.cross(ends[:, 1] - ends[:, 0], surface.facet_normals[facet]))
 
     def at_least(self, points: Array) -> Array:
         """What points are away from the rim at least, (m,); ``inf`` where there is none [length]."""

@@ -3,7 +3,6 @@
 * `joints`: sharp edges, corners, and what leads along a surface there;
 * `search`: which faces can hold the closest point to a node;
 * `control`: rows of quadratic faces whose nodal forces have no sign; `rollers`: tangents at supports;
-* `moduli`: stiffness of solids at their nodes, for the frames of small sliding;
 * `projection`, `closest`, `node`: closest points of faces and of surfaces, node-to-face contact;
 * `unseen`: corners of triangles that stand between the nodes of the secondary;
 * `edges`: sharp edges, and where those of two solids cross;

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.faces.cells import Cells
 from skfem_contact.pairing.faces.search import FaceNodes, FaceTree
 from skfem_contact.pairing.thresholds import FACING, MARGIN
@@ -16,7 +16,7 @@ Mask = NDArray[np.bool_]
 
 
 def cells_along_normals(
-    secondary: Cells, surface: FaceSurface, primary: Cells, reach: float
+    secondary: Cells, surface: ContactSurface, primary: Cells, reach: float
 ) -> tuple[Index, Index]:
     """Pairs of cells that may meet along the normals of the secondary.
 
@@ -27,7 +27,7 @@ def cells_along_normals(
     Parameters
     ----------
     secondary, primary : Cells
-    surface : FaceSurface
+    surface : ContactSurface
         The primary.
     reach : float
         Longest distance along the normal [length].

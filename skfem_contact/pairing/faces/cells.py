@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.pairing.faces.clipping import signed_areas
 from skfem_contact.pairing.thresholds import FACING, IMAGE_STEPS, SETTLED
@@ -79,7 +79,7 @@ class Cells:
     shape: Index
 
     @classmethod
-    def of(cls, surface: FaceSurface) -> Cells:
+    def of(cls, surface: ContactSurface) -> Cells:
         """Cut the faces of a surface into cells."""
         kind = surface.kind
         straight = _straight(surface)
@@ -186,7 +186,7 @@ class Cells:
         return np.stack([values.min(axis=1), values.max(axis=1)], axis=1)
 
 
-def _straight(surface: FaceSurface) -> Mask:
+def _straight(surface: ContactSurface) -> Mask:
     """Faces whose edges are straight, with the other nodes and their normals in the middles, (nf,)."""
     kind = surface.kind
     if not kind.quadratic:
@@ -203,8 +203,8 @@ def _straight(surface: FaceSurface) -> Mask:
 def quarters(kind: FacetKind) -> Array:
     """Reference coordinates of the corners of the four parts of a face, (4, c, 2).
 
-    >>> from skfem_contact.bodies.facet_kinds import KINDS
-    >>> quarters(KINDS["tri6"])[3].tolist()
+    >>> from skfem_contact.bodies.facet_kinds import kind_of
+    >>> quarters(kind_of(3, 6))[3].tolist()
     [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
     """
     corner = kind.locations[: kind.corners]

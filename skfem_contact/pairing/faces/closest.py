@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import node_positions
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.faces.joints import Joints, across_edges
@@ -30,13 +30,13 @@ class Side:
 
     Attributes
     ----------
-    secondary, primary : FaceSurface
+    secondary, primary : ContactSurface
     outside, inside : float
         Largest distances of open and of overlapping points [length].
     """
 
-    secondary: FaceSurface
-    primary: FaceSurface
+    secondary: ContactSurface
+    primary: ContactSurface
     outside: float
     inside: float
 
@@ -112,7 +112,7 @@ def _some(feet: Feet, chosen: Index) -> Feet:
     return Feet(*(value[chosen] for value in vars(feet).values()))
 
 
-def _part_of_edge(surface: FaceSurface, xi: Array, edge: Index) -> Array:
+def _part_of_edge(surface: ContactSurface, xi: Array, edge: Index) -> Array:
     """Which part of the way along edges reference coordinates are, shape (p,)."""
     at = surface.kind.locations[: surface.kind.corners]
     way = np.roll(at, -1, axis=0) - at
@@ -120,7 +120,7 @@ def _part_of_edge(surface: FaceSurface, xi: Array, edge: Index) -> Array:
 
 
 def closest_faces(
-    secondary: FaceSurface, primary: FaceSurface, outside: float, inside: float
+    secondary: ContactSurface, primary: ContactSurface, outside: float, inside: float
 ) -> tuple[Index, Index]:
     """Points that have a partner, in their order, and their faces."""
     side = Side(secondary, primary, outside, inside)
@@ -160,7 +160,7 @@ def closest_faces(
 
 
 def _most_opposite(
-    secondary: FaceSurface, primary: FaceSurface, point: Index, facet: Index
+    secondary: ContactSurface, primary: ContactSurface, point: Index, facet: Index
 ) -> tuple[Index, Index]:
     """Of equally near faces the one that faces its point most, for each point.
 
@@ -178,7 +178,7 @@ def _most_opposite(
 
 
 def overhang(
-    secondary: FaceSurface, primary: FaceSurface, lonely: Mask, outside: float, inside: float
+    secondary: ContactSurface, primary: ContactSurface, lonely: Mask, outside: float, inside: float
 ) -> tuple[Array, Index]:
     """By how much points without a partner lie beyond the nearest rim or sharp edge facing them.
 

@@ -49,7 +49,7 @@ def at_control_points(surface: ContactSurface, pairing: Pairing, away: Array) ->
         The same if no face is of these kinds, as on curves. Middle nodes next to a corner without a
         partner keep their own row.
     """
-    if surface.kind.signed:
+    if not surface.kind.taken:
         return pairing
     W = control_weights(surface, pairing.paired)
     # the gap of a node is that to the smooth boundary

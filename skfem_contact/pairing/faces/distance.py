@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.faces.projection import Feet, project
 from skfem_contact.pairing.faces.search import FaceNodes, FaceTree
 from skfem_contact.pairing.vectors import dot
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-def signed_distances(surface: FaceSurface, points: Array) -> Array:
+def signed_distances(surface: ContactSurface, points: Array) -> Array:
     """Distances of points (p, 3) from a surface, negative where its body is, shape (p,) [length].
 
     At an edge the sum of both faces' normals tells the sides apart, at a corner the sum over its faces
@@ -41,7 +41,7 @@ def signed_distances(surface: FaceSurface, points: Array) -> Array:
     return np.where(dot(apart, outward) < 0, -1.0, 1.0) * distance[first]
 
 
-def _outward(surface: FaceSurface, facet: Index, feet: Feet, chosen: Index) -> Array:
+def _outward(surface: ContactSurface, facet: Index, feet: Feet, chosen: Index) -> Array:
     """A direction that tells outside from inside at feet, (p, 3)."""
     c, place = surface.kind.corners, feet.place[chosen]
     outward = feet.own[chosen].copy()
@@ -55,7 +55,7 @@ def _outward(surface: FaceSurface, facet: Index, feet: Feet, chosen: Index) -> A
     return outward
 
 
-def _corner_normals(surface: FaceSurface) -> Array:
+def _corner_normals(surface: ContactSurface) -> Array:
     """Sums of the faces' normals at each node, weighted by their angles there, (m, 3)."""
     corners = surface.facets[:, : surface.kind.corners]
     x = surface.points[corners]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.faces import area_vectors, seen_from_outside, twin_edges
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.facets import area_vectors, seen_from_outside, twin_edges
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.thresholds import BEYOND, LEAN, SHARP
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
@@ -56,7 +56,7 @@ class Edges:
         return replace(self, normal=normal, points=points[self.ends])
 
 
-def sharp_edges_of(surface: FaceSurface) -> Edges:
+def sharp_edges_of(surface: ContactSurface) -> Edges:
     """Convex edges at which the boundary of the body turns by more than the pieces of a curve do.
 
     Those between two faces of the surface, and those at which it ends.

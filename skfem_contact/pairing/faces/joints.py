@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.normals import cross
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.vectors import dot, ragged
 
 Array = NDArray[np.float64]
@@ -17,7 +17,7 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
-def rim_points(surface: FaceSurface, mirrored: bool = True) -> Mask:
+def rim_points(surface: ContactSurface, mirrored: bool = True) -> Mask:
     """Nodes on edges where the surface ends, shape (m,).
 
     `mirrored`: also where it only ends on a plane of symmetry, square to it: the edge lies in a plane
@@ -55,7 +55,7 @@ class Joints:
     outward: Array
 
     @classmethod
-    def of(cls, surface: FaceSurface) -> Joints:
+    def of(cls, surface: ContactSurface) -> Joints:
         """Collect the corners of a surface by its points."""
         c = surface.kind.corners
         corners = surface.facets[:, :c]
@@ -98,7 +98,7 @@ class Joints:
         return off
 
 
-def edge_tangents(surface: FaceSurface) -> tuple[Array, Array]:
+def edge_tangents(surface: ContactSurface) -> tuple[Array, Array]:
     """Unit vectors along each edge at its start and its end, each (nf, c, 3)."""
     kind, c = surface.kind, surface.kind.corners
     at = kind.locations[:c]
@@ -110,12 +110,12 @@ def edge_tangents(surface: FaceSurface) -> tuple[Array, Array]:
     return _unit(start), _unit(end)
 
 
-def across_edges(surface: FaceSurface, number: Index, part: Array) -> tuple[Array, Array]:
+def across_edges(surface: ContactSurface, number: Index, part: Array) -> tuple[Array, Array]:
     """Out of faces across their edges, and their own normals, at parts of the way along the edges.
 
     Parameters
     ----------
-    surface : FaceSurface
+    surface : ContactSurface
     number : ndarray of int, shape (p,)
         ``c f + i`` of edge i of face f.
     part : ndarray, shape (p,)

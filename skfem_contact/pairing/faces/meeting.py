@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.faces.cells import Cells, local_coordinates
 from skfem_contact.pairing.faces.clipping import cross
 from skfem_contact.pairing.pieces import Meeting
@@ -33,13 +33,18 @@ class CellMeeting(Meeting):
 
 
 def meet(
-    secondary: FaceSurface, primary: FaceSurface, cells: Sequence[Cells], e: Index, f: Index, X: Array
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    cells: Sequence[Cells],
+    e: Index,
+    f: Index,
+    X: Array,
 ) -> CellMeeting:
     """Points of the secondary's cells on the primary, along the normal field.
 
     Parameters
     ----------
-    secondary, primary : FaceSurface
+    secondary, primary : ContactSurface
     cells : (Cells, Cells)
         Of both.
     e, f : ndarray of int, shape (p,)
@@ -96,12 +101,12 @@ def _solve(kind: FacetKind, seen: Array, target: Array, eta: Array) -> Array:
     return eta
 
 
-def stretch(surface: FaceSurface, cells: Cells, cell: Index, points: CellMeeting) -> Array:
+def stretch(surface: ContactSurface, cells: Cells, cell: Index, points: CellMeeting) -> Array:
     """Area of faces, times the body's ``measure``, for the area in the planes of cells, (p, n).
 
     Parameters
     ----------
-    surface : FaceSurface
+    surface : ContactSurface
     cells : Cells
         Of the surface.
     cell : ndarray of int, shape (p,)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.faces.closest import closest_faces, overhang
 from skfem_contact.pairing.faces.projection import interpolated_normals, project
@@ -18,13 +18,13 @@ Index = NDArray[np.intp]
 
 
 def node_to_face(
-    secondary: FaceSurface, primary: FaceSurface, *, reach: float | None = None
+    secondary: ContactSurface, primary: ContactSurface, *, reach: float | None = None
 ) -> Pairing:
     """Pair every node of the secondary surface with its closest point on the primary surface.
 
     Parameters
     ----------
-    secondary, primary : FaceSurface
+    secondary, primary : ContactSurface
         As a rule the secondary one is the finer.
     reach : float, optional
         Largest distance between a node and its partner [length], as in `node_to_segment`.
@@ -45,7 +45,7 @@ def node_to_face(
     ties do not depend on the numbering.
 
     The normal is interpolated between the averaged normals at the corners of the face
-    (`bodies.face_normals`), ``gap = normal . (x_s - x_p)``.
+    (`bodies.normal_field`), ``gap = normal . (x_s - x_p)``.
 
     Examples
     --------
@@ -77,8 +77,8 @@ def node_to_face(
 
 
 def _normals_of_sides(
-    secondary: FaceSurface,
-    primary: FaceSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     point: Index,
     feet: Array,
     weights: Array,

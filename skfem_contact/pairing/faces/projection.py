@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
 from skfem_contact.bodies.normals import cross
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
@@ -65,12 +65,12 @@ class Feet:
     over: Array
 
 
-def project(surface: FaceSurface, facet: Index, points: Array) -> Feet:
+def project(surface: ContactSurface, facet: Index, points: Array) -> Feet:
     """Closest points of faces to points, one face for each point.
 
     Parameters
     ----------
-    surface : FaceSurface
+    surface : ContactSurface
     facet : ndarray of int, shape (p,)
     points : ndarray, shape (p, 3)
     """
@@ -90,7 +90,7 @@ def project(surface: FaceSurface, facet: Index, points: Array) -> Feet:
     return Feet(xi, N, foot, own, place, over)
 
 
-def interpolated_normals(surface: FaceSurface, facet: Index, xi: Array) -> Array:
+def interpolated_normals(surface: ContactSurface, facet: Index, xi: Array) -> Array:
     """The continuous unit normal field on faces at reference coordinates (p, 2), shape (p, 3).
 
     Between the normals at the corners, also on quadratic faces, as in 2-D.

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.search import ball_of, children, descend
 from skfem_contact.pairing.thresholds import BULGE, MARGIN
@@ -55,7 +55,7 @@ class FaceTree:
     order: Index
 
     @classmethod
-    def build(cls, surface: FaceSurface) -> FaceTree:
+    def build(cls, surface: ContactSurface) -> FaceTree:
         """Build the hierarchy over the faces of a surface."""
         lower, upper = _boxes(surface)
         order = bisected(0.5 * (lower + upper))
@@ -143,7 +143,7 @@ def _angles(cosine: Array) -> Array:
     return np.arccos(np.clip(cosine, -1.0, 1.0))
 
 
-def _boxes(surface: FaceSurface) -> tuple[Array, Array]:
+def _boxes(surface: ContactSurface) -> tuple[Array, Array]:
     """Boxes around faces: linear ones lie in the hull of their nodes, others bulge out of it."""
     x = surface.points[surface.facets]
     lower, upper = x.min(axis=1), x.max(axis=1)
@@ -153,7 +153,7 @@ def _boxes(surface: FaceSurface) -> tuple[Array, Array]:
     return lower, upper
 
 
-def _spreads(surface: FaceSurface) -> Array:
+def _spreads(surface: ContactSurface) -> Array:
     """Half angles of the cones of directions in which closest points on each face look, (nf,) [rad].
 
     Round the normal at its middle: of a warped face normals are between those at the corners, of a

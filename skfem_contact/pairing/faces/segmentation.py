@@ -41,7 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import KINDS
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.faces.candidates import cells_along_normals
@@ -70,7 +70,7 @@ class Segmentation(Pieces):
 
     Attributes
     ----------
-    secondary, primary : FaceSurface
+    secondary, primary : ContactSurface
     cells : (Cells, Cells)
         Of both surfaces.
     e, f : ndarray of int, shape (p,)
@@ -79,8 +79,8 @@ class Segmentation(Pieces):
         In the planes of the secondary's cells.
     """
 
-    secondary: FaceSurface
-    primary: FaceSurface
+    secondary: ContactSurface
+    primary: ContactSurface
     cells: tuple[Cells, Cells]
     e: Index
     f: Index
@@ -136,23 +136,25 @@ class Segmentation(Pieces):
 
     def _rule(self, shape: int, heights: bool) -> tuple[Array, Array]:
         """Barycentric coordinates (n, 3) and weights (n,) of Gauss points of a triangle."""
-        own, other = (surface.kind.polynomial for surface in (self.secondary, self.primary))
+        own, other = (surface.kind.order for surface in (self.secondary, self.primary))
         # products of two shape functions of the secondary, or of one and one of the primary, and a
         # `measure` linear in the position
         degree = max(LEAST, own + max(own, other) + 1)
         degree = {AFFINE: degree, PART: max(CURVED, degree), SKEW: degree + ROOTS}[shape]
         if heights:
-            degree = HEIGHTS + min(max(own, other), KINDS["quad4"].polynomial)
+            degree = HEIGHTS + min(max(own, other), KINDS["quad4"].order)
         xi, w = KINDS["tri3"].quadrature(degree)
         return KINDS["tri3"].shapes(xi)[0], w
 
 
-def segment(secondary: FaceSurface, primary: FaceSurface, reach: float | None = None) -> Segmentation:
+def segment(
+    secondary: ContactSurface, primary: ContactSurface, reach: float | None = None
+) -> Segmentation:
     """Find all parts of the secondary that the primary covers.
 
     Parameters
     ----------
-    secondary, primary : FaceSurface
+    secondary, primary : ContactSurface
     reach : float, optional
         Longest distance along the normal [length]. Without it gaps are unlimited, and overlaps go
         up to half the diagonal of the box around the smaller surface, as in `node_to_segment`.
@@ -186,8 +188,8 @@ def segment(secondary: FaceSurface, primary: FaceSurface, reach: float | None = 
 
 
 def _gaps(
-    secondary: FaceSurface,
-    primary: FaceSurface,
+    secondary: ContactSurface,
+    primary: ContactSurface,
     cells: tuple[Cells, Cells],
     e: Index,
     f: Index,

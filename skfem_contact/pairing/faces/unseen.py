@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.surface import FaceSurface
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.thresholds import LEAN
@@ -36,7 +36,9 @@ class Unseen:
     place: Array
 
 
-def unseen_overlaps(secondary: FaceSurface, primary: FaceSurface, pairing: Pairing) -> Unseen | None:
+def unseen_overlaps(
+    secondary: ContactSurface, primary: ContactSurface, pairing: Pairing
+) -> Unseen | None:
     """Corners, edges and other nodes of the primary that overlap faces of the secondary; None if none.
 
     An overlap counts where it is deeper than that interpolated between the nodes of the face by `LEAN`
@@ -62,7 +64,7 @@ def unseen_overlaps(secondary: FaceSurface, primary: FaceSurface, pairing: Pairi
 
 
 def past_ends(
-    secondary: FaceSurface, primary: FaceSurface, paired: NDArray[np.bool_], least: float
+    secondary: ContactSurface, primary: ContactSurface, paired: NDArray[np.bool_], least: float
 ) -> Unseen | None:
     """Nodes at the end of the primary that stand in faces whose own nodes are past it; None if none.
 
@@ -84,14 +86,14 @@ def past_ends(
     return Unseen(len(found), float(depth[deepest]), primary.points[deepest])
 
 
-def _sagittas(surface: FaceSurface) -> Array:
+def _sagittas(surface: ContactSurface) -> Array:
     """How far smooth boundaries stand off faces between their nodes, by the turn of normals, (nf,)."""
     corner = surface.facet_node_normals[:, : surface.kind.corners]
     cosine = np.einsum("fcd,fd->fc", corner, surface.facet_normals).min(axis=1)
     return np.asarray(surface.lengths * np.arccos(np.clip(cosine, -1.0, 1.0)) / 4)
 
 
-def _largest_around(surface: FaceSurface, values: Array) -> Array:
+def _largest_around(surface: ContactSurface, values: Array) -> Array:
     """The largest value of the faces round every node, (m,)."""
     largest = np.zeros(len(surface.points))
     np.maximum.at(largest, surface.facets, values[:, None])
