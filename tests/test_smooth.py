@@ -11,7 +11,7 @@ from quick_elasticity import linear_elasticity
 import skfem_contact as sc
 from skfem_contact.conditions.kinematics import kinematics
 from skfem_contact.pairing.mortar import dual_mortar
-from skfem_contact.pairing.node import gap_vectors
+from skfem_contact.pairing.node import gap_vectors, node_to_segment
 
 
 def body(outline, *, element=None, shrunk=0.5, name="body"):
@@ -142,3 +142,31 @@ def test_rows_know_motions_and_dilatations(swap):
     for rows, axis in ((kin.B_n, kin.normal), (kin.B_t, kin.tangent[:, 0])):
         moved = rows @ both((-x[:, 1], x[:, 0]))
         assert_allclose(moved, np.sum(axis * turn, axis=1), atol=1e-14)
+
+
+def arc_on_roller(n, first, step, inner, outer):
+    """A side of radius 1 with n facets, from an angle to the axis on, and a roller there."""
+    angles = first + step * np.arange(n + 1)
+    mesh = fem.MeshQuad.init_tensor(np.array([inner, outer]), angles)
+    r, a = mesh.p
+    mesh = fem.MeshQuad(np.array([r * np.sin(a), -r * np.cos(a)]), mesh.t)
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    D = basis.nodal_dofs[0, np.isclose(a, first)]
+    body = sc.Body(basis, linear_elasticity(), D=D)
+    facets = mesh.boundary_facets()
+    on = np.isclose(np.hypot(*mesh.p[:, mesh.facets[:, facets]]), 1.0).all(axis=0)
+    return body.surface(facets[on])
+
+
+def test_an_arc_that_ends_askew_on_a_roller_is_not_mirrored_there():
+    """By a seventh of the turn of a facet: two meshes of the arc have no gap, also at its end."""
+    upper = arc_on_roller(6, 0.15 * 0.2, 0.2, 0.8, 1.0)
+    lower = arc_on_roller(8, 0.15 * 0.2, 0.15, 1.0, 1.3)
+    for pair in (dual_mortar, node_to_segment):
+        assert np.abs(pair(upper, lower).gap).max() < 1e-12
+
+
+def test_coarse_arcs_that_end_on_a_plane_of_symmetry_are_square_to_it():
+    """Facets of 44 degrees."""
+    surface = arc_on_roller(2, 0.0, np.radians(44), 0.5, 1.0)
+    assert surface.facet_node_normals[surface.twins < 0][0] == pytest.approx([0, -1], abs=1e-14)

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from skfem_contact.bodies.areas import facet_sizes, own_normals
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import sizes, unit
-from skfem_contact.bodies.thresholds import CORNER
+from skfem_contact.bodies.thresholds import CORNER, FADES
 from skfem_contact.digits import GIVEN, SOLVED
 
 Array = NDArray[np.float64]
@@ -173,7 +173,7 @@ def _on_symmetry(
     there = averaged[facet[:, None], inner].mean(axis=1)
     far = np.abs(points[corners[facet[:, None], inner]].mean(axis=1) - plane)
     with np.errstate(divide="ignore", invalid="ignore"):
-        fades = np.abs(own - there * near / far) < 0.5 * np.abs(own - there)
+        fades = np.abs(own - there * near / far) < FADES * np.abs(own - there)
     mirrored[facet, edge] = both & fades
     return mirrored
 

@@ -56,6 +56,11 @@ FITS, FITTED = 12, 1e-14
 # What is this small against the size of a facet (or against one, of unit vectors) is none.
 ROUND_OFF = 1e-12
 
+# A surface ends on a plane of symmetry if its normal has none across it there: continued in proportion
+# to the distance, this part of its change over the last facet at most. On an arc of 45 degrees a facet
+# it is .08; a surface that ends askew by a tenth of the turn of a facet is taken for a mirrored one.
+FADES = 0.1
+
 # A facet with middle nodes is straight if they are no farther off than this part of its size.
 BOWED = 1e-4
 
