@@ -452,3 +452,106 @@ def test_what_is_no_round_off_stands_under_its_own_heading():
         assert head < report.index(f"  {name} ", head) < model
     for name in ("moment gap", "moment normal", "placement"):
         assert report.index(f"  {name} ") > model
+
+
+@pytest.mark.parametrize("name", [f.name for f in fields(Certificate)])
+def test_the_worst_is_any_of_the_numbers_that_have_to_be_round_off(name):
+    """Each number alone makes the worst, but for the three that measure the model."""
+    values = {f.name: 1e-15 for f in fields(Certificate)}
+    modelled = name in ("moment_gap", "moment_normal", "placement")
+    assert Certificate(**{**values, name: 0.5}).worst == (1e-15 if modelled else 0.5)
+    # problems without moments have none to balance; any other number that is missing is the worst
+    missing = Certificate(**{**values, name: np.nan}).worst
+    assert np.isnan(missing) != (modelled or name == "moment_balance")
+
+
+def test_loads_of_a_rigid_tool_balance():
+    """A tool on a block, by a force off its centre and a moment, and one that a support keeps upright.
+
+    What a tool presses with is a force between bodies: only its own load and its supports are external.
+    The supports of a block see both, forces and moments.
+    """
+    for held in ({}, {"D": "rotation"}):
+        body = block("block", (0, 2), (-1, 0), D="bottom")
+        box = [(0.3, 0.0), (1.7, 0.0), (1.7, 0.5), (0.3, 0.5)]
+        shape = sc.RigidPolyline(box, closed=True, name="die")
+        die = sc.RigidBody(shape, force=(0.002, -0.02), moment=0.003, about=(0.8, 0.4), **held)
+        touch = sc.Contact(body.surface("top"), die, friction=sc.Coulomb(0.3), name="touch")
+        result = sc.ContactSolver([body, die], [touch]).solve()
+        certificate = result.certificate
+        assert certificate.worst < SOLVED and certificate.moment_balance < SOLVED
+        # the support of the block bears all of the force, and the moment about the tool's point
+        assert np.abs(result.reaction("block") + [0.002, -0.02]).max() < 1e-13
+        # forces of another size balance neither
+        spoilt = spoiled(result, normal_force=1.1 * answer_of(result).state.normal_force)
+        assert spoilt.equilibrium > SEEN
+
+
+def test_axisymmetric_bodies_balance_along_their_axis():
+    """A shaft pressed into a rigid wall: radial forces balance around the axis, and have no moment."""
+
+    @fem.BilinearForm
+    def ring(u, v, w):
+        du, dv, r = u.grad, v.grad, w.x[0]
+        strain = du[0, 0] * dv[0, 0] + du[1, 1] * dv[1, 1] + u[0] * v[0] / r**2
+        shear = 0.5 * (du[0, 1] + du[1, 0]) * (dv[0, 1] + dv[1, 0])
+        return 2 * np.pi * r * (strain + shear)
+
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 5), np.linspace(0, 2, 7)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=4)
+    D = np.union1d(basis.get_dofs("left").all("u^1"), basis.get_dofs("bottom").all("u^2"))
+    shaft = sc.Body(basis, ring, D=D, measure=lambda x: 2 * np.pi * x[0], name="shaft")
+    wall = sc.RigidPlane((1.0, 0.0), (-1.0, 0.0), name="wall")
+    fit = sc.Contact(shaft.surface("right"), wall, interference=0.01, name="fit")
+    result = sc.ContactSolver(shaft, fit).solve()
+    assert abs(result["fit"].force[0]) > 0.01
+    assert result.certificate.worst < SOLVED
+    assert np.isnan(result.certificate.moment_balance) and np.isnan(result.certificate.moment_gap)
+
+
+def test_glue_without_shear_has_not_slid_either(result):
+    """Slip counts where friction holds, and where glue does, though the glue may carry no shear."""
+    none = np.zeros_like(answer_of(result).state.tangential_force)
+    slip0 = answer_of(result).seen.slip0.copy()
+    slip0[part(result, "glue")] += 0.01
+    assert spoiled(result, tangential_force=none, slip0=slip0).slip > SEEN
+    # what neither holds may slide as it likes
+    slip0 = answer_of(result).seen.slip0.copy()
+    slip0[part(result, "base")] += 0.01
+    assert spoiled(result, tangential_force=none, slip0=slip0).slip < SOLVED
+    assert spoiled(result, slip0=slip0).slip > SEEN
+
+
+def test_slips_without_digits_turn_no_force(result):
+    """Plastic slips of 1e-17, where displacements are a hundredth, are none that friction would follow.
+
+    Counted as slips they would turn forces at points that stick by as much as the largest force.
+    """
+    zero = np.zeros_like(answer_of(result).plastic_slip)
+    slips = answer_of(result).state.status == 2
+    own = np.where(slips[:, None], 0.0, answer_of(result).state.tangential_force)
+    still = spoiled(result, plastic=zero, tangential_force=own)
+    noise = np.where(slips[:, None], 0.0, 1e-17)
+    for sign in (1.0, -1.0):
+        found = spoiled(result, plastic=sign * noise, tangential_force=own)
+        assert abs(found.friction - still.friction) < 1e-6  # 1e-17 over 1e-6 of a hundredth
+
+
+@pytest.mark.filterwarnings("ignore::skfem_contact.ContactWarning")
+@pytest.mark.parametrize(("aside", "down"), [(1.0, 1e-8), (0.0, 1e-18)], ids=["far", "little"])
+def test_light_forces_of_large_and_of_small_motions_have_a_scale(aside, down):
+    """Supports that press by little are answered by light forces, and these are the scale.
+
+    A body moved aside by its own size has forces of 1e-8 in sums of the order of one: eight digits
+    are left. One pressed by 1e-18 has no larger force than that either. Neither is the round-off of no load.
+    """
+    mesh = fem.MeshQuad().refined(2).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    form = linear_elasticity(*lame_parameters(1.0, 0.3))
+    body = sc.Body(basis, form, D="top", x={"top": (aside, -down)}, name="body")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    result = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), floor, gap=0.0)).solve()
+    assert 0.5 * down < result.force[1] < 2 * down
+    assert result.certificate.worst < 1e-6
+    assert forces_by_a_tenth(result).equilibrium > 0.01
+    assert forces_by_a_tenth(result).force_balance > 0.01
