@@ -543,7 +543,8 @@ def test_light_forces_of_large_and_of_small_motions_have_a_scale(aside, down):
     """Supports that press by little are answered by light forces, and these are the scale.
 
     A body moved aside by its own size has forces of 1e-8 in sums of the order of one: eight digits
-    are left. One pressed by 1e-18 has no larger force than that either. Neither is the round-off of no load.
+    are left. One pressed by 1e-18 has no larger force than that either. Neither force is the round-off
+    of no load.
     """
     mesh = fem.MeshQuad().refined(2).with_defaults()
     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
