@@ -22,11 +22,16 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.active_set import BlockPivoting, direct, fictitious, newton
-from skfem_contact.loops.complementarity import disagreement, friction_of_prescribed_slip, propose
-from skfem_contact.loops.driver import drive
+from skfem_contact.loops.complementarity import (
+    disagreement,
+    friction_of_prescribed_slip,
+    law_residual,
+    propose,
+)
+from skfem_contact.loops.driver import Stagnation, drive
 from skfem_contact.loops.starts import natural_state
-from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.tangent import _by, stabilise
+from skfem_contact.loops.step import Guess, Record, Step
+from skfem_contact.loops.tangent import _by, linear_conditions, stabilise
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 
@@ -428,3 +433,50 @@ def test_the_solver_says_what_sticking_gives_way_by(loop, stiffness, words):
     said = str(sc.ContactSolver(block, floor, loop=loop))
     assert words in said
     assert ("give way" in said) == bool(words)
+
+
+def test_progress_is_fewer_changes_or_half_the_violation():
+    """Each alone is progress, and so is what a loop says; a run without any is given up in time."""
+    line = {"iteration": 1, "open": 0, "stick": 0, "slip": 0}
+    fewer = [(9 - k, 1.0, False) for k in range(8)]
+    halved = [(3, 0.4**k, False) for k in range(8)]
+    nearer = [(3, 1.0, True)] * 8
+    for run_of in (fewer, halved, nearer):
+        progress = Stagnation()
+        assert not any(
+            progress.stalled(Record(changes=c, residual=r, **line), 2, n) for c, r, n in run_of
+        )
+    # by less than half is none
+    for run_of in ([(3, 1.0, False)] * 8, [(3, 0.9**k, False) for k in range(8)]):
+        progress = Stagnation()
+        said = [progress.stalled(Record(changes=c, residual=r, **line), 2, n) for c, r, n in run_of]
+        assert said.index(True) == 2
+
+
+@pytest.mark.parametrize("bilateral", [False, True])
+@pytest.mark.parametrize("normal", [2.0, -2.0])
+def test_friction_of_what_slips_is_judged_where_a_point_carries(bilateral, normal):
+    """Friction off its law counts at points that press, and at those that never open, even if pulled.
+
+    A point that can open and pulls is about to do so: its friction says nothing.
+    """
+    one = replace(step(2.0, 0.0), bilateral=np.array([bilateral]))
+    gap, along = np.zeros(1), np.ones((1, 1))
+    response = Response(gap, along, np.array([normal]), 3.0 * along, np.zeros(2))
+    lawful = MU * max(normal, 0.0)
+    counts = normal > 0 or bilateral
+    found = law_residual(one, np.array([SLIP]), along, response)
+    assert_allclose(found, (3.0 - lawful) / 3.0 if counts else 0.0, rtol=1e-12)
+    assert law_residual(one, np.array([STICK]), along, response) == 0.0
+
+
+@pytest.mark.parametrize("bilateral", [False, True])
+@pytest.mark.parametrize("normal", [2.0, -2.0])
+def test_bounds_follow_normal_forces_but_for_bonds_under_tension(bilateral, normal):
+    """Within the linear solve friction follows the normal force, but for bonds that are pulled."""
+    one = replace(step(2.0, 0.0), bilateral=np.array([bilateral]))
+    along = np.ones((1, 1))
+    guess = Guess(np.array([SLIP]), along, np.array([normal]), along, along)
+    coupling = linear_conditions(one, guess, True).coupling
+    assert_allclose(coupling, [[0.0 if bilateral and normal < 0 else MU]])
+    assert_allclose(linear_conditions(one, guess, False).coupling, [[0.0]])
