@@ -27,6 +27,7 @@ from skfem_contact.loops.complementarity import (
     friction_of_prescribed_slip,
     law_residual,
     propose,
+    violations,
 )
 from skfem_contact.loops.driver import Stagnation, drive
 from skfem_contact.loops.starts import natural_state
@@ -480,3 +481,55 @@ def test_bounds_follow_normal_forces_but_for_bonds_under_tension(bilateral, norm
     coupling = linear_conditions(one, guess, True).coupling
     assert_allclose(coupling, [[0.0 if bilateral and normal < 0 else MU]])
     assert_allclose(linear_conditions(one, guess, False).coupling, [[0.0]])
+
+
+def in_space(normal, friction, slip, status, direction, noise=0.0, stiffness=np.inf):
+    """One point with two tangents: the step, what is known of it, and a state that was solved for."""
+    zero = np.zeros((1, 2))
+    flat = step(1.0, 0.0, stiffness=stiffness)
+    one = replace(
+        flat,
+        last=replace(flat.last, slip=zero, tangential_force=zero, reference=zero),
+        resistance=Resistance(np.full(1, K_N), np.full(1, K_T)),
+        noise=noise,
+    )
+    state = np.atleast_2d(slip).astype(float), np.array([normal]), np.atleast_2d(friction).astype(float)
+    current = Guess(
+        np.array([status]), np.atleast_2d(direction).astype(float), state[1], state[2], zero
+    )
+    return one, current, Response(np.zeros(1), *state, np.zeros(3))
+
+
+@pytest.mark.parametrize(("noise", "status"), [(1.0, STICK), (1e-9, SLIP)])
+def test_what_sticks_slips_only_where_forces_are_more_than_noise(noise, status):
+    """A point that sticks and has slipped: where all forces are round-off that does not let it go."""
+    one, current, response = in_space(0.1, [0.05, 0.0], [2.0, 0.0], STICK, [0.0, 0.0], noise)
+    assert_array_equal(propose(one, current, response).status, [status])
+    # what slipped goes on
+    slipping = replace(current, status=np.array([SLIP]), direction=np.array([[1.0, 0.0]]))
+    assert_array_equal(propose(one, slipping, response).status, [SLIP])
+
+
+@pytest.mark.parametrize(("noise", "direction"), [(1.0, [1.0, 0.0]), (0.0, [0.0, 1.0])])
+def test_a_direction_turns_only_with_forces_that_are_more_than_noise(noise, direction):
+    """Friction of 1e-3 aside turns the slip of a point without pressure, unless it is round-off."""
+    one, current, response = in_space(0.0, [0.0, 1e-3], [0.0, 0.0], SLIP, [1.0, 0.0], noise)
+    found = propose(one, current, response)
+    assert_array_equal(found.status, [SLIP])
+    assert_allclose(found.direction, [direction], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("force", "status", "wrong"), [(1.5, STICK, 1), (0.5, STICK, 0), (1.5, SLIP, 0)]
+)
+def test_springs_beyond_their_bound_are_wrong_however_little_they_moved(force, status, wrong):
+    """Where the force of a stiff spring may be round-off of its slip, a point that sticks obeys its bound.
+
+    What slips has the bound for its force in the next solve, and is judged by what the projection
+    leaves over, which is known to no better than the slip.
+    """
+    # a slip that is known to 1e-12 and a spring of 1e14: forces up to a hundred may be round-off
+    slip = np.array([force / 1e14, 0.0])
+    one, current, response = in_space(2.0, [force, 0.0], slip, status, [1.0, 0.0], 0.0, 1e14)
+    one = replace(one, far=1.0)
+    assert violations(one, current, response, 1e-10)[0].sum() == wrong

@@ -629,3 +629,25 @@ def test_a_vertex_beyond_both_facets_meets_a_smooth_joint_alone(bend, beyond):
         names = corner_contacts(tip, low).names
         middle = int(np.argmin(tip.points[:, 1]))
         assert ((0, middle) in names) == met
+
+
+@pytest.mark.parametrize("deep", [0.0, 0.01])
+@pytest.mark.parametrize("steep", [5.0, 100.0])
+def test_a_needle_on_a_node_presses_that_node(steep, deep):
+    """The point of a needle at a node: the node carries it, with its own row if that says the same.
+
+    Flanks that are nearly upright face no node: the node has no partner of its own, and takes the row
+    of the needle's point.
+    """
+    low = block([-1.0, -0.5, 0.0, 0.5, 1.0], 0, 1, -1, 0).surface("top")
+    needle = block([-0.1, 0.0, 0.1], 0, 1, 0, 300, wave=lambda x: steep * np.abs(x)).surface("bottom")
+    tip = turned(needle, 0.0, np.array([0.0, -deep]))[0]
+    own = node_to_segment(low, tip)
+    middle = int(np.argmin(np.abs(low.points[:, 0])))
+    assert own.paired[middle] == (steep < 10)
+    found = corner_contacts(low, tip).rows(own, False)
+    assert found.paired[middle]
+    if deep == 0.0 or steep > 10:
+        assert_allclose(found.gap[middle], -deep, rtol=0, atol=1e-12)
+        vertex = int(np.argmin(tip.points[:, 1]))
+        assert found.vertex[middle] == vertex
