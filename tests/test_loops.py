@@ -30,6 +30,8 @@ from skfem_contact.loops.complementarity import (
     violations,
 )
 from skfem_contact.loops.driver import Stagnation, drive
+from skfem_contact.loops.multipliers import _lost
+from skfem_contact.loops.pulled import At, _go
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.loops.tangent import _by, linear_conditions, stabilise
@@ -523,7 +525,7 @@ def test_a_direction_turns_only_with_forces_that_are_more_than_noise(noise, dire
     ("force", "status", "wrong"), [(1.5, STICK, 1), (0.5, STICK, 0), (1.5, SLIP, 0)]
 )
 def test_springs_beyond_their_bound_are_wrong_however_little_they_moved(force, status, wrong):
-    """Where the force of a stiff spring may be round-off of its slip, a point that sticks obeys its bound.
+    """Where the force of a stiff spring may be round-off of its slip, what sticks obeys its bound.
 
     What slips has the bound for its force in the next solve, and is judged by what the projection
     leaves over, which is known to no better than the slip.
@@ -533,3 +535,55 @@ def test_springs_beyond_their_bound_are_wrong_however_little_they_moved(force, s
     one, current, response = in_space(2.0, [force, 0.0], slip, status, [1.0, 0.0], 0.0, 1e14)
     one = replace(one, far=1.0)
     assert violations(one, current, response, 1e-10)[0].sum() == wrong
+
+
+@pytest.mark.parametrize(
+    ("strain", "change", "gap", "slow", "lost"),
+    [
+        (1e-3, 1e-3, 1.0, False, False),  # neither
+        (1e-16, 1e-3, 1.0, False, True),  # soft springs: no strain beside the gaps
+        (1e-3, 1e-11, 1.0, False, True),  # forces that stay
+        (1e-3, 1e-11, 0.0, False, True),  # where no gap says what round-off is
+        (1e-16, 1e-3, 0.0, False, False),
+        (1e-16, 1e-3, 0.0, True, True),  # slow: what rows are known to, of points one apart
+        (1e-3, 1e-3, 0.0, True, False),
+    ],
+)
+def test_springs_are_without_strain_or_forces_stay(strain, change, gap, slow, lost):
+    """Either is the end: strains that are round-off of gaps, or forces that change by as little."""
+    change = np.array([[change, 0.0]])
+    points = SimpleNamespace(points=np.array([[0.0, 0.0], [1.0, 0.0]]))
+    one = SimpleNamespace(
+        problem=SimpleNamespace(springs=np.array([strain / change[0, 0]])),
+        load=SimpleNamespace(gap0=np.array([gap]), slip0=np.zeros((1, 1))),
+        motions=SimpleNamespace(kin=points),
+        paired=np.array([True, True]),
+    )
+    response = Response(np.array([gap]), np.zeros((1, 1)), np.ones(1), np.zeros((1, 1)), np.zeros(2))
+    assert _lost(one, SimpleNamespace(response=response), change, slow) == lost
+
+
+@pytest.mark.parametrize(
+    ("shares", "peaks"),
+    [
+        ([0.5, 0.7, 0.9], []),
+        ([0.5, 0.9, 0.7, 0.6, 0.5], [0.9]),  # once, where it falls, not while it goes on falling
+        ([0.9, 0.4, 0.3], []),  # from the beginning on: nothing before says that it was a peak
+    ],
+)
+def test_a_peak_is_looked_for_where_the_share_begins_to_fall(shares, peaks):
+    """Between a state that carries no more than the next, and one after it that carries less."""
+    guess, gap, left, looked = None, np.zeros(1), list(shares), []
+
+    def to(pull, start):
+        return At(pull, left.pop(0), guess, gap) if left else None
+
+    def peak(low, top, high):
+        looked.append(top.share)
+        assert low.share <= top.share > high.share
+        return top
+
+    way = SimpleNamespace(to=to, peak=peak, tolerance=1e-10, meets=lambda last, at: np.inf)
+    found, carried = _go(way, At(0.0, 0.95 if shares[0] == 0.9 else 0.0, guess, gap))
+    assert found is None and looked == peaks
+    assert carried.share == max(*shares, 0.95 if shares[0] == 0.9 else 0.0)
