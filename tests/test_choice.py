@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import skfem as fem
 from quick_elasticity import linear_elasticity
+from scipy.sparse.linalg import spsolve
 
 import skfem_contact as sc
 from skfem_contact.linalg.resources import Limits
@@ -60,3 +61,30 @@ def test_a_limit_is_kept_to_the_byte():
     assert way(size).route == "condensed" and way(size - 1).route == "iterated"
     # the flexibility of 18 contact DOFs, and two and a half matrices of 18 gaps and slips
     assert size == 8 * 18**2 + int(2.5 * 8 * 18**2)
+
+
+def solve_with_scipy(A, b):
+    return spsolve(A.tocsc(), b)
+
+
+@pytest.mark.parametrize(
+    ("linear", "condenses"),
+    [
+        ("condensed", True),
+        (sc.Direct(), True),
+        ("iterated", False),
+        (sc.AMG(), False),
+        (solve_with_scipy, False),
+    ],
+    ids=["condensed", "Direct", "iterated", "AMG", "callable"],
+)
+def test_what_is_chosen_for_large_bodies_is_not_condensed_beside_it(linear, condenses):
+    """Where a step is hard, bodies are condensed for it if they are factorised anyway.
+
+    A solver of the user's, or one without factors, is taken where a factorisation is too much.
+    """
+    foot = sc.Contact(BODY.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.3))
+    model = sc.ContactSolver(BODY, foot, linear=linear).linear_model
+    assert model.condenses == condenses
+    problem = model.problem_on(None, None)
+    assert (model.on_points(problem) is problem) == (linear == "condensed" or not condenses)
