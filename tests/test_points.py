@@ -172,10 +172,11 @@ def test_points_whose_gap_can_not_change_keep_their_friction(mu: float, count: i
     gap0 = np.where(held, 9.0, rng.uniform(0.1, 1.0, count))
     slip0, zero = rng.standard_normal((count, 1)), np.zeros((count, 1))
     closed = held | (np.arange(count) < 4)
-    slides = closed[:, None]
+    stick = np.arange(count) == count - 1  # one that supports hold, the last
+    slides = (closed & ~stick)[:, None]
     case = Conditions(
         closed,
-        np.zeros(count, dtype=bool),
+        stick,
         zero,
         np.zeros((count, 1, 1)),
         np.where(slides, 0.5, 0.0),
@@ -184,22 +185,22 @@ def test_points_whose_gap_can_not_change_keep_their_friction(mu: float, count: i
     found = PointSpace(S, gaps, slips).solve(case, Load(force, gap0, slip0, np.zeros(0)))
     # forces on slips are -(offset + mu lambda), where lambda is a row of S z - force
     K, f = S.copy(), force.copy()
-    for i in np.flatnonzero(closed):
+    for i in np.flatnonzero(slides):
         f[slips[i, 0]] -= 0.5
         if not held[i]:
             f[slips[i, 0]] += mu * force[gaps[i]]
             K[slips[i, 0]] += mu * S[gaps[i]]
-    known = gaps[closed & ~held]
+    known = np.append(gaps[closed & ~held], slips[stick, 0])
     z = np.zeros(q + count)
-    z[known] = -gap0[closed & ~held]
+    z[known] = np.append(-gap0[closed & ~held], -slip0[stick, 0])
     free = np.setdiff1d(np.arange(q + count), known)
     z[free] = np.linalg.solve(K[np.ix_(free, free)], f[free] - K[np.ix_(free, known)] @ z[known])
     assert_allclose(found.slip, slip0 + z[slips], rtol=0, atol=1e-11)
-    pressed = np.where(closed & ~held, (S @ z - force)[gaps], 0.0)
+    p = S @ z - force
+    pressed = np.where(closed & ~held, p[gaps], 0.0)
     assert_allclose(found.normal_force, pressed, rtol=0, atol=1e-9)
-    assert_allclose(
-        found.tangential_force, np.where(slides, 0.5, 0.0) + mu * pressed[:, None], atol=1e-9
-    )
+    friction = np.where(slides, 0.5 + mu * pressed[:, None], np.where(stick[:, None], -p[slips], 0.0))
+    assert_allclose(found.tangential_force, friction, rtol=0, atol=1e-9)
 
 
 def test_springs_stiffer_than_the_bodies_have_the_forces_of_equilibrium() -> None:
