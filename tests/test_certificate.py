@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import skfem as fem
+from placed import Placement, everywhere
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
@@ -26,28 +27,32 @@ SOLVED = 1e-11
 SEEN = 1e-3
 
 
-def block(name, x, y, **data):
-    """A block of 6 by 4 squares with E = 1."""
+PLAIN = Placement("plain")
+
+
+def block(name, x, y, placed=PLAIN, E=1.0, **data):
+    """A block of 6 by 4 squares, in its place."""
     mesh = fem.MeshQuad.init_tensor(np.linspace(*x, 7), np.linspace(*y, 5)).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    basis = fem.Basis(placed.mesh(mesh), fem.ElementVector(fem.ElementQuad1()))
     if "move" in data:
         data["x"] = np.zeros(basis.N)
-        data["x"][basis.nodal_dofs] = np.reshape(data.pop("move"), (2, 1))
-    return sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), name=name, **data)
+        move = placed.unit * placed.vectors(data.pop("move"))
+        data["x"][basis.nodal_dofs] = np.reshape(move, (2, 1))
+    return sc.Body(basis, linear_elasticity(*lame_parameters(E, 0.3)), name=name, **data)
 
 
-def solved(sliding="small", gap=0.0):
+def solved(sliding="small", gap=0.0, placed=PLAIN, E=1.0):
     """A block on a rough floor, another pressed on it and dragged, and a third glued to its side.
 
     The upper one hangs over at the right, so that it lifts there: points are open, stick and slip.
     """
-    low = block("low", (0, 1), (0, 1))
-    up = block("up", (0.3, 1.3), (1 + gap, 2 + gap), D="top", move=(0.02, -0.02 - gap))
-    side = block("side", (-0.5, 0), (0.2, 1))
+    where = {"placed": placed, "E": E}
+    low = block("low", (0, 1), (0, 1), **where)
+    up = block("up", (0.3, 1.3), (1 + gap, 2 + gap), D="top", move=(0.02, -0.02 - gap), **where)
+    side = block("side", (-0.5, 0), (0.2, 1), **where)
+    floor = sc.RigidPlane(placed.points([(0, 0)])[0], placed.vectors((0, 1)))
     contacts = [
-        sc.Contact(
-            low.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.3), name="base"
-        ),
+        sc.Contact(low.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="base"),
         sc.Contact(
             up.surface("bottom"),
             low.surface("top"),
@@ -79,6 +84,11 @@ def spoiled(result, u=None, seen=None, slip0=None, mismatch=None, plastic=None, 
     wrong = replace(answer_of(result), **parts)
     vars(wrong)["u"] = result.u if u is None else u
     return certify(wrong)
+
+
+def size(result):
+    """The unit of length, which the lower block is long."""
+    return float(result.contacts[0].secondary.lengths.sum())
 
 
 def part(result, name):
@@ -142,7 +152,7 @@ def lifted(result, name, by):
 
 
 def a_closed_point_opened(result):
-    return spoiled(result, u=lifted(result, "base", 0.01))
+    return spoiled(result, u=lifted(result, "base", 0.01 * size(result)))
 
 
 def an_open_point_with_force(result):
@@ -150,25 +160,25 @@ def an_open_point_with_force(result):
     status, i = answer_of(result).state.status.copy(), largest(result, "joint")
     status[i] = 0
     gap0 = answer_of(result).seen.gap0.copy()
-    gap0[i] += 0.01
+    gap0[i] += 0.01 * size(result)
     return spoiled(result, seen=gap0, status=status)
 
 
 def a_gap_closed_too_far(result):
     gap0 = answer_of(result).seen.gap0.copy()
-    gap0[largest(result, "joint")] -= 0.01
+    gap0[largest(result, "joint")] -= 0.01 * size(result)
     return spoiled(result, seen=gap0)
 
 
 def glue_apart(result):
     gap0 = answer_of(result).seen.gap0.copy()
-    gap0[part(result, "glue")] += 0.01
+    gap0[part(result, "glue")] += 0.01 * size(result)
     return spoiled(result, seen=gap0)
 
 
 def glue_that_slid(result):
     slip0 = answer_of(result).seen.slip0.copy()
-    slip0[part(result, "glue")] += 0.01
+    slip0[part(result, "glue")] += 0.01 * size(result)
     return spoiled(result, slip0=slip0)
 
 
@@ -176,7 +186,7 @@ def slip_of_no_displacements(result):
     """Friction that has followed another slip than that of the bodies."""
     slip, kin = answer_of(result).state.slip.copy(), answer_of(result).kin
     slip[part(result, "base")] *= 1.5
-    slip += 1e-3 * kin.axes[:, 0]
+    slip += 1e-3 * size(result) * kin.axes[:, 0]
     return spoiled(result, slip=slip)
 
 
@@ -218,6 +228,68 @@ def test_what_is_wrong_shows(result, spoil, numbers):
     assert seen == numbers
     if numbers != {"placement"}:  # which the size of a step decides, no round-off
         assert certificate.worst > SEEN
+
+
+@everywhere
+@pytest.mark.parametrize("E", [1.0, 210e9, 1e-9])
+def test_numbers_are_alike_wherever_a_scene_lies(result, placed, E):
+    """Moved, turned, stiff and soft, in any unit: a defect has the number of the plain view.
+
+    Each number is made for something: of a spoiled answer it is a share of forces or of the extent,
+    which no place, modulus or unit changes.
+    """
+    there = solved(placed=placed, E=E)
+    # coordinates of a thousand sizes leave 13 digits of a gap of a hundredth: 11 of forces
+    lost = 1e-10 if placed.move else 1e-12
+    values = {f.name: getattr(there.certificate, f.name) for f in fields(Certificate)}
+    assert max(values.values()) < max(SOLVED, lost)
+    assert np.array_equal(answer_of(there).state.status, answer_of(result).state.status)
+    # of what was changed by a tenth: the digits of forces, and those that cancelling takes
+    alike = 1e-7 if placed.move else 1e-9
+    turned = result if placed.turn == 0 else solved(placed=Placement("turned", placed.turn))
+    for spoil, _ in CASES:
+        plain, known, found = (vars(spoil(each)) for each in (result, turned, there))
+        for name, value in found.items():
+            assert abs(value - known[name]) <= alike * max(known[name], SEEN), (spoil, name)
+            # forces are compared entry by entry, with the largest entry, and the extent is along an
+            # axis: a turn may change each by the root of two
+            assert known[name] < SEEN or 0.5 <= known[name] / plain[name] <= 2.0, (spoil, name)
+
+
+@everywhere
+@pytest.mark.parametrize("E", [1.0, 210e9, 1e-9])
+def test_forces_and_moments_balance_with_K(placed, E):
+    """What a body's K makes of the displacements is what its contacts and its supports press with.
+
+    By numbers that users see: the forces and moments of contacts, reactions, and ``K u``.
+    """
+    there = solved(gap=0.2, placed=placed, E=E)
+    centre, size = placed.points([(0.4, 0.9)])[0], placed.unit
+    scale = np.abs(there["joint"].force).max()
+    assert scale > 1e-3 * E * size
+    # a gap is a difference of coordinates: of them 13 digits are left after the move
+    lost = (1e-9 if placed.move else 1e-12) * scale
+    pressed = {name: np.zeros(2) for name in ("low", "up", "side")}
+    for name, sides in {"base": ("low",), "joint": ("up", "low"), "glue": ("low", "side")}.items():
+        for sign, of in zip((1.0, -1.0), sides, strict=False):
+            pressed[of] += sign * there[name].force
+    pressed["up"] += there.reaction("up")
+    for body, K in zip(there.system.bodies, answer_of(there).stiffness, strict=True):
+        nodal = (K @ there.displacement(body.name))[body.basis.nodal_dofs]
+        assert np.abs(nodal.sum(axis=1)).max() < lost  # no support is part of K
+        assert np.abs(pressed[body.name]).max() < lost
+    # what K makes of the nodes that only the joint touches has the moment of the joint
+    up = there.system.bodies[1]
+    nodal = (up.K @ there.displacement("up"))[up.basis.nodal_dofs].T
+    free = ~np.isin(up.basis.nodal_dofs[0], up.D)
+    arm = up.basis.mesh.p.T - centre
+    turning = (arm[:, 0] * nodal[:, 1] - arm[:, 1] * nodal[:, 0])[free].sum()
+    assert abs(turning - there["joint"].moment(centre)) < lost * size
+    # moved by friction across a gap: the certificate says as much in any unit
+    plain = solved(gap=0.2, placed=Placement("turned", placed.turn)).certificate
+    for name in ("moment_gap", "moment_normal"):
+        assert abs(getattr(there.certificate, name) - getattr(plain, name)) < 1e-9
+    assert there.certificate.worst < (1e-10 if placed.move else SOLVED)
 
 
 def test_the_answer_as_solved(result):
@@ -380,3 +452,107 @@ def test_what_is_no_round_off_stands_under_its_own_heading():
         assert head < report.index(f"  {name} ", head) < model
     for name in ("moment gap", "moment normal", "placement"):
         assert report.index(f"  {name} ") > model
+
+
+@pytest.mark.parametrize("name", [f.name for f in fields(Certificate)])
+def test_the_worst_is_any_of_the_numbers_that_have_to_be_round_off(name):
+    """Each number alone makes the worst, but for the three that measure the model."""
+    values = {f.name: 1e-15 for f in fields(Certificate)}
+    modelled = name in ("moment_gap", "moment_normal", "placement")
+    assert Certificate(**{**values, name: 0.5}).worst == (1e-15 if modelled else 0.5)
+    # problems without moments have none to balance; any other number that is missing is the worst
+    missing = Certificate(**{**values, name: np.nan}).worst
+    assert np.isnan(missing) != (modelled or name == "moment_balance")
+
+
+def test_loads_of_a_rigid_tool_balance():
+    """A tool on a block, by a force off its centre and a moment, and one that a support keeps upright.
+
+    What a tool presses with is a force between bodies: only its own load and its supports are external.
+    The supports of a block see both, forces and moments.
+    """
+    for held in ({}, {"D": "rotation"}):
+        body = block("block", (0, 2), (-1, 0), D="bottom")
+        box = [(0.3, 0.0), (1.7, 0.0), (1.7, 0.5), (0.3, 0.5)]
+        shape = sc.RigidPolyline(box, closed=True, name="die")
+        die = sc.RigidBody(shape, force=(0.002, -0.02), moment=0.003, about=(0.8, 0.4), **held)
+        touch = sc.Contact(body.surface("top"), die, friction=sc.Coulomb(0.3), name="touch")
+        result = sc.ContactSolver([body, die], [touch]).solve()
+        certificate = result.certificate
+        assert certificate.worst < SOLVED and certificate.moment_balance < SOLVED
+        # the support of the block bears all of the force, and the moment about the tool's point
+        assert np.abs(result.reaction("block") + [0.002, -0.02]).max() < 1e-13
+        # forces of another size balance neither
+        spoilt = spoiled(result, normal_force=1.1 * answer_of(result).state.normal_force)
+        assert spoilt.equilibrium > SEEN
+
+
+def test_axisymmetric_bodies_balance_along_their_axis():
+    """A shaft pressed into a rigid wall: radial forces balance around the axis, and have no moment."""
+
+    @fem.BilinearForm
+    def ring(u, v, w):
+        du, dv, r = u.grad, v.grad, w.x[0]
+        strain = du[0, 0] * dv[0, 0] + du[1, 1] * dv[1, 1] + u[0] * v[0] / r**2
+        shear = 0.5 * (du[0, 1] + du[1, 0]) * (dv[0, 1] + dv[1, 0])
+        return 2 * np.pi * r * (strain + shear)
+
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 5), np.linspace(0, 2, 7)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=4)
+    D = np.union1d(basis.get_dofs("left").all("u^1"), basis.get_dofs("bottom").all("u^2"))
+    shaft = sc.Body(basis, ring, D=D, measure=lambda x: 2 * np.pi * x[0], name="shaft")
+    wall = sc.RigidPlane((1.0, 0.0), (-1.0, 0.0), name="wall")
+    fit = sc.Contact(shaft.surface("right"), wall, interference=0.01, name="fit")
+    result = sc.ContactSolver(shaft, fit).solve()
+    assert abs(result["fit"].force[0]) > 0.01
+    assert result.certificate.worst < SOLVED
+    assert np.isnan(result.certificate.moment_balance) and np.isnan(result.certificate.moment_gap)
+
+
+def test_glue_without_shear_has_not_slid_either(result):
+    """Slip counts where friction holds, and where glue does, though the glue may carry no shear."""
+    none = np.zeros_like(answer_of(result).state.tangential_force)
+    slip0 = answer_of(result).seen.slip0.copy()
+    slip0[part(result, "glue")] += 0.01
+    assert spoiled(result, tangential_force=none, slip0=slip0).slip > SEEN
+    # what neither holds may slide as it likes
+    slip0 = answer_of(result).seen.slip0.copy()
+    slip0[part(result, "base")] += 0.01
+    assert spoiled(result, tangential_force=none, slip0=slip0).slip < SOLVED
+    assert spoiled(result, slip0=slip0).slip > SEEN
+
+
+def test_slips_without_digits_turn_no_force(result):
+    """Plastic slips of 1e-17, where displacements are a hundredth, are none that friction would follow.
+
+    Counted as slips they would turn forces at points that stick by as much as the largest force.
+    """
+    zero = np.zeros_like(answer_of(result).plastic_slip)
+    slips = answer_of(result).state.status == 2
+    own = np.where(slips[:, None], 0.0, answer_of(result).state.tangential_force)
+    still = spoiled(result, plastic=zero, tangential_force=own)
+    noise = np.where(slips[:, None], 0.0, 1e-17)
+    for sign in (1.0, -1.0):
+        found = spoiled(result, plastic=sign * noise, tangential_force=own)
+        assert abs(found.friction - still.friction) < 1e-6  # 1e-17 over 1e-6 of a hundredth
+
+
+@pytest.mark.filterwarnings("ignore::skfem_contact.ContactWarning")
+@pytest.mark.parametrize(("aside", "down"), [(1.0, 1e-8), (0.0, 1e-18)], ids=["far", "little"])
+def test_light_forces_of_large_and_of_small_motions_have_a_scale(aside, down):
+    """Supports that press by little are answered by light forces, and these are the scale.
+
+    A body moved aside by its own size has forces of 1e-8 in sums of the order of one: eight digits
+    are left. One pressed by 1e-18 has no larger force than that either. Neither force is the round-off
+    of no load.
+    """
+    mesh = fem.MeshQuad().refined(2).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    form = linear_elasticity(*lame_parameters(1.0, 0.3))
+    body = sc.Body(basis, form, D="top", x={"top": (aside, -down)}, name="body")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    result = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), floor, gap=0.0)).solve()
+    assert 0.5 * down < result.force[1] < 2 * down
+    assert result.certificate.worst < 1e-6
+    assert forces_by_a_tenth(result).equilibrium > 0.01
+    assert forces_by_a_tenth(result).force_balance > 0.01

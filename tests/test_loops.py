@@ -22,11 +22,19 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.active_set import BlockPivoting, direct, fictitious, newton
-from skfem_contact.loops.complementarity import disagreement, friction_of_prescribed_slip, propose
-from skfem_contact.loops.driver import drive
+from skfem_contact.loops.complementarity import (
+    disagreement,
+    friction_of_prescribed_slip,
+    law_residual,
+    propose,
+    violations,
+)
+from skfem_contact.loops.driver import Stagnation, drive
+from skfem_contact.loops.multipliers import _lost
+from skfem_contact.loops.pulled import At, _go
 from skfem_contact.loops.starts import natural_state
-from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.tangent import _by, stabilise
+from skfem_contact.loops.step import Guess, Record, Step
+from skfem_contact.loops.tangent import _by, linear_conditions, stabilise
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 
@@ -428,3 +436,154 @@ def test_the_solver_says_what_sticking_gives_way_by(loop, stiffness, words):
     said = str(sc.ContactSolver(block, floor, loop=loop))
     assert words in said
     assert ("give way" in said) == bool(words)
+
+
+def test_progress_is_fewer_changes_or_half_the_violation():
+    """Each alone is progress, and so is what a loop says; a run without any is given up in time."""
+    line = {"iteration": 1, "open": 0, "stick": 0, "slip": 0}
+    fewer = [(9 - k, 1.0, False) for k in range(8)]
+    halved = [(3, 0.4**k, False) for k in range(8)]
+    nearer = [(3, 1.0, True)] * 8
+    for run_of in (fewer, halved, nearer):
+        progress = Stagnation()
+        assert not any(
+            progress.stalled(Record(changes=c, residual=r, **line), 2, n) for c, r, n in run_of
+        )
+    # by less than half is none
+    for run_of in ([(3, 1.0, False)] * 8, [(3, 0.9**k, False) for k in range(8)]):
+        progress = Stagnation()
+        said = [progress.stalled(Record(changes=c, residual=r, **line), 2, n) for c, r, n in run_of]
+        assert said.index(True) == 2
+
+
+@pytest.mark.parametrize("bilateral", [False, True])
+@pytest.mark.parametrize("normal", [2.0, -2.0])
+def test_friction_of_what_slips_is_judged_where_a_point_carries(bilateral, normal):
+    """Friction off its law counts at points that press, and at those that never open, even if pulled.
+
+    A point that can open and pulls is about to do so: its friction says nothing.
+    """
+    one = replace(step(2.0, 0.0), bilateral=np.array([bilateral]))
+    gap, along = np.zeros(1), np.ones((1, 1))
+    response = Response(gap, along, np.array([normal]), 3.0 * along, np.zeros(2))
+    lawful = MU * max(normal, 0.0)
+    counts = normal > 0 or bilateral
+    found = law_residual(one, np.array([SLIP]), along, response)
+    assert_allclose(found, (3.0 - lawful) / 3.0 if counts else 0.0, rtol=1e-12)
+    assert law_residual(one, np.array([STICK]), along, response) == 0.0
+
+
+@pytest.mark.parametrize("bilateral", [False, True])
+@pytest.mark.parametrize("normal", [2.0, -2.0])
+def test_bounds_follow_normal_forces_but_for_bonds_under_tension(bilateral, normal):
+    """Within the linear solve friction follows the normal force, but for bonds that are pulled."""
+    one = replace(step(2.0, 0.0), bilateral=np.array([bilateral]))
+    along = np.ones((1, 1))
+    guess = Guess(np.array([SLIP]), along, np.array([normal]), along, along)
+    coupling = linear_conditions(one, guess, True).coupling
+    assert_allclose(coupling, [[0.0 if bilateral and normal < 0 else MU]])
+    assert_allclose(linear_conditions(one, guess, False).coupling, [[0.0]])
+
+
+def in_space(normal, friction, slip, status, direction, noise=0.0, stiffness=np.inf):
+    """One point with two tangents: the step, what is known of it, and a state that was solved for."""
+    zero = np.zeros((1, 2))
+    flat = step(1.0, 0.0, stiffness=stiffness)
+    one = replace(
+        flat,
+        last=replace(flat.last, slip=zero, tangential_force=zero, reference=zero),
+        resistance=Resistance(np.full(1, K_N), np.full(1, K_T)),
+        noise=noise,
+    )
+    state = np.atleast_2d(slip).astype(float), np.array([normal]), np.atleast_2d(friction).astype(float)
+    current = Guess(
+        np.array([status]), np.atleast_2d(direction).astype(float), state[1], state[2], zero
+    )
+    return one, current, Response(np.zeros(1), *state, np.zeros(3))
+
+
+@pytest.mark.parametrize(("noise", "status"), [(1.0, STICK), (1e-9, SLIP)])
+def test_what_sticks_slips_only_where_forces_are_more_than_noise(noise, status):
+    """A point that sticks and has slipped: where all forces are round-off that does not let it go."""
+    one, current, response = in_space(0.1, [0.05, 0.0], [2.0, 0.0], STICK, [0.0, 0.0], noise)
+    assert_array_equal(propose(one, current, response).status, [status])
+    # what slipped goes on
+    slipping = replace(current, status=np.array([SLIP]), direction=np.array([[1.0, 0.0]]))
+    assert_array_equal(propose(one, slipping, response).status, [SLIP])
+
+
+@pytest.mark.parametrize(("noise", "direction"), [(1.0, [1.0, 0.0]), (0.0, [0.0, 1.0])])
+def test_a_direction_turns_only_with_forces_that_are_more_than_noise(noise, direction):
+    """Friction of 1e-3 aside turns the slip of a point without pressure, unless it is round-off."""
+    one, current, response = in_space(0.0, [0.0, 1e-3], [0.0, 0.0], SLIP, [1.0, 0.0], noise)
+    found = propose(one, current, response)
+    assert_array_equal(found.status, [SLIP])
+    assert_allclose(found.direction, [direction], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("force", "status", "wrong"), [(1.5, STICK, 1), (0.5, STICK, 0), (1.5, SLIP, 0)]
+)
+def test_springs_beyond_their_bound_are_wrong_however_little_they_moved(force, status, wrong):
+    """Where the force of a stiff spring may be round-off of its slip, what sticks obeys its bound.
+
+    What slips has the bound for its force in the next solve, and is judged by what the projection
+    leaves over, which is known to no better than the slip.
+    """
+    # a slip that is known to 1e-12 and a spring of 1e14: forces up to a hundred may be round-off
+    slip = np.array([force / 1e14, 0.0])
+    one, current, response = in_space(2.0, [force, 0.0], slip, status, [1.0, 0.0], 0.0, 1e14)
+    one = replace(one, far=1.0)
+    assert violations(one, current, response, 1e-10)[0].sum() == wrong
+
+
+@pytest.mark.parametrize(
+    ("strain", "change", "gap", "slow", "lost"),
+    [
+        (1e-3, 1e-3, 1.0, False, False),  # neither
+        (1e-16, 1e-3, 1.0, False, True),  # soft springs: no strain beside the gaps
+        (1e-3, 1e-11, 1.0, False, True),  # forces that stay
+        (1e-3, 1e-11, 0.0, False, True),  # where no gap says what round-off is
+        (1e-16, 1e-3, 0.0, False, False),
+        (1e-16, 1e-3, 0.0, True, True),  # slow: what rows are known to, of points one apart
+        (1e-3, 1e-3, 0.0, True, False),
+    ],
+)
+def test_springs_are_without_strain_or_forces_stay(strain, change, gap, slow, lost):
+    """Either is the end: strains that are round-off of gaps, or forces that change by as little."""
+    change = np.array([[change, 0.0]])
+    points = SimpleNamespace(points=np.array([[0.0, 0.0], [1.0, 0.0]]))
+    one = SimpleNamespace(
+        problem=SimpleNamespace(springs=np.array([strain / change[0, 0]])),
+        load=SimpleNamespace(gap0=np.array([gap]), slip0=np.zeros((1, 1))),
+        motions=SimpleNamespace(kin=points),
+        paired=np.array([True, True]),
+    )
+    response = Response(np.array([gap]), np.zeros((1, 1)), np.ones(1), np.zeros((1, 1)), np.zeros(2))
+    assert _lost(one, SimpleNamespace(response=response), change, slow) == lost
+
+
+@pytest.mark.parametrize(
+    ("shares", "peaks"),
+    [
+        ([0.5, 0.7, 0.9], []),
+        ([0.5, 0.9, 0.7, 0.6, 0.5], [0.9]),  # once, where it falls, not while it goes on falling
+        ([0.9, 0.4, 0.3], []),  # from the beginning on: nothing before says that it was a peak
+    ],
+)
+def test_a_peak_is_looked_for_where_the_share_begins_to_fall(shares, peaks):
+    """Between a state that carries no more than the next, and one after it that carries less."""
+    guess, gap, left, looked = None, np.zeros(1), list(shares), []
+
+    def to(pull, start):
+        return At(pull, left.pop(0), guess, gap) if left else None
+
+    def peak(low, top, high):
+        looked.append(top.share)
+        assert low.share <= top.share > high.share
+        return top
+
+    way = SimpleNamespace(to=to, peak=peak, tolerance=1e-10, meets=lambda last, at: np.inf)
+    found, carried = _go(way, At(0.0, 0.95 if shares[0] == 0.9 else 0.0, guess, gap))
+    assert found is None and looked == peaks
+    assert carried.share == max(*shares, 0.95 if shares[0] == 0.9 else 0.0)

@@ -18,7 +18,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.projection import project
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.corners import corner_contacts
+from skfem_contact.pairing.corners import corner_contacts, unselected_sides
 from skfem_contact.pairing.diagnosis import diagnose
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.mortar import dual_mortar
@@ -517,3 +517,137 @@ def test_seams_carry_on_both_sides(dim, fine):
     assert_allclose(share[x > 1e-9], 0.0, rtol=0, atol=1e-12)
     assert_allclose(share[np.abs(x) < 1e-9], 0.5, rtol=0, atol=1e-12)
     assert_allclose(pairing.primary_weights @ primary.points, secondary.points, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("height", [0.1, 1.0, -0.1, -1.0])
+def test_points_beyond_an_end_miss_it_only_within_reach(height):
+    """Beside the end of a surface, no farther above or below it than `reach`, a point misses it.
+
+    Farther off the end is no partner that was missed.
+    """
+    primary = block(4, 0, 1, -2, 0).surface("top")
+    secondary = block([1.1, 1.2, 1.3], 0, 1, height, 3).surface("bottom")
+    pairing = node_to_segment(secondary, primary, reach=0.3)
+    assert not pairing.paired.any()
+    beside = pairing.points[:, 0] - 1.0
+    expected = beside if abs(height) < 0.3 else np.full(3, np.inf)
+    assert_allclose(pairing.miss, expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("slope", [-0.3, 0.3])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_free_end_has_no_next_facet(side, slope):
+    """A point above and beyond a free end has no partner there, however the last facet of all leans.
+
+    An end without a neighbour is nothing that the numbers of facets could stand in for.
+    """
+    flat = fem.MeshQuad.init_tensor([0.0, 1.0], [-1.0, 0.0])
+    far = fem.MeshQuad.init_tensor([10.0, 11.0], [-1.0, 0.0])
+    lean = far.p + np.array([[0.0], [slope]]) * (far.p[0] - 10.5) * (far.p[1] > -0.5)
+    mesh = fem.MeshQuad(np.hstack([flat.p, lean]), np.hstack([flat.t, far.t + 4]))
+    stair = body(mesh).surface(lambda x: x[1] > -0.4)
+    assert len(stair.facets) == 2 and np.all(stair.neighbours < 0)
+    place = np.array([1.1, 1.2]) if side > 0 else np.array([-0.2, -0.1])
+    pairing = node_to_segment(block(place, 0, 1, 0.5, 1).surface("bottom"), stair)
+    assert not pairing.paired.any()
+    beside = pairing.points[:, 0] - 1.0 if side > 0 else -pairing.points[:, 0]
+    assert_allclose(pairing.miss, beside, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.25])
+def test_a_corner_in_a_corner_keeps_its_normal(shift):
+    """A wedge in a groove: the tip has its own normal on the bottom of the groove, a flank's beside it.
+
+    Where both sides have a corner neither has a field of normals that the other could follow.
+    """
+    wave = lambda x: 1.2 * np.abs(x)  # noqa: E731
+    groove = block(8, -1, 1, -2, 0, wave=wave).surface("top")
+    tip = block(4, -0.5, 0.5, 0, 3, wave=wave).surface("bottom")
+    above = turned(tip, 0.0, np.array([shift, 1.2 * shift]))[0]
+    pairing = node_to_segment(above, groove)
+    middle = int(np.argmin(np.abs(pairing.points[:, 0] - shift)))
+    flank = np.array([-1.2, 1.0]) / np.hypot(1.2, 1.0)
+    expected = [0.0, 1.0] if shift == 0.0 else flank
+    assert_allclose(pairing.secondary_normal[middle], expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("left", "right"), [(10, 10), (60, 10), (10, 60), (60, 60)])
+def test_a_vertex_presses_on_the_next_facets_that_it_faces(left, right):
+    """A wedge of 90 degrees over a flat facet: the next ones take part that lean by less than 45.
+
+    On either side: a facet that leans by more looks past the vertex, at its flank.
+    """
+    heights = [-np.tan(np.radians(left)), 0.0, 0.0, -np.tan(np.radians(right))]
+    wave = lambda x: np.interp(x, [-1.0, 0.0, 1.0, 2.0], heights)  # noqa: E731
+    low = block([-1.0, 0.0, 1.0, 2.0], 0, 1, -9, 0, wave=wave).surface("top")
+    wedge = block([-0.5, 0.5, 1.5], 0, 1, 0, 3, wave=lambda x: np.abs(x - 0.5)).surface("bottom")
+    pressed = corner_contacts(low, wedge).pressed
+    middle = np.round(low.points[low.facets[pressed, :2]].mean(axis=1)[:, 0], 9)
+    expected = [x for x, lean in ((-0.5, left), (0.5, 0), (1.5, right)) if lean < 45]
+    assert sorted(middle) == expected
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_sides_that_are_not_selected_are_told_where_they_overlap(mirrored):
+    """A block beside a wall, of which only the lower side is selected: its end is in the wall, or not.
+
+    Touching the wall, apart from it, or with that side selected too, nothing is overlooked.
+    """
+    sign = -1.0 if mirrored else 1.0
+
+    def placed(x):
+        return sorted(sign * np.asarray(x))
+
+    def found(wall, sides):
+        other = block(placed([wall, 3.0]), 0, 1, -1, 1).surface("right" if mirrored else "left")
+        return unselected_sides(block(placed([0.0, 0.5, 1.0]), 0, 1, 0, 1).surface(sides), other)
+
+    beside = "left" if mirrored else "right"
+    (told,) = found(0.9, "bottom")
+    assert_allclose(told[1], 0.1, rtol=1e-12)
+    assert found(1.0, "bottom") == found(1.2, "bottom") == found(0.9, ["bottom", beside]) == []
+
+
+@pytest.mark.parametrize(("bend", "beyond"), [(90, False), (20, True)])
+def test_a_vertex_beyond_both_facets_meets_a_smooth_joint_alone(bend, beyond):
+    """A wedge that points down past the end of a flat top, outside of both facets there.
+
+    Where the boundary goes on smoothly the joint is the closest point of a curve, and is met; a sharp
+    corner is none. Over the flat part the wedge meets it in either case.
+    """
+    fall = np.tan(np.radians(bend)) if bend < 90 else None
+    if fall is None:
+        low = block(2, 0, 1, 0, 1).surface(["top", "right"])
+    else:
+        wave = lambda x: -fall * np.maximum(x - 1.0, 0.0)  # noqa: E731
+        low = block([0.0, 0.5, 1.0, 2.0], 0, 1, 0, 1, wave=wave).surface("top")
+    wedge = block([-1.0, 0.0, 1.0], 0, 1, 0, 3, wave=np.abs).surface("bottom")
+    # 10 degrees from the vertical is between the normals of both facets
+    past = np.array([1.0, 1.0]) + 0.05 * np.array([np.sin(np.radians(10)), np.cos(np.radians(10))])
+    for place, met in ((past, beyond), (np.array([0.8, 1.05]), True)):
+        tip = turned(wedge, 0.0, place)[0]
+        names = corner_contacts(tip, low).names
+        middle = int(np.argmin(tip.points[:, 1]))
+        assert ((0, middle) in names) == met
+
+
+@pytest.mark.parametrize("deep", [0.0, 0.01])
+@pytest.mark.parametrize("steep", [5.0, 100.0])
+def test_a_needle_on_a_node_presses_that_node(steep, deep):
+    """The point of a needle at a node: the node carries it, with its own row if that says the same.
+
+    Flanks that are nearly upright face no node: the node has no partner of its own, and takes the row
+    of the needle's point.
+    """
+    low = block([-1.0, -0.5, 0.0, 0.5, 1.0], 0, 1, -1, 0).surface("top")
+    needle = block([-0.1, 0.0, 0.1], 0, 1, 0, 300, wave=lambda x: steep * np.abs(x)).surface("bottom")
+    tip = turned(needle, 0.0, np.array([0.0, -deep]))[0]
+    own = node_to_segment(low, tip)
+    middle = int(np.argmin(np.abs(low.points[:, 0])))
+    assert own.paired[middle] == (steep < 10)
+    found = corner_contacts(low, tip).rows(own, False)
+    assert found.paired[middle]
+    if deep == 0.0 or steep > 10:
+        assert_allclose(found.gap[middle], -deep, rtol=0, atol=1e-12)
+        vertex = int(np.argmin(tip.points[:, 1]))
+        assert found.vertex[middle] == vertex

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.linalg import LinAlgError
 
 from skfem_contact.linalg.dense_factors import cholesky, lu
+from skfem_contact.problem.condensed import definite_inverse
 from skfem_contact.problem.points import PointsInSeries, PointSpace, Reduction
 from skfem_contact.problem.response import Conditions, Load, Resistance
 
@@ -150,3 +152,103 @@ def test_springs_in_series_take_the_place_of_others() -> None:
         assert_allclose(series.solve(held, at).normal_force, p[:n], rtol=1e-9)
         strained = series.solve(held, series.at_forces(load, 0 * p[:n], 0 * zero))
         assert_allclose(strained.normal_force, -np.linalg.solve(W + np.diag(give), free)[:n], rtol=1e-9)
+
+
+@pytest.mark.parametrize("count", [6, m])
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_points_whose_gap_can_not_change_keep_their_friction(mu: float, count: int) -> None:
+    """Supports may hold the gap of a point and not its slip: friction there is what its conditions say.
+
+    No normal force follows from a row that is not there, and far from what is closed the point is no
+    one that may be left out (`count` points are many enough for that, or few). By hand.
+    """
+    rng = np.random.default_rng(7)
+    held = np.arange(count) % 3 == 2
+    gaps = np.where(held, -1, np.cumsum(~held) - 1)
+    q = int((~held).sum())
+    slips = q + np.arange(count)[:, None]
+    A = rng.standard_normal((q + count, q + count))
+    S, force = A @ A.T + count * np.eye(q + count), rng.standard_normal(q + count)
+    gap0 = np.where(held, 9.0, rng.uniform(0.1, 1.0, count))
+    slip0, zero = rng.standard_normal((count, 1)), np.zeros((count, 1))
+    closed = held | (np.arange(count) < 4)
+    stick = np.arange(count) == count - 1  # one that supports hold, the last
+    slides = (closed & ~stick)[:, None]
+    case = Conditions(
+        closed,
+        stick,
+        zero,
+        np.zeros((count, 1, 1)),
+        np.where(slides, 0.5, 0.0),
+        np.where(slides, mu, 0.0),
+    )
+    found = PointSpace(S, gaps, slips).solve(case, Load(force, gap0, slip0, np.zeros(0)))
+    # forces on slips are -(offset + mu lambda), where lambda is a row of S z - force
+    K, f = S.copy(), force.copy()
+    for i in np.flatnonzero(slides):
+        f[slips[i, 0]] -= 0.5
+        if not held[i]:
+            f[slips[i, 0]] += mu * force[gaps[i]]
+            K[slips[i, 0]] += mu * S[gaps[i]]
+    known = np.append(gaps[closed & ~held], slips[stick, 0])
+    z = np.zeros(q + count)
+    z[known] = np.append(-gap0[closed & ~held], -slip0[stick, 0])
+    free = np.setdiff1d(np.arange(q + count), known)
+    z[free] = np.linalg.solve(K[np.ix_(free, free)], f[free] - K[np.ix_(free, known)] @ z[known])
+    assert_allclose(found.slip, slip0 + z[slips], rtol=0, atol=1e-11)
+    p = S @ z - force
+    pressed = np.where(closed & ~held, p[gaps], 0.0)
+    assert_allclose(found.normal_force, pressed, rtol=0, atol=1e-9)
+    friction = np.where(slides, 0.5 + mu * pressed[:, None], np.where(stick[:, None], -p[slips], 0.0))
+    assert_allclose(found.tangential_force, friction, rtol=0, atol=1e-9)
+
+
+def test_springs_stiffer_than_the_bodies_have_the_forces_of_equilibrium() -> None:
+    """A spring 1e14 times as stiff as its body: its length has two digits left, its force has all.
+
+    A soft spring beside it has the force of its own length.
+    """
+    stiff, soft = 1e14, 1e-3
+    rows = np.array([0, 1]), np.array([[2], [3]])
+    S, zero = np.diag([1.0, 1.0, 2.0, 2.0]), np.zeros((2, 1))
+    spring = np.array([[[stiff]], [[soft]]])
+    slip0 = np.array([[1.0 / 3.0], [1.0 / 3.0]])
+    # at rest where they are
+    offset = -spring[:, 0] * slip0
+    every = np.ones(2, dtype=bool)
+    case = Conditions(every, ~every, zero, spring, offset, zero)
+    load = Load(np.array([0.0, 0.0, 0.7, 0.7]), np.zeros(2), slip0, np.zeros(0))
+    found = PointSpace(S, *rows).solve(case, load)
+    for k, stiffness in enumerate((stiff, soft)):
+        moved = 0.7 / (2.0 + stiffness)
+        assert_allclose(found.tangential_force[k, 0], stiffness * moved, rtol=1e-12)
+
+
+def test_what_is_left_out_has_to_be_stable(space: PointSpace) -> None:
+    """Where points that carry nothing would buckle by themselves all are solved for, every time."""
+    far = np.zeros(2 * m)
+    far[50:m] = 1.0 / np.sqrt(m - 50)
+    S = space.S - (far @ space.S @ far + 0.5) * np.outer(far, far)
+    assert np.linalg.eigvalsh(S[50:m, 50:m])[0] < 0.0
+    buckling = PointSpace(S, space.normal_rows, space.tangential_rows)
+    for seed, closed in ((4, np.arange(10)), (5, np.arange(9)), (6, np.arange(8))):
+        here = load(seed)
+        here.gap0[50:] += 10.0  # these are the farthest
+        case = conditions(closed)
+        z, _ = buckling.unknowns(case, here)
+        found = buckling.solve(case, here).solution
+        # condition numbers below 1e6
+        assert_allclose(found, z, rtol=0, atol=1e-9 * abs(z).max())
+        residual = S @ z - here.force
+        assert_allclose(residual[10:m], 0.0, atol=1e-9 * abs(z).max())
+
+
+def test_rows_that_depend_on_each_other_are_refused_unless_springs_part_them() -> None:
+    """Pivots below 1e-3 cost the inverse six digits and more; seen through springs they are taken."""
+    W = np.array([[1.0, 1.0 - 5e-9], [1.0 - 5e-9, 1.0]])
+    with pytest.raises(LinAlgError, match="dependent"):
+        definite_inverse(W.copy())
+    inverse = definite_inverse(W.copy(), refuses=False)
+    assert_allclose(inverse @ W, np.eye(2), atol=1e-6)  # the condition is 4e8
+    apart = np.array([[1.0, 0.9], [0.9, 1.0]])
+    assert_allclose(definite_inverse(apart.copy()), np.linalg.inv(apart), rtol=1e-12)

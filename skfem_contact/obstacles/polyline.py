@@ -28,6 +28,10 @@ Array = NDArray[np.float64]
 #: friction on flats leans by the bend; shorter, and points that pass it meet a corner.
 ROUNDED = 1 / 8
 
+#: Distance over the largest coordinate at which two points may be one: coordinates that were turned
+#: and moved are wrong by a few halves of their last digit.
+SAME_PLACE = 8 * 2.0**-52
+
 
 @with_known_keywords()
 @dataclass(frozen=True, eq=False, init=False)
@@ -192,10 +196,11 @@ def _check_edges(points: Array, closed: bool, label: str) -> None:
             f"{len(short)} edges of {label!r} have no length, the first from point {short[0]} at "
             f"{written(points[short[0]])}; leave out points that are given twice"
         )
-    i, j = _near_edges(start, end)
+    touching = SAME_PLACE * float(np.abs(points).max())
+    i, j = _near_edges(start, end, touching)
     apart = (j - i > 1) & ~(closed & (i == 0) & (j == len(start) - 1))
     i, j = i[apart], j[apart]
-    crossing = np.flatnonzero(_cross(start[i], end[i], start[j], end[j]))
+    crossing = np.flatnonzero(_cross(start[i], end[i], start[j], end[j], touching))
     if len(crossing):
         k = crossing[0]
         raise InputError(
@@ -203,7 +208,7 @@ def _check_edges(points: Array, closed: bool, label: str) -> None:
             f"one from point {j[k]} at {written(start[j[k]])}; an outline has one inside. List the "
             "points in their order along it."
         )
-    back = _turned_back(start, end, closed)
+    back = _turned_back(start, end, closed, touching)
     if len(back):
         raise InputError(
             f"{label!r} goes back on itself at point {back[0]} at {written(points[back[0]])}: there it "
@@ -211,9 +216,9 @@ def _check_edges(points: Array, closed: bool, label: str) -> None:
         )
 
 
-def _near_edges(start: Array, end: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _near_edges(start: Array, end: Array, touching: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pairs of edges whose circles meet, each once, the smaller number first."""
-    radius = 0.5 * np.linalg.norm(end - start, axis=1)
+    radius = 0.5 * np.linalg.norm(end - start, axis=1) + touching
     middle = 0.5 * (start + end)
     # long edges are asked one by one: their circle is no guide for the short ones
     tree = Tree(middle)
@@ -224,27 +229,34 @@ def _near_edges(start: Array, end: Array) -> tuple[NDArray[np.intp], NDArray[np.
     return i[near], j[near]
 
 
-def _cross(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:
-    """Whether the edges from a to b and from c to d have a point in common, shape (p,)."""
+def _cross(a: Array, b: Array, c: Array, d: Array, touching: float) -> NDArray[np.bool_]:
+    """Whether the edges from a to b and from c to d have a point in common, shape (p,).
+
+    Points that are known to `touching` [length] only are on a line that they are no farther off.
+    """
 
     def side(p: Array, q: Array, r: Array) -> Array:
-        return np.sign(
-            (q[:, 0] - p[:, 0]) * (r[:, 1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (r[:, 0] - p[:, 0])
-        )
+        along, to = q - p, r - p
+        across = along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0]
+        unsure = touching * (np.linalg.norm(along, axis=1) + np.linalg.norm(to, axis=1))
+        return np.where(np.abs(across) > unsure, np.sign(across), 0.0)
 
-    boxes = np.all(
-        (np.minimum(a, b) <= np.maximum(c, d)) & (np.minimum(c, d) <= np.maximum(a, b)), axis=1
-    )
+    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    boxes = np.all(low <= high + touching, axis=1)
     apart = side(a, b, c) * side(a, b, d) > 0
     return np.asarray(boxes & ~apart & ~(side(c, d, a) * side(c, d, b) > 0))
 
 
-def _turned_back(start: Array, end: Array, closed: bool) -> NDArray[np.intp]:
+def _turned_back(start: Array, end: Array, closed: bool, touching: float) -> NDArray[np.intp]:
     """Points at which an edge returns along the one before."""
-    along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
+    length = np.linalg.norm(end - start, axis=1)
+    along = (end - start) / length[:, None]
     before = np.roll(along, 1, axis=0)
     across = before[:, 0] * along[:, 1] - before[:, 1] * along[:, 0]
-    back = (np.abs(across) <= COMPUTED) & (np.einsum("ed,ed->e", before, along) < 0)
+    # ends that are known to `touching` say so much less of the direction of a short edge
+    unsure = touching * (1 / length + 1 / np.roll(length, 1))
+    back = (np.abs(across) <= COMPUTED + unsure) & (np.einsum("ed,ed->e", before, along) < 0)
     back[0] &= closed
     return np.flatnonzero(back)
 
