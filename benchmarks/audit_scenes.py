@@ -416,7 +416,6 @@ ROWS = (
             "conditions/geometry:mismatch",
             "conditions/geometry:_offset",
             "history/stepping:_travelled",
-            "linalg/krylov:next",
         ),
         moving,
     ),

@@ -168,10 +168,10 @@ def _on_symmetry(
     facet, edge, both = facet[some], edge[some], both[some]
     plane = points[ends[some]].mean(axis=1)
     # where the facet's own normal is that of a sphere through its corners, and the corners beyond
-    own, near = middle[facet], np.abs(_centres(points[corners[facet]], kind) - plane)
+    own, near = middle[facet], _centres(points[corners[facet]], kind) - plane
     inner = (edge[:, None] + np.arange(kind.dim, c)) % c
     there = averaged[facet[:, None], inner].mean(axis=1)
-    far = np.abs(points[corners[facet[:, None], inner]].mean(axis=1) - plane)
+    far = points[corners[facet[:, None], inner]].mean(axis=1) - plane
     with np.errstate(divide="ignore", invalid="ignore"):
         fades = np.abs(own - there * near / far) < FADES * np.abs(own - there)
     mirrored[facet, edge] = both & fades

@@ -30,6 +30,7 @@ from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
+from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.lemke import lemke_guess
@@ -216,7 +217,7 @@ def admissible(guess: Guess, step: Step) -> Guess:
     return Guess(status, direction, *forces, guess.slip, guess.pivoted, guess.reach, near=guess.near)
 
 
-def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome]:
+def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome | None]:
     """Starting values from a chain of easier problems, and how the last of them ended.
 
     Parameters
@@ -229,8 +230,12 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
     """
     softness, eased = SOFTEST, EASED
     trace: list[Record] = []
+    found = None
     while len(trace) < MOST_IN_SERIES and TOO_STIFF < softness < TOO_SOFT:
-        found = drive(newton, _in_series(step, softness, guess), guess, tolerance, IN_SERIES)
+        try:
+            found = drive(newton, _in_series(step, softness, guess), guess, tolerance, IN_SERIES)
+        except SingularMatrix:  # beside a law of 1e12 times their stiffness springs are round-off
+            break
         trace += [replace(record, note="springs in series") for record in found.trace]
         if not found.converged:
             softness, eased = softness * SOFTENED, EASED_AFTER
@@ -243,6 +248,8 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
                 guess, found = _of_least_pressure(step, found, tolerance, trace)
                 return guess, replace(found, trace=tuple(trace))
         softness /= eased
+    if found is None:
+        return guess, None
     return guess, replace(found, trace=tuple(trace), converged=False, free=None)
 
 
@@ -333,7 +340,7 @@ def from_regularised(step: Step, guess: Guess, tolerance: float) -> tuple[Guess,
         rule = FrictionRule(laws, step.friction.area, step.last.reference)
         steep = replace(step, friction=rule)
         found, outcome = proximal(steep, guess, tolerance)
-        if not outcome.converged:
+        if outcome is None or not outcome.converged:
             break
         guess, status, there = found, outcome.iterate.status, outcome.iterate.response
         full = step.friction.bound(there.normal_force, there.slip)

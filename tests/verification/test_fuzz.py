@@ -202,3 +202,10 @@ def test_a_spring_of_friction_that_is_far_stiffer_than_the_bodies(power):
     for kind, words in judge(choice):
         assert kind == "right"
         assert float(re.search(r"residual (\S+),", words)[1]) < 1e-9  # forces of 1e-5 of the stiffness
+
+
+def test_springs_that_are_round_off_beside_a_stiff_law():
+    """G of 1e14 times the softer body: the proximal point is no way on, and is left."""
+    steps = StepChoice(0, 3.0, 1.0, 0.015625), StepChoice(0, 1.0, 1.0)
+    choice = Choice(26078, 4.0, 3, False, (100.0, 1e-4), 1e8, {}, "node", "newton", "auto", 0, steps)
+    assert not {kind for kind, _ in judge(choice)} & {"wrong", "crashed"}
