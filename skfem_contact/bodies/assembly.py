@@ -4,7 +4,7 @@ A form that is bilinear in the gradients of u and v, with coefficients that are 
 
     ``a(u, v) = ∫ A_cjek ∂_j v_c ∂_k u_e``,
 
-is known by its tensor A, and elasticity is of this kind. Calling the form once, with unit gradients,
+is known by its tensor A, and elasticity is of this kind. Calling the form with unit gradients
 gives A. The stiffness is then a sum of matrices that depend on the mesh alone,
 
     ``K_(ac)(be) = A_cjek L^jk_ab``,     ``L^jk_ab = ∫ ∂_j N_a ∂_k N_b``,

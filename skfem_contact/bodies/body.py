@@ -92,7 +92,7 @@ class Body(Meshed):
         What `K` was assembled from, where it was one; the error estimate measures energy by it.
     by_skfem : str
         Why scikit-fem assembled the form, function by function: it uses more than the gradients of
-        u and v. Empty for other forms, whose stiffness is known from one call of the form.
+        u and v. Empty for other forms, whose stiffness is known from two calls of the form.
 
     Raises
     ------

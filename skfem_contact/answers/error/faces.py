@@ -11,8 +11,7 @@ As on curves (`surface`), with what neighbours tell in the tangent plane.
 * *Scatter*: that misfit taken once and twice more, which leaves what jumps from node to node.
 
 Second-order faces are cut into linear ones where contact, stick and the surface end. Elsewhere they
-have one part in place of the second and the last: what their nodal values are off smooth ones, see
-`second_order`.
+have one part in place of the second and the last: what their nodal values are off smooth ones.
 
 Multipliers of second-order faces scatter between corners and middles of edges, by some percent where
 both sides are curved. What a face makes of it depends on its shape functions: serendipity ones have the
