@@ -33,6 +33,7 @@ from skfem.element import DiscreteField
 from skfem_contact.bodies.quadrature import (
     chunks,
     parts,
+    point_volumes,
     scalar_element,
     shape_gradients,
     some_elements,
@@ -292,7 +293,7 @@ def _gradient_products(basis: Any, place: Index, count: int) -> Array:
     # gradients, weighted ones and the Jacobian's inverse; products, their transpose and places
     for elements in chunks(basis, 8 * (3 * d * k * basis.X.shape[1] + 4 * k * k)):
         G = shape_gradients(basis, elements)
-        dx = np.abs(basis.mapping.detDF(basis.X, elements)) * basis.W
+        dx = point_volumes(basis, elements)
         weighted = G * dx[:, None, None]
         where = place[begin : begin + len(G)].ravel()
         begin += len(G)

@@ -88,7 +88,7 @@ class DeferredBasis(CellBasis):
     @cached_property
     def dx(self) -> Array:
         """Determinant times weight at the points of integration, as in `skfem.CellBasis`."""
-        return np.asarray(np.abs(self.mapping.detDF(self.X, tind=self.tind)) * self.W)
+        return point_volumes(self, self.tind)
 
     def __getstate__(self) -> dict[str, Any]:
         # a copy in another process evaluates them again, if it needs them
@@ -189,8 +189,27 @@ def with_points(basis: Any) -> Any:
     return DeferredBasis(basis.mesh, basis.elem, mapping=basis.mapping, dofs=basis.dofs)
 
 
+def point_volumes(basis: Any, elements: Index | None) -> Array:
+    """Return what the points of integration of elements stand for, shape (e, q) [length^d]."""
+    return np.asarray(np.abs(basis.mapping.detDF(basis.X, elements)) * basis.W)
+
+
+def element_values(basis: Any, u: Array, elements: Index | None) -> Array:
+    """Return a vector field by shape functions, components and elements, shape (k, d, e)."""
+    dofs = basis.dofs.element_dofs if elements is None else basis.dofs.element_dofs[:, elements]
+    return u[dofs].reshape(-1, basis.mesh.dim(), dofs.shape[1])
+
+
+def hoop_strain(basis: Any, u: Array, elements: Index | None) -> Array:
+    """Return the strain u / r of an axisymmetric body at points of integration, shape (e, q)."""
+    radial, element = element_values(basis, u, elements)[:, 0], scalar_element(basis.elem)
+    values = np.stack([element.lbasis(basis.X, i)[0] for i in range(len(radial))])
+    r = basis.mapping.F(basis.X, elements)[0]
+    return np.asarray(radial.T @ values / np.maximum(r, np.finfo(float).tiny))
+
+
 def volume(basis: Any) -> float:
     """Return the volume of the elements of a basis [length^d]."""
     basis = with_points(basis)
     some = chunks(basis, 8 * basis.X.shape[1])
-    return float(sum(np.sum(np.abs(basis.mapping.detDF(basis.X, part)) @ basis.W) for part in some))
+    return float(sum(point_volumes(basis, part).sum() for part in some))

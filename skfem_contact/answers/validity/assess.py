@@ -143,7 +143,7 @@ class Assessment:
 
     @_once
     def locked(self, name: str) -> float:
-        """Share of a body's energy that neighbouring elements take back; see `strain`."""
+        """Share of a body's energy that neighbouring elements take back; see `locking`."""
         return locked_share(self.solids[name], self.result.displacement(name))
 
     @_once

@@ -37,6 +37,9 @@ from skfem_contact.answers.thresholds import ALTERNATING, LOCKED, STIFF_BULK
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.quadrature import (
     chunks,
+    element_values,
+    hoop_strain,
+    point_volumes,
     scalar_element,
     shape_gradients,
     with_points,
@@ -84,7 +87,7 @@ def locked_share(body: Body, u: Array) -> float:
     if known is None or not energy > 0:
         return 0.0
     found = [
-        (*_strain(body, basis, u, elements), np.abs(basis.mapping.detDF(basis.X, elements)) * basis.W)
+        (*_strain(body, basis, u, elements), point_volumes(basis, elements))
         for elements in chunks(basis, 8 * body.dim * basis.Nbfun * basis.X.shape[1])
     ]
     # in all elements at once: patches go over the parts
@@ -111,10 +114,7 @@ def _shear_taken(body: Body, basis: Any, u: Array) -> float:
     mesh, d = basis.mesh, body.dim
     numbers = np.arange(mesh.nelements) if basis.tind is None else np.asarray(basis.tind)
     parts = chunks(basis, 8 * d * d * basis.Nbfun * basis.X.shape[1])
-    found = [
-        (_gradient(body, basis, u, some), np.abs(basis.mapping.detDF(basis.X, some)) * basis.W)
-        for some in parts
-    ]
+    found = [(_gradient(basis, u, some), point_volumes(basis, some)) for some in parts]
     slope, dx = (np.concatenate(part, axis=-2) for part in zip(*found, strict=True))
     strain = 0.5 * (slope + np.swapaxes(slope, 0, 1))
     strain -= np.eye(d)[:, :, None, None] * np.trace(strain) / d
@@ -141,10 +141,9 @@ def _averaged(mesh: Any, numbers: Any, basis: Any, values: Array, dx: Array) -> 
     return np.asarray(mean[corners].T @ shapes)
 
 
-def _gradient(body: Body, basis: Any, u: Array, elements: Any) -> Array:
+def _gradient(basis: Any, u: Array, elements: Any) -> Array:
     """Derivatives of the displacement at the points of integration of some elements, (d, d, e, q)."""
-    dofs = basis.dofs.element_dofs if elements is None else basis.dofs.element_dofs[:, elements]
-    moved = u[dofs].reshape(-1, body.dim, dofs.shape[1])  # (functions, components, elements)
+    moved = element_values(basis, u, elements)
     return np.einsum("kce,ejkq->cjeq", moved, shape_gradients(basis, elements), optimize=True)
 
 
@@ -154,13 +153,10 @@ def _strain(body: Body, basis: Any, u: Array, elements: Any) -> tuple[Array, Arr
     The energy is the integral of the bulk modulus times the square of the first, and of twice the
     shear modulus times the other.
     """
-    d, slope = body.dim, _gradient(body, basis, u, elements)
+    d, slope = body.dim, _gradient(basis, u, elements)
     strain = 0.5 * (slope + np.swapaxes(slope, 0, 1))
     theta, square = np.trace(strain), np.einsum("cjeq,cjeq->eq", strain, strain)
     if body.axisymmetric:
-        x, element = basis.mapping.F(basis.X, elements)[0], scalar_element(basis.elem)
-        dofs = basis.dofs.element_dofs if elements is None else basis.dofs.element_dofs[:, elements]
-        values = np.stack([element.lbasis(basis.X, i)[0] for i in range(len(dofs) // d)])
-        hoop = u[dofs[::d]].T @ values / np.maximum(x, np.finfo(float).tiny)
+        hoop = hoop_strain(basis, u, elements)
         theta, square = theta + hoop, square + hoop**2
     return np.asarray(theta), np.asarray(square - theta**2 / d)

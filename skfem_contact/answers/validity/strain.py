@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from skfem_contact.answers.thresholds import SECOND_ORDER
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.quadrature import (
-    DeferredBasis,
     chunks,
-    integrates,
-    scalar_element,
+    element_values,
+    hoop_strain,
+    point_volumes,
     shape_gradients,
+    with_points,
 )
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
@@ -49,9 +50,7 @@ def strains(body: Body, u: Array) -> tuple[float, float, float]:
         Root of the mean square over the body [rad].
     """
     square = cubed = turned = whole = largest = 0.0
-    basis = body.basis
-    if not integrates(basis):  # it has the numbering alone
-        basis = DeferredBasis(basis.mesh, basis.elem, mapping=basis.mapping, dofs=basis.dofs)
+    basis = with_points(body.basis)
     for elements in chunks(basis, 8 * basis.Nbfun * basis.X.shape[1]):
         size, turn, volume = _strained(body, basis, u, elements)
         square += float(np.sum(size**2 * volume))
@@ -64,14 +63,13 @@ def strains(body: Body, u: Array) -> tuple[float, float, float]:
 
 def _strained(body: Body, basis: Any, u: Array, elements: Any) -> tuple[Array, Array, Array]:
     """Largest principal strain, squared rotation and volume at the points of some elements, (e, q)."""
-    d, X = body.dim, basis.X
-    dofs = basis.dofs.element_dofs if elements is None else basis.dofs.element_dofs[:, elements]
-    moved = u[dofs].reshape(-1, d, dofs.shape[1])  # (functions, components, elements)
+    d = body.dim
+    moved = element_values(basis, u, elements)
     # (e, c, k) @ (e, k, q) for each coordinate j: derivatives by j of component c
     G = shape_gradients(basis, elements)
     moved_by = np.ascontiguousarray(np.moveaxis(moved, 2, 0).swapaxes(1, 2))
     gradient = np.stack([moved_by @ G[:, j] for j in range(d)], axis=2)  # (e, c, j, q)
-    volume = np.abs(basis.mapping.detDF(X, elements)) * basis.W
+    volume = point_volumes(basis, elements)
     if d == 3:
         G = np.moveaxis(gradient, 3, 1)
         other = np.swapaxes(G, 2, 3)
@@ -82,10 +80,8 @@ def _strained(body: Body, basis: Any, u: Array, elements: Any) -> tuple[Array, A
     middle, radius = 0.5 * (a + e), np.sqrt(0.25 * (a - e) ** 2 + 0.25 * (b + c) ** 2)
     size = np.abs(middle) + radius
     if body.axisymmetric:
-        x = basis.mapping.F(X, elements)[0]
-        values = np.stack([scalar_element(basis.elem).lbasis(X, i)[0] for i in range(len(moved))])
-        hoop = moved[:, 0].T @ values / np.maximum(x, np.finfo(float).tiny)
-        size, volume = np.maximum(size, np.abs(hoop)), volume * x
+        r = basis.mapping.F(basis.X, elements)[0]
+        size, volume = np.maximum(size, np.abs(hoop_strain(basis, u, elements))), volume * r
     return size, 0.25 * (c - b) ** 2, volume
 
 
