@@ -19,7 +19,8 @@ The packages stand in the order of the theory, and each imports only from those 
 * `loops`: the nonlinear iterations;
 * `answers`: results, their certificate, validity and error;
 * `history`: load steps and the solver;
-* `output`: pictures and files.
+* `output`: pictures and files;
+* `petsc`: linear solvers over MPI ranks, which nothing else knows of.
 
 All of them use `errors`, `arguments` and `arrays` (checks of what users pass), `digits` (what is zero),
 `sealed` (arrays that do not change), `carried` (functions in files and processes), `once` (what threads
@@ -74,13 +75,13 @@ from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSpher
 from skfem_contact.obstacles.triangles import RigidSurface
 
 if TYPE_CHECKING:
-    from skfem_contact.linalg.distributed.petsc import PETSc
     from skfem_contact.output.plot_bodies import plot_deformed
     from skfem_contact.output.plot_contacts import plot_contact
     from skfem_contact.output.plot_histories import plot_force, plot_history
     from skfem_contact.output.scene import scene
     from skfem_contact.output.stress import nodal_stress, von_mises
     from skfem_contact.output.vtk import write, write_series
+    from skfem_contact.petsc.backend import PETSc
 
 __all__ = [
     "AMG",
@@ -146,7 +147,7 @@ __version__ = "0.2.0"
 
 #: Where the names stand that are imported when they are first asked for.
 _LATER = {
-    "PETSc": "linalg.distributed.petsc",
+    "PETSc": "petsc.backend",
     "nodal_stress": "output.stress",
     "plot_contact": "output.plot_contacts",
     "plot_deformed": "output.plot_bodies",

@@ -27,10 +27,8 @@ from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.history import stepper
-from skfem_contact.linalg.distributed.ranks import ranks
-from skfem_contact.linalg.distributed.reduction import _order, reduced
-from skfem_contact.linalg.distributed.stack import csr_of
-from skfem_contact.linalg.distributed.stacked import StackedStiffness
+from skfem_contact.petsc.ranks import csr_of, ranks
+from skfem_contact.petsc.stacked import StackedStiffness, _order
 
 
 def own_rows(own: Any, given: tuple[int], parts: list[Any]) -> list[Any]:
@@ -61,7 +59,7 @@ def eliminated(linear: Any, K: StackedStiffness, A: csr_matrix, unlike: bool) ->
     trial = test = sc.eliminate(C, rng.standard_normal(5), D, x)
     if unlike:
         test = sc.eliminate(C[:, rng.permutation(n)], np.zeros(5), D)
-    K_r, f_r = reduced(K, trial, f, test)
+    K_r, f_r = K.reduced(trial, f, test)
     expected, load = trial.reduce(A, f, test=test)
     key = K_r.factorize(linear._settings(not unlike, K_r.layout.block))
     parts, layout = ranks().together(own_rows, (key,)), K_r.layout

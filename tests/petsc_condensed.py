@@ -28,8 +28,8 @@ from scipy.sparse import csr_matrix, diags
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.linalg.distributed import body_share
-from skfem_contact.linalg.distributed.ranks import Ranks, ranks
+from skfem_contact.petsc import body_share
+from skfem_contact.petsc.ranks import Ranks, ranks
 
 SPARSE = sc.Options(max_dense_bytes=0)  # contact is iterated
 

@@ -23,8 +23,9 @@ from numpy.testing import assert_allclose
 from test_linear import body, modes_of
 
 import skfem_contact as sc
-from skfem_contact.linalg.distributed import database, ranks
-from skfem_contact.linalg.distributed.layout import Layout, bisected, directions, together
+from skfem_contact.petsc import ranks
+from skfem_contact.petsc import share as database
+from skfem_contact.petsc.layout import Layout, bisected, directions, together
 
 MISSING = [name for name in ("petsc4py", "mpi4py") if find_spec(name) is None]
 MISSING += [] if shutil.which("mpirun") else ["mpirun"]

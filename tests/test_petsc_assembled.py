@@ -28,12 +28,10 @@ from test_petsc import ALL, FEW, assert_said, assert_serial, mpirun, needs_petsc
 
 import skfem_contact as sc
 from skfem_contact.answers.validity.strain import strains
-from skfem_contact.linalg.distributed import assembly
-from skfem_contact.linalg.distributed.layout import directions
-from skfem_contact.linalg.distributed.ranks import Ranks
-from skfem_contact.linalg.distributed.reduction import _order, reduced
-from skfem_contact.linalg.distributed.stack import orthonormal
-from skfem_contact.linalg.distributed.stacked import StackedStiffness
+from skfem_contact.petsc import assembly
+from skfem_contact.petsc.layout import directions, orthonormal
+from skfem_contact.petsc.ranks import Ranks
+from skfem_contact.petsc.stacked import StackedStiffness, _order
 
 SCRIPT = Path(petsc_assembled.__file__)
 
@@ -185,7 +183,7 @@ def test_the_reduced_matrix_is_that_of_the_whole_one(alone: Ranks, unlike: bool)
     trial = test = sc.eliminate(C, rng.standard_normal(4), lower.D, rng.standard_normal(n))
     if unlike:
         test = sc.eliminate(C[:, rng.permutation(n)], np.zeros(4), lower.D)
-    K_r, f_r = reduced(stack, trial, f, test)
+    K_r, f_r = stack.reduced(trial, f, test)
     expected, load = trial.reduce(A + B.T @ B, f, test=test)
     held = alone.held[stack.key]
     ((core, there, *change),) = K_r._pieces()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -62,6 +64,27 @@ def test_packages_import_only_from_those_above(package):
     for name in MODULES:
         if name.split(".")[0] == package:
             assert {other.split(".")[0] for other in imports(name)} <= above, name
+
+
+def test_nothing_imports_the_solvers_over_ranks():
+    """PETSc plugs in as a backend: neither does a module name it, nor does a solve load it."""
+    users = {name: imports(name) for name in MODULES if not name.startswith("petsc.")}
+    assert [name for name, used in users.items() if any(m.startswith("petsc.") for m in used)] == []
+    program = """
+import sys
+import skfem as fem
+import skfem_contact as sc
+from skfem.models.elasticity import linear_elasticity
+
+mesh = fem.MeshQuad().refined(2).with_defaults()
+basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.0, -0.01)}, name="block")
+foot = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)))
+print(sc.ContactSolver(block, foot).solve().certificate.worst < 1e-9)
+print([name for name in sys.modules if name.startswith(("skfem_contact.petsc", "petsc4py", "mpi4py"))])
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[:2] == ["True", "[]"]
 
 
 @pytest.mark.parametrize("name", COMMON)

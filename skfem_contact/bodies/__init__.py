@@ -5,7 +5,7 @@
 * `boundaries`: tractions and displacements by the names of boundaries;
 * `member`, `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked
   of them; `stiffness`, `moduli`, `rigid_modes`, `pieces` of a mesh;
-* `distributed`: a stiffness held rank by rank;
+* `remote`: a stiffness that is held elsewhere, by a backend over several processes;
 * `surface`: a boundary as contact sees it; `nodes`: its nodes; `bare`: one without a body;
 * `facet_kinds`: the shape functions of facets; `facets`: their corners, and what lies across edges;
 * `areas`, `normal_field`, `kinks`: areas, averaged normals, and where a surface turns;

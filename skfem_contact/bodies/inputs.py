@@ -15,8 +15,8 @@ from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 from skfem_contact.arguments import shown, suggest
 from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
 from skfem_contact.bodies.assembly import Assembled, assembled
-from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
+from skfem_contact.bodies.remote import RemoteStiffness
 from skfem_contact.bodies.thresholds import SYMMETRIC, UNSYMMETRIC
 from skfem_contact.errors import InputError, warn
 from skfem_contact.sealed import sealed_matrix
@@ -149,7 +149,7 @@ def assembled_stiffness(K: Any, basis: Any, whose: str) -> tuple[Any, Assembled 
 
 def _checked(K: Any, basis: Any, whose: str, own: bool = False, symmetric: bool = False) -> Any:
     """Return a checked stiffness; a copy, unless the matrix is our `own`."""
-    if isinstance(K, DistributedStiffness):  # checked where it was assembled
+    if isinstance(K, RemoteStiffness):  # checked where it was assembled
         if K.shape != (basis.N, basis.N):
             raise InputError(
                 f"K of {whose} has shape {K.shape}, its basis has {basis.N} DOFs; K belongs to "

@@ -13,10 +13,10 @@ from scipy.sparse import block_diag, csr_matrix, diags
 from skfem_contact import arguments
 from skfem_contact.arguments import suggest
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.distributed import check_whole
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.bodies.linearizable import Linearizable
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.remote import check_whole
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import sealed, sealed_matrix
 
@@ -65,7 +65,7 @@ class System:
     def K(self) -> csr_matrix:
         """Block diagonal stiffness, shape (n, n) [force/length]."""
         stiffness = self.linearize()[0]
-        check_whole(stiffness, "System.K")
+        check_whole(stiffness, "System.K needs all of it")
         return sealed_matrix(csr32(block_diag(stiffness, format="csr")))
 
     @cached_property

@@ -2,7 +2,6 @@
 
 * `backend`: the interface of a solver, and what contact needs of a factorised body;
 * `direct`, `amg`: the ones that come with the library;
-* `distributed`: linear problems over MPI ranks, by PETSc;
 * `multifrontal`: Cholesky factorisation that leaves a Schur complement;
 * `dense_factors`: factors of dense matrices, the one place that calls LAPACK for them, matrices changed
   in place, and least squares with a bound;

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.distributed import DistributedStiffness, refused
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.remote import RemoteStiffness, check_whole
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.errors import ContactError, InputError
 from skfem_contact.linalg.resources import single_threaded
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-class Stacked(DistributedStiffness):
+class Stacked(RemoteStiffness):
     """Block diagonal stiffness of all bodies, and sparse terms that one process has."""
 
     @abstractmethod
@@ -56,9 +56,8 @@ class Surface(Protocol):
 class BodyFactor(Protocol):
     """A stiffness K (n, n) of which all DOFs i but the kept ones c are eliminated.
 
-    There are two: `multifrontal.factor.MultifrontalCholesky` in one process, and
-    `distributed.condensation.DistributedFactor` over MPI ranks. A backend makes them
-    (`backend.Backend.condensed`).
+    A backend makes them (`backend.Backend.condensed`): in one process they are
+    `multifrontal.factor.MultifrontalCholesky`.
 
     Attributes
     ----------
@@ -180,11 +179,14 @@ class Backend:
         and not contact eliminated from all DOFs in every iteration.
     complements : int
         How many more matrices of the size of S the factors of `condensed` keep in this process.
+    distributed : bool
+        Whether it takes bodies whose stiffness is a `RemoteStiffness` of its own (`stacked`).
     """
 
     uses_modes = True
     condenses = False
     complements = 0
+    distributed = False
 
     def factorize(
         self,
@@ -226,8 +228,10 @@ class Backend:
         raise NotImplementedError
 
     def stacked(self, bodies: Sequence[Member], stiffness: Sequence[Any]) -> Stacked:
-        """The stiffness of all bodies, of which some were assembled rank by rank."""
-        raise refused(f"{type(self).__name__} needs all of it")
+        """The stiffness of all bodies, of which some are held elsewhere, by this backend."""
+        words = f"{type(self).__name__} needs all of it"
+        check_whole(stiffness, words)
+        raise InputError(words)
 
     def condensed(self, body: Member, K: Any, free: np.ndarray, keep: np.ndarray) -> BodyFactor:
         """Factors of one body, of which some DOFs are kept.
@@ -235,7 +239,7 @@ class Backend:
         Parameters
         ----------
         body : Member
-        K : csr_matrix or DistributedStiffness, shape (n, n)
+        K : csr_matrix or RemoteStiffness, shape (n, n)
             Its stiffness.
         free : ndarray of int, shape (n_f,)
             DOFs that are not prescribed, ascending: those that the factors are about.

@@ -5,7 +5,6 @@ owns everything computed from A and solves for as many right-hand sides as asked
 
 * `Direct`: multifrontal Cholesky, or SuperLU where that does not apply;
 * `amg.AMG`: conjugate gradients, preconditioned by smoothed aggregation (pyamg);
-* `distributed.petsc.PETSc`: the same and others over MPI ranks;
 * `Dense`: LAPACK, for the small systems on contact DOFs;
 * `FromSolver`: any solver ``x = solver(A, b)`` as ``skfem.solve`` takes it.
 

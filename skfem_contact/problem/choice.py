@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.distributed import DistributedStiffness, check_whole, refused
+from skfem_contact.bodies.remote import check_whole
 from skfem_contact.bodies.system import System
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.amg import AMG
@@ -37,11 +37,10 @@ def checked_linear(linear: Any) -> Any:
 
 
 def check_distributed(linear: Any, stiffness: Sequence[Any]) -> None:
-    """Refuse what can not solve with a stiffness that is held rank by rank."""
-    held = any(isinstance(K, DistributedStiffness) for K in stiffness)
-    if held and not getattr(linear, "distributed", False):
+    """Refuse what can not solve with a stiffness that is held elsewhere."""
+    if not getattr(linear, "distributed", False):
         given = repr(linear) if isinstance(linear, str) else type(linear).__name__
-        raise refused(f"linear = {given} needs it whole: give the PETSc() that assembled it")
+        check_whole(stiffness, f"linear = {given} needs it whole: give the PETSc() that assembled it")
 
 
 class Choice:
@@ -160,7 +159,7 @@ class Choice:
         return self._sizes(WholeBody if self.route == "iterated" else Substructure)
 
     def _sizes(self, kind: type[Substructure]) -> dict[str, FactorSize]:
-        check_whole(self.stiffness, "a factorisation, and its size,")
+        check_whole(self.stiffness, "a factorisation, and its size, needs all of it")
         out, wanted = {}, self._wanted()
         for body, name, K in zip(self.system.bodies, self.system.names, self.stiffness, strict=True):
             mine = wanted_of(body, self.system, wanted)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag as dense_block_diag
 from scipy.sparse import block_diag, csr_matrix, diags
 
-from skfem_contact.bodies.distributed import DistributedStiffness
+from skfem_contact.bodies.remote import RemoteStiffness
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
@@ -37,9 +37,9 @@ class FullSystem:
         self.backend = as_linear_solver(backend)
         self.points: Array | None = None
         self.modes: Array | None = None
-        if any(isinstance(K, DistributedStiffness) for K in stiffness):
+        if any(isinstance(K, RemoteStiffness) for K in stiffness):
             self.K = self.backend.stacked(system.bodies, stiffness)
-            return  # the ranks have places and motions of their rows
+            return  # who holds the rows has their places and motions
         self.K = csr_matrix(block_diag(stiffness))
         self.points = np.concatenate([body.dof_points for body in system.bodies])
         if self.backend.uses_modes:

@@ -15,29 +15,29 @@ from scipy.sparse import csr_matrix
 from skfem.assembly import CellBasis
 
 from skfem_contact.arguments import number, shown, with_known_keywords
-from skfem_contact.bodies.distributed import DistributedStiffness
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend, BodyFactor, Factorisation, by_column
 from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.distributed.assembly import assembled, collected, numbering
-from skfem_contact.linalg.distributed.condensation import DistributedFactor
-from skfem_contact.linalg.distributed.database import PREFIX
-from skfem_contact.linalg.distributed.layout import Layout, directions
-from skfem_contact.linalg.distributed.ranks import ranks
-from skfem_contact.linalg.distributed.record import LinearSolve, not_solved
-from skfem_contact.linalg.distributed.reduction import ReducedStiffness
-from skfem_contact.linalg.distributed.share import (
+from skfem_contact.linalg.singular import check_diagonal, check_eigenvalue, singular
+from skfem_contact.linalg.thresholds import ACCEPTED
+from skfem_contact.petsc.assembly import assembled, collected, numbering
+from skfem_contact.petsc.condensation import DistributedFactor
+from skfem_contact.petsc.layout import Layout, directions
+from skfem_contact.petsc.ranks import ranks
+from skfem_contact.petsc.share import (
     NOT_CONDENSING,
+    PREFIX,
+    LinearSolve,
     Settings,
     Solved,
     chosen_package,
     direct_package,
+    not_solved,
 )
-from skfem_contact.linalg.distributed.stacked import StackedStiffness
-from skfem_contact.linalg.singular import check_diagonal, check_eigenvalue, singular
-from skfem_contact.linalg.thresholds import ACCEPTED
+from skfem_contact.petsc.stacked import ReducedStiffness, StackedStiffness
+from skfem_contact.petsc.stiffness import DistributedStiffness
 
 logger = logging.getLogger("skfem_contact")
 

@@ -1,22 +1,31 @@
 """What one rank holds of a matrix, and how all ranks together solve with it.
 
-Every function here is called by all ranks at once.
+How a matrix is to be solved with (`Settings`, over PETSc's options, `Database`), the rows of one rank
+(`Share`, whose functions all ranks call at once), and how a solve went (`Solved`, `LinearSolve`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+import ctypes
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.linalg.distributed.database import PREFIX, Database
-from skfem_contact.linalg.distributed.thresholds import AGAIN, SURPLUS
+from skfem_contact.linalg.backend import LinearSolveError
 
 Array = NDArray[np.float64]
+
+# Of PETSc's options on the command line.
+PREFIX = "sc_"
+
+# The residual that conjugate gradients carry along drifts from the true one; an iteration is begun
+# again from where it ended so many times, asked for this part of what it has to gain.
+AGAIN, SURPLUS = 3, 0.5
 
 # Packages that do not condense bodies: SuperLU_DIST ended in a segmentation fault where such factors
 # were given back, on one rank and on two (PETSc 3.18).
@@ -34,6 +43,18 @@ DEFAULTS: dict[tuple[str, bool], dict[str, str]] = {
     },
     ("direct", True): {"ksp_type": "preonly", "pc_type": "cholesky"},
     ("direct", False): {"ksp_type": "preonly", "pc_type": "lu"},
+}
+
+# PETSc's KSPConvergedReason in words.
+REASONS = {
+    -3: "it did not end within max_iterations",
+    -4: "the residual grew without bound",
+    -5: "the iteration broke down",
+    -6: "the iteration broke down",
+    -8: "the preconditioner is not positive definite",
+    -9: "a number was not finite",
+    -10: "the matrix is not positive definite",
+    -11: "the preconditioner could not be set up",
 }
 
 
@@ -85,6 +106,60 @@ class Solved:
     residual: float
     reason: int
     local: float
+
+
+@dataclass(frozen=True)
+class LinearSolve:
+    """How one linear problem was solved.
+
+    Attributes
+    ----------
+    unknowns : int
+    method : str
+        Iteration and preconditioner as PETSc calls them, such as ``cg + gamg``.
+    iterations : int
+    residual : float
+        ``|b - A x| / |b|``, measured.
+    ranks : int
+    setup, seconds : float
+        Time of the preconditioner, of which the first of several solves has all, and of the solve [s].
+    memory : int
+        Matrices of all ranks together, those of multigrid or the factors included [bytes].
+    columns : int
+        Right-hand sides that were solved for together; residual and iterations are the largest.
+    """
+
+    unknowns: int
+    method: str
+    iterations: int
+    residual: float
+    ranks: int
+    setup: float
+    seconds: float
+    memory: int
+    columns: int = 1
+
+
+def not_solved(name: str, how: Solved, tol: float) -> LinearSolveError:
+    """The error of an iteration that ended above its tolerance."""
+    known = REASONS.get(how.reason, f"PETSc's reason is {how.reason}")
+    why = f"{known[0].upper()}{known[1:]}. " if how.reason < 0 else ""
+    if how.residual <= tol:
+        return LinearSolveError(
+            f"PETSc, {name}: the residual is {how.residual:.1e} of the load after {how.iterations} "
+            f"iterations, but moves single points by {how.local:.1e} of the largest displacement: "
+            "some bodies or springs are much softer than others. Try PETSc(method='direct').",
+            how.residual,
+            how.iterations,
+        )
+    return LinearSolveError(
+        f"PETSc, {name}: the residual is {how.residual:.1e} of the load after {how.iterations} "
+        f"iterations, above tol={tol:.1e}. {why}Usually a rigid motion is "
+        "left free, or springs are much stiffer than the bodies. Try PETSc(method='direct'), or a "
+        "larger tol or max_iterations.",
+        how.residual,
+        how.iterations,
+    )
 
 
 class Share:
@@ -271,3 +346,71 @@ def chosen_package(database: Database, options: Mapping[str, str]) -> str:
     name = "pc_factor_mat_solver_type"
     given = database.PETSc.Options().getAll().get(PREFIX + name, options.get(name))
     return given or direct_package(database.PETSc)
+
+
+def command_line() -> list[str]:
+    """What the command line says to PETSc: ``-sc_...`` and its values."""
+    given, ours = [sys.argv[0] if sys.argv else ""], False
+    for word in sys.argv[1:]:
+        if word.startswith("-") and not word[1:2].isdigit():
+            ours = word.lstrip("-").startswith(PREFIX)
+            word = "-" + word.lstrip("-") if ours else word
+        if ours:
+            given.append(word)
+    return given
+
+
+class Database:
+    """The database of this process.
+
+    Attributes
+    ----------
+    read : dict
+        Of each option that solves have added, without hyphen, whether PETSc has read it so far.
+    """
+
+    def __init__(self, PETSc: Any) -> None:
+        self.PETSc, self.options = PETSc, PETSc.Options()
+        self.read: dict[str, bool] = {}
+        # where the script has used petsc4py before, PETSc has not been told of the command line by us
+        present = self.options.getAll()
+        name = ""
+        for word in command_line()[1:]:
+            if word.startswith("-" + PREFIX):
+                name = word[1:]
+                if name not in present:
+                    self.options[name] = ""
+            elif name and name not in present:
+                self.options[name], name = word, ""
+
+    @contextmanager
+    def added(self, defaults: Mapping[str, str], options: Mapping[str, str]) -> Iterator[None]:
+        """With these, without prefix, as far as the command line does not say otherwise."""
+        given = self.options.getAll()  # the command line, and the variable PETSC_OPTIONS
+        own = {PREFIX + name: value for name, value in {**defaults, **options}.items()}
+        own = {name: value for name, value in own.items() if name not in given}
+        for name, value in own.items():
+            self.options[name] = value
+        try:
+            yield
+        finally:
+            for name in own:
+                if name.removeprefix(PREFIX) in options:
+                    self.read[name] = self.read.get(name, False) or self._has_read(name)
+                self.options.delValue(name)
+
+    def unread(self) -> list[str]:
+        """Options of ours that PETSc has never looked for."""
+        given = [name for name in self.options.getAll() if name.startswith(PREFIX)]
+        names = [name for name in given if not self._has_read(name)]
+        return sorted({*names, *(name for name, read in self.read.items() if not read)})
+
+    def _has_read(self, name: str) -> bool:
+        """petsc4py does not say so, PETSc does; what can not be asked counts as read."""
+        try:
+            ask = ctypes.CDLL(self.PETSc.__file__).PetscOptionsUsed
+        except (OSError, AttributeError):
+            return True
+        answer = (ctypes.c_int * 2)()
+        ask.argtypes = ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p
+        return bool(ask(None, name.encode(), answer)) or any(answer)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +18,13 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.distributed.thresholds import SAME_MOTION
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+# Diagonal entry of the triangular factor over the largest one below which a rigid motion follows from
+# the others on the DOFs that are left, and is no direction of its own for multigrid.
+SAME_MOTION = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,3 +188,23 @@ def directions(modes: Array) -> Array:
     modes = modes[:, length > 0] / length[length > 0]
     Q, R = np.linalg.qr(modes)
     return np.ascontiguousarray(Q[:, np.abs(R.diagonal()) > SAME_MOTION])
+
+
+def orthonormal(comm: Any, columns: Array) -> Array:
+    """Orthonormal columns with the same span, of vectors whose rows are on all ranks.
+
+    By Gram and Schmidt, each column twice.
+    """
+    kept: list[Array] = []
+    for column in columns.T:
+        length = np.sqrt(comm.allreduce(float(column @ column)))
+        if length == 0.0:
+            continue
+        column = column / length
+        for _ in range(2 if kept else 0):
+            shares = comm.allreduce(np.array([other @ column for other in kept]))
+            column = column - np.column_stack(kept) @ shares
+        length = np.sqrt(comm.allreduce(float(column @ column)))
+        if length > SAME_MOTION:
+            kept.append(column / length)
+    return np.ascontiguousarray(np.column_stack(kept)) if kept else np.zeros((len(columns), 0))

@@ -31,14 +31,6 @@ from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
 from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.dense_factors import mirror, symmetrise
-from skfem_contact.linalg.distributed.body_share import BodyShare
-from skfem_contact.linalg.distributed.layout import Layout
-from skfem_contact.linalg.distributed.ranks import Ranks
-from skfem_contact.linalg.distributed.record import LinearSolve, not_solved
-from skfem_contact.linalg.distributed.share import Settings, Solved
-from skfem_contact.linalg.distributed.stacked import StackedStiffness
-from skfem_contact.linalg.distributed.stiffness import RankedStiffness
-from skfem_contact.linalg.distributed.thresholds import COLUMNS_AT_ONCE
 from skfem_contact.linalg.singular import (
     NotPositiveDefinite,
     SingularMatrix,
@@ -46,6 +38,12 @@ from skfem_contact.linalg.singular import (
     smallest_eigenvalue,
 )
 from skfem_contact.linalg.thresholds import ACCEPTED, NEGLIGIBLE
+from skfem_contact.petsc.body_share import COLUMNS_AT_ONCE, BodyShare
+from skfem_contact.petsc.layout import Layout
+from skfem_contact.petsc.ranks import Ranks
+from skfem_contact.petsc.share import LinearSolve, Settings, Solved, not_solved
+from skfem_contact.petsc.stacked import StackedStiffness
+from skfem_contact.petsc.stiffness import RankedStiffness
 
 logger = logging.getLogger("skfem_contact")
 

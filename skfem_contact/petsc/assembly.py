@@ -24,16 +24,22 @@ from skfem.generic_utils import OrientedBoundary
 from skfem_contact.arrays import dof_numbers
 from skfem_contact.bodies.inputs import stiffness_of
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.distributed.layout import bisected
-from skfem_contact.linalg.distributed.ranks import Ranks
-from skfem_contact.linalg.distributed.rows import Rows
-from skfem_contact.linalg.distributed.stack import csr_of
-from skfem_contact.linalg.distributed.stiffness import RankedStiffness
-from skfem_contact.linalg.distributed.thresholds import ELEMENTS_AT_ONCE, SAME_SUM
+from skfem_contact.petsc.layout import bisected
+from skfem_contact.petsc.ranks import Ranks, csr_of
+from skfem_contact.petsc.stiffness import RankedStiffness, Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Contribution = tuple[Index, csr_matrix]
+
+# Elements of the pieces of a mesh that a rank assembles one after the other: scikit-fem takes some
+# 40 kB for a hexahedron of 8 nodes, so this is 80 MB, and a call takes milliseconds.
+ELEMENTS_AT_ONCE = 2000
+
+# Difference between the stiffness of some elements and the sum of those of each, over its largest
+# entry, above which the user's function is no sum over elements: round-off of sums of some ten entries
+# is 1e-15, and springs that are softer than this change no answer.
+SAME_SUM = 1e-10
 
 
 def numbering(mesh: Any, element: Any) -> CellBasis:

@@ -26,18 +26,23 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.errors import InputError, warn
 from skfem_contact.linalg.backend import LinearSolveError
-from skfem_contact.linalg.distributed.body_share import BodyShare
-from skfem_contact.linalg.distributed.database import Database, command_line
-from skfem_contact.linalg.distributed.share import Settings, Share, Solved
-from skfem_contact.linalg.distributed.thresholds import (
-    AT_ONCE,
-    LATER,
-    MISSED_AFTER,
-    PATIENT,
-    SOON,
-)
+from skfem_contact.petsc.body_share import BodyShare
+from skfem_contact.petsc.share import Database, Settings, Share, Solved, command_line
 
 Array = NDArray[np.float64]
+
+# Seconds between two looks for the next command, at first and after a while: a rank that waits takes
+# no core from the one that works. A linear problem that is worth distributing takes 1000 times as long.
+SOON, LATER = 5e-4, 1e-2
+
+# Looks for a command after which a rank looks less often: one second.
+PATIENT = 2000
+
+# Seconds after which rank 0 says that it waits for ranks that have not come to `PETSc()`.
+MISSED_AFTER = 60.0
+
+# Array entries that are sent in one message, whose length MPI counts in 32 bits.
+AT_ONCE = 2**28
 
 INSTALL = (
     "PETSc() needs petsc4py and mpi4py, which Python does not find ({error}). On Debian and Ubuntu: "
@@ -109,7 +114,7 @@ class Ranks:
         self.rank, self.size = int(comm.rank), int(comm.size)
         self.one = threading.RLock()  # of several threads of the script one at a time has all ranks
         self.shares: dict[int, Share] = {}
-        self.held: dict[int, Any] = {}  # rows of stiffness, see `rows` and `stack`
+        self.held: dict[int, Any] = {}  # rows of stiffness, see `stiffness` and `stacked`
         self._count, self._dropped, self._stopped = 0, [], False  # type: int, list[int], bool
 
     @cached_property
@@ -347,3 +352,9 @@ def _plain(array: Any) -> Any:
 def _pieces(array: Any) -> Iterator[Any]:
     flat = array.reshape(-1)
     return (flat[first : first + AT_ONCE] for first in range(0, len(flat), AT_ONCE))
+
+
+def csr_of(parts: list[Array], shape: tuple[int, int]) -> csr_matrix:
+    """A matrix from its arrays ``indptr``, ``indices`` and ``data``, as they are sent."""
+    indptr, indices, data = parts
+    return csr_matrix((data, indices, indptr), shape=shape)

@@ -1,0 +1,14 @@
+"""Linear problems distributed over MPI ranks, solved by PETSc.
+
+Nothing else imports it; it plugs in as a backend (skfem_contact/linalg/backend.py), and bodies have its
+stiffness as one that is held elsewhere (skfem_contact/bodies/remote.py).
+
+* `backend`: what users choose, ``sc.PETSc``;
+* `ranks`: rank 0 runs the script, the others serve it;
+* `layout`: which rows each rank holds;
+* `assembly`: bodies assembled rank by rank, of pieces of their meshes; `stiffness`: the rows of one;
+* `stacked`: the rows of all bodies, and their ``V'KT``;
+* `share`: what one rank holds of a matrix, and how all ranks together solve with it, with which
+  options; `body_share`: the same of a body that is condensed;
+* `condensation`: a body condensed over all ranks.
+"""
