@@ -19,8 +19,7 @@ import skfem_contact as sc
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind, kind_of
 from skfem_contact.bodies.inputs import SUPPORTED
 from skfem_contact.errors import InputError
-from skfem_contact.output.grids import contact_grid
-from skfem_contact.output.vtu import vtk_numbers
+from skfem_contact.output.grids import contact_grid, vtk_numbers
 
 TET = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3), (0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)]
 TRI = [(0, 1), (1, 2), (0, 2), (0, 1, 2)]

@@ -17,7 +17,7 @@ from quick_elasticity import linear_elasticity
 from skfem.models.poisson import laplace
 
 import skfem_contact as sc
-from skfem_contact.output.nodes import body_cells, body_nodes
+from skfem_contact.output.fields import body_cells, body_nodes
 
 ELEMENTS = {
     "triangle": (fem.MeshTri, fem.ElementTriP1),

@@ -198,7 +198,7 @@ def test_files_of_solids(kind: str, tmp_path: Any) -> None:
 
 def test_obstacles_end_at_the_sides_of_the_picture() -> None:
     """Their triangles are cut there: what is left of a plane is all of it in the box, and no more."""
-    from skfem_contact.output.draw_tools import _inside
+    from skfem_contact.output.drawing import _inside
 
     low, high = np.array([0.0, 0.0, -1.0]), np.array([2.0, 1.0, 1.0])
     corners = np.array([[-9, -9, 0.1], [9, -9, 0.1], [9, 9, 0.1], [-9, 9, 0.1]])

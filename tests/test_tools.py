@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from quick_elasticity import linear_elasticity
 import skfem_contact as sc
 from skfem_contact.conditions.loads import Motion
 from skfem_contact.obstacles.motion import read_motion
-from skfem_contact.output.tools import Tool, tools
+from skfem_contact.output.tools import Tool, outline, tools
 
 LOW, HIGH = np.array([-1.0, -1.0, -1.0]), np.array([1.0, 1.0, 1.0])
 WEDGE = [(0, 0), (1, 2), (-1, 2)]
@@ -122,6 +123,21 @@ def test_rigid_bodies_are_where_their_degrees_of_freedom_say() -> None:
     assert (first.name, second.name) == ("roller", "wall") and first.contacts == (0,)
     assert_allclose(first.motion.translation, result.motion("roller")[0])
     assert second.motion.translation.tolist() == [0.0, 0.0]
+
+
+def test_lines_of_functions_are_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By contourpy each begins where the last ends; without it they are the same in any order."""
+    pytest.importorskip("contourpy")
+    circle = sc.LevelSet(lambda x: np.linalg.norm(x, axis=0) - 0.7)
+    box = np.full(2, -1.0), np.ones(2)
+    points, lines = outline(circle, *box)
+    assert np.all(lines[1:, 0] == lines[:-1, 1])
+    monkeypatch.setitem(sys.modules, "contourpy", None)
+    same, others = outline(circle, *box)
+    for x, pairs in ((points, lines), (same, others)):
+        a, b = np.swapaxes(x[pairs], 0, 1)
+        assert np.linalg.norm(b - a, axis=1).sum() == pytest.approx(1.4 * np.pi, rel=1e-4)
+        assert np.all(a[:, 0] * b[:, 1] > a[:, 1] * b[:, 0])  # the solid on the left
 
 
 def test_functions_without_values_somewhere_are_drawn_where_they_have_some() -> None:

@@ -1,11 +1,9 @@
 """Pictures, files and stresses.
 
-* `nodes`: nodes and cells of bodies; `projection`, `stress`: derivatives and stresses at the nodes;
-* `units`, `wanted`: words and fields that users ask for;
-* `marching`, `tools`: rigid obstacles as lines and triangles;
-* `vtu`, `grids`, `vtk`: files for ParaView;
-* `view`, `drawing`, `draw_tools`: what stands where in a picture;
+* `stress`: stresses at the nodes; `fields`: fields over the nodes, and units;
+* `tools`: rigid obstacles as lines and triangles;
+* `grids`, `vtk`: files for ParaView;
+* `view`, `drawing`: what stands where in a picture, and what all pictures have;
 * `plot_bodies`, `plot_contacts`, `plot_histories`, `solids` (in 3-D): pictures with matplotlib;
-* `scene`: pictures in space with PyVista;
-* `thresholds`: numbers, and where they come from.
+* `scene`: pictures in space with PyVista.
 """

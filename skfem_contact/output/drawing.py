@@ -18,11 +18,21 @@ from skfem_contact.arguments import check_kind, shown
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.errors import InputError
-from skfem_contact.output.units import quantity
+from skfem_contact.output.fields import quantity
+from skfem_contact.output.tools import AROUND
+from skfem_contact.output.view import Box
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
-PRESSURE, FRICTION, LINES = "#20618d", "#b5441c", "#3a3a3a"
+# The longest arrow over the extent, the shortest that has a head over the longest, and how many there
+# are at most of one contact: more would cover each other.
+LONGEST, SHORTEST, ARROWS = 0.08, 0.03, 60
+
+# Distance and length of the short strokes on the side of the solid, over the extent.
+STROKES = 0.02
+
+PRESSURE, FRICTION, LINES, TOOL = "#20618d", "#b5441c", "#3a3a3a", "#8a8a8a"
 SHADES = ("none", "#bcd9c4", "#f6d6ad")  # open, stick, slip: pale, to lie behind lines
 #: Legends stand above the axes, where no curve is.
 ABOVE: dict[str, Any] = {
@@ -135,6 +145,84 @@ def note(ax: Any, lines: list[str], drawn: Array | None = None) -> None:
         ha="left" if x < 0.5 else "right", fontsize="small", zorder=6,
         bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.5},
     )  # fmt: skip
+
+
+def draw_lines(ax: Any, points: Array, lines: Index, size: float) -> None:
+    """An obstacle in the plane, with strokes on the side of the solid; `size`: of the picture."""
+    from matplotlib.collections import LineCollection  # optional, and slow to import
+
+    if not len(lines):
+        return
+    ends = points[lines]
+    ax.add_collection(
+        LineCollection(list(ends), colors=LINES, linewidths=1.2, zorder=2.5, gid="obstacle")
+    )
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    stop = np.cumsum(length)
+    places = np.arange(0.5 * STROKES * size, stop[-1], STROKES * size)
+    k = np.minimum(np.searchsorted(stop, places), len(lines) - 1)
+    unit = along[k] / length[k, None]
+    start = ends[k, 0] + (places - stop[k] + length[k])[:, None] * unit
+    left = np.column_stack([-unit[:, 1], unit[:, 0]])
+    stroke = STROKES * size / np.sqrt(2) * (left - unit)
+    ax.add_collection(
+        LineCollection(
+            list(np.stack([start, start + stroke], axis=1)),
+            colors=TOOL,
+            linewidths=0.7,
+            zorder=2.4,
+            gid="obstacle strokes",
+        )
+    )
+
+
+def draw_faces(ax: Any, points: Array, triangles: Index, box: Box) -> None:
+    """An obstacle in space, as far as it is in a box: the bodies are seen through it."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # as above
+
+    low, high = box
+    size = float(np.max(high - low))
+    shown = _inside(points[triangles], low - AROUND * size, high + AROUND * size)
+    if shown:
+        ax.add_collection3d(
+            Poly3DCollection(
+                shown,
+                facecolors=TOOL,
+                edgecolors=TOOL,
+                linewidths=0.15,
+                alpha=0.22,
+                zorder=2,
+                gid="obstacle",
+            )
+        )
+
+
+def _inside(x: Array, low: Array, high: Array) -> list[Array]:
+    """What of triangles (t, 3, 3) is in a box: polygons (k, 3), cut off at its sides."""
+    apart = np.any((x.max(axis=1) < low) | (x.min(axis=1) > high), axis=1)
+    whole = np.all((x >= low) & (x <= high), axis=(1, 2))
+    shown = list(x[whole])
+    for polygon in x[~whole & ~apart]:
+        for k in range(3):
+            for sign, bound in ((1.0, low[k]), (-1.0, high[k])):
+                polygon = _beyond(polygon, sign * (polygon[:, k] - bound))
+        if len(polygon) > 2:
+            shown.append(polygon)
+    return shown
+
+
+def _beyond(polygon: Array, height: Array) -> Array:
+    """The part of a convex polygon (k, 3) where heights (k,) are not negative."""
+    after, there = np.roll(height, -1), np.roll(polygon, -1, axis=0)
+    points = []
+    for i in range(len(polygon)):
+        if height[i] >= 0:
+            points.append(polygon[i])
+        if height[i] * after[i] < 0:
+            part = height[i] / (height[i] - after[i])
+            points.append(polygon[i] + part * (there[i] - polygon[i]))
+    return np.array(points).reshape(-1, 3)
 
 
 def _pyplot() -> Any:

@@ -14,18 +14,39 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import kind_of
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
-from skfem_contact.output import wanted
-from skfem_contact.output.draw_tools import Box, draw_faces, draw_lines, placed_tools, with_tools
-from skfem_contact.output.drawing import FRICTION, LINES, arc_length, is_solid, new_axes, note
-from skfem_contact.output.nodes import body_cells, body_nodes
+from skfem_contact.output.drawing import (
+    ARROWS,
+    FRICTION,
+    LINES,
+    LONGEST,
+    SHORTEST,
+    arc_length,
+    draw_faces,
+    draw_lines,
+    is_solid,
+    new_axes,
+    note,
+)
+from skfem_contact.output.fields import (
+    USAGE,
+    Stress,
+    asked,
+    body_cells,
+    body_nodes,
+    checked_field,
+    checked_units,
+    labelled,
+    quantity,
+)
+from skfem_contact.output.fields import component as component_of
 from skfem_contact.output.solids import draw_bodies
-from skfem_contact.output.thresholds import ARROWS, LONGEST, MARGIN_2D, SHORTEST
 from skfem_contact.output.tools import tools
-from skfem_contact.output.units import checked, labelled, quantity
-from skfem_contact.output.view import View, gaps_overlap, view
-from skfem_contact.output.wanted import Stress
+from skfem_contact.output.view import Box, View, gaps_overlap, placed_tools, view, with_tools
 
 Array = NDArray[np.float64]
+
+# What is left free around all that is drawn, over the extent.
+MARGIN_2D = 0.04
 
 
 @known_keywords()
@@ -100,7 +121,7 @@ def plot_deformed(
     >>> ax.get_title()
     'deformation magnified 5 times'
     """
-    solid, words = is_solid(result), checked(units)
+    solid, words = is_solid(result), checked_units(units)
     check_switch(obstacles, "plot_deformed: obstacles")
     if solid and window is not None:
         raise InputError("window is for plane pictures: set the limits of these axes instead")
@@ -157,7 +178,7 @@ def colour_name(stress: Stress | None, component: str | None, units: Mapping[str
     """What the colour bar is called."""
     if stress is None:
         return labelled("displacement", "length", units)
-    name = next(iter(wanted.asked(stress))).replace("_", " ")
+    name = next(iter(asked(stress))).replace("_", " ")
     name = "von Mises stress" if name in ("von mises", "mises") else name
     return labelled(f"{name} {component or ''}".strip(), "stress", units)
 
@@ -263,12 +284,12 @@ def colours(result: ContactResult, body: Body, stress: Stress | None, component:
         if component is not None:
             raise InputError(f"component={component!r} is of a stress: give stress=... as well")
         return np.linalg.norm(u[nodes], axis=1)
-    fields = wanted.asked(stress)
+    fields = asked(stress)
     if len(fields) != 1:
-        raise InputError(f"stress has {len(fields)} fields; a picture shows one, {wanted.USAGE}")
+        raise InputError(f"stress has {len(fields)} fields; a picture shows one, {USAGE}")
     ((name, function),) = fields.items()
     name_of = result.system.names[result.system.index(body)]
-    return wanted.component(wanted.checked(function(body, u), len(nodes), name_of), component, name)
+    return component_of(checked_field(function(body, u), len(nodes), name_of), component, name)
 
 
 def _figure_size(box: Box) -> tuple[float, float]:

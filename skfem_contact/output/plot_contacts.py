@@ -26,11 +26,13 @@ from skfem_contact.output.drawing import (
     open_words,
     which,
 )
+from skfem_contact.output.fields import checked_units, labelled
 from skfem_contact.output.solids import draw_contact
-from skfem_contact.output.thresholds import MARGIN
-from skfem_contact.output.units import checked, labelled
 
 Array = NDArray[np.float64]
+
+# What is shown beside the points that touch, over their width.
+MARGIN = 0.15
 
 
 @known_keywords()
@@ -83,7 +85,7 @@ def plot_contact(
     >>> ax.get_xlabel()
     'arc length along block/bottom [mm]'
     """
-    solid, i, words = is_solid(result), which(result, contact), checked(units)
+    solid, i, words = is_solid(result), which(result, contact), checked_units(units)
     if solid:
         return draw_contact(result.values[i], ax, words)
     values, settings = result.values[i], result.contacts[i]

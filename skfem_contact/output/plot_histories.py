@@ -20,8 +20,8 @@ from skfem_contact.conditions.state import STATUS
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.output.drawing import ABOVE, FRICTION, PRESSURE, SHADES, new_axes, which
+from skfem_contact.output.fields import checked_units, labelled
 from skfem_contact.output.tools import Tool, tools
-from skfem_contact.output.units import checked, labelled
 
 Array = NDArray[np.float64]
 Over = Sequence[float] | Callable[[ContactResult], float]
@@ -83,7 +83,7 @@ def plot_history(
     >>> results = list(sc.ContactSolver(block, foot).history(steps))
     >>> ax = sc.plot_history(results)
     """
-    results, words = _several(results), checked(units)
+    results, words = _several(results), checked_units(units)
     x = _places(results, over)
     if xlabel is None:
         xlabel = "load step" if over is None else labelled("time", "time", words) * ("time" in words)
@@ -158,7 +158,7 @@ def plot_force(
     >>> len(ax.get_lines()[0].get_xdata())
     2
     """
-    results, words = _several(results), checked(units)
+    results, words = _several(results), checked_units(units)
     usage = "give one of the result, or its name"
     check_kind(body, (Member, Obstacle, str), "body", usage, "Body, RigidBody or obstacle")
     pairs = [_force_and_way(result, body, boundary) for result in results]

@@ -12,15 +12,11 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords, members
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
-from skfem_contact.output.draw_tools import TOOL, placed_tools, with_tools
-from skfem_contact.output.drawing import FRICTION, LINES, is_solid
-from skfem_contact.output.nodes import body_cells, body_nodes, three
+from skfem_contact.output.drawing import FRICTION, LINES, LONGEST, TOOL, is_solid
+from skfem_contact.output.fields import Stress, body_cells, body_nodes, checked_units, quantity, three
+from skfem_contact.output.grids import vtk_numbers
 from skfem_contact.output.plot_bodies import colour_name, colours
-from skfem_contact.output.thresholds import LONGEST
-from skfem_contact.output.units import checked, quantity
-from skfem_contact.output.view import View, view
-from skfem_contact.output.vtu import vtk_numbers
-from skfem_contact.output.wanted import Stress
+from skfem_contact.output.view import View, placed_tools, view, with_tools
 
 Array = NDArray[np.float64]
 
@@ -82,7 +78,7 @@ def scene(
     >>> plotter = sc.scene(result, off_screen=True)  # doctest: +SKIP
     >>> plotter.screenshot("cube.png")  # doctest: +SKIP
     """
-    solid, words = is_solid(result), checked(units)
+    solid, words = is_solid(result), checked_units(units)
     try:
         import pyvista  # optional, and slow to import
     except ImportError:

@@ -17,22 +17,29 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import SLIP, STICK
-from skfem_contact.output.draw_tools import Box, with_tools
-from skfem_contact.output.drawing import FRICTION, LINES, note, open_words, solid_axes
-from skfem_contact.output.thresholds import (
+from skfem_contact.output.drawing import (
     ARROWS,
-    ASIDE,
+    FRICTION,
+    LINES,
     LONGEST,
     SHORTEST,
-    TILTED,
-    WINDOW_3D,
+    note,
+    open_words,
+    solid_axes,
 )
-from skfem_contact.output.units import labelled, quantity
-from skfem_contact.output.view import View
+from skfem_contact.output.fields import labelled, quantity
+from skfem_contact.output.view import Box, View, with_tools
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
+
+# The viewer stands aside of the x axis and above the floor by these angles, or so far off the normal of
+# a contact [rad]: far enough to see that it is no plane picture.
+ASIDE, TILTED = -1.0, 0.5
+
+# What is shown beside the points that touch, over the longest side of the box round them.
+WINDOW_3D = 0.25
 
 STUCK = "#2f7d4f"
 #: Triangles into which a triangle is cut by the middles of its edges, as weights of its corners.

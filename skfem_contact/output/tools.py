@@ -6,8 +6,10 @@ has no end, or is much larger than the bodies, is shown around them.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import singledispatch
+from itertools import combinations, permutations
 from typing import Any
 
 import numpy as np
@@ -22,11 +24,19 @@ from skfem_contact.obstacles.polyline import RigidPolyline
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.obstacles.triangles import RigidSurface
-from skfem_contact.output.marching import zero_lines, zero_triangles
-from skfem_contact.output.thresholds import AROUND, GRID_2D, GRID_3D, MUCH_LARGER, SIDES
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+# What is shown of an obstacle beside the bodies, over their extent; a round one whose radius is so many
+# times the extent is shown around the bodies only, others as a whole.
+AROUND = 0.08
+MUCH_LARGER = 4.0
+
+# Sides of a circle, and points along each side of the grid on which a function's zero is found: as
+# smooth as a picture can show.
+SIDES = 360
+GRID_2D, GRID_3D = 201, 33
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +170,7 @@ def _(obstacle: LevelSet, low: Array, high: Array) -> tuple[Array, Index]:
     room = AROUND * (high - low).max()
     count = GRID_2D if len(low) == 2 else GRID_3D
     axes = [np.linspace(a - room, b + room, count) for a, b in zip(low, high, strict=True)]
-    return (zero_lines if len(low) == 2 else zero_triangles)(obstacle.function, axes)
+    return (zero_lines if len(low) == 2 else zeros)(obstacle.function, axes)
 
 
 def _reach(centre: Array, radius: float, low: Array, high: Array) -> tuple[Array, float]:
@@ -207,3 +217,107 @@ def _perpendicular(axis: Array) -> Array:
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(axis, first)])
+
+
+def zero_lines(function: Callable[[Array], Array], axes: Sequence[Array]) -> tuple[Array, Index]:
+    """Points and lines (s, 2) where a function is zero, one after the other; negative on their left.
+
+    By contourpy, which matplotlib brings; without it the lines are the same in any order, as files take
+    them.
+    """
+    try:
+        from contourpy import contour_generator
+    except ImportError:
+        return zeros(function, axes)
+    values = _on_grid(function, axes)[0]
+    chains = contour_generator(*axes, np.ma.masked_invalid(-values.T)).lines(0.0)
+    points = np.concatenate([np.zeros((0, 2)), *chains])
+    last = np.cumsum([len(chain) for chain in chains]) - 1
+    first = np.delete(np.arange(len(points)), last)
+    lines = np.stack([first, first + 1], axis=1)
+    return points, lines[np.any(points[first] != points[first + 1], axis=1)]
+
+
+def zeros(function: Callable[[Array], Array], axes: Sequence[Array]) -> tuple[Array, Index]:
+    """Points and lines (s, 2) or triangles (t, 3) where a function is zero, found on a grid.
+
+    Rectangles are cut into triangles and bricks into tetrahedra, so that no case is ambiguous; the
+    function is taken as linear in each of them. It is negative on the left of the lines, and behind the
+    triangles as seen counter-clockwise.
+
+    >>> points, lines = zeros(lambda x: x[1] - 0.5, [np.linspace(0, 1, 2)] * 2)
+    >>> points[lines].round(6).tolist()
+    [[[0.5, 0.5], [0.0, 0.5]], [[1.0, 0.5], [0.5, 0.5]]]
+    >>> points, triangles = zeros(lambda x: x[2] - 0.5, [np.linspace(0, 1, 2)] * 3)
+    >>> x = points[triangles]
+    >>> normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    >>> bool(np.all(normal[:, 2] > 0)), float(normal[:, 2].sum() / 2)
+    (True, 1.0)
+    """
+    d = len(axes)
+    values, x = _on_simplices(function, axes)
+    inside = values < 0
+    count, found, ways = inside.sum(axis=1), [np.zeros((0, d, d))], [np.zeros((0, d))]
+
+    def add(some: Any, edges: Sequence[tuple[int, int]]) -> None:
+        v, corners = values[some], x[some]
+        found.append(np.stack([_crossing(v, corners, *edge) for edge in edges], axis=1))
+        row = np.arange(len(v))
+        ways.append(corners[row, v.argmax(axis=1)] - corners[row, v.argmin(axis=1)])
+
+    for k in range(d + 1):  # one corner alone on its side: as many crossings as there are others
+        alone = ((count == 1) & inside[:, k]) | ((count == d) & ~inside[:, k])
+        add(alone, [(k, j) for j in range(d + 1) if j != k])
+    for i, j in combinations(range(4), 2) if d == 3 else ():  # two and two: a quadrilateral
+        a, b = (k for k in range(4) if k not in (i, j))
+        for third in ((i, b), (j, a)):
+            add((count == 2) & inside[:, i] & inside[:, j], [(i, a), third, (j, b)])
+    pieces, way = np.concatenate(found), np.concatenate(ways)
+    along = np.swapaxes(pieces[:, 1:] - pieces[:, :1], 0, 1)
+    normal = np.cross(*along) if d == 3 else along[0][:, ::-1] * (1.0, -1.0)
+    turned = np.einsum("td,td->t", normal, way) < 0
+    pieces[turned] = pieces[turned][:, ::-1]
+    pieces = pieces[np.any(normal != 0, axis=1)]
+    return pieces.reshape(-1, d), np.arange(d * len(pieces)).reshape(-1, d)
+
+
+def _on_grid(function: Callable[[Array], Array], axes: Sequence[Array]) -> tuple[Array, Array]:
+    """Values at the points of a grid, and these points (d, ...)."""
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"))
+    with np.errstate(all="ignore"):  # where it has no value there is nothing to draw
+        values = np.asarray(function(grid.reshape(len(axes), -1)), dtype=float)
+    return values.reshape(grid.shape[1:]), grid
+
+
+def _on_simplices(function: Callable[[Array], Array], axes: Sequence[Array]) -> tuple[Array, Array]:
+    """Values (t, d+1) and places (t, d+1, d) of the corners of triangles or tetrahedra on a grid."""
+    d = len(axes)
+    values, grid = _on_grid(function, axes)
+    number = np.arange(values.size).reshape(values.shape)
+    corners = []
+    for order in permutations(range(d)):  # Kuhn's simplices: from one corner to the opposite one
+        at, ways = np.zeros(d, dtype=int), [np.zeros(d, dtype=int)]
+        for axis in order:
+            at = at + np.eye(d, dtype=int)[axis]
+            ways.append(at)
+        shifted = [_shifted(number, way) for way in ways]
+        corners.append(np.stack(shifted, axis=1))
+    cells = np.concatenate(corners)
+    signs, known = values.ravel()[cells] < 0, np.isfinite(values.ravel()[cells]).all(axis=1)
+    cells = cells[signs.any(axis=1) & ~signs.all(axis=1) & known]
+    return values.ravel()[cells], grid.reshape(d, -1).T[cells]
+
+
+def _shifted(number: Index, way: Index) -> Index:
+    """Numbers of the grid's nodes that are one step along some axes from the first of every cell."""
+    for axis, step in enumerate(way):
+        number = np.moveaxis(
+            np.moveaxis(number, axis, 0)[step : number.shape[axis] - 1 + step], 0, axis
+        )
+    return number.ravel()
+
+
+def _crossing(values: Array, x: Array, i: int, j: int) -> Array:
+    """The place of the zero between the corners i and j of simplices."""
+    way = values[:, i] / (values[:, i] - values[:, j])
+    return x[:, i] + way[:, None] * (x[:, j] - x[:, i])

@@ -23,10 +23,30 @@ from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
-from skfem_contact.output.thresholds import DISPLACED, OVERLAPPING, ROUND, SEEN, TOGETHER
-from skfem_contact.output.tools import Tool, tools
+from skfem_contact.output.tools import Tool, fits, tools
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Box = tuple[Array, Array]
+
+# Displacements over the extent of the bodies: seen at a glance, and bodies keep their shapes.
+DISPLACED = 0.06
+
+# Overlap of gaps that have closed, over the extent: magnified further, bodies would be seen in each
+# other.
+OVERLAPPING = 0.01
+
+# Overlap of such gaps in a picture that is seen, over the extent: the width of a line.
+SEEN = 0.002
+
+# A factor is rounded down to one of these times a power of ten.
+ROUND = (1.0, 2.0, 5.0)
+
+# A translation of all bodies is taken off where the factor then grows by more than this.
+TOGETHER = 4.0
+
+# An obstacle up to so many times as long as the bodies is shown as a whole.
+WHOLE = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,3 +152,35 @@ def _moved(tool: Tool, result: ContactResult, shared: Array) -> float:
     if isinstance(shape, RigidPlane):
         moved = moved @ shape.normal
     return float(np.abs(moved).max(initial=0.0))
+
+
+def placed_tools(result: ContactResult, view: View, box: Box) -> list[tuple[Array, Index]]:
+    """Points and lines or triangles of all obstacles in a picture of what is in a box."""
+    found = []
+    for tool in tools(result):
+        motion = view.motion(tool.motion) if view.factor != 1 else tool.motion
+        points, cells = tool.at(motion).outline(*box)
+        found.append((points + motion.shift(points), cells))
+    return found
+
+
+def with_tools(result: ContactResult, view: View, box: Box) -> Box:
+    """A box around bodies that has the places next to them on obstacles, and small ones as a whole."""
+    low, high = box
+    size = float(np.max(high - low))
+    for values in result:
+        if not values.contact.rigid:
+            continue
+        # the obstacle is behind the point by the gap, initial gaps are not magnified
+        body = values.contact.secondary
+        u = result.displacement(body.body)[body.dofs]
+        near = np.isfinite(values.gap)
+        if near.any():
+            i = int(np.argmin(np.where(near, values.gap, np.inf)))
+            foot = view.place(body.points, u)[i] - values.gap[i] * values.normal[i]
+            low, high = np.minimum(low, foot), np.maximum(high, foot)
+    drawn = placed_tools(result, view, (low, high))
+    for tool, (points, _) in zip(tools(result), drawn, strict=True):
+        if fits(tool.obstacle, WHOLE * size):
+            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+    return low, high

@@ -13,10 +13,16 @@ import numpy as np
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_kind, file_path, known_keywords, number, numbers, shown
 from skfem_contact.errors import InputError
-from skfem_contact.output.grids import Fields, bodies_grid, contact_grid, obstacles_grid, with_time
+from skfem_contact.output.fields import checked_units
+from skfem_contact.output.grids import (
+    Fields,
+    Grid,
+    bodies_grid,
+    contact_grid,
+    obstacles_grid,
+    with_time,
+)
 from skfem_contact.output.tools import tools
-from skfem_contact.output.units import checked
-from skfem_contact.output.vtu import Grid
 
 EXTENSIONS = (".vtu", ".vtk")
 
@@ -98,7 +104,7 @@ def write(
             f"{', '.join(EXTENSIONS)}. Use write('{path.stem}.vtu', result), or write_series for "
             "a history; other formats by `meshio convert`."
         )
-    words = checked(units)
+    words = checked_units(units)
     if time is not None:
         time = number(time, "time", "give one number")
     path.parent.mkdir(parents=True, exist_ok=True)
