@@ -15,9 +15,12 @@ stick zone 0.707107
 
 from __future__ import annotations
 
-from skfem_contact.reference.blocks import block_coefficient, block_curvature
 from skfem_contact.reference.fretting import (
+    BarBetweenPlanes,
+    LayeredCantilever,
+    bar_between_planes,
     fretting_dissipation_line,
+    layered_cantilever,
     mindlin_compliance,
     mindlin_dissipation,
     mindlin_shift,
@@ -35,24 +38,26 @@ from skfem_contact.reference.friction_problems import (
     taper_force,
     uniform_shear,
 )
-from skfem_contact.reference.full_sliding import (
-    CappedSliding,
-    annulus_torsion_capacity,
-    capped_sliding,
-    sphere_torsion_capacity,
-)
 from skfem_contact.reference.hertz import (
     HertzLine,
     HertzPoint,
     QuarticLine,
+    block_coefficient,
+    block_curvature,
     effective_modulus,
     hertz_line,
     hertz_point,
     quartic_line,
 )
-from skfem_contact.reference.manufactured import ManufacturedSlip
-from skfem_contact.reference.partial_slip import PartialSlip, cattaneo_mindlin, cattaneo_mindlin_slip
-from skfem_contact.reference.published import RAOUS, RaousBlock
+from skfem_contact.reference.partial_slip import (
+    CappedSliding,
+    PartialSlip,
+    annulus_torsion_capacity,
+    capped_sliding,
+    cattaneo_mindlin,
+    cattaneo_mindlin_slip,
+    sphere_torsion_capacity,
+)
 from skfem_contact.reference.punch import (
     BondedPunch,
     bonded_flat_punch,
@@ -74,19 +79,16 @@ from skfem_contact.reference.rings import (
     ring_twist,
     torque_capacity,
 )
-from skfem_contact.reference.single_element import (
+from skfem_contact.reference.verification import (
     ONE_NODE_TRIANGLE,
+    RAOUS,
     Equilibrium,
+    ManufacturedSlip,
+    RaousBlock,
     critical_friction,
     one_node_equilibria,
     triangle_stiffness,
     worst_triangle_friction,
-)
-from skfem_contact.reference.slip_damping import (
-    BarBetweenPlanes,
-    LayeredCantilever,
-    bar_between_planes,
-    layered_cantilever,
 )
 
 __all__ = [
