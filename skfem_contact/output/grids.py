@@ -36,6 +36,7 @@ from skfem_contact.output.fields import (
     three,
 )
 from skfem_contact.output.tools import tools
+from skfem_contact.output.view import TRUE
 
 Array = NDArray[np.float64]
 Fields = Stress | Sequence[Stress] | Mapping[str, Stress]
@@ -119,7 +120,7 @@ def obstacles_grid(result: ContactResult, units: Mapping[str, str]) -> Grid | No
     points, cells, numbers, moved, start = [], [], [], [], 0
     names: dict[str, float] = {}
     known = tools(result)
-    box = _reached(result) if known else (np.zeros(2), np.zeros(2))
+    box = TRUE.box(result)
     for i, tool in enumerate(known):
         x, table = tool.outline(*box)
         if not len(table):
@@ -134,16 +135,6 @@ def obstacles_grid(result: ContactResult, units: Mapping[str, str]) -> Grid | No
         return None
     data = {"displacement": np.concatenate(moved)}
     return _grid(points, cells, data, {"obstacle": numbers}, names, QUANTITIES, units)
-
-
-def _reached(result: ContactResult) -> tuple[Array, Array]:
-    """The corners of the box around all bodies where they are now."""
-    places = []
-    for body in result.system.solids.values():
-        nodes = body_nodes(body)
-        places.append(body.dof_points[nodes[:, 0]] + result.displacement(body)[nodes])
-    x = np.concatenate(places)
-    return x.min(axis=0), x.max(axis=0)
 
 
 def _grid(

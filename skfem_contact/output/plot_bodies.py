@@ -134,7 +134,9 @@ def plot_deformed(
         for points, triangles in placed_tools(result, seen, box) if obstacles else ():
             draw_faces(ax, points, triangles, box)
     else:
-        box = _box(result, seen, obstacles) if window is None else _window(window)
+        box = seen.box(result) if window is None else _window(window)
+        if window is None and obstacles:
+            box = with_tools(result, seen, box)
         ax = new_axes(ax, _figure_size(box))
         image = _draw_cells(ax, result, seen, values, cmap)
         for points, lines in placed_tools(result, seen, box) if obstacles else ():
@@ -156,7 +158,7 @@ def plot_deformed(
         (left, low), (right, high) = box[0] - room, box[1] + room
         ax.set(aspect="equal", xlim=(left, right), ylim=(low, high))
     if remarks:
-        note(ax, remarks, None if solid else _places(result, seen))
+        note(ax, remarks, None if solid else np.concatenate(seen.nodes(result)))
     shape = {"shrink": 0.7, "pad": 0.13} if solid else {"shrink": 0.85, "pad": 0.02}
     ax.figure.colorbar(image, ax=ax, label=label, **shape)
     ax.set_title(seen.words)
@@ -187,31 +189,15 @@ def _draw_cells(ax: Any, result: ContactResult, seen: View, values: list[Array],
     """The bodies with their colours and outlines."""
     low, high = min(v.min() for v in values), max(v.max() for v in values)
     image = None
-    for body, colour in zip(result.system.solids.values(), values, strict=True):
-        nodes, (kind, cells) = body_nodes(body), body_cells(body)
-        x = seen.place(body.dof_points[nodes[:, 0]], result.displacement(body)[nodes]).T
+    bodies = result.system.solids.values()
+    for body, places, colour in zip(bodies, seen.nodes(result), values, strict=True):
+        x, (kind, cells) = places.T, body_cells(body)
         triangles = np.concatenate([cells[:, local] for local in kind_of(3, cells.shape[1]).cut])
         image = ax.tripcolor(
             *x, triangles, colour, shading="gouraud", cmap=cmap, vmin=low, vmax=high, rasterized=True
         )
         _outline(ax, x, cells, kind)
     return image
-
-
-def _places(result: ContactResult, seen: View) -> Array:
-    """Where the nodes of all bodies are drawn."""
-    places = []
-    for body in result.system.solids.values():
-        nodes = body_nodes(body)
-        places.append(seen.place(body.dof_points[nodes[:, 0]], result.displacement(body)[nodes]))
-    return np.concatenate(places)
-
-
-def _box(result: ContactResult, seen: View, obstacles: bool) -> Box:
-    """What is shown: the bodies where they are drawn, and obstacles next to them."""
-    x = _places(result, seen)
-    box = x.min(axis=0), x.max(axis=0)
-    return with_tools(result, seen, box) if obstacles else box
 
 
 def _on_boundary(body: Body, values: Array) -> Array:
@@ -249,7 +235,7 @@ def _arrows(ax: Any, result: ContactResult, seen: View, box: Box) -> tuple[Array
     heads, sizes, ends = [], [], []
     for contact, values in zip(result.contacts, result.values, strict=True):
         surface = contact.secondary
-        heads.append(seen.place(values.points, result.displacement(surface.body)[surface.dofs]))
+        heads.append(seen.surface(result, surface))
         inside = np.all((heads[-1] >= box[0]) & (heads[-1] <= box[1]), axis=1)
         sizes.append(np.where(inside, np.linalg.norm(values.traction, axis=1), 0.0))
     peak = max(float(size.max(initial=0.0)) for size in sizes)

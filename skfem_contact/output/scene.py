@@ -178,10 +178,8 @@ def _arrows(
     if peak == 0.0:
         return []
     for values in drawn:
-        surface = values.surface
-        u = result.displacement(surface.body)[surface.dofs]
         way = LONGEST * size / peak * values.traction
-        tails = pyvista.PolyData(seen.place(values.points, u) - way)
+        tails = pyvista.PolyData(seen.surface(result, values.surface) - way)
         tails.point_data["way"] = way
         glyphs = tails.glyph(orient="way", scale="way", factor=1.0)
         _add(plotter, glyphs, color=FRICTION)

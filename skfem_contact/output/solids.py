@@ -93,7 +93,7 @@ def draw_bodies(
     parts, shades, outlines = [], [], []
     for body, colour in zip(result.system.solids.values(), colours, strict=True):
         surface = body.surface(None)
-        places = seen.place(surface.points, result.displacement(body)[surface.dofs])
+        places = seen.surface(result, surface)
         every = np.ones(len(surface.facets), dtype=bool)
         x, shade = _pieces(surface, every, places, colour)
         # what looks away is hidden by the body itself

@@ -18,11 +18,13 @@ from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import number
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.loads import Motion
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
+from skfem_contact.output.fields import body_nodes
 from skfem_contact.output.tools import Tool, fits, tools
 
 Array = NDArray[np.float64]
@@ -67,6 +69,21 @@ class View:
         """Places (p, d) of points in the picture."""
         return points + self.shared + self.factor * (displacements - self.shared)
 
+    def nodes(self, result: ContactResult) -> list[Array]:
+        """Places of the nodes of all bodies with a mesh, in the order of `body_nodes`."""
+        of = [(body, body_nodes(body)) for body in result.system.solids.values()]
+        u = result.displacement
+        return [self.place(body.dof_points[own[:, 0]], u(body)[own]) for body, own in of]
+
+    def surface(self, result: ContactResult, surface: ContactSurface) -> Array:
+        """Places of the points of a surface."""
+        return self.place(surface.points, result.displacement(surface.body)[surface.dofs])
+
+    def box(self, result: ContactResult) -> Box:
+        """Corners of the box around all bodies."""
+        x = np.concatenate(self.nodes(result))
+        return x.min(axis=0), x.max(axis=0)
+
     def motion(self, motion: Motion) -> Motion:
         """That of an obstacle in the picture."""
         translation = self.shared + self.factor * (motion.translation - self.shared)
@@ -76,6 +93,10 @@ class View:
     def words(self) -> str:
         """For the title."""
         return f"deformation magnified {self.factor:g} times" if self.factor != 1 else "true positions"
+
+
+#: Everything where it is.
+TRUE = View(1.0, np.zeros(1))
 
 
 def view(result: ContactResult, scale: float | Literal["auto"] = "auto") -> View:
@@ -172,12 +193,11 @@ def with_tools(result: ContactResult, view: View, box: Box) -> Box:
         if not values.contact.rigid:
             continue
         # the obstacle is behind the point by the gap, initial gaps are not magnified
-        body = values.contact.secondary
-        u = result.displacement(body.body)[body.dofs]
         near = np.isfinite(values.gap)
         if near.any():
             i = int(np.argmin(np.where(near, values.gap, np.inf)))
-            foot = view.place(body.points, u)[i] - values.gap[i] * values.normal[i]
+            place = view.surface(result, values.contact.secondary)[i]
+            foot = place - values.gap[i] * values.normal[i]
             low, high = np.minimum(low, foot), np.maximum(high, foot)
     drawn = placed_tools(result, view, (low, high))
     for tool, (points, _) in zip(tools(result), drawn, strict=True):
