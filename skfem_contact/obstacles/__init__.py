@@ -2,7 +2,7 @@
 
 * `obstacle`, `motion`: what every obstacle does, how its motions are written, turns in space included;
 * `shapes`, `level_set`: planes, cylinders, spheres; a function of position;
-* `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file;
-* `bends`: flats of triangles, along the bends beside them;
+* `faceted`: what is made of straight facets; `polyline`, an outline of edges, and `triangles`, a
+  surface of them, from a file; `bends`: their flats, along the bends beside them;
 * `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
 """

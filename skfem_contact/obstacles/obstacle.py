@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import fields
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, identity
 
 from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, numbers
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import MotionLike, rigid_motion
-from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.obstacles.motion import MotionLike
+from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.thresholds import FACING
 from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
@@ -28,17 +28,12 @@ class Obstacle(PrintedAsCall, ABC):
     """
 
     name: str | None
+    _kind: ClassVar[str] = "rigid obstacle"
 
     @property
     def label(self) -> str:
         """Name for messages."""
-        return self.name or {
-            "RigidPlane": "rigid plane",
-            "RigidCylinder": "rigid cylinder",
-            "RigidSphere": "rigid sphere",
-            "RigidPolyline": "rigid polyline",
-            "RigidSurface": "rigid surface",
-        }.get(type(self).__name__, "rigid obstacle")
+        return self.name or self._kind
 
     @property
     def reference(self) -> Array | None:
@@ -149,61 +144,6 @@ def check_dimension(surface: ContactSurface, dim: int, obstacle: Obstacle) -> No
         raise InputError(f"surface {surface.label!r} is {surface.dim}-D, {obstacle.label!r} is {dim}-D")
 
 
-Moved = TypeVar("Moved", bound="Outlined")
-
-
-class Outlined(Obstacle):
-    """A rigid obstacle that is paired as a mesh is; subclasses, dataclasses, say how.
-
-    Attributes
-    ----------
-    points : ndarray, shape (n, d)
-        Corners of the outline [length].
-    """
-
-    points: Array
-    _dim: ClassVar[int]
-
-    @property
-    @abstractmethod
-    def outline(self) -> ContactSurface:
-        """Its edges or triangles with their normals, as surfaces of bodies have them."""
-
-    @abstractmethod
-    def _partners(self, surface: ContactSurface) -> Pairing:
-        """The nodes of a surface on the outline."""
-
-    @abstractmethod
-    def _signed_distances(self, points: Array) -> Array:
-        """From the outline, negative inside, shape (p,)."""
-
-    def moved(self: Moved, motion: MotionLike) -> Moved:
-        """Return the obstacle after a rigid motion, see `Obstacle.moved`."""
-        turn, shift = rigid_motion(motion, self._dim)
-        twin = object.__new__(type(self))  # as good as it was: nothing is checked again
-        known = {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
-        vars(twin).update(known | {"points": sealed(self.points @ turn.T + shift)})
-        return twin
-
-    def distance(self, surface: ContactSurface) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Signed distances, normals and partners, see `Obstacle.distance`.
-
-        The normals are those of the obstacle; at its edges and corners, which have none, those of the
-        surface. Nodes without a partner have the distance of the closest point.
-        """
-        check_dimension(surface, self._dim, self)
-        pairing = self._partners(surface)
-        normal = pairing.normal if pairing.primary_normal is None else pairing.primary_normal
-        weights = pairing.secondary_weights, pairing.primary_weights
-        gap = np.einsum("md,md->m", normal, gap_vectors(surface, self.outline, *weights))
-        if not pairing.paired.all():
-            gap = np.where(pairing.paired, gap, self._signed_distances(surface.points))
-        return gap, normal, pairing.paired
-
-    def signed_distance(self, points: ArrayLike) -> Array:
-        """Distances of points (p, d) from it, negative inside, shape (p,) [length]."""
-        usage = f"give positions of shape (p, {self._dim})"
-        x = numbers(points, f"points for {self.label!r}", usage)
-        if x.ndim != 2 or x.shape[1] != self._dim:
-            raise InputError(f"points for {self.label!r} have shape {x.shape}; {usage}")
-        return self._signed_distances(x)
+def facing(normal: Array, surface: ContactSurface) -> NDArray[np.bool_]:
+    """Nodes of a surface that look at the obstacle, whose normals (m, d) these are there, (m,)."""
+    return np.asarray(np.einsum("md,md->m", normal, surface.normals) < -FACING)
