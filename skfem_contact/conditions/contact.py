@@ -20,9 +20,8 @@ from skfem_contact.arguments import (
 )
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
-from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.friction import Archard, FrictionLaw
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.wear import Archard
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import RigidBody

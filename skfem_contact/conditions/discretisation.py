@@ -16,7 +16,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corner_rows import Names
-from skfem_contact.pairing.corners import CornerContacts, corner_contacts
+from skfem_contact.pairing.corners import corner_contacts
 from skfem_contact.pairing.faces.control import at_control_points
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.faces.rollers import along_supports
@@ -104,13 +104,17 @@ def _pair_surfaces(
         pairing = node_to_face(secondary, primary, reach=contact.reach)
         away = gap_vectors(secondary, primary, pairing.secondary_weights, pairing.primary_weights)
         return _with_signs(contact, secondary, pairing, away)
-    corners = None if contact.bilateral else _corners(contact, secondary, primary, known)
+    corners, reach = None, contact.reach
+    if not contact.bilateral:
+        # with small sliding only what corners overlap now
+        small = contact.sliding == "small"
+        corners = corner_contacts(secondary, primary, reach=reach, only_overlaps=small, known=known)
     if mortar:
         pressed = None if corners is None else corners.pressed
-        pairing = dual_mortar(secondary, primary, reach=contact.reach, pressed=pressed)
+        pairing = dual_mortar(secondary, primary, reach=reach, pressed=pressed)
         pairing = held_tangents(secondary, primary, pairing)
     else:
-        pairing = node_to_segment(secondary, primary, reach=contact.reach)
+        pairing = node_to_segment(secondary, primary, reach=reach)
     pairing = pairing if corners is None else corners.rows(pairing, every=mortar)
     return pairing if mortar else _without_idle(contact, pairing)
 
@@ -139,19 +143,6 @@ def _without_nodes(pairing: Pairing) -> Pairing:
         facet=np.full(m, -1),
         secondary_normal=None,
         primary_normal=None,
-    )
-
-
-def _corners(
-    contact: Contact, secondary: ContactSurface, primary: ContactSurface, known: Names
-) -> CornerContacts:
-    """What corners meet; with small sliding only what they overlap now."""
-    return corner_contacts(
-        secondary,
-        primary,
-        reach=contact.reach,
-        only_overlaps=contact.sliding == "small",
-        known=known,
     )
 
 

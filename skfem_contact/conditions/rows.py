@@ -17,7 +17,7 @@ hold one, so that no row is half held. With one coefficient they are the tangent
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -120,11 +120,103 @@ def as_motion(system: System, body: RigidBody, u: Array) -> tuple[Array, Any, Ar
 
 #: Weights, surface and sign of one side of a contact.
 Side = tuple[csr_matrix, ContactSurface, float]
-#: `Pairing.primary_bulge` and the primary.
-Bulge = tuple[bsr_matrix, ContactSurface]
 
 
-def sides_of(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> list[Side]:
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """What the rows of a contact are sums over.
+
+    Attributes
+    ----------
+    system : System
+    contact : Contact
+    pairing : Pairing
+    weighed : list of Side
+        Both surfaces; a rigid obstacle is none.
+    bulge : bsr_matrix or None
+        `Pairing.primary_bulge`: blocks that add vectors of the primary's displacements.
+    lever : Lever or None
+        A rigid body on the primary side.
+    """
+
+    system: System
+    contact: Contact
+    pairing: Pairing
+    weighed: list[Side]
+    bulge: bsr_matrix | None
+    lever: Lever | None
+
+    @classmethod
+    def of(
+        cls, system: System, contact: Contact, pairing: Pairing, moved: Array | None = None
+    ) -> Sides:
+        """Those of the gaps; `moved` is the translation of a rigid body, see `Lever.of`."""
+        weights = pairing.secondary_weights, pairing.primary_weights
+        scalar = contact.secondary.dofs.shape[1] == 1
+        bulge = None if contact.rigid or scalar else pairing.primary_bulge
+        lever = Lever.of(system, contact, pairing, moved)
+        return cls(system, contact, pairing, _weighed(contact, *weights), bulge, lever)
+
+    def of_slip(self, still: Mask) -> Sides:
+        """Those of the slips along one tangent: other weights where supports make the slip."""
+        pairing, bulge = self.pairing, self.bulge
+        if pairing.slip_weights is None:
+            weighed = self.weighed
+        else:
+            own, others = diags(still.astype(float)), diags((~still).astype(float))
+            weights = pairing.secondary_weights, pairing.primary_weights
+            both = zip(weights, pairing.slip_weights, strict=True)
+            mixed = (csr_matrix(others @ W + own @ slip) for W, slip in both)
+            weighed = _weighed(self.contact, *mixed)
+        if bulge is not None and still.any():  # rows of node-to-segment contact stand on the nodes
+            bulge = bulge.copy()
+            bulge.data[still[block_places(bulge)[0]]] = 0.0
+        return replace(self, weighed=weighed, bulge=bulge)
+
+    def held(self, direction: Array, glued: bool) -> Mask:
+        """Rows that supports hold. Not of glue: its gap is zero, and its rows agree with supports."""
+        if glued:
+            return np.zeros(len(direction), dtype=bool)
+        held = held_rows(self.weighed, direction)
+        return held if self.lever is None else held & self.lever.holds(direction)
+
+    def rows(self, direction: Array, held: Mask) -> csr_matrix:
+        """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
+
+        Of rows that are `held` only what is prescribed is left: so no route closes them, and checks of
+        prescribed values see them.
+        """
+        found, given, paired, system = [], [], np.array(self.pairing.paired), self.system
+        for weights, surface, sign in self.weighed:
+            row, node, value = entries(weights)
+            given.append((surface, row, node, (sign * value)[:, None] * direction[row]))
+        if self.bulge is not None:
+            row, node = block_places(self.bulge)
+            coefficients = (direction[row][:, None] @ self.bulge.data)[:, 0]
+            given.append((self.weighed[1][1], row, node, coefficients))
+        for surface, row, node, coefficients in given:
+            keep = paired[row]
+            row, node, coefficients = row[keep], node[keep], coefficients[keep]
+            columns = system.offsets[system.index(surface.body)] + surface.dofs[node]
+            rows = np.repeat(row, surface.dofs.shape[1])
+            if held.any():
+                coefficients[held[row][:, None] & ~surface.held[node]] = 0.0
+            found.append((coefficients.ravel(), rows, columns.ravel()))
+        if self.lever is not None:
+            found.append(self.lever.entries(direction, paired, held))
+        data, rows, columns = (np.concatenate(part) for part in zip(*found, strict=True))
+        spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
+        spread.sum_duplicates()
+        spread.eliminate_zeros()
+        return spread
+
+
+def block_places(blocks: bsr_matrix) -> tuple[Index, Index]:
+    """Rows and columns of all blocks."""
+    return np.repeat(np.arange(len(blocks.indptr) - 1), np.diff(blocks.indptr)), blocks.indices
+
+
+def _weighed(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> list[Side]:
     """Weights, surface and sign of either side; a rigid obstacle has none."""
     sides = [(secondary, contact.secondary, 1.0)]
     if isinstance(contact.primary, ContactSurface):
@@ -132,76 +224,8 @@ def sides_of(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> li
     return sides
 
 
-def slip_sides(contact: Contact, pairing: Pairing, sides: list[Side], still: Mask) -> list[list[Side]]:
-    """Both sides of the rows of each tangent: other weights where supports make the slip."""
-    if pairing.slip_weights is None:
-        return [sides] * still.shape[1]
-    found = []
-    for along in still.T:
-        own, others = diags(along.astype(float)), diags((~along).astype(float))
-        weights = pairing.secondary_weights, pairing.primary_weights
-        both = zip(weights, pairing.slip_weights, strict=True)
-        found.append(sides_of(contact, *(csr_matrix(others @ W + own @ slip) for W, slip in both)))
-    return found
-
-
-def held_by_supports(sides: Sequence[Side], direction: Array, glued: bool, lever: Lever | None) -> Mask:
-    """Rows that supports hold. Not of glue: its gap is zero, and its rows agree with supports."""
-    if glued:
-        return np.zeros(len(direction), dtype=bool)
-    held = held_rows(sides, direction)
-    return held if lever is None else held & lever.holds(direction)
-
-
-def spread_rows(
-    system: System,
-    sides: Sequence[Side],
-    direction: Array,
-    paired: Mask,
-    held: Mask,
-    bulge: Bulge | None = None,
-    lever: Lever | None = None,
-) -> csr_matrix:
-    """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
-
-    Of rows that are `held` only what is prescribed is left: so no route closes them, and checks of
-    prescribed values see them. The blocks `bulge` add vectors of the primary's displacements.
-    """
-    found, given = [], []
-    for weights, surface, sign in sides:
-        row, node, value = entries(weights)
-        given.append((surface, row, node, (sign * value)[:, None] * direction[row]))
-    if bulge is not None:
-        blocks, surface = bulge
-        row, node = np.repeat(np.arange(len(paired)), np.diff(blocks.indptr)), blocks.indices
-        given.append((surface, row, node, (direction[row][:, None] @ blocks.data)[:, 0]))
-    for surface, row, node, coefficients in given:
-        keep = paired[row]
-        row, node, coefficients = row[keep], node[keep], coefficients[keep]
-        columns = system.offsets[system.index(surface.body)] + surface.dofs[node]
-        rows = np.repeat(row, surface.dofs.shape[1])
-        if held.any():
-            coefficients[held[row][:, None] & ~surface.held[node]] = 0.0
-        found.append((coefficients.ravel(), rows, columns.ravel()))
-    if lever is not None:
-        found.append(lever.entries(direction, paired, held))
-    data, rows, columns = (np.concatenate(part) for part in zip(*found, strict=True))
-    spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
-    spread.sum_duplicates()
-    spread.eliminate_zeros()
-    return spread
-
-
 def tangential_rows(
-    system: System,
-    sides: Sequence[Sequence[Side]],
-    tangent: Array,
-    paired: Mask,
-    still: Mask,
-    tied: bool,
-    bulge: Bulge | None = None,
-    lever: Lever | None = None,
-    A: Array | None = None,
+    sides: Sequence[Sides], n: int, tangent: Array, still: Mask, A: Array | None = None
 ) -> csr_matrix:
     """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems.
 
@@ -209,22 +233,11 @@ def tangential_rows(
     """
     blocks = []
     for own, along, at_rest in zip(sides, np.moveaxis(tangent, 1, 0), still.T, strict=True):
-        held = at_rest | held_by_supports(own, along, tied, lever)
-        # rows of node-to-segment contact stand on the nodes
-        moving = _without_rows(bulge, at_rest) if bulge is not None and at_rest.any() else bulge
-        blocks.append(spread_rows(system, own, along, paired, held, moving, lever))
+        blocks.append(own.rows(along, at_rest | own.held(along, own.contact.tied)))
     if not blocks:
-        return csr_matrix((0, system.n))
+        return csr_matrix((0, n))
     rows = _interleave(blocks)
     return rows if A is None else combined_rows(A, rows)
-
-
-def _without_rows(bulge: Bulge, left_out: Mask) -> Bulge:
-    """The blocks without those of some rows."""
-    blocks, surface = bulge
-    kept = blocks.copy()
-    kept.data[np.repeat(left_out, np.diff(blocks.indptr))] = 0.0
-    return kept, surface
 
 
 def with_free_part(
