@@ -25,13 +25,15 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import carriers
-from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.rows import (
-    Lever,
-    Sides,
+from skfem_contact.conditions.orthotropic import (
+    OrthotropicCoulomb,
     combinations,
     duals,
     material_frame,
+)
+from skfem_contact.conditions.rows import (
+    Lever,
+    Sides,
     stacked_rows,
     tangential_rows,
     with_columns,
@@ -234,10 +236,11 @@ def kinematics(
         still |= pairing.still
     slips = [sides.of_slip(along) for along in still.T]
     tangent, axes, A = pairing.tangent, None, None
-    if isinstance(contact.friction, OrthotropicCoulomb):
-        tangent = material_frame(contact, pairing)
+    law = contact.friction
+    if isinstance(law, OrthotropicCoulomb):
+        tangent = material_frame(law, pairing, contact.label)
         first = still[:, 0] | slips[0].held(frame[:, 1], contact.tied)
-        A = combinations(tangent, contact.friction.ratios, pairing.tangent, first)
+        A = combinations(tangent, law.ratios, pairing.tangent, first)
         axes = A @ pairing.tangent
     B_n = sides.rows(frame[:, 0], sides.held(frame[:, 0], contact.bilateral))
     leaning, along = None, frame[:, 1:]
