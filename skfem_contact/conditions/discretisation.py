@@ -51,22 +51,26 @@ def pair(
     secondary, primary = contact.secondary, contact.primary
     if len(moved):
         secondary = secondary.moved(moved[0])
+    partner: ContactSurface | None
     if isinstance(primary, Obstacle):
         placed = primary if motion is None else primary.moved(motion)
         partner = placed.outline
-        if partner is None:
-            return _along_supports(secondary, _by_distance(contact, secondary, placed))
     else:
         partner = primary.moved(moved[1]) if len(moved) else primary
-    if partner.dim != secondary.dim:
+    if partner is None:
+        pairing = _by_distance(contact, secondary, placed)
+    elif partner.dim != secondary.dim:
         raise _unlike(contact, partner.dim)
-    pairing = _pair_surfaces(contact, secondary, partner, known)
-    if contact.sliding == "small" and not contact.tied and not len(moved):
-        pairing = loaded_frames(secondary, partner, pairing)
-    if contact.rigid:
-        return _along_supports(secondary, _without_nodes(pairing))
-    pairing = _along_supports(secondary, pairing)
-    return pairing if secondary.dim == 2 else held_tangents(secondary, partner, pairing)
+    else:
+        pairing = _pair_surfaces(contact, secondary, partner, known)
+        if contact.sliding == "small" and not contact.tied and not len(moved):
+            pairing = loaded_frames(secondary, partner, pairing)
+        pairing = _without_nodes(pairing) if contact.rigid else pairing
+    if secondary.dim == 2:  # there is one tangent only
+        return pairing
+    tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
+    pairing = replace(pairing, tangent=tangent)
+    return pairing if partner is None else held_tangents(secondary, partner, pairing)
 
 
 def _unlike(contact: Contact, d: int) -> InputError:
@@ -76,14 +80,6 @@ def _unlike(contact: Contact, d: int) -> InputError:
         f"contact {contact.label}: surface {contact.secondary.label!r} is {contact.secondary.dim}-D, "
         f"{kind}{contact.primary.label!r} {d}-D"
     )
-
-
-def _along_supports(secondary: ContactSurface, pairing: Pairing) -> Pairing:
-    """The pairing with tangents along the supports of its points; in the plane there is only one."""
-    if secondary.dim == 2:
-        return pairing
-    tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
-    return replace(pairing, tangent=tangent)
 
 
 def _by_distance(contact: Contact, secondary: ContactSurface, obstacle: Obstacle) -> Pairing:
