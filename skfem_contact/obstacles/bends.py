@@ -51,12 +51,13 @@ def cut_edges(outline: ContactSurface) -> tuple[csr_matrix, Index] | None:
     before, after = outline.neighbours.T
     own, there = outline.facet_normals, outline.facet_node_normals
     alike = np.abs(end_slopes(outline.points, outline.facets, there)).max(axis=1) > 0
-    # a flat between two chamfers turns alike at both ends, too, but has no like beside it
-    inner = alike & ((alike[before] & (before >= 0)) | (alike[after] & (after >= 0)))
-    last = (before < 0) & inner[after] | (after < 0) & inner[before]
+    edge, side = np.nonzero(outline.neighbours >= 0)
+    beside = outline.neighbours[edge, side]
+    rim = (outline.neighbours < 0).any(axis=1)
+    curved = stand_for_curves(alike, rim, edge, beside, np.ones(len(edge), dtype=bool))
     # averaged with a neighbour, and not in line with it
     bent = np.linalg.norm(there - own[:, None], axis=2) > SOLVED
-    cut = bent & ~(inner | last)[:, None]
+    cut = bent & ~curved[:, None]
     if not cut.any():
         return None
     # no longer than half of the chamfer
@@ -70,6 +71,27 @@ def cut_edges(outline: ContactSurface) -> tuple[csr_matrix, Index] | None:
     weights = csr_matrix((parts, (np.tile(row, 2), ends)), shape=(n, len(outline.points)))
     start = row if closed else row[:-1]
     return weights, np.column_stack([start, (start + 1) % n])
+
+
+def stand_for_curves(alike: Mask, last: Mask, facet: Index, beside: Index, like: Mask) -> Mask:
+    """Flat facets that are pieces of a curve or a curved surface; the others are meant to be flat.
+
+    A flat between two chamfers turns alike to its sides, too, but has no like beside it.
+
+    Parameters
+    ----------
+    alike : ndarray of bool, shape (n,)
+        Facets that turn alike to all sides.
+    last : ndarray of bool, shape (n,)
+        Those that may be where a curve ends, if most of what is beside them is inside of it.
+    facet, beside : ndarray of int, shape (p,)
+        All pairs of neighbours, each in both orders.
+    like : ndarray of bool, shape (p,)
+        Pairs in which the first is not much wider than the second.
+    """
+    inner = alike & (np.bincount(facet, like & alike[beside], len(alike)) > 0)
+    inside = np.bincount(facet, like & inner[beside], len(alike))
+    return np.asarray(inner | last & (2 * inside > np.bincount(facet, minlength=len(alike))))
 
 
 @dataclass(eq=False)
@@ -139,11 +161,8 @@ class Patches:
 
         other = self.of[there]
         like = width[patch] <= WIDER * width[other]
-        inner = alike & (np.bincount(patch, like & alike[other], count) > 0)
         # where a curved surface ends, and among slivers, it bends to one side
-        beside = np.bincount(patch, like & inner[other], count)
-        last = gentle & (2 * beside > np.bincount(patch, minlength=count))
-        return np.asarray((inner | last)[self.of])
+        return np.asarray(stand_for_curves(alike, gentle, patch, other, like)[self.of])
 
 
 def cut_triangles(surface: ContactSurface) -> tuple[csr_matrix, Index] | None:

@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from skfem_contact.arguments import (
     check_name,
     check_switch,
+    file_path,
     number,
     numbers,
     shown,
@@ -122,12 +123,8 @@ class RigidSurface(Faceted):
         """
         import meshio  # takes as long to import as all else together, and only files need it
 
-        try:
-            path = Path(path)
-            known = path.is_file()
-        except TypeError:
-            raise InputError(f"path is {shown(path)}; give the name of a file, or a Path") from None
-        if not known:
+        path = file_path(path)
+        if not path.is_file():
             raise InputError(f"there is no file {str(path)!r} to read triangles from")
         try:
             with np.errstate(all="ignore"):  # meshio tries text as numbers first, which overflow
