@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 
 #: Why a bound is not negative, and what to do where nothing is to slip.
 NO_SIGN = (
-    "It bounds the size of the friction force, whose direction follows from the slip; give a value of "
-    "zero or more."
+    "It bounds the size of the friction force, whose direction follows from the slip; give a value "
+    ">= 0."
 )
 NEVER_SLIPS = (
     "For surfaces that never slip use Contact(tied=True), or a large finite {} if they may separate."

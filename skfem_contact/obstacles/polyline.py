@@ -13,7 +13,7 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_edges
-from skfem_contact.obstacles.faceted import Faceted, volume
+from skfem_contact.obstacles.obstacle import Faceted, volume
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.node import node_to_segment
 from skfem_contact.sealed import sealed

@@ -27,7 +27,7 @@ from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.selection import written
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_triangles
-from skfem_contact.obstacles.faceted import Faceted, volume
+from skfem_contact.obstacles.obstacle import Faceted, volume
 from skfem_contact.pairing.faces.distance import signed_distances
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.sealed import sealed
