@@ -53,7 +53,7 @@ def cut_edges(outline: ContactSurface) -> tuple[csr_matrix, Index] | None:
     alike = np.abs(end_slopes(outline.points, outline.facets, there)).max(axis=1) > 0
     edge, side = np.nonzero(outline.neighbours >= 0)
     beside = outline.neighbours[edge, side]
-    rim = (outline.neighbours < 0).any(axis=1)
+    rim = np.asarray((outline.neighbours < 0).any(axis=1))
     curved = stand_for_curves(alike, rim, edge, beside, np.ones(len(edge), dtype=bool))
     # averaged with a neighbour, and not in line with it
     bent = np.linalg.norm(there - own[:, None], axis=2) > SOLVED
