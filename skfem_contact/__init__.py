@@ -44,10 +44,9 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System, stack
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
+from skfem_contact.conditions.friction import Archard, Coulomb, FrictionLaw, Tresca
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.wear import Archard
 from skfem_contact.elimination.condense import ConstraintRows, condense, contact_rows
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.elimination.eliminate import eliminate

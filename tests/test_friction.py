@@ -15,8 +15,7 @@ from scipy.sparse import csr_matrix
 
 import skfem_contact as sc
 from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
-from skfem_contact.conditions.friction import Derivatives, radial_return
-from skfem_contact.conditions.friction_rule import unlawful
+from skfem_contact.conditions.return_map import Derivatives, radial_return, unlawful
 from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.conditions.thresholds import BEYOND
 

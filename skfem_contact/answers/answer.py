@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from skfem_contact.answers.validity.validity import Diagnostics
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import LocalState, State
+from skfem_contact.conditions.state import Identity, LocalState, State
 from skfem_contact.loops.step import Record
 from skfem_contact.once import once
 from skfem_contact.problem.response import Conditions

@@ -151,9 +151,7 @@ def warn_bridged(contact: Contact, pairing: Pairing) -> None:
     gap = pairing.gap[pairing.paired]
     if not (contact.tied or contact.adjust) or not len(gap):
         return
-    size = _extent(contact.secondary)
-    if isinstance(contact.primary, ContactSurface):
-        size = min(size, _extent(contact.primary))
+    size = _smaller_extent(contact)
     if contact.tied and not contact.rigid and np.ptp(gap) > BRIDGED * size:
         warn(
             f"Contact {contact.label} glues points that are {gap.min():.6g} to {gap.max():.6g} off the "
@@ -274,13 +272,11 @@ def _warn_overlap(contact: Contact, name: str, gap: Array, interference: Array) 
     deepest = max(largest(-gap), largest(interference))
     if deepest == 0.0:
         return
-    sizes = [_extent(contact.secondary)]
-    if isinstance(contact.primary, ContactSurface):
-        sizes.append(_extent(contact.primary))
-    if deepest > HUGE * min(sizes):
+    size = _smaller_extent(contact)
+    if deepest > HUGE * size:
         warn(
-            f"contact '{name}' starts with an overlap of {deepest:.6g}, {deepest / min(sizes):.2g} "
-            f"times the extent of the smaller body ({min(sizes):.6g}). The answer is linear, but "
+            f"contact '{name}' starts with an overlap of {deepest:.6g}, {deepest / size:.2g} "
+            f"times the extent of the smaller body ({size:.6g}). The answer is linear, but "
             "strains of this size are not small. Usually a unit or the sign of interference is "
             f"wrong, or {_far_side(contact)}."
         )
@@ -295,8 +291,10 @@ def _far_side(contact: Contact) -> str:
     return "the primary surface is on the far side of its body"
 
 
-def _extent(surface: ContactSurface) -> float:
-    return float(np.ptp(surface.body.basis.mesh.p, axis=1).max())
+def _smaller_extent(contact: Contact) -> float:
+    """Extent of the smaller of the bodies in contact [length]."""
+    bodies = [s.body for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
+    return min(float(np.ptp(body.basis.mesh.p, axis=1).max()) for body in bodies)
 
 
 def warn_measures(contacts: Sequence[Contact]) -> None:
@@ -343,14 +341,11 @@ def _compare(contact: Contact, one: ContactSurface, other: ContactSurface) -> No
         )
         return
     x = one.points.T
-    weights = [
-        np.asarray(side.body.measure(x), dtype=float) for side in (one, other) if side.body.measure
-    ]
+    measures = [side.body.measure for side in (one, other)]
+    weights = [np.broadcast_to(measure(x), x[0].shape) for measure in measures if measure]
     if np.max(np.abs(weights[0] - weights[1])) > GIVEN * np.max(np.abs(weights)):
         far = int(np.argmax(x[0]))
-        ratio = (
-            np.broadcast_to(weights[0], x[0].shape)[far] / np.broadcast_to(weights[1], x[0].shape)[far]
-        )
+        ratio = weights[0][far] / weights[1][far]
         warn(
             f"Contact {contact.label}: the measure of {one.label!r} is {ratio:.6g} times that of "
             f"{other.label!r} at the same place: the one may be of a whole ring (2 pi x[0]), and the "

@@ -20,9 +20,8 @@ from skfem_contact.arguments import (
 )
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
-from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.friction import Archard, FrictionLaw
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.wear import Archard
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import RigidBody
@@ -36,6 +35,15 @@ NO_SLIP = (
     "Contact: wear=... needs the slip, and without friction nothing tangential is modelled. Give it a "
     "coefficient that is small but not zero, friction=Coulomb(1e-6)."
 )
+#: For each law of a contact what it has to be, in words too, and what to write in place of it on glue.
+LAWS = {
+    "friction": (
+        FrictionLaw,
+        "not a friction law; write friction=Coulomb(0.3), or derive your own from FrictionLaw",
+        "; a bond that slips is separation=False, friction=...",
+    ),
+    "wear": (Archard, "no law of wear; write Archard(k)", "."),
+}
 LAW = "it belongs to the law, friction=Coulomb(mu, ...)"
 
 
@@ -126,6 +134,63 @@ class Contact(PrintedAsCall):
     name: str | None = None
 
     def __post_init__(self) -> None:
+        self._check_sides()
+        choices = {
+            "method": ("node", "mortar"),
+            "outside": ("open", "error"),
+            "sliding": ("small", "finite"),
+        }
+        for name, allowed in choices.items():
+            value = getattr(self, name)
+            if not isinstance(value, str) or value not in allowed:
+                raise InputError(f"Contact: {name} = {shown(value)} is not one of {allowed}.")
+        check_switch(self.tied, "Contact: tied")
+        check_switch(self.separation, "Contact: separation")
+        for name in ("interference", "gap"):
+            object.__setattr__(self, name, kept(getattr(self, name)))
+        check_name(self.name, "Contact: name")
+        self._check_laws()
+        for name in ("adjust", "reach"):
+            value = getattr(self, name)
+            if value is None and name == "reach":
+                continue
+            bound = "> 0" if name == "reach" else ">= 0"  # within no reach there is no partner
+            length = number(value, f"Contact: {name}", f"give a length {bound}")
+            # no limit to `reach` is what it has without; every gap closed is never what is meant
+            if not length >= 0 or length == {"adjust": np.inf, "reach": 0.0}[name]:
+                raise InputError(f"Contact: {name} = {value} has to be a length {bound}.")
+
+    def __getstate__(self) -> dict[str, Any]:
+        known = dict(vars(self))
+        for name in ("interference", "gap"):
+            known[name] = carried(known[name], f"{name} of contact {self.label}")
+        return known
+
+    def _check_laws(self) -> None:
+        """Refuse what is no law, or one of slip where there is none; take directions at the points."""
+        for name, (kind, words, instead) in LAWS.items():
+            law = getattr(self, name)
+            if law is not None and not isinstance(law, kind):
+                raise InputError(f"Contact: {name} = {shown(law)} is {words}.")
+            if law is not None and self.tied:
+                raise InputError(
+                    f"Contact: tied=True and {name}=... exclude each other: glued surfaces do not "
+                    f"slip. Leave one of them out{instead}"
+                )
+        if self.wear is not None and self.friction is None:
+            raise InputError(NO_SLIP)
+        if isinstance(self.friction, OrthotropicCoulomb):
+            surface = self.secondary
+            if surface.dim == 2 or surface.dofs.shape[1] == 1:
+                known = "one only in the plane" if surface.dim == 2 else "none of a scalar field"
+                raise InputError(
+                    "Contact: OrthotropicCoulomb tells directions along a surface apart, and there is "
+                    f"{known}: give Coulomb(mu) with the coefficient along it."
+                )
+            object.__setattr__(self, "friction", self.friction.on(surface.points))
+
+    def _check_sides(self) -> None:
+        """Refuse what can not be in contact; a surface against itself: its points would be partners."""
         if isinstance(self.secondary, RigidBody):
             both = isinstance(self.primary, Obstacle)
             raise InputError(
@@ -150,78 +215,6 @@ class Contact(PrintedAsCall):
                 f"Contact: primary is a {type(self.primary).__name__}; it has to be a surface, "
                 "body.surface('name'), an obstacle such as RigidPlane(point, normal), or a RigidBody."
             )
-        self._check_sides()
-        choices = {
-            "method": ("node", "mortar"),
-            "outside": ("open", "error"),
-            "sliding": ("small", "finite"),
-        }
-        for name, allowed in choices.items():
-            value = getattr(self, name)
-            if not isinstance(value, str) or value not in allowed:
-                raise InputError(f"Contact: {name} = {shown(value)} is not one of {allowed}.")
-        check_switch(self.tied, "Contact: tied")
-        check_switch(self.separation, "Contact: separation")
-        for name in ("interference", "gap"):
-            object.__setattr__(self, name, kept(getattr(self, name)))
-        check_name(self.name, "Contact: name")
-        if self.friction is not None and not isinstance(self.friction, FrictionLaw):
-            raise InputError(
-                f"Contact: friction = {self.friction!r} is not a friction law; write "
-                "friction=Coulomb(0.3), or derive your own from FrictionLaw."
-            )
-        if self.tied and self.friction is not None:
-            raise InputError(
-                "Contact: tied=True and friction=... exclude each other: glued surfaces do not "
-                "slip. Leave one of them out; a bond that slips is separation=False, friction=..."
-            )
-        self._check_direction()
-        self._check_wear()
-        for name in ("adjust", "reach"):
-            value = getattr(self, name)
-            if value is None and name == "reach":
-                continue
-            bound = "> 0" if name == "reach" else ">= 0"  # within no reach there is no partner
-            length = number(value, f"Contact: {name}", f"give a length {bound}")
-            # no limit to `reach` is what it has without; every gap closed is never what is meant
-            if not length >= 0 or length == {"adjust": np.inf, "reach": 0.0}[name]:
-                raise InputError(f"Contact: {name} = {value} has to be a length {bound}.")
-
-    def __getstate__(self) -> dict[str, Any]:
-        known = dict(vars(self))
-        for name in ("interference", "gap"):
-            known[name] = carried(known[name], f"{name} of contact {self.label}")
-        return known
-
-    def _check_direction(self) -> None:
-        """Refuse friction with a material direction where there is none; take that at the points."""
-        law, surface = self.friction, self.secondary
-        if not isinstance(law, OrthotropicCoulomb):
-            return
-        if surface.dim == 2 or surface.dofs.shape[1] == 1:
-            raise InputError(
-                "Contact: OrthotropicCoulomb tells directions along a surface apart, and there is "
-                f"{'one only in the plane' if surface.dim == 2 else 'none of a scalar field'}: give "
-                "Coulomb(mu) with the coefficient along it."
-            )
-        object.__setattr__(self, "friction", law.on(surface.points))
-
-    def _check_wear(self) -> None:
-        """Refuse wear that nothing is known of the slip of."""
-        if self.wear is None:
-            return
-        if not isinstance(self.wear, Archard):
-            raise InputError(f"Contact: wear = {shown(self.wear)} is no law of wear; write Archard(k).")
-        if self.tied:
-            raise InputError(
-                "Contact: tied=True and wear=... exclude each other: glued surfaces do not slip. Leave "
-                "one of them out."
-            )
-        if self.friction is None:
-            raise InputError(NO_SLIP)
-
-    def _check_sides(self) -> None:
-        """Refuse a surface against itself: every point would be its own partner."""
         primary = self.primary
         if not isinstance(primary, ContactSurface) or primary.body is not self.secondary.body:
             return

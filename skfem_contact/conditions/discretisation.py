@@ -16,7 +16,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.corner_rows import Names
-from skfem_contact.pairing.corners import CornerContacts, corner_contacts
+from skfem_contact.pairing.corners import corner_contacts
 from skfem_contact.pairing.faces.control import at_control_points
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.faces.rollers import along_supports
@@ -51,22 +51,26 @@ def pair(
     secondary, primary = contact.secondary, contact.primary
     if len(moved):
         secondary = secondary.moved(moved[0])
+    partner: ContactSurface | None
     if isinstance(primary, Obstacle):
         placed = primary if motion is None else primary.moved(motion)
         partner = placed.outline
-        if partner is None:
-            return _along_supports(secondary, _by_distance(contact, secondary, placed))
     else:
         partner = primary.moved(moved[1]) if len(moved) else primary
-    if partner.dim != secondary.dim:
+    if partner is None:
+        pairing = _by_distance(contact, secondary, placed)
+    elif partner.dim != secondary.dim:
         raise _unlike(contact, partner.dim)
-    pairing = _pair_surfaces(contact, secondary, partner, known)
-    if contact.sliding == "small" and not contact.tied and not len(moved):
-        pairing = loaded_frames(secondary, partner, pairing)
-    if contact.rigid:
-        return _along_supports(secondary, _without_nodes(pairing))
-    pairing = _along_supports(secondary, pairing)
-    return pairing if secondary.dim == 2 else held_tangents(secondary, partner, pairing)
+    else:
+        pairing = _pair_surfaces(contact, secondary, partner, known)
+        if contact.sliding == "small" and not contact.tied and not len(moved):
+            pairing = loaded_frames(secondary, partner, pairing)
+        pairing = _without_nodes(pairing) if contact.rigid else pairing
+    if secondary.dim == 2:  # there is one tangent only
+        return pairing
+    tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
+    pairing = replace(pairing, tangent=tangent)
+    return pairing if partner is None else held_tangents(secondary, partner, pairing)
 
 
 def _unlike(contact: Contact, d: int) -> InputError:
@@ -76,14 +80,6 @@ def _unlike(contact: Contact, d: int) -> InputError:
         f"contact {contact.label}: surface {contact.secondary.label!r} is {contact.secondary.dim}-D, "
         f"{kind}{contact.primary.label!r} {d}-D"
     )
-
-
-def _along_supports(secondary: ContactSurface, pairing: Pairing) -> Pairing:
-    """The pairing with tangents along the supports of its points; in the plane there is only one."""
-    if secondary.dim == 2:
-        return pairing
-    tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
-    return replace(pairing, tangent=tangent)
 
 
 def _by_distance(contact: Contact, secondary: ContactSurface, obstacle: Obstacle) -> Pairing:
@@ -104,13 +100,17 @@ def _pair_surfaces(
         pairing = node_to_face(secondary, primary, reach=contact.reach)
         away = gap_vectors(secondary, primary, pairing.secondary_weights, pairing.primary_weights)
         return _with_signs(contact, secondary, pairing, away)
-    corners = None if contact.bilateral else _corners(contact, secondary, primary, known)
+    corners, reach = None, contact.reach
+    if not contact.bilateral:
+        # with small sliding only what corners overlap now
+        small = contact.sliding == "small"
+        corners = corner_contacts(secondary, primary, reach=reach, only_overlaps=small, known=known)
     if mortar:
         pressed = None if corners is None else corners.pressed
-        pairing = dual_mortar(secondary, primary, reach=contact.reach, pressed=pressed)
+        pairing = dual_mortar(secondary, primary, reach=reach, pressed=pressed)
         pairing = held_tangents(secondary, primary, pairing)
     else:
-        pairing = node_to_segment(secondary, primary, reach=contact.reach)
+        pairing = node_to_segment(secondary, primary, reach=reach)
     pairing = pairing if corners is None else corners.rows(pairing, every=mortar)
     return pairing if mortar else _without_idle(contact, pairing)
 
@@ -139,19 +139,6 @@ def _without_nodes(pairing: Pairing) -> Pairing:
         facet=np.full(m, -1),
         secondary_normal=None,
         primary_normal=None,
-    )
-
-
-def _corners(
-    contact: Contact, secondary: ContactSurface, primary: ContactSurface, known: Names
-) -> CornerContacts:
-    """What corners meet; with small sliding only what they overlap now."""
-    return corner_contacts(
-        secondary,
-        primary,
-        reach=contact.reach,
-        only_overlaps=contact.sliding == "small",
-        known=known,
     )
 
 

@@ -1,57 +1,41 @@
-r"""Friction laws: bound, derivatives, return map; pure functions of arrays.
+r"""Laws of friction and wear: bounds and volumes as pure functions of arrays.
 
-A law bounds the friction force of a point, ``|tau| <= L(lambda)``; the point sticks below the
+A law of friction bounds the force of a point, ``|tau| <= L(lambda)``; the point sticks below the
 bound and slips on it. Internally ``tau`` is the force that resists a positive slip, so that the
 friction on the secondary surface is ``-tau`` ([M] eqs. (6), (7), (11); [M] is V. L. Marchenko,
 2014). Forces are per contact point, stresses are forces divided by the tributary area.
 
-A trial force ``t`` within the bound ``L`` is the friction force; one beyond it is brought back onto the
-circle (in the plane: onto the interval) of radius ``L``, along itself ([M] eq. (11)):
-
-    tau = L d,   d = t / |t|,        d tau = L / |t| (1 - d d') dt + d dL,
-                                     dL = dL/dlambda dlambda + dL/ds . ds .
-
-With one tangent ``1 - d d'`` is zero: the direction of friction does not turn.
+Archard's law says that the volume worn off is ``k F s``, with the force F that presses and the way s
+that it slides; at each point of a surface the depth grows by ``k p ds``. It opens the gap. In a load
+step both are those of its end and its beginning (trapezoidal rule, as for the energy that friction
+takes): where friction is Coulomb's the volume is ``k / mu`` times that energy, to round-off.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from functools import cached_property, partial
-from typing import Any, NamedTuple, Protocol
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import PrintedAsCall, number, numbers, take, with_known_keywords
-from skfem_contact.arrays import lengths
+from skfem_contact.conditions.return_map import Mapped, map_by_bound
 from skfem_contact.conditions.thresholds import DIFFERENCE
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import kept, sealed
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
-
-class Derivatives(NamedTuple):
-    """Derivatives of friction forces, component by component of the force.
-
-    Attributes
-    ----------
-    trial : ndarray, shape (m, d-1, d-1)
-        By the trial force.
-    normal_force : ndarray, shape (m, d-1)
-    slip : ndarray, shape (m, d-1, d-1)
-        By the slip that the bound depends on [force/length].
-    """
-
-    trial: Array
-    normal_force: Array
-    slip: Array
-
-
-Mapped = tuple[Array, Mask, Derivatives]
+#: Why a bound is not negative, and what to do where nothing is to slip.
+NO_SIGN = (
+    "It bounds the size of the friction force, whose direction follows from the slip; give a value "
+    ">= 0."
+)
+NEVER_SLIPS = (
+    "For surfaces that never slip use Contact(tied=True), or a large finite {} if they may separate."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,29 +166,6 @@ class FrictionLaw(PrintedAsCall):
         return map_by_bound(self, trial, normal_force, area, slip)
 
 
-def _checked(name: str, given: Any, law: str, by_point: bool) -> float | Array:
-    """A parameter that is not negative, as it is kept: a number, or an array of one per point."""
-    value = kept(given)
-    kind = "one number, or one per contact point" if by_point else "one number"
-    array = numbers(value, f"{law}: {name}", f"give {kind}")
-    if array.ndim > 1 or (array.ndim == 1 and (array.size == 0 or not by_point)):
-        raise InputError(f"{law}: {name} has shape {array.shape}; it has to be {kind}.")
-    if np.isnan(array).any() or (array < 0).any():
-        raise InputError(
-            f"{law}: {name} = {value!r} is negative or not a number. It bounds the size of the "
-            "friction force, whose direction follows from the slip; give a value >= 0."
-        )
-    return sealed(array) if isinstance(value, list | tuple) else value
-
-
-def _not_infinite(name: str, value: ArrayLike, law: str) -> None:
-    if not np.isfinite(np.asarray(value, dtype=float)).all():
-        raise InputError(
-            f"{law}: {name} is infinite. For surfaces that never slip use Contact(tied=True), or "
-            f"a large finite {name} if they may separate."
-        )
-
-
 @with_known_keywords(f="the coefficient of friction is mu", coefficient="write mu")
 @dataclass(frozen=True, eq=False, init=False)
 class Coulomb(FrictionLaw):
@@ -250,12 +211,11 @@ class Coulomb(FrictionLaw):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("mu", "tau_max", "cohesion"):
-            object.__setattr__(
-                self, name, _checked(name, getattr(self, name), "Coulomb", name != "tau_max")
-            )
-        for name in ("mu", "cohesion"):
-            _not_infinite(name, getattr(self, name), "Coulomb")
+        for name, several in (("mu", True), ("tau_max", False), ("cohesion", True)):
+            finite = NEVER_SLIPS.format(name) if several else ""
+            given = getattr(self, name)
+            own = parameter("Coulomb", name, given, NO_SIGN, by_point=several, finite=finite)
+            object.__setattr__(self, name, own)
 
     @property
     def is_linear(self) -> bool:
@@ -306,8 +266,9 @@ class Tresca(FrictionLaw):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "tau_max", _checked("tau_max", self.tau_max, "Tresca", by_point=True))
-        _not_infinite("tau_max", self.tau_max, "Tresca")
+        finite = NEVER_SLIPS.format("tau_max")
+        own = parameter("Tresca", "tau_max", self.tau_max, NO_SIGN, finite=finite)
+        object.__setattr__(self, "tau_max", own)
 
     @property
     def is_linear(self) -> bool:
@@ -320,100 +281,95 @@ class Tresca(FrictionLaw):
         return np.zeros_like(normal_force)
 
 
-class Bound(Protocol):
-    """A law by its bound; see `FrictionLaw`."""
+@with_known_keywords(
+    K="write k, the coefficient over the hardness, K / H",
+    H="write k, the coefficient over the hardness, K / H",
+    hardness="write k, the coefficient over the hardness, K / H",
+)
+@dataclass(frozen=True, eq=False, init=False)
+class Archard(PrintedAsCall):
+    """Archard's law of wear: the volume worn off is `k` times the force times the way that it slides.
 
-    def limit(self, normal_force: Array, area: Array, slip: Array, /) -> Array: ...
-
-    def slope(self, normal_force: Array, area: Array, slip: Array, /) -> Array: ...
-
-
-def radial_return(trial: Array, limit: Array) -> tuple[Array, Mask]:
-    """Bring a trial friction force back onto the friction cone ([M] eq. (11)).
+    It is the secondary surface that wears. With small sliding nothing tells it from wear of the primary
+    surface, or of both, whose `k` is the sum of theirs.
 
     Parameters
     ----------
-    trial : ndarray, shape (m, d-1)
-        Elastic predictor ``tau_n + G (s - s_n)`` [force].
-    limit : ndarray, shape (m,)
-        Friction bound [force].
+    k : float or ndarray, shape (m,)
+        Volume per force and way, Archard's coefficient over the hardness [area/force].
 
-    Returns
-    -------
-    tangential : ndarray, shape (m, d-1)
-        `trial` where it is admissible, else its projection onto the circle of radius `limit`.
-    slips : ndarray of bool, shape (m,)
+    Raises
+    ------
+    InputError
+        If it is negative, infinite or NaN.
 
     Examples
     --------
-    >>> radial_return(np.array([[3.0, 4.0], [0.3, 0.4]]), np.array([1.0, 1.0]))
-    (array([[0.6, 0.8],
-           [0.3, 0.4]]), array([ True, False]))
+    A force of 2 on a way of 10:
+
+    >>> import numpy as np
+    >>> import skfem_contact as sc
+    >>> sc.Archard(1e-6).volume(np.array([2.0]), np.array([10.0]))
+    array([2.e-05])
     """
-    size = lengths(trial)
-    slips = size > limit
-    if trial.shape[1] == 1:
-        return np.where(slips[:, None], np.copysign(limit[:, None], trial), trial), slips
-    kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)
-    return trial * kept[:, None], slips
+
+    k: float | Array
+
+    def __init__(self, k: ArrayLike) -> None:
+        take(self, k=k)
+
+    def __post_init__(self) -> None:
+        why = "It is the volume worn off per force and way; give a value >= 0."
+        finite = "Give a finite volume per force and way."
+        object.__setattr__(self, "k", parameter("Archard", "k", self.k, why, finite=finite))
+
+    def volume(self, force: Array, way: Array) -> Array:
+        """Volume worn off, shape (m,) [volume].
+
+        Parameters
+        ----------
+        force : ndarray, shape (m,)
+            That presses, not negative [force].
+        way : ndarray, shape (m,)
+            Length of the slip [length].
+        """
+        return np.asarray(self.k * force * way)
 
 
-def map_by_bound(
-    law: Bound, trial: Array, normal_force: Array, area: Array, slip: Array, hardens: bool = True
-) -> Mapped:
-    """The return map of a law that is given by its bound; see `FrictionLaw.return_map`.
+def parameter(
+    law: str, name: str, given: Any, why: str, *, by_point: bool = True, finite: str = ""
+) -> float | Array:
+    """A parameter of a law, not negative, as it is kept: a number, or an array of one per point.
 
     Parameters
     ----------
-    law : Bound
-    trial, slip : ndarray, shape (m, d-1)
-    normal_force, area : ndarray, shape (m,)
-    hardens : bool
-        Whether the bound depends on the slip.
+    law, name : str
+    given : float, or array (m,)
+    why : str
+        Why it is not negative, and what to give.
+    by_point : bool
+        Whether there may be one per point.
+    finite : str
+        What to do instead, where it can not be infinite.
     """
-    limit = np.asarray(law.limit(normal_force, area, slip))
-    force, slips = radial_return(trial, limit)
-    if trial.shape[1] == 1:  # nothing turns: along the only tangent what slips has its bound
-        direction, by_trial = np.sign(trial) * slips[:, None], (~slips)[:, None, None].astype(float)
-    else:
-        size = lengths(trial)
-        kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)[:, None]
-        direction = np.divide(trial, size[:, None], out=np.zeros(trial.shape), where=slips[:, None])
-        by_trial = np.eye(trial.shape[1]) - direction[:, :, None] * direction[:, None, :]
-        by_trial *= kept[:, :, None]
-    by_normal = law.slope(normal_force, area, slip)[:, None] * direction
-    by_slip = np.zeros(by_trial.shape)
-    if hardens:
-        ask = partial(law.limit, normal_force, area)
-        by_slip = direction[:, :, None] * slip_gradient(ask, limit, slip, direction)[:, None, :]
-    return force, slips, Derivatives(by_trial, by_normal, by_slip)
+    value = kept(given)
+    kind = "one number, or one per contact point" if by_point else "one number"
+    array = numbers(value, f"{law}: {name}", f"give {kind}")
+    if array.ndim > 1 or (array.ndim == 1 and (array.size == 0 or not by_point)):
+        raise InputError(f"{law}: {name} has shape {array.shape}; it has to be {kind}.")
+    if np.isnan(array).any() or (array < 0).any():
+        raise InputError(f"{law}: {name} = {value!r} is negative or not a number. {why}")
+    if finite and np.isinf(array).any():
+        raise InputError(f"{law}: {name} is infinite. {finite}")
+    return sealed(array) if isinstance(value, list | tuple) else value
 
 
-def slip_gradient(limit: Callable[[Array], Array], here: Array, slip: Array, direction: Array) -> Array:
-    """Derivative of a bound by the slip where points slip, shape (m, d-1): difference quotients.
-
-    Along `direction` it is that ahead: where slip begins, a bound that depends on its size has a kink.
-    Across it is the mean of both sides.
-
-    Parameters
-    ----------
-    limit : callable
-        Gives the bounds (m,) at a slip (m, d-1).
-    here : ndarray, shape (m,)
-        The bounds at `slip`.
-    direction : ndarray, shape (m, d-1)
-        Unit directions of friction; zero where nothing slips.
-    """
-    step = DIFFERENCE * float(np.max(np.abs(slip), initial=0.0))
-    if step == 0.0:
-        return np.zeros_like(direction)
-    ahead = np.asarray((limit(slip + step * direction) - here) / step)
-    gradient = ahead[:, None] * direction
-    if direction.shape[1] == 1:  # one tangent: nothing is across
-        return gradient
-    slides = np.linalg.norm(direction, axis=1) > 0
-    for k, axis in enumerate(np.eye(direction.shape[1])):
-        across = step * np.where(slides[:, None], axis - direction * direction[:, k, None], 0.0)
-        difference = limit(slip + across) - limit(slip - across)
-        gradient[:, k] += difference / (2 * step)
-    return gradient
+def check_points(law: object, names: tuple[str, ...], m: int, whose: str) -> None:
+    """Refuse parameters of a law that are given for another number of points than its contact has."""
+    for name in names:
+        size = np.shape(getattr(law, name, 0.0))
+        if size not in ((), (1,), (m,)):
+            raise InputError(
+                f"{whose}: {name} of its {type(law).__name__} law has shape {size}, but the contact "
+                f"has {m} points; give one number, or one per point of the secondary surface."
+            )

@@ -15,21 +15,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arguments import numbers, shown
+from skfem_contact.arguments import numbers
 from skfem_contact.arrays import lengths
 from skfem_contact.bodies.selection import written
 from skfem_contact.carried import ByFields
-from skfem_contact.conditions.friction import (
-    Coulomb,
-    Derivatives,
-    FrictionLaw,
-    Mapped,
-    Tresca,
-    map_by_bound,
-    radial_return,
-)
+from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.thresholds import AGREE, BEYOND, DIFFERENCE, NO_AREA, STEEP
+from skfem_contact.conditions.return_map import (
+    Derivatives,
+    Mapped,
+    map_by_bound,
+    mapped_arrays,
+    radial_return,
+    unlawful,
+)
+from skfem_contact.conditions.thresholds import BEYOND, DIFFERENCE, NO_AREA, STEEP
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 
@@ -149,10 +149,7 @@ class CheckedLaw(ByFields):
 
     def _own_map(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> Mapped:
         """What a return map of the law's own gives, checked against its bound."""
-        idle = self._idle(area)
-        asked = trial.copy(), normal_force.copy(), np.where(idle, 1.0, area), slip.copy()
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            found = self.law.return_map(*asked)
+        found, idle = self._answer(self.law.return_map, trial, normal_force, area, slip)
         force, slips, derivatives = mapped_arrays(found, self._name("return_map"), trial)
         force = np.where(idle[:, None], 0.0, force)
         slips = np.where(idle, trial.any(axis=1), slips)
@@ -164,9 +161,7 @@ class CheckedLaw(ByFields):
             np.where(own[:, None], derivatives.normal_force, 0.0),
             np.where(own[:, None, None], derivatives.slip, 0.0),
         )
-        known = (
-            np.isfinite(normal_force) & np.isfinite(slip).all(axis=1) & np.isfinite(trial).all(axis=1)
-        )
+        known = np.isfinite(np.column_stack([normal_force, slip, trial])).all(axis=1)
         limit = self.limit(normal_force, area, slip)
         wrong = known & unlawful(trial, limit, force, slips, by)
         if wrong.any():
@@ -185,11 +180,7 @@ class CheckedLaw(ByFields):
         self, method: Callable[..., Any], what: str, normal_force: Array, area: Array, slip: Array
     ) -> tuple[Array, Mask]:
         """What the law returns, and for which points it was asked with numbers to be answered."""
-        idle = self._idle(area)
-        # the law's own copies, as it may work in place; divisions by zero are found by their result
-        asked = normal_force.copy(), np.where(idle, 1.0, area), slip.copy()
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            found = method(*asked)
+        found, idle = self._answer(method, normal_force, area, slip)
         usage = "it must return an array with one number for each contact point"
         values = numbers(found, f"what {self._name(what)} returned", usage)
         if values.shape != normal_force.shape:
@@ -200,12 +191,17 @@ class CheckedLaw(ByFields):
                 f"{slip.shape}: np.linalg.norm(slip, axis=1) is the size of the slip, one number per "
                 "point."
             )
-        known = np.isfinite(normal_force) & np.isfinite(slip).all(axis=1) & ~idle
+        known = np.isfinite(np.column_stack([normal_force, slip])).all(axis=1) & ~idle
         return np.where(idle, 0.0, values), known
 
-    def _idle(self, area: Array) -> Mask:
-        """Points without area, which carry nothing."""
-        return np.asarray(area <= NO_AREA * np.max(area, initial=0.0))
+    def _answer(self, method: Callable[..., Any], *given: Array) -> tuple[Any, Mask]:
+        """What the law makes of forces, areas and slips; and points without area, which carry none."""
+        *forces, area, slip = given
+        idle = area <= NO_AREA * np.max(area, initial=0.0)
+        # the law's own copies, as it may work in place; divisions by zero are found by their result
+        asked = *(force.copy() for force in forces), np.where(idle, 1.0, area), slip.copy()
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return method(*asked), np.asarray(idle)
 
     def _name(self, method: str) -> str:
         return f"contact '{self.contact}': {type(self.law).__name__}.{method}"
@@ -270,10 +266,9 @@ class FrictionRule:
 
     def __init__(self, laws: Laws, area: Array, reference: Array) -> None:
         self.laws, self.area, self.reference = laws, area, reference
-        only = laws[0][1] if len(laws) == 1 and laws[0][0] == slice(0, len(area)) else None
-        self._only = only
-        self.steady = all(law.steady for _, law in laws) if only is None else only.steady
-        self.by_bound = all(law.by_bound for _, law in laws) if only is None else only.by_bound
+        self._only = laws[0][1] if len(laws) == 1 and laws[0][0] == slice(0, len(area)) else None
+        self.steady = all(law.steady for _, law in laws)
+        self.by_bound = all(law.by_bound for _, law in laws)
         self._asked: tuple[Array, Array, Array] | None = None
 
     def since(self, reference: Array) -> FrictionRule:
@@ -376,49 +371,6 @@ class FrictionRule:
 def grows(by: Derivatives) -> Mask:
     """Points whose bound grows with the slip, (m,)."""
     return np.asarray(np.einsum("ikk->i", by.slip) > 0)
-
-
-def mapped_arrays(found: Any, name: str, trial: Array) -> Mapped:
-    """What a return map of the user's gave, as arrays of the shapes that they must have.
-
-    Raises
-    ------
-    InputError
-        It is something else.
-    """
-    m, t = trial.shape
-    usage = "it must return (force, slips, (by_trial, by_normal_force, by_slip)), all of them arrays"
-    what = f"what {name} returned"
-    try:
-        force, slips, (by_trial, by_normal, by_slip) = found
-    except (TypeError, ValueError):
-        raise InputError(f"{what} is {shown(found)}; {usage}") from None
-    slips = np.asarray(slips)
-    if slips.shape != (m,) or slips.dtype != bool:
-        raise InputError(f"slips of {what} is {shown(slips)}, not one True or False for each point")
-    given = {"force": force, "by_trial": by_trial, "by_normal_force": by_normal, "by_slip": by_slip}
-    shapes = (m, t), (m, t, t), (m, t), (m, t, t)
-    arrays = []
-    for (part, value), shape in zip(given.items(), shapes, strict=True):
-        array = numbers(value, f"{part} of {what}", usage)
-        if array.shape != shape:
-            raise InputError(
-                f"{part} of {what} has shape {array.shape} for {m} points with {t} tangent"
-                f"{'s' if t > 1 else ''}, where it must have shape {shape}; {usage}"
-            )
-        arrays.append(array)
-    return arrays[0], slips, Derivatives(*arrays[1:])
-
-
-def unlawful(trial: Array, limit: Array, force: Array, slips: Mask, by: Derivatives) -> Mask:
-    """Points where a return map is none: off the bound where it slips, or not finite, (m,)."""
-    size, wanted = np.linalg.norm(force, axis=1), np.linalg.norm(trial, axis=1)
-    alike = AGREE * np.max(limit[np.isfinite(limit)], initial=0.0)
-    slides = (np.abs(size - limit) <= alike) & (wanted >= limit - alike)
-    for array in by:
-        slides &= np.isfinite(array).reshape(len(array), -1).all(axis=1)
-    sticks = (np.linalg.norm(force - trial, axis=1) <= alike) & (wanted <= limit + alike)
-    return ~np.where(slips, slides, sticks)
 
 
 def steep_words(law: FrictionLaw | None) -> str:

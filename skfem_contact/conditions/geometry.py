@@ -35,7 +35,6 @@ from skfem_contact.conditions.checks import (
 )
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import pair
-from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.interface import contact_names, point_slices
 from skfem_contact.conditions.kinematics import (
     Kinematics,
@@ -47,7 +46,7 @@ from skfem_contact.conditions.kinematics import (
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
-from skfem_contact.conditions.state import OPEN, LocalState, transport
+from skfem_contact.conditions.state import OPEN, Identity, LocalState, transport
 from skfem_contact.obstacles.motion import spin
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing
@@ -81,9 +80,8 @@ class Geometry:
             )
             for contact, name in zip(contacts, contact_names(self.contacts), strict=True)
         ]
-        self.finite = np.zeros(self.kin.m, dtype=bool)
-        for contact, part in zip(contacts, self.point_slices, strict=True):
-            self.finite[part] = contact.sliding == "finite"
+        counts = [part.m for part in self._first]
+        self.finite = np.repeat([contact.sliding == "finite" for contact in contacts], counts)
         self.follows = bool(self.finite.any())  # whether any contact slides far
         self.surface_dofs = surface_dofs(system, contacts)
 
@@ -244,15 +242,13 @@ class Geometry:
         closed = (state.status != OPEN) & self.finite
         if not (closed | self.finite & new.paired).any():
             return 0.0
-        # an open point may lie in the other body: on the pairing that was solved it was elsewhere
-        wrong = np.where(closed, np.abs(new.gap0), np.maximum(-new.gap0, 0.0))
         # where supports hold both bodies no pairing mends an overlap; it is warned of
         judged = self.finite & new.paired & ~new.tied
         if barred is not None:
             judged &= ~barred
         if judged.any():
             judged &= ~prescribed_rows(new.B_n, self.system.D)
-        gap = np.where(judged, wrong, 0.0)
+        gap = np.where(judged, _wrong_gaps(new, closed), 0.0)
         change = (new.B_n - old.B_n).T @ state.normal_force
         if state.tangential_force.any():
             before, after = _along_both(old, new, state.tangential_force)
@@ -267,7 +263,7 @@ class Geometry:
     def least_settled(self, old: Kinematics, new: Kinematics, state: LocalState) -> int:
         """The point that makes most of the `mismatch`: by its gap, or by where its force goes."""
         closed = state.status != OPEN
-        wrong = np.where(closed, np.abs(new.gap0), np.maximum(-new.gap0, 0.0)) / self.system.extent
+        wrong = _wrong_gaps(new, closed) / self.system.extent
         wrong = np.where(self.finite & new.paired & old.paired, wrong, 0.0)
         forces = np.column_stack([state.normal_force, state.tangential_force])
         scale = np.max(np.abs(forces), initial=np.finfo(float).tiny)
@@ -278,6 +274,14 @@ class Geometry:
             moved = moved + _largest(kron(identity(old.m), np.ones((1, old.tangents))) @ rows)
         moved = moved / scale
         return int(np.argmax(np.maximum(wrong, moved)))
+
+
+def _wrong_gaps(kin: Kinematics, closed: Mask) -> Array:
+    """Gaps of closed points and overlaps of open ones, (m,) [length].
+
+    An open point may lie in the other body: on the pairing that was solved it was elsewhere.
+    """
+    return np.where(closed, np.abs(kin.gap0), np.maximum(-kin.gap0, 0.0))
 
 
 def _along_both(old: Kinematics, new: Kinematics, forces: Array) -> tuple[Array, Array]:

@@ -12,12 +12,11 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.contact import NO_SLIP, Contact
-from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
+from skfem_contact.conditions.friction import Archard, Coulomb, FrictionLaw, Tresca, check_points
 from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.rows import compliance_scale
 from skfem_contact.conditions.thresholds import STIFFNESS
-from skfem_contact.conditions.wear import Archard
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
@@ -103,34 +102,6 @@ def can_carry(law: FrictionLaw | None, m: int) -> Mask:
     return np.asarray(np.broadcast_to(limit, m) > 0)
 
 
-def _check_law(law: FrictionLaw, m: int, label: str) -> None:
-    """Parameters given point by point have to be as many as there are points."""
-    if not isinstance(law, Coulomb | Tresca):
-        return  # what a user's own law keeps is its own affair
-    for name in ("mu", "cohesion", "tau_max", "stiffness"):
-        size = np.shape(getattr(law, name, 0.0))
-        if size not in ((), (1,), (m,)):
-            raise InputError(
-                f"contact '{label}': {name} of its {type(law).__name__} law has shape {size}, but "
-                f"the contact has {m} points; give one number, or one per point of the secondary "
-                "surface."
-            )
-
-
-def _check_wear(contact: Contact, carries: Mask) -> None:
-    """Refuse wear at points whose slip is not modelled, and coefficients for other points."""
-    if not carries.all():
-        raise InputError(
-            f"contact '{contact.label}': friction is zero at {np.sum(~carries)} points. {NO_SLIP}"
-        )
-    size = np.shape(contact.wear.k) if contact.wear else ()
-    if size not in ((), (1,), (len(carries),)):
-        raise InputError(
-            f"contact '{contact.label}': k of its Archard law has shape {size}, but the contact has "
-            f"{len(carries)} points; give one number, or one per point of the secondary surface."
-        )
-
-
 def interface(
     contacts: tuple[Contact, ...], kin: Kinematics, stiffness: Sequence[csr_matrix], loop: str
 ) -> Interface:
@@ -155,10 +126,14 @@ def interface(
                 f"contact '{contact.label}': a scalar field has no tangential direction, so there "
                 "is no friction; leave friction out."
             )
-        _check_law(law, part.stop - part.start, contact.label)
-        carries = can_carry(law, part.stop - part.start)
+        count, whose = part.stop - part.start, f"contact '{contact.label}'"
+        if isinstance(law, Coulomb | Tresca):  # what a user's own law keeps is its own affair
+            check_points(law, ("mu", "cohesion", "tau_max", "stiffness"), count, whose)
+        carries = can_carry(law, count)
         if contact.wear is not None:
-            _check_wear(contact, carries)
+            if not carries.all():  # of what does not slip nothing is known
+                raise InputError(f"{whose}: friction is zero at {np.sum(~carries)} points. {NO_SLIP}")
+            check_points(contact.wear, ("k",), count, whose)
             wear.append((part, contact.wear))
         if not carries.any():
             continue

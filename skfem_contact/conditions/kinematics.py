@@ -25,16 +25,15 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import carriers
-from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.rows import (
-    Lever,
+from skfem_contact.conditions.orthotropic import (
+    OrthotropicCoulomb,
     combinations,
     duals,
-    held_by_supports,
     material_frame,
-    sides_of,
-    slip_sides,
-    spread_rows,
+)
+from skfem_contact.conditions.rows import (
+    Lever,
+    Sides,
     stacked_rows,
     tangential_rows,
     with_columns,
@@ -231,40 +230,25 @@ def kinematics(
     frame = np.concatenate([pairing.normal[:, None, :], pairing.tangent], axis=1)
     if scalar:  # a field with one component: the row of the value itself, no direction
         frame = np.ones((len(pairing.gap), 1, 1))
-    sides = sides_of(contact, pairing.secondary_weights, pairing.primary_weights)
+    sides = Sides.of(system, contact, pairing, moved)
     still = np.zeros(frame[:, 1:, 0].shape, dtype=bool)
     if pairing.still is not None:
         still |= pairing.still
-    bulge = None
-    if pairing.primary_bulge is not None and isinstance(contact.primary, ContactSurface) and not scalar:
-        bulge = (pairing.primary_bulge, contact.primary)
-    lever = Lever.of(system, contact, pairing, moved)
-    held = held_by_supports(sides, frame[:, 0], contact.bilateral, lever)
-    own_sides = slip_sides(contact, pairing, sides, still)
+    slips = [sides.of_slip(along) for along in still.T]
     tangent, axes, A = pairing.tangent, None, None
-    if isinstance(contact.friction, OrthotropicCoulomb):
-        tangent = material_frame(contact, pairing)
-        first = still[:, 0] | held_by_supports(own_sides[0], frame[:, 1], contact.tied, lever)
-        A = combinations(tangent, contact.friction.ratios, pairing.tangent, first)
+    law = contact.friction
+    if isinstance(law, OrthotropicCoulomb):
+        tangent = material_frame(law, pairing, contact.label)
+        first = still[:, 0] | slips[0].held(frame[:, 1], contact.tied)
+        A = combinations(tangent, law.ratios, pairing.tangent, first)
         axes = A @ pairing.tangent
-    B_n = spread_rows(system, sides, frame[:, 0], pairing.paired, held, bulge, lever)
+    B_n = sides.rows(frame[:, 0], sides.held(frame[:, 0], contact.bilateral))
     leaning, along = None, frame[:, 1:]
     if frame.shape[1:] == (2, 2) and still.any():
         leaning, left = _leaning(secondary, frame, still[:, 0], contact.tied)
         # what is free comes with the normal row, of both sides
         along = np.where((leaning != 0)[:, None, None] & ~secondary.held[:, None], 0.0, along)
-    tangential = partial(
-        tangential_rows,
-        system,
-        own_sides,
-        along,
-        pairing.paired,
-        still,
-        contact.tied,
-        bulge,
-        lever,
-        A,
-    )
+    tangential = partial(tangential_rows, slips, system.n, along, still, A)
     if leaning is not None and leaning.any():
         tangential = partial(with_free_part, tangential, B_n, leaning, left)
     return Kinematics(
@@ -281,7 +265,7 @@ def kinematics(
         bilateral=np.full(len(pairing.gap), contact.bilateral),
         heir=carriers(secondary, pairing),
         action=pairing.action,
-        offset=_offset(contact, pairing, lever),
+        offset=_offset(contact, pairing, sides.lever),
         tilt=pairing.tilt,
         vertex=np.full(len(pairing.gap), -1) if pairing.vertex is None else pairing.vertex,
         corners=(pairing.corners,),

@@ -78,11 +78,7 @@ class Motion:
         """Displacement of the obstacle at some points, shape (m, d)."""
         moved = np.tile(self.translation, (len(points), 1))
         if self.turns:
-            arm = points - self.centre
-            if np.ndim(self.angle):
-                return np.asarray(moved + arm @ (rotation_matrix(self.angle).T - np.eye(3)))
-            cos, sin = np.cos(self.angle), np.sin(self.angle)
-            moved += arm @ np.array([[cos, sin], [-sin, cos]]) - arm
+            moved += (points - self.centre) @ (rotation_matrix(self.angle).T - np.eye(len(self.centre)))
         return moved
 
     def as_argument(self) -> tuple[Array, Any, Array]:

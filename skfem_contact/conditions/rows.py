@@ -3,34 +3,23 @@ r"""Rows over the DOFs: gaps and slips of contact points as sums over both sides
 Each side gives ``sign direction . (W u_surface)`` with the weights W of a `Pairing`, a rigid body the
 rows of its `Lever`; where supports hold a point, its row has only what they prescribe.
 
-Slips are taken along axes: unit tangents, scaled where friction has a material direction.
-The ellipse of `orthotropic` has the axes ``d_1`` (along) and ``d_2`` (across) and, over the larger
-coefficient, the ratios ``r_1, r_2``. Components of the slip s along any two vectors ``e_k`` with
-
-    (e_1 . s)^2 + (e_2 . s)^2 = (r_1 d_1 . s)^2 + (r_2 d_2 . s)^2
-
-make a circle of it; ``e_k = r_k d_k`` is one choice of many. Here they are combinations of the tangents
-of the pairing of which one is a multiple of a single tangent: of the one that supports hold, if they
-hold one, so that no row is half held. With one coefficient they are the tangents themselves.
+Slips are taken along axes: unit tangents, scaled where friction has a material direction, see
+`orthotropic`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix, diags
 
-from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.thresholds import NO_PROJECTION
-from skfem_contact.errors import InputError
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.supports import held_rows
@@ -120,11 +109,103 @@ def as_motion(system: System, body: RigidBody, u: Array) -> tuple[Array, Any, Ar
 
 #: Weights, surface and sign of one side of a contact.
 Side = tuple[csr_matrix, ContactSurface, float]
-#: `Pairing.primary_bulge` and the primary.
-Bulge = tuple[bsr_matrix, ContactSurface]
 
 
-def sides_of(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> list[Side]:
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """What the rows of a contact are sums over.
+
+    Attributes
+    ----------
+    system : System
+    contact : Contact
+    pairing : Pairing
+    weighed : list of Side
+        Both surfaces; a rigid obstacle is none.
+    bulge : bsr_matrix or None
+        `Pairing.primary_bulge`: blocks that add vectors of the primary's displacements.
+    lever : Lever or None
+        A rigid body on the primary side.
+    """
+
+    system: System
+    contact: Contact
+    pairing: Pairing
+    weighed: list[Side]
+    bulge: bsr_matrix | None
+    lever: Lever | None
+
+    @classmethod
+    def of(
+        cls, system: System, contact: Contact, pairing: Pairing, moved: Array | None = None
+    ) -> Sides:
+        """Those of the gaps; `moved` is the translation of a rigid body, see `Lever.of`."""
+        weights = pairing.secondary_weights, pairing.primary_weights
+        scalar = contact.secondary.dofs.shape[1] == 1
+        bulge = None if contact.rigid or scalar else pairing.primary_bulge
+        lever = Lever.of(system, contact, pairing, moved)
+        return cls(system, contact, pairing, _weighed(contact, *weights), bulge, lever)
+
+    def of_slip(self, still: Mask) -> Sides:
+        """Those of the slips along one tangent: other weights where supports make the slip."""
+        pairing, bulge = self.pairing, self.bulge
+        if pairing.slip_weights is None:
+            weighed = self.weighed
+        else:
+            own, others = diags(still.astype(float)), diags((~still).astype(float))
+            weights = pairing.secondary_weights, pairing.primary_weights
+            both = zip(weights, pairing.slip_weights, strict=True)
+            mixed = (csr_matrix(others @ W + own @ slip) for W, slip in both)
+            weighed = _weighed(self.contact, *mixed)
+        if bulge is not None and still.any():  # rows of node-to-segment contact stand on the nodes
+            bulge = bulge.copy()
+            bulge.data[still[block_places(bulge)[0]]] = 0.0
+        return replace(self, weighed=weighed, bulge=bulge)
+
+    def held(self, direction: Array, glued: bool) -> Mask:
+        """Rows that supports hold. Not of glue: its gap is zero, and its rows agree with supports."""
+        if glued:
+            return np.zeros(len(direction), dtype=bool)
+        held = held_rows(self.weighed, direction)
+        return held if self.lever is None else held & self.lever.holds(direction)
+
+    def rows(self, direction: Array, held: Mask) -> csr_matrix:
+        """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
+
+        Of rows that are `held` only what is prescribed is left: so no route closes them, and checks of
+        prescribed values see them.
+        """
+        found, given, paired, system = [], [], np.array(self.pairing.paired), self.system
+        for weights, surface, sign in self.weighed:
+            row, node, value = entries(weights)
+            given.append((surface, row, node, (sign * value)[:, None] * direction[row]))
+        if self.bulge is not None:
+            row, node = block_places(self.bulge)
+            coefficients = (direction[row][:, None] @ self.bulge.data)[:, 0]
+            given.append((self.weighed[1][1], row, node, coefficients))
+        for surface, row, node, coefficients in given:
+            keep = paired[row]
+            row, node, coefficients = row[keep], node[keep], coefficients[keep]
+            columns = system.offsets[system.index(surface.body)] + surface.dofs[node]
+            rows = np.repeat(row, surface.dofs.shape[1])
+            if held.any():
+                coefficients[held[row][:, None] & ~surface.held[node]] = 0.0
+            found.append((coefficients.ravel(), rows, columns.ravel()))
+        if self.lever is not None:
+            found.append(self.lever.entries(direction, paired, held))
+        data, rows, columns = (np.concatenate(part) for part in zip(*found, strict=True))
+        spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
+        spread.sum_duplicates()
+        spread.eliminate_zeros()
+        return spread
+
+
+def block_places(blocks: bsr_matrix) -> tuple[Index, Index]:
+    """Rows and columns of all blocks."""
+    return np.repeat(np.arange(len(blocks.indptr) - 1), np.diff(blocks.indptr)), blocks.indices
+
+
+def _weighed(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> list[Side]:
     """Weights, surface and sign of either side; a rigid obstacle has none."""
     sides = [(secondary, contact.secondary, 1.0)]
     if isinstance(contact.primary, ContactSurface):
@@ -132,76 +213,8 @@ def sides_of(contact: Contact, secondary: csr_matrix, primary: csr_matrix) -> li
     return sides
 
 
-def slip_sides(contact: Contact, pairing: Pairing, sides: list[Side], still: Mask) -> list[list[Side]]:
-    """Both sides of the rows of each tangent: other weights where supports make the slip."""
-    if pairing.slip_weights is None:
-        return [sides] * still.shape[1]
-    found = []
-    for along in still.T:
-        own, others = diags(along.astype(float)), diags((~along).astype(float))
-        weights = pairing.secondary_weights, pairing.primary_weights
-        both = zip(weights, pairing.slip_weights, strict=True)
-        found.append(sides_of(contact, *(csr_matrix(others @ W + own @ slip) for W, slip in both)))
-    return found
-
-
-def held_by_supports(sides: Sequence[Side], direction: Array, glued: bool, lever: Lever | None) -> Mask:
-    """Rows that supports hold. Not of glue: its gap is zero, and its rows agree with supports."""
-    if glued:
-        return np.zeros(len(direction), dtype=bool)
-    held = held_rows(sides, direction)
-    return held if lever is None else held & lever.holds(direction)
-
-
-def spread_rows(
-    system: System,
-    sides: Sequence[Side],
-    direction: Array,
-    paired: Mask,
-    held: Mask,
-    bulge: Bulge | None = None,
-    lever: Lever | None = None,
-) -> csr_matrix:
-    """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
-
-    Of rows that are `held` only what is prescribed is left: so no route closes them, and checks of
-    prescribed values see them. The blocks `bulge` add vectors of the primary's displacements.
-    """
-    found, given = [], []
-    for weights, surface, sign in sides:
-        row, node, value = entries(weights)
-        given.append((surface, row, node, (sign * value)[:, None] * direction[row]))
-    if bulge is not None:
-        blocks, surface = bulge
-        row, node = np.repeat(np.arange(len(paired)), np.diff(blocks.indptr)), blocks.indices
-        given.append((surface, row, node, (direction[row][:, None] @ blocks.data)[:, 0]))
-    for surface, row, node, coefficients in given:
-        keep = paired[row]
-        row, node, coefficients = row[keep], node[keep], coefficients[keep]
-        columns = system.offsets[system.index(surface.body)] + surface.dofs[node]
-        rows = np.repeat(row, surface.dofs.shape[1])
-        if held.any():
-            coefficients[held[row][:, None] & ~surface.held[node]] = 0.0
-        found.append((coefficients.ravel(), rows, columns.ravel()))
-    if lever is not None:
-        found.append(lever.entries(direction, paired, held))
-    data, rows, columns = (np.concatenate(part) for part in zip(*found, strict=True))
-    spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
-    spread.sum_duplicates()
-    spread.eliminate_zeros()
-    return spread
-
-
 def tangential_rows(
-    system: System,
-    sides: Sequence[Sequence[Side]],
-    tangent: Array,
-    paired: Mask,
-    still: Mask,
-    tied: bool,
-    bulge: Bulge | None = None,
-    lever: Lever | None = None,
-    A: Array | None = None,
+    sides: Sequence[Sides], n: int, tangent: Array, still: Mask, A: Array | None = None
 ) -> csr_matrix:
     """Rows of the slips along all tangents (m, d-1, d), point by point; none for scalar problems.
 
@@ -209,22 +222,11 @@ def tangential_rows(
     """
     blocks = []
     for own, along, at_rest in zip(sides, np.moveaxis(tangent, 1, 0), still.T, strict=True):
-        held = at_rest | held_by_supports(own, along, tied, lever)
-        # rows of node-to-segment contact stand on the nodes
-        moving = _without_rows(bulge, at_rest) if bulge is not None and at_rest.any() else bulge
-        blocks.append(spread_rows(system, own, along, paired, held, moving, lever))
+        blocks.append(own.rows(along, at_rest | own.held(along, own.contact.tied)))
     if not blocks:
-        return csr_matrix((0, system.n))
+        return csr_matrix((0, n))
     rows = _interleave(blocks)
     return rows if A is None else combined_rows(A, rows)
-
-
-def _without_rows(bulge: Bulge, left_out: Mask) -> Bulge:
-    """The blocks without those of some rows."""
-    blocks, surface = bulge
-    kept = blocks.copy()
-    kept.data[np.repeat(left_out, np.diff(blocks.indptr))] = 0.0
-    return kept, surface
 
 
 def with_free_part(
@@ -329,89 +331,6 @@ def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:
     else:
         G = bsr_matrix((spring, np.arange(m), np.arange(m + 1)), shape=(m * t, m * t)).tocsr()
     return csr_matrix(B_t.T @ (G @ B_t))
-
-
-def material_frame(contact: Contact, pairing: Pairing) -> Array:
-    """Unit tangents along and across the direction of the contact's friction, shape (m, 2, 3).
-
-    Points without partner keep the tangents of the pairing, which nothing is measured along.
-
-    Raises
-    ------
-    InputError
-        Where the direction is normal to the surface, or nearly so.
-    """
-    law = contact.friction
-    assert isinstance(law, OrthotropicCoulomb)
-    normal = pairing.normal
-    given = np.broadcast_to(np.asarray(law.direction, dtype=float), normal.shape)
-    # of any length: by a power of two first, or squares of it may be zero or infinite
-    given = np.ldexp(given, -np.frexp(np.abs(given).max(axis=1))[1][:, None])
-    given = given / np.linalg.norm(given, axis=1)[:, None]
-    across = given - np.einsum("md,md->m", given, normal)[:, None] * normal
-    size = np.linalg.norm(across, axis=1)
-    known = size > NO_PROJECTION
-    length = np.where(known, size, 1.0)[:, None]
-    if not known[pairing.paired].all():
-        worst = int(np.flatnonzero(pairing.paired & ~known)[0])
-        raise InputError(
-            f"contact '{contact.label}': the direction {written(given[worst])} of its friction is "
-            f"normal to the surface at point {worst} at {written(pairing.points[worst])}. It has to be "
-            "along the surface; where that turns, give a function of the position."
-        )
-    first = np.where(known[:, None], across / length, pairing.tangent[:, 0])
-    frame = np.stack([first, np.cross(normal, first)], axis=1)
-    return np.where(known[:, None, None], frame, pairing.tangent)
-
-
-def combinations(frame: Array, ratios: Array, tangent: Array, first_held: Mask) -> Array:
-    r"""What combinations of the tangents the axes are, shape (m, 2, 2): triangular matrices A.
-
-    ``A'A = r_2^2 + (r_1^2 - r_2^2) d d'`` with the components d of the direction along the tangents.
-
-    Parameters
-    ----------
-    frame : ndarray, shape (m, 2, 3)
-        Along the material direction and across it.
-    ratios : ndarray, shape (2,) or (m, 2)
-    tangent : ndarray, shape (m, 2, 3)
-        Of the pairing.
-    first_held : ndarray of bool, shape (m,)
-        Where supports hold the first tangent; it is an axis then, but for its length, else the second.
-
-    Examples
-    --------
-    A direction along the bisector, with a ratio of 1/2:
-
-    >>> tangent = np.array([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
-    >>> frame = np.array([[[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]]) / np.sqrt(2)
-    >>> A = combinations(frame, np.array([0.5, 1.0]), tangent, np.array([False]))[0]
-    >>> bool(np.allclose(A.T @ A, [[0.625, -0.375], [-0.375, 0.625]])), float(A[1, 0])
-    (True, 0.0)
-    """
-    d = np.einsum("md,mkd->mk", frame[:, 0], tangent)
-    one, other = np.moveaxis(np.broadcast_to(ratios, d.shape), -1, 0) ** 2
-    metric = (one - other)[:, None, None] * d[:, :, None] * d[:, None, :]
-    metric += other[:, None, None] * np.eye(2)
-    # the axis that is no multiple of a single tangent, and that tangent
-    mixed = np.where(first_held, 1, 0)
-    rows, single = np.arange(len(d)), 1 - mixed
-    length = np.sqrt(metric[rows, mixed, mixed])
-    A = np.zeros(metric.shape)
-    A[rows, mixed, mixed] = length
-    A[rows, mixed, single] = metric[rows, 0, 1] / length
-    A[rows, single, single] = np.sqrt(one * other) / length
-    return A
-
-
-def duals(axes: Array, normal: Array) -> Array:
-    """Tangential vectors (m, 2, 3) with ``dual_k . axis_l`` one for k = l, else zero.
-
-    Of components along the axes they make the vector again; of a force they take the components.
-    """
-    beside = np.stack([np.cross(axes[:, 1], normal), np.cross(normal, axes[:, 0])], axis=1)
-    size = np.einsum("mkd,mkd->mk", beside, axes)[:, :, None]
-    return np.divide(beside, size, out=np.zeros_like(axes), where=size != 0)  # where there is a normal
 
 
 def combined_rows(A: Array, rows: csr_matrix) -> csr_matrix:

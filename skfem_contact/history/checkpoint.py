@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import file_path
-from skfem_contact.conditions.identity import Identity
 from skfem_contact.conditions.loads import LoadCase, Motion
-from skfem_contact.conditions.state import State
+from skfem_contact.conditions.state import Identity, State
 from skfem_contact.errors import InputError, warn
 
 Array = NDArray[np.float64]

@@ -1,8 +1,9 @@
 """Rigid obstacles: they are paired and they move, as they are told or by their loads.
 
-* `obstacle`, `motion`: what every obstacle does, how its motions are written, turns in space included;
+* `obstacle`, `motion`: what every obstacle does, and what is made of straight facets; how motions are
+  written, turns in space included;
 * `shapes`, `level_set`: planes, cylinders, spheres; a function of position;
-* `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file;
-* `bends`: flats of triangles, along the bends beside them;
+* `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file; `bends`: their
+  flats, along the bends beside them;
 * `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
 """

@@ -1,10 +1,9 @@
-"""Flats of surfaces made of triangles: cut along the bends beside them, where normals turn.
+"""Flats of outlines and of surfaces made of triangles: cut beside the bends, where normals turn.
 
-Normals are interpolated between the corners of a triangle, where they are averaged with its neighbours
-unless they meet at 45 degrees or more. On a piece of a curved surface that is right. The flat of a tool
-with chamfers or fillets is none: over all of its few large triangles forces would lean by up to the
-angle of the bend. There normals turn over a narrow strip along the bend. (`polyline` has the same of
-outlines in the plane.)
+Normals are interpolated between the corners of an edge or a triangle, where they are averaged with its
+neighbours unless they meet at 45 degrees or more. On a piece of a curve or a curved surface that is
+right. The flat of a tool with chamfers or fillets is none: over all of its few large facets forces
+would lean by up to the angle of the bend. There normals turn over a narrow strip along the bend.
 """
 
 from __future__ import annotations
@@ -17,15 +16,18 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, identity, vstack
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.bodies.kinks import bends
+from skfem_contact.bodies.kinks import bends, end_slopes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT, STEEPEST
+from skfem_contact.digits import SOLVED
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-#: Part of the height of a triangle over which its normals turn towards a bend at its edge.
+#: Part of a flat edge, or of the height of a triangle, over which its normals turn towards a bend at
+#: its end. Longer, and friction on flats leans by the bend; shorter, and points that pass it meet a
+#: corner.
 ROUNDED = 1 / 8
 #: ... at least: slivers are no chamfers, and narrower triangles would have no height in their digits.
 NARROW = 1e-3
@@ -34,6 +36,62 @@ NARROW = 1e-3
 ONE_SIDED = 0.8
 #: A flat is wider than what it bends into, by more than neighbours differ on a curved surface.
 WIDER = 4.0
+
+
+def cut_edges(outline: ContactSurface) -> tuple[csr_matrix, Index] | None:
+    """Short edges beside the smooth bends at the ends of straight ones.
+
+    Returns
+    -------
+    weights : csr_matrix, shape (n, m)
+        Of the points (m,), for the points of the edges, which are in order along the outline.
+    edges : ndarray of int, shape (ne, 2)
+        None where there is no flat beside a bend.
+    """
+    before, after = outline.neighbours.T
+    own, there = outline.facet_normals, outline.facet_node_normals
+    alike = np.abs(end_slopes(outline.points, outline.facets, there)).max(axis=1) > 0
+    edge, side = np.nonzero(outline.neighbours >= 0)
+    beside = outline.neighbours[edge, side]
+    rim = np.asarray((outline.neighbours < 0).any(axis=1))
+    curved = stand_for_curves(alike, rim, edge, beside, np.ones(len(edge), dtype=bool))
+    # averaged with a neighbour, and not in line with it
+    bent = np.linalg.norm(there - own[:, None], axis=2) > SOLVED
+    cut = bent & ~curved[:, None]
+    if not cut.any():
+        return None
+    # no longer than half of the chamfer
+    room = np.minimum(ROUNDED, 0.5 * outline.lengths[outline.neighbours] / outline.lengths[:, None])
+    nothing, closed = np.zeros(len(own)), before[0] >= 0
+    at_end = (after < 0) & ~closed
+    edge, which = np.nonzero(np.column_stack([nothing == 0, cut, at_end]))
+    share = np.column_stack([nothing, room[:, 0], 1 - room[:, 1], nothing + 1])[edge, which]
+    row, n = np.arange(len(edge)), len(edge)
+    ends, parts = outline.facets[edge].T.ravel(), np.concatenate([1 - share, share])
+    weights = csr_matrix((parts, (np.tile(row, 2), ends)), shape=(n, len(outline.points)))
+    start = row if closed else row[:-1]
+    return weights, np.column_stack([start, (start + 1) % n])
+
+
+def stand_for_curves(alike: Mask, last: Mask, facet: Index, beside: Index, like: Mask) -> Mask:
+    """Flat facets that are pieces of a curve or a curved surface; the others are meant to be flat.
+
+    A flat between two chamfers turns alike to its sides, too, but has no like beside it.
+
+    Parameters
+    ----------
+    alike : ndarray of bool, shape (n,)
+        Facets that turn alike to all sides.
+    last : ndarray of bool, shape (n,)
+        Those that may be where a curve ends, if most of what is beside them is inside of it.
+    facet, beside : ndarray of int, shape (p,)
+        All pairs of neighbours, each in both orders.
+    like : ndarray of bool, shape (p,)
+        Pairs in which the first is not much wider than the second.
+    """
+    inner = alike & (np.bincount(facet, like & alike[beside], len(alike)) > 0)
+    inside = np.bincount(facet, like & inner[beside], len(alike))
+    return np.asarray(inner | last & (2 * inside > np.bincount(facet, minlength=len(alike))))
 
 
 @dataclass(eq=False)
@@ -103,14 +161,11 @@ class Patches:
 
         other = self.of[there]
         like = width[patch] <= WIDER * width[other]
-        inner = alike & (np.bincount(patch, like & alike[other], count) > 0)
         # where a curved surface ends, and among slivers, it bends to one side
-        beside = np.bincount(patch, like & inner[other], count)
-        last = gentle & (2 * beside > np.bincount(patch, minlength=count))
-        return np.asarray((inner | last)[self.of])
+        return np.asarray(stand_for_curves(alike, gentle, patch, other, like)[self.of])
 
 
-def cut_at_bends(surface: ContactSurface) -> tuple[csr_matrix, Index] | None:
+def cut_triangles(surface: ContactSurface) -> tuple[csr_matrix, Index] | None:
     """Narrow triangles along the bends beside flats.
 
     Returns
@@ -166,7 +221,7 @@ class _Cut:
         return np.asarray(np.maximum(most, NARROW)[corner])
 
     def cut(self) -> tuple[csr_matrix, Index]:
-        """See `cut_at_bends`."""
+        """See `cut_triangles`."""
         some = self.leans.any(axis=1)
         for f in np.flatnonzero(some).tolist():
             self._triangle(f)

@@ -15,8 +15,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import MotionLike, rigid_motion
-from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.thresholds import FACING
+from skfem_contact.obstacles.obstacle import Obstacle, facing
 
 Array = NDArray[np.float64]
 
@@ -99,48 +98,53 @@ class LevelSet(Obstacle):
         self._check_gradient(x, size)
         y, converged = self._closest(x, size)
         self._check_gradient(y[converged], size)
-        gradient = self._gradient(y, size)
-        steep = np.linalg.norm(gradient, axis=1)
-        normal = gradient / np.where(steep > 0, steep, 1.0)[:, None]
+        normal, _, looks = self._normals(y, surface, size)
         gap = np.einsum("md,md->m", normal, x - y)
-        facing = np.einsum("md,md->m", normal, surface.normals) < -FACING
-        # where nothing is steep the normal is zero, and faces nothing
-        return gap, normal, converged & facing & (gap >= -0.5 * size)
+        return gap, normal, converged & looks & (gap >= -0.5 * size)
 
     def first_order(self, surface: ContactSurface) -> tuple[Array, Array, NDArray[np.bool_]]:
         """What `distance` gives, by the value over the gradient: right near the obstacle."""
         x = surface.points
-        gradient = self._gradient(x, float(np.linalg.norm(np.ptp(x, axis=0))))
+        normal, steep, looks = self._normals(x, surface, float(np.linalg.norm(np.ptp(x, axis=0))))
+        return self._value(x) / steep, normal, looks
+
+    def _normals(
+        self, y: Array, surface: ContactSurface, size: float
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Unit normals at positions, how steep the function is, and which nodes look at them.
+
+        Where nothing is steep the normal is zero, and no node looks at it.
+        """
+        gradient = self._gradient(y, size)
         steep = np.linalg.norm(gradient, axis=1)
-        there = steep > 0
-        steep = np.where(there, steep, 1.0)
+        steep = np.where(steep > 0, steep, 1.0)
         normal = gradient / steep[:, None]
-        facing = np.einsum("md,md->m", normal, surface.normals) < -FACING
-        return self._value(x) / steep, normal, there & facing
+        return normal, steep, facing(normal, surface)
 
     def _value(self, x: Array) -> Array:
-        usage = "it must return one finite number for each position"
-        value = numbers(self.function(x.T), f"what the function of {self.label!r} returned", usage)
-        if value.shape != (len(x),) or not np.isfinite(value).all():
-            raise InputError(
-                f"function of {self.label!r} returned an array of shape {value.shape} with "
-                f"{np.count_nonzero(~np.isfinite(value))} NaN or infinite values for positions of "
-                f"shape {x.T.shape}; it must return one finite number for each position"
-            )
-        return value
+        return self._asked(
+            "function", self.function, x, (len(x),), "one finite number for each position"
+        )
 
     def _gradient(self, x: Array, size: float) -> Array:
         if self.gradient is None:
             return _central(lambda p: self._value(p)[:, None], x, DIFFERENCES[0] * size)[:, 0]
-        usage = "it must return as many numbers as the positions have"
-        gradient = numbers(self.gradient(x.T), f"what the gradient of {self.label!r} returned", usage)
-        if gradient.shape != x.T.shape or not np.isfinite(gradient).all():
+        what = "as many finite numbers, component-first"
+        return self._asked("gradient", self.gradient, x, x.T.shape, what).T
+
+    def _asked(
+        self, name: str, function: Callable[[Array], Array], x: Array, shape: Any, what: str
+    ) -> Array:
+        """What a function of the user's returns at positions (m, d), of this shape and finite."""
+        usage = f"it must return {what}"
+        found = numbers(function(x.T), f"what the {name} of {self.label!r} returned", usage)
+        if found.shape != shape or not np.isfinite(found).all():
             raise InputError(
-                f"gradient of {self.label!r} returned an array of shape {gradient.shape} with "
-                f"{np.count_nonzero(~np.isfinite(gradient))} NaN or infinite values for positions "
-                f"of shape {x.T.shape}; it must return as many finite numbers, component-first"
+                f"{name} of {self.label!r} returned an array of shape {found.shape} with "
+                f"{np.count_nonzero(~np.isfinite(found))} NaN or infinite values for positions of "
+                f"shape {x.T.shape}; {usage}"
             )
-        return gradient.T
+        return found
 
     def _check_gradient(self, x: Array, size: float) -> None:
         """Refuse a gradient that points elsewhere than the function grows.
@@ -169,7 +173,7 @@ class LevelSet(Obstacle):
                 f"length, another direction. Correct it, or leave gradient out: differences do as well."
             )
 
-    def _closest(self, x: Array, size: float) -> tuple[Array, Array]:
+    def _closest(self, x: Array, size: float) -> tuple[Array, NDArray[np.bool_]]:
         m, d = x.shape
         y = x.copy()
         for _ in range(5):  # along the steepest descent onto the obstacle

@@ -24,27 +24,20 @@ SMALL = 1e-2
 NODES, WEIGHTS = (np.polynomial.legendre.leggauss(5)[k] for k in range(2))
 
 
-def skew(vector: Array) -> Array:
-    """The matrix of ``vector x``.
-
-    >>> skew(np.array([0.0, 0.0, 1.0])) @ np.array([1.0, 0.0, 0.0])
-    array([0., 1., 0.])
-    """
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def rotation_matrix(vector: Array) -> Array:
-    """The rotation (3, 3) by a rotation vector, by Rodrigues' formula.
+def rotation_matrix(angle: Any) -> Array:
+    """The rotation (d, d) by an angle in the plane, or by a rotation vector: Rodrigues' formula.
 
     >>> rotation_matrix(np.array([0.0, 0.0, np.pi / 2])).round(12) @ np.array([1.0, 0.0, 0.0])
     array([0., 1., 0.])
     """
-    angle = float(np.linalg.norm(vector))
-    if angle == 0.0:
+    if np.ndim(angle) == 0:
+        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    size = float(np.linalg.norm(angle))
+    if size == 0.0:
         return np.eye(3)
-    axis = skew(vector / angle)
-    return np.asarray(np.eye(3) + np.sin(angle) * axis + 2 * np.sin(angle / 2) ** 2 * (axis @ axis))
+    x, y, z = angle / size
+    axis = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(size) * axis + 2 * np.sin(size / 2) ** 2 * (axis @ axis))
 
 
 def spin(start: Array, end: Array) -> Array:
@@ -121,10 +114,7 @@ def read_motion(motion: Any, d: int, what: str = "motion") -> tuple[Array, Any, 
 def rigid_motion(motion: MotionLike | None, d: int) -> tuple[Array, Array]:
     """Rotation matrix and shift of a motion: ``x -> turn @ x + shift``."""
     translation, angle, centre = read_motion(motion, d)
-    if d == 2:
-        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    else:
-        turn = rotation_matrix(angle)
+    turn = rotation_matrix(angle)
     return turn, translation + centre - turn @ centre
 
 

@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import check_name, check_switch, numbers, take, with_known_keywords
-from skfem_contact.bodies.bare import bare_surface
-from skfem_contact.bodies.kinks import end_slopes
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.obstacle import Outlined
+from skfem_contact.obstacles.bends import cut_edges
+from skfem_contact.obstacles.obstacle import Faceted, volume
 from skfem_contact.pairing.closest import signed_distances
-from skfem_contact.pairing.node import Pairing, node_to_segment
+from skfem_contact.pairing.node import node_to_segment
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
-
-#: Part of a straight edge over which its normals turn towards a smooth bend at its end. Longer, and
-#: friction on flats leans by the bend; shorter, and points that pass it meet a corner.
-ROUNDED = 1 / 8
+Index = NDArray[np.intp]
 
 #: Distance over the largest coordinate at which two points may be one: coordinates that were turned
 #: and moved are wrong by a few halves of their last digit.
@@ -35,7 +29,7 @@ SAME_PLACE = 8 * 2.0**-52
 
 @with_known_keywords()
 @dataclass(frozen=True, eq=False, init=False)
-class RigidPolyline(Outlined):
+class RigidPolyline(Faceted):
     """A rigid obstacle in the plane with straight edges between points.
 
     Surfaces find their partners on it as they do on meshes: normals are continuous where edges meet
@@ -79,7 +73,10 @@ class RigidPolyline(Outlined):
     closed: bool = False
     hollow: bool = False
     name: str | None = None
-    _dim = 2
+    _kind = "rigid polyline"
+    _pair = staticmethod(node_to_segment)
+    _depths = staticmethod(signed_distances)
+    _cut_flats = staticmethod(cut_edges)
 
     def __init__(
         self, points: ArrayLike, closed: bool = False, hollow: bool = False, name: str | None = None
@@ -97,82 +94,16 @@ class RigidPolyline(Outlined):
                 "the solid on the left"
             )
         _check_edges(points, closed, self.label)
-        if closed and (_area(points) < 0) != self.hollow:
-            points = points[::-1].copy()
-        for key, value in (("points", sealed(points)), ("closed", closed)):
-            object.__setattr__(self, key, value)
+        vars(self).update(points=sealed(points), closed=closed)
+        if closed and (volume(points, self.facets) < 0) != self.hollow:
+            vars(self).update(points=sealed(points[::-1].copy()))
 
-    @cached_property
-    def outline(self) -> ContactSurface:
-        """Its edges with their normals, as surfaces of bodies have them.
-
-        Edges that are no pieces of a curve are cut near their ends, see `_cut_at_bends`.
-        """
+    @property
+    def facets(self) -> Index:
+        """Its edges by the numbers of their points, in order, (ne, 2)."""
         count = len(self.points)
         start = np.arange(count if self.closed else count - 1)
-        plain = bare_surface(self.points, np.column_stack([start, (start + 1) % count]), self.label)
-        points = _cut_at_bends(plain)
-        if len(points) == count:
-            return plain
-        start = np.arange(len(points) if self.closed else len(points) - 1)
-        return bare_surface(points, np.column_stack([start, (start + 1) % len(points)]), self.label)
-
-    @property
-    def reference(self) -> Array:
-        """The centroid of its area; of an open one, of the curve."""
-        start, end = self._ends
-        if self.closed:
-            twice = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
-            return np.asarray((start + end).T @ twice / (3 * twice.sum()))
-        length = np.linalg.norm(end - start, axis=1)
-        return np.asarray(0.5 * (start + end).T @ length / length.sum())
-
-    @property
-    def _ends(self) -> tuple[Array, Array]:
-        start, end = self.outline.facets.T
-        return self.outline.points[start], self.outline.points[end]
-
-    def _partners(self, surface: ContactSurface) -> Pairing:
-        return node_to_segment(surface, self.outline)
-
-    def _signed_distances(self, points: Array) -> Array:
-        return signed_distances(self.outline, points)
-
-
-def _cut_at_bends(plain: ContactSurface) -> Array:
-    """The points of an outline, and more of them on straight edges, beside smooth bends.
-
-    Normals are interpolated between the nodes of an edge. On a piece of a curve that is right. The flat
-    of a tool with chamfers is none: over all of its length forces would lean by up to half of the angle
-    of the chamfer. There normals turn over a short piece at the end of the edge.
-    """
-    before, after = plain.neighbours.T
-    own, there = plain.facet_normals, plain.facet_node_normals
-    slopes = end_slopes(plain.points, plain.facets, there)
-    alike = np.abs(slopes).max(axis=1) > 0
-    # a flat between two chamfers turns alike at both ends, too, but has no like beside it
-    inner = alike & ((alike[before] & (before >= 0)) | (alike[after] & (after >= 0)))
-    last = (before < 0) & inner[after] | (after < 0) & inner[before]
-    straight = ~(inner | last)
-    # averaged with a neighbour, and not in line with it
-    bent = np.linalg.norm(there - own[:, None], axis=2) > SOLVED
-    cut = bent & straight[:, None]
-    if not cut.any():
-        return plain.points
-    lengths = plain.lengths[:, None]
-    room = np.minimum(ROUNDED * lengths, 0.5 * plain.lengths[plain.neighbours])
-    start, end = plain.points[plain.facets[:, 0]], plain.points[plain.facets[:, 1]]
-    along = (end - start) / lengths
-    points = []
-    for k in range(len(start)):  # an outline has few edges that are cut
-        points.append(start[k])
-        if cut[k, 0]:
-            points.append(start[k] + room[k, 0] * along[k])
-        if cut[k, 1]:
-            points.append(end[k] - room[k, 1] * along[k])
-    if before[0] < 0:
-        points.append(end[-1])
-    return np.array(points)
+        return np.column_stack([start, (start + 1) % count])
 
 
 def _points(given: Any, closed: bool, label: str) -> tuple[Array, bool]:
@@ -216,7 +147,7 @@ def _check_edges(points: Array, closed: bool, label: str) -> None:
         )
 
 
-def _near_edges(start: Array, end: Array, touching: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _near_edges(start: Array, end: Array, touching: float) -> tuple[Index, Index]:
     """Pairs of edges whose circles meet, each once, the smaller number first."""
     radius = 0.5 * np.linalg.norm(end - start, axis=1) + touching
     middle = 0.5 * (start + end)
@@ -248,7 +179,7 @@ def _cross(a: Array, b: Array, c: Array, d: Array, touching: float) -> NDArray[n
     return np.asarray(boxes & ~apart & ~(side(c, d, a) * side(c, d, b) > 0))
 
 
-def _turned_back(start: Array, end: Array, closed: bool, touching: float) -> NDArray[np.intp]:
+def _turned_back(start: Array, end: Array, closed: bool, touching: float) -> Index:
     """Points at which an edge returns along the one before."""
     length = np.linalg.norm(end - start, axis=1)
     along = (end - start) / length[:, None]
@@ -259,8 +190,3 @@ def _turned_back(start: Array, end: Array, closed: bool, touching: float) -> NDA
     back = (np.abs(across) <= COMPUTED + unsure) & (np.einsum("ed,ed->e", before, along) < 0)
     back[0] &= closed
     return np.flatnonzero(back)
-
-
-def _area(points: Array) -> float:
-    x, y = points.T
-    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))

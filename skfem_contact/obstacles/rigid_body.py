@@ -348,10 +348,10 @@ def about_of(about: Any, obstacle: Obstacle, whose: str) -> np.ndarray:
             f"{whose} needs the point that its force acts at and its rotation is counted about: "
             f"{obstacle.label!r} has no centre of its own, give about=(...)"
         )
-    point = numbers(about, f"about of {whose}", "give 2 or 3 finite coordinates")
-    own = obstacle.reference
-    if point.shape not in ((2,), (3,)) or not np.isfinite(point).all():
-        raise InputError(f"about of {whose} is {shown(about)}; give 2 or 3 finite coordinates")
+    point, own = (
+        finite(about, (2, 3), f"about of {whose}", "2 or 3 finite coordinates"),
+        obstacle.reference,
+    )
     if own is not None and len(own) != len(point):
         raise InputError(f"about of {whose} is {shown(about)}, but its obstacle is {len(own)}-D")
     return sealed(point)
@@ -361,8 +361,12 @@ def vector_of(value: Any, size: int, what: str) -> np.ndarray:
     """A vector of this size that a user means; zero where not given."""
     if value is None:
         return np.zeros(size)
-    usage = f"give {size} finite numbers"
-    array = numbers(value, what, usage)
-    if array.shape != (size,) or not np.isfinite(array).all():
-        raise InputError(f"{what} is {shown(value)}; {usage}")
+    return finite(value, (size,), what, f"{size} finite numbers")
+
+
+def finite(value: Any, sizes: tuple[int, ...], what: str, wanted: str) -> np.ndarray:
+    """A vector of one of these sizes, of finite numbers."""
+    array = numbers(value, what, f"give {wanted}")
+    if array.ndim != 1 or len(array) not in sizes or not np.isfinite(array).all():
+        raise InputError(f"{what} is {shown(value)}; give {wanted}")
     return array

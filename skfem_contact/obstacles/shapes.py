@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,9 +16,9 @@ from skfem_contact.obstacles.obstacle import (
     Obstacle,
     check_dimension,
     direction,
+    facing,
     location,
 )
-from skfem_contact.pairing.thresholds import FACING
 
 Array = NDArray[np.float64]
 Paired = NDArray[np.bool_]
@@ -48,6 +47,7 @@ class RigidPlane(Obstacle):
     point: Array
     normal: Array
     name: str | None = None
+    _kind = "rigid plane"
 
     def __init__(self, point: ArrayLike, normal: ArrayLike, name: str | None = None) -> None:
         take(self, point=point, normal=normal, name=name)
@@ -59,8 +59,7 @@ class RigidPlane(Obstacle):
             raise InputError(
                 f"point has {len(point)} coordinates, normal {len(normal)} in {self.label!r}"
             )
-        object.__setattr__(self, "point", point)
-        object.__setattr__(self, "normal", normal)
+        vars(self).update(point=point, normal=normal)
 
     @property
     def reference(self) -> Array:
@@ -84,9 +83,71 @@ class RigidPlane(Obstacle):
         return gap, np.tile(self.normal, (len(gap), 1)), np.ones(len(gap), dtype=bool)
 
 
+class Round(Obstacle):
+    """What is round about a centre or an axis: at one distance of it.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (d,)
+        Centre, or any point of the axis [length].
+    radius : float
+        [length]
+    axis : ndarray, shape (3,), or None
+        Direction of the axis, where there is one.
+    hollow : bool
+        The body is inside.
+    """
+
+    centre: Array
+    radius: float
+    axis: Array | None = None
+    hollow: bool
+
+    def __post_init__(self) -> None:
+        centre = location(self.centre, "centre", self)
+        check_switch(self.hollow, f"{type(self).__name__}: hollow")
+        radius = number(self.radius, f"radius of {self.label!r}", "give a length > 0")
+        if not 0 < radius < np.inf:
+            raise InputError(
+                f"radius={self.radius!r} of {self.label!r} must be positive and finite"
+                + ("; for a body inside a round hole use hollow=True" if radius < 0 else "")
+            )
+        vars(self).update(centre=centre, radius=radius)
+
+    @property
+    def reference(self) -> Array:
+        """Its centre, or the point of its axis."""
+        return self.centre
+
+    @property
+    def bend(self) -> Array:
+        """How it curves, (d, d): one over its radius across the axis, negative in a hole [1/length]."""
+        across = np.eye(len(self.centre))
+        if self.axis is not None:
+            across = across - np.outer(self.axis, self.axis)
+        return (-across if self.hollow else across) / self.radius
+
+    def turns_in_itself(self, about: Array) -> bool:
+        """About its centre, in the plane."""
+        return len(about) == 2 and bool(np.all(about == self.centre))
+
+    def distance(self, surface: ContactSurface) -> tuple[Array, Array, Paired]:
+        """Signed distances, normals and partners, see `Obstacle.distance`."""
+        check_dimension(surface, len(self.centre), self)
+        arm = surface.points - self.centre
+        if self.axis is not None:
+            arm = arm - np.outer(arm @ self.axis, self.axis)
+        distance = np.linalg.norm(arm, axis=1)
+        off_centre = distance > COMPUTED * self.radius  # at the centre no direction is the closest
+        outward = arm / np.where(off_centre, distance, 1.0)[:, None]
+        sign = -1.0 if self.hollow else 1.0
+        normal = sign * outward
+        return sign * (distance - self.radius), normal, off_centre & facing(normal, surface)
+
+
 @with_known_keywords()
 @dataclass(frozen=True, eq=False, init=False)
-class RigidCylinder(Obstacle):
+class RigidCylinder(Round):
     """A rigid cylinder, in 2-D a disc; hollow: a round hole with the body in it.
 
     Parameters
@@ -112,6 +173,7 @@ class RigidCylinder(Obstacle):
     axis: Array | None = None
     hollow: bool = False
     name: str | None = None
+    _kind = "rigid cylinder"
 
     def __init__(
         self,
@@ -124,31 +186,11 @@ class RigidCylinder(Obstacle):
         take(self, centre=centre, radius=radius, axis=axis, hollow=hollow, name=name)
 
     def __post_init__(self) -> None:
-        centre = location(self.centre, "centre", self)
-        check_switch(self.hollow, "RigidCylinder: hollow")
-        object.__setattr__(self, "centre", centre)
-        object.__setattr__(self, "radius", _radius(self.radius, self))
-        if (self.axis is None) != (len(centre) == 2):
+        super().__post_init__()
+        if (self.axis is None) != (len(self.centre) == 2):
             raise InputError(f"axis of {self.label!r}: needed in 3-D, and only there")
         if self.axis is not None:
             object.__setattr__(self, "axis", direction(self.axis, "axis", self))
-
-    @property
-    def reference(self) -> Array:
-        """Its centre, in 3-D a point of its axis."""
-        return self.centre
-
-    @property
-    def bend(self) -> Array:
-        """How it curves, (d, d): one over its radius across the axis, negative in a hole [1/length]."""
-        across = np.eye(len(self.centre))
-        if self.axis is not None:
-            across = across - np.outer(self.axis, self.axis)
-        return (-across if self.hollow else across) / self.radius
-
-    def turns_in_itself(self, about: Array) -> bool:
-        """About its centre, in the plane."""
-        return len(about) == 2 and bool(np.all(about == self.centre))
 
     def moved(self, motion: MotionLike) -> RigidCylinder:
         """Return the cylinder after a rigid motion, see `Obstacle.moved`."""
@@ -156,18 +198,10 @@ class RigidCylinder(Obstacle):
         axis = None if self.axis is None else turn @ self.axis
         return replace(self, centre=turn @ self.centre + shift, axis=axis)
 
-    def distance(self, surface: ContactSurface) -> tuple[Array, Array, Paired]:
-        """Signed distances, normals and partners, see `Obstacle.distance`."""
-        check_dimension(surface, len(self.centre), self)
-        arm = surface.points - self.centre
-        if self.axis is not None:
-            arm = arm - np.outer(arm @ self.axis, self.axis)
-        return _round(arm, self.radius, self.hollow, surface)
-
 
 @with_known_keywords()
 @dataclass(frozen=True, eq=False, init=False)
-class RigidSphere(Obstacle):
+class RigidSphere(Round):
     """A rigid sphere, in 2-D a disc; hollow: a round cavity with the body in it.
 
     With an axisymmetric body the disc is a sphere, if its centre is on the axis.
@@ -195,59 +229,14 @@ class RigidSphere(Obstacle):
     radius: float
     hollow: bool = False
     name: str | None = None
+    _kind = "rigid sphere"
 
     def __init__(
         self, centre: ArrayLike, radius: float, hollow: bool = False, name: str | None = None
     ) -> None:
         take(self, centre=centre, radius=radius, hollow=hollow, name=name)
 
-    def __post_init__(self) -> None:
-        check_switch(self.hollow, "RigidSphere: hollow")
-        object.__setattr__(self, "centre", location(self.centre, "centre", self))
-        object.__setattr__(self, "radius", _radius(self.radius, self))
-
-    @property
-    def reference(self) -> Array:
-        """Its centre."""
-        return self.centre
-
-    @property
-    def bend(self) -> Array:
-        """How it curves, (d, d): one over its radius, negative in a cavity [1/length]."""
-        return (-1.0 if self.hollow else 1.0) / self.radius * np.eye(len(self.centre))
-
-    def turns_in_itself(self, about: Array) -> bool:
-        """About its centre, in the plane."""
-        return len(about) == 2 and bool(np.all(about == self.centre))
-
     def moved(self, motion: MotionLike) -> RigidSphere:
         """Return the sphere after a rigid motion, see `Obstacle.moved`."""
         turn, shift = rigid_motion(motion, len(self.centre))
         return replace(self, centre=turn @ self.centre + shift)
-
-    def distance(self, surface: ContactSurface) -> tuple[Array, Array, Paired]:
-        """Signed distances, normals and partners, see `Obstacle.distance`."""
-        check_dimension(surface, len(self.centre), self)
-        return _round(surface.points - self.centre, self.radius, self.hollow, surface)
-
-
-def _round(
-    arm: Array, radius: float, hollow: bool, surface: ContactSurface
-) -> tuple[Array, Array, Paired]:
-    distance = np.linalg.norm(arm, axis=1)
-    off_centre = distance > COMPUTED * radius  # at the centre no direction is the closest
-    outward = arm / np.where(off_centre, distance, 1.0)[:, None]
-    sign = -1.0 if hollow else 1.0
-    normal = sign * outward
-    facing = np.einsum("md,md->m", normal, surface.normals) < -FACING
-    return sign * (distance - radius), normal, off_centre & facing
-
-
-def _radius(value: Any, obstacle: Obstacle) -> float:
-    radius = number(value, f"radius of {obstacle.label!r}", "give a length > 0")
-    if not 0 < radius < np.inf:
-        raise InputError(
-            f"radius={value!r} of {obstacle.label!r} must be positive and finite"
-            + ("; for a body inside a round hole use hollow=True" if radius < 0 else "")
-        )
-    return radius

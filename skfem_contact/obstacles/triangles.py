@@ -9,28 +9,27 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.arguments import (
     check_name,
     check_switch,
+    file_path,
     number,
     numbers,
     shown,
     take,
     with_known_keywords,
 )
-from skfem_contact.bodies.bare import bare_surface
+from skfem_contact.bodies.facets import area_vectors, twin_edges
+from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.bends import cut_at_bends
-from skfem_contact.obstacles.motion import MotionLike
-from skfem_contact.obstacles.obstacle import Outlined
+from skfem_contact.obstacles.bends import cut_triangles
+from skfem_contact.obstacles.obstacle import Faceted, volume
 from skfem_contact.pairing.faces.distance import signed_distances
 from skfem_contact.pairing.faces.node import node_to_face
-from skfem_contact.pairing.node import Pairing
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import pairs_within
 
@@ -49,7 +48,7 @@ OTHER_FACES = ("triangle", "quad", "polygon")
 
 @with_known_keywords()
 @dataclass(frozen=True, eq=False, init=False)
-class RigidSurface(Outlined):
+class RigidSurface(Faceted):
     """A rigid obstacle in space whose surface is made of triangles.
 
     Faces find their partners on it node by node, as on faces of solids: normals are continuous where
@@ -98,7 +97,10 @@ class RigidSurface(Outlined):
     triangles: Index
     hollow: bool = False
     name: str | None = None
-    _dim = 3
+    _kind = "rigid surface"
+    _pair = staticmethod(node_to_face)
+    _depths = staticmethod(signed_distances)
+    _cut_flats = staticmethod(cut_triangles)
 
     @classmethod
     def from_file(
@@ -121,12 +123,8 @@ class RigidSurface(Outlined):
         """
         import meshio  # takes as long to import as all else together, and only files need it
 
-        try:
-            path = Path(path)
-            known = path.is_file()
-        except TypeError:
-            raise InputError(f"path is {shown(path)}; give the name of a file, or a Path") from None
-        if not known:
+        path = file_path(path)
+        if not path.is_file():
             raise InputError(f"there is no file {str(path)!r} to read triangles from")
         try:
             with np.errstate(all="ignore"):  # meshio tries text as numbers first, which overflow
@@ -163,61 +161,23 @@ class RigidSurface(Outlined):
         points, triangles = _welded(points, triangles)
         _check_triangles(points, triangles, self.label)
         _check_edges(points, triangles, self.label)
-        object.__setattr__(self, "points", sealed(points))
-        object.__setattr__(self, "triangles", sealed(triangles))
+        vars(self).update(points=sealed(points), triangles=sealed(triangles))
         if self.hollow and not self.closed:
             raise InputError(f"hollow=True of {self.label!r}: it has a rim, and so no inside")
-        if self.closed and (_volume(points, triangles) < 0) != self.hollow:
-            object.__setattr__(self, "triangles", sealed(triangles[:, ::-1].copy()))
         if self.closed:
+            if (volume(points, triangles) < 0) != self.hollow:
+                vars(self).update(triangles=sealed(triangles[:, ::-1].copy()))
             _check_shells(points, self.triangles, self.hollow, self.label)
 
     @cached_property
     def closed(self) -> bool:
         """Whether it has no rim."""
-        edges = np.sort(_edges(self.triangles), axis=1)
-        return bool(np.all(np.unique(edges, axis=0, return_counts=True)[1] == 2))
-
-    @cached_property
-    def outline(self) -> ContactSurface:
-        """Its triangles with their normals, as surfaces of solids have them.
-
-        Flats are cut along the bends beside them, see `bends`.
-        """
-        if self._cut is None:
-            return self._plain
-        weights, triangles = self._cut
-        return bare_surface(weights @ self.points, triangles, self.label)
-
-    @cached_property
-    def _plain(self) -> ContactSurface:
-        return bare_surface(self.points, self.triangles, self.label)
-
-    @cached_property
-    def _cut(self) -> tuple[csr_matrix, Index] | None:
-        return cut_at_bends(self._plain)
-
-    def moved(self, motion: MotionLike) -> RigidSurface:
-        """Return the obstacle after a rigid motion, see `Obstacle.moved`."""
-        twin = super().moved(motion)
-        vars(twin)["_cut"] = self._cut  # the same however it is turned
-        return twin
+        return bool(np.all(twin_edges(self.triangles) >= 0))
 
     @property
-    def reference(self) -> Array:
-        """The centroid of its volume; of an open one, of the surface."""
-        x = self.points[self.triangles]
-        if self.closed:
-            volume = np.einsum("fd,fd->f", x[:, 0], np.cross(x[:, 1], x[:, 2]))
-            return np.asarray(x.sum(axis=1).T @ volume / (4 * volume.sum()))
-        area = _areas(self.points, self.triangles)
-        return np.asarray(x.mean(axis=1).T @ area / area.sum())
-
-    def _partners(self, surface: ContactSurface) -> Pairing:
-        return node_to_face(surface, self.outline)
-
-    def _signed_distances(self, points: Array) -> Array:
-        return signed_distances(self.outline, points)
+    def facets(self) -> Index:
+        """Its triangles."""
+        return self.triangles
 
 
 def _given(points: Any, triangles: Any, label: str) -> tuple[Array, Index]:
@@ -254,7 +214,7 @@ def _check_triangles(points: Array, triangles: Index, label: str) -> None:
     x = points[triangles]
     sides = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
     longest = sides.max(axis=1)
-    flat = np.flatnonzero(2 * _areas(points, triangles) <= NO_HEIGHT * longest**2)
+    flat = np.flatnonzero(sizes(area_vectors(x)) <= NO_HEIGHT * longest**2)
     if len(flat):
         raise InputError(
             f"{len(flat)} triangles of {label!r} have no area, the first is number {flat[0]} at "
@@ -303,12 +263,12 @@ def _check_shells(points: Array, triangles: Index, hollow: bool, label: str) -> 
     graph = coo_matrix((np.ones(len(edges)), edges.T), shape=(len(points), len(points)))
     count, part = connected_components(graph, directed=False)
     of = part[triangles[:, 0]]
-    volume = np.array([_volume(points, triangles[of == k]) for k in range(count)])
-    area = np.bincount(of, _areas(points, triangles), count)
+    volumes = np.array([volume(points, triangles[of == k]) for k in range(count)])
+    area = np.bincount(of, 0.5 * sizes(area_vectors(points[triangles])), count)
     low = np.array([points[part == k].min(axis=0) for k in range(count)])
     high = np.array([points[part == k].max(axis=0) for k in range(count)])
     # by the mean thickness: sheets that close together are one, as corners are
-    flat = 2 * np.abs(volume) <= SAME_CORNER * np.linalg.norm(high - low, axis=1) * area
+    flat = 2 * np.abs(volumes) <= SAME_CORNER * np.linalg.norm(high - low, axis=1) * area
     if flat.any():
         first = written(points[part == np.argmax(flat)][0])
         raise InputError(
@@ -317,7 +277,7 @@ def _check_shells(points: Array, triangles: Index, hollow: bool, label: str) -> 
         )
     if count == 1:
         return
-    solid = (volume > 0) != hollow
+    solid = (volumes > 0) != hollow
     for k in np.flatnonzero(~solid):
         around = np.all((low[solid] <= low[k]) & (high[solid] >= high[k]), axis=1)
         if not around.any():
@@ -331,13 +291,3 @@ def _check_shells(points: Array, triangles: Index, hollow: bool, label: str) -> 
 def _edges(triangles: Index) -> Index:
     """Start and end of all edges, (3 nt, 2)."""
     return np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
-
-
-def _areas(points: Array, triangles: Index) -> Array:
-    x = points[triangles]
-    return np.asarray(np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 2)
-
-
-def _volume(points: Array, triangles: Index) -> float:
-    x = points[triangles] - points[triangles].reshape(-1, 3).mean(axis=0)
-    return float(np.einsum("fd,fd->", x[:, 0], np.cross(x[:, 1], x[:, 2])) / 6)
