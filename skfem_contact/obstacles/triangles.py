@@ -28,9 +28,8 @@ from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_at_bends
 from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Outlined
-from skfem_contact.pairing.faces.distance import signed_distances
-from skfem_contact.pairing.faces.node import node_to_face
-from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.closest import signed_distances
+from skfem_contact.pairing.node import Pairing, node_to_segment
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import pairs_within
 
@@ -214,7 +213,7 @@ class RigidSurface(Outlined):
         return np.asarray(x.mean(axis=1).T @ area / area.sum())
 
     def _partners(self, surface: ContactSurface) -> Pairing:
-        return node_to_face(surface, self.outline)
+        return node_to_segment(surface, self.outline)
 
     def _signed_distances(self, points: Array) -> Array:
         return signed_distances(self.outline, points)

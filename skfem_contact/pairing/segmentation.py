@@ -33,7 +33,7 @@ from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.pieces import Meeting, Pieces
-from skfem_contact.pairing.search import normal_candidates
+from skfem_contact.pairing.search import FacetTree, Nodes, facet_balls
 from skfem_contact.pairing.thresholds import BISECTION_DONE, FACING, NEWTON_DONE, SLIVER
 from skfem_contact.pairing.vectors import dot, ragged, turned
 
@@ -112,8 +112,38 @@ def segment(secondary: ContactSurface, primary: ContactSurface, reach: float | N
         up to half the diagonal of the box around the smaller surface, as in `node_to_segment`.
     """
     limits = search_range(secondary, primary, reach)
-    e, f = normal_candidates(secondary, primary, max(limits))
+    e, f = _candidates(secondary, primary, max(limits))
     return Segments(secondary, primary, *_segments(secondary, primary, e, f, limits))
+
+
+def _candidates(
+    secondary: ContactSurface, primary: ContactSurface, reach: float
+) -> tuple[Index, Index]:
+    """Pairs of facets that may meet along the normals of the secondary.
+
+    The work is proportional to the facets and the pairs found, whatever the distance between the
+    surfaces (a search by radius would need `reach`).
+
+    Returns
+    -------
+    e, f : ndarray of int
+        Secondary and primary facets, ordered by both.
+    """
+    centre, radius = facet_balls(secondary)
+    ends = secondary.points[secondary.facets[:, :2]]
+    along = turned(secondary.facet_node_normals[:, :2])
+    along = along / np.linalg.norm(along, axis=2, keepdims=True)
+
+    def in_strip(e: Index, nodes: Nodes) -> Mask:
+        past_start = dot(nodes.centre - ends[e, 0], along[e, 0]) >= -nodes.radius
+        before_end = dot(nodes.centre - ends[e, 1], along[e, 1]) <= nodes.radius
+        distance = np.linalg.norm(nodes.centre - centre[e], axis=1)
+        return past_start & before_end & (distance <= reach + radius[e] + nodes.radius)
+
+    found = FacetTree.build(primary, len(secondary.facets)).descend(len(secondary.facets), in_strip)
+    e, f = (np.concatenate(column) for column in zip(*found, strict=True))
+    order = np.lexsort((f, e))
+    return e[order], f[order]
 
 
 def _area_element(surface: ContactSurface, facet: Index, xi: Array) -> Array:
