@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facets import facet_shapes
+from skfem_contact.bodies.facet_kinds import KINDS
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.corners import corner_contacts, unselected_sides
 from skfem_contact.pairing.diagnosis import diagnose
@@ -25,6 +25,12 @@ from skfem_contact.pairing.node import node_to_segment as node_to_face
 from skfem_contact.pairing.projection import project
 from skfem_contact.pairing.thresholds import COINCIDENT, FACING
 from skfem_contact.pairing.vertices import Corners
+
+
+def facet_shapes(xi, k):
+    """Shape functions of a line and their slopes, (..., k) each."""
+    N, dN = KINDS[f"line{k}"].shapes(np.asarray(xi)[..., None])
+    return N, dN[..., 0]
 
 
 def body(mesh, element=None, name=None):

@@ -90,8 +90,6 @@ class Segmentation(Pieces):
         In the planes of the secondary's cells.
     """
 
-    secondary: ContactSurface
-    primary: ContactSurface
     cells: tuple[Cells, Cells]
     e: Index
     f: Index
