@@ -236,7 +236,7 @@ def test_nodes_slide_over_joints_without_a_jump():
     )
     other = body(cube("quad4", 4, onto_ball), "quad4").surface(None)
     probe = type(ball)(**{**vars_of(other), "points": 1.05 * way, "normals": -way})
-    point, facet = closest_faces(probe, ball, np.inf, 1.0)
+    point, facet, _ = closest_faces(probe, ball, np.inf, 1.0)
     assert np.array_equal(point, np.arange(len(t)))
     feet = project(ball, facet, probe.points)
     for values in (interpolated_normals(ball, facet, feet.xi), feet.foot):

@@ -39,8 +39,8 @@ def search_range(
 
 def closest_facets(
     secondary: ContactSurface, primary: ContactSurface, outside: float, inside: float
-) -> tuple[Index, Index]:
-    """Points that have a partner, in their order, and their facets."""
+) -> tuple[Index, Index, Array]:
+    """Points that have a partner, in their order, their facets, and reference coordinates there."""
     side = Side(secondary, primary, outside, inside)
     m, nf = len(secondary.points), len(primary.facets)
     bound, found, known = np.full(m, np.inf), [], []
@@ -50,7 +50,7 @@ def closest_facets(
         point, facet = np.repeat(left, guess.shape[1]), guess[left].ravel()
         known.append(point * nf + facet)
         found.append(side.valid_pairs(point, facet))
-        point, facet, distance = found[-1]
+        point, facet, _, distance = found[-1]
         np.minimum.at(bound, point, distance + 2 * SOLVED * primary.lengths[facet])
     blocks = closest_candidates(
         FacetTree.build(primary, m),
@@ -66,11 +66,12 @@ def closest_facets(
         new = ~np.isin(point * nf + facet, np.concatenate(known))
         if new.any():
             found.append(side.valid_pairs(point[new], facet[new]))
-    point, facet, distance = (np.concatenate(column) for column in zip(*found, strict=True))
+    point, facet, xi, distance = (np.concatenate(column) for column in zip(*found, strict=True))
     nearest = np.full(m, np.inf)
     np.minimum.at(nearest, point, distance)
-    near = distance <= nearest[point] + SOLVED * primary.lengths[facet]
-    return _most_opposite(secondary, primary, point[near], facet[near])
+    near = np.flatnonzero(distance <= nearest[point] + SOLVED * primary.lengths[facet])
+    chosen = near[_most_opposite(secondary, primary, point[near], facet[near])]
+    return point[chosen], facet[chosen], xi[chosen]
 
 
 def _guesses(secondary: ContactSurface, primary: ContactSurface) -> list[Index]:
@@ -88,8 +89,8 @@ def _guesses(secondary: ContactSurface, primary: ContactSurface) -> list[Index]:
 
 def _most_opposite(
     secondary: ContactSurface, primary: ContactSurface, point: Index, facet: Index
-) -> tuple[Index, Index]:
-    """Of equally near facets the one that faces its point most, for each point.
+) -> Index:
+    """Which of equally near facets faces its point most, for each point.
 
     Rounded, so that round-off does not decide between two sides of a symmetric corner. Of ties that are
     left the first line along the curve is taken; faces have no order, and are taken by where they are,
@@ -103,8 +104,7 @@ def _most_opposite(
         keys = np.column_stack([facing, sizes(away), away])
     order = np.lexsort((facet, *np.round(keys, 6).T[::-1], point))
     first = np.append(True, np.diff(point[order]) > 0)[: len(point)]
-    chosen = order[first]
-    return point[chosen], facet[chosen]
+    return np.asarray(order[first])
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +128,8 @@ class Side:
         """The corners of the primary by its points."""
         return Joints.of(self.primary)
 
-    def valid_pairs(self, point: Index, facet: Index) -> tuple[Index, Index, Array]:
-        """Those of the pairs whose facet may be the partner of the point, and distances [length]."""
+    def valid_pairs(self, point: Index, facet: Index) -> tuple[Index, Index, Array, Array]:
+        """Those of the pairs whose facet may be the partner, their reference coordinates, distances."""
         secondary, primary = self.secondary, self.primary
         looks, faces = secondary.normals.take(point, axis=0), primary.facet_normals.take(facet, axis=0)
         facing = dot(looks, faces) < -FACING
@@ -149,7 +149,7 @@ class Side:
             good[beyond] = self._at_rims(
                 facet[beyond], feet.some(beyond), apart[beyond], height[beyond]
             )
-        return point[good], facet[good], distance[good]
+        return point[good], facet[good], feet.xi[good], distance[good]
 
     def _at_rims(self, facet: Index, feet: Feet, apart: Array, height: Array) -> Mask:
         """Whether a foot at the rim of its facet is the closest point of the whole surface.
@@ -159,41 +159,37 @@ class Side:
         off the normal of its facet.
         """
         primary, c = self.primary, self.primary.kind.corners
-        on_edge = feet.place < c
-        least = COINCIDENT * primary.lengths[facet]
         in_cone = feet.over <= np.abs(dot(apart, feet.own)) * (1 + COINCIDENT)
+        at = np.flatnonzero(feet.place >= c)
+        if not len(at):
+            return self._at_edges(facet, feet, apart, height, in_cone)
         good = np.zeros(len(facet), dtype=bool)
-        at = np.flatnonzero(on_edge)
+        corner, least = (
+            primary.facets[facet[at], feet.place[at] - c],
+            COINCIDENT * primary.lengths[facet[at]],
+        )
+        across = np.where(primary.mirrored[corner], np.abs(apart[at]), 0.0).max(axis=1)
+        leads = self.joints.leads_off(corner, apart[at], least) | (across > least)
+        good[at] = ~leads & (~primary.sharp_points[corner] | in_cone[at])
+        at = np.flatnonzero(feet.place < c)
         good[at] = self._at_edges(facet[at], feet.some(at), apart[at], height[at], in_cone[at])
-        at = np.flatnonzero(~on_edge)
-        if len(at):
-            corner = primary.facets[facet[at], feet.place[at] - c]
-            across = np.where(primary.mirrored[corner], np.abs(apart[at]), 0.0).max(axis=1)
-            leads = self.joints.leads_off(corner, apart[at], least[at]) | (across > least[at])
-            good[at] = ~leads & (~primary.sharp_points[corner] | in_cone[at])
         return good
 
     def _at_edges(self, facet: Index, feet: Feet, apart: Array, height: Array, in_cone: Mask) -> Mask:
         """`_at_rims` at feet on edges, which for lines are their ends."""
-        primary, c, edge = self.primary, self.primary.kind.corners, feet.place
+        primary, edge = self.primary, feet.place
         twin, size = primary.twins[facet, edge], primary.lengths[facet]
-        outward, normal = across_edges(primary, twin, 1.0 - _parts(primary, feet.xi, edge))
-        nearer = -dot(apart, outward) > COINCIDENT * primary.lengths[twin // c]
-        joined = ~nearer & ((dot(feet.own, normal) >= CORNER) | in_cone)
-        # where the surface ends: on a plane of symmetry, or above the sloping side of the body
-        mirror = primary.mirror_edges[facet, edge]
-        across = np.where(mirror, np.abs(apart), 0.0).max(axis=1)
-        ended = mirror.any(axis=1) & (across <= COINCIDENT * size)
-        aside = np.clip(height * _slopes(primary.end_turns[facet, edge]), 0.0, ASIDE * size)
-        ended |= (aside > 0) & (feet.over <= aside + COINCIDENT * size)
-        return np.where(twin >= 0, joined, ended)
-
-
-def _parts(surface: ContactSurface, xi: Array, edge: Index) -> Array:
-    """Which part of the way along edges reference coordinates are, shape (p,); 0 at ends of lines."""
-    at = surface.kind.locations[: surface.kind.corners]
-    way = np.roll(at, -1, axis=0) - at
-    return np.asarray(dot(xi - at[edge], way[edge]) / np.sum(way**2, axis=1)[edge])
+        outward, normal = across_edges(primary, feet, twin)
+        nearer = -dot(apart, outward) > COINCIDENT * primary.lengths[twin // primary.kind.corners]
+        good = (twin >= 0) & ~nearer & ((dot(feet.own, normal) >= CORNER) | in_cone)
+        if np.any(twin < 0):  # the surface ends: on a plane of symmetry, or above the side of the body
+            mirror = primary.mirror_edges[facet, edge]
+            across = np.where(mirror, np.abs(apart), 0.0).max(axis=1)
+            ended = mirror.any(axis=1) & (across <= COINCIDENT * size)
+            aside = np.clip(height * _slopes(primary.end_turns[facet, edge]), 0.0, ASIDE * size)
+            ended |= (aside > 0) & (feet.over <= aside + COINCIDENT * size)
+            good |= (twin < 0) & ended
+        return good
 
 
 def _slopes(turn: Array) -> Array:
@@ -283,9 +279,7 @@ def _outward(surface: ContactSurface, facet: Index, feet: Feet) -> Array:
     on_edge = (feet.place >= 0) & (feet.place < c)
     twin = np.where(on_edge, surface.twins[facet, np.where(on_edge, feet.place, 0)], -1)
     at = np.flatnonzero(twin >= 0)
-    outward[at] += across_edges(surface, twin[at], 1.0 - _parts(surface, feet.xi[at], feet.place[at]))[
-        1
-    ]
+    outward[at] += across_edges(surface, feet.some(at), twin[at])[1]
     at = np.flatnonzero(feet.place >= c)
     if len(at):
         outward[at] = _corner_normals(surface)[surface.facets[facet[at], feet.place[at] - c]]

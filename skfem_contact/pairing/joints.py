@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.normals import cross, unit
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.pairing.projection import OUT, Feet
 from skfem_contact.pairing.vectors import dot, ragged, turned
 
 Array = NDArray[np.float64]
@@ -110,16 +111,16 @@ def edge_tangents(surface: ContactSurface) -> tuple[Array, Array]:
     return unit(start), unit(end)
 
 
-def across_edges(surface: ContactSurface, number: Index, part: Array) -> tuple[Array, Array]:
-    """Out of facets across their edges, and their own normals, at parts of the way along the edges.
+def across_edges(surface: ContactSurface, feet: Feet, number: Index) -> tuple[Array, Array]:
+    """Out of the facets across the edges that feet are on, and their own normals, at the feet.
 
     Parameters
     ----------
     surface : ContactSurface
+    feet : Feet
+        On edges.
     number : ndarray of int, shape (p,)
-        ``c f + i`` of edge i of facet f.
-    part : ndarray, shape (p,)
-        0 at the start of the edge, 1 at its end; of no meaning at the ends of lines.
+        The same edges in the facets across, ``c f + i`` of edge i of facet f.
 
     Returns
     -------
@@ -130,10 +131,13 @@ def across_edges(surface: ContactSurface, number: Index, part: Array) -> tuple[A
     facet, edge = number // c, number % c
     if kind.dim == 1:
         normal = surface.own_normals[facet, edge]
-        return np.where(edge == 1, 1.0, -1.0)[:, None] * turned(normal), normal
+        return OUT[edge][:, None] * turned(normal), normal
     at = kind.locations[:c]
-    way = (np.roll(at, -1, axis=0) - at)[edge]
-    _, dN = kind.shapes(np.asfortranarray(at[edge] + part[:, None] * way))
+    ways = np.roll(at, -1, axis=0) - at
+    # the way along the edge is the same, from the other end
+    part = dot(feet.xi - at[feet.place], ways[feet.place]) / np.sum(ways**2, axis=1)[feet.place]
+    way = ways[edge]
+    _, dN = kind.shapes(np.asfortranarray(at[edge] + (1.0 - part)[:, None] * way))
     along = np.einsum("pki,pkd->pid", dN, node_positions(surface.points, surface.facets[facet]))
     normal = unit(cross(along[:, 0], along[:, 1]))
     tangent = unit(np.einsum("pi,pid->pd", way, along))

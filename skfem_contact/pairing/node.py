@@ -13,7 +13,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import bulged_nodes
 from skfem_contact.pairing.closest import closest_facets, overhang, search_range
-from skfem_contact.pairing.projection import interpolated_normals, project
+from skfem_contact.pairing.projection import interpolated_normals
 from skfem_contact.pairing.thresholds import COINCIDENT, FACING, KINK
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import ODD
@@ -193,12 +193,12 @@ def node_to_segment(
             f"{primary.dim}-D"
         )
     outside, inside = search_range(secondary, primary, reach)
-    point, facet = closest_facets(secondary, primary, outside, inside)
-    feet = project(primary, facet, secondary.points.take(point, axis=0))
-    normal = interpolated_normals(primary, facet, feet.xi)
-    gap = dot(normal, secondary.points.take(point, axis=0) - feet.foot)
-    gap, smooth, bulge = bulged_nodes(secondary, primary, (point, facet, feet.shape), normal, gap)
-    sides = _node_normals(secondary, primary, point, facet, feet.shape, normal)
+    point, facet, xi = closest_facets(secondary, primary, outside, inside)
+    N, normal = primary.kind.shapes(xi)[0], interpolated_normals(primary, facet, xi)
+    foot = np.einsum("pk,pkd->pd", N, primary.points[primary.facets[facet]])
+    gap = dot(normal, secondary.points.take(point, axis=0) - foot)
+    gap, smooth, bulge = bulged_nodes(secondary, primary, (point, facet, N), normal, gap)
+    sides = _node_normals(secondary, primary, point, facet, N, normal)
     m = len(secondary.points)
     paired = np.zeros(m, dtype=bool)
     paired[point] = True
@@ -216,7 +216,7 @@ def node_to_segment(
         gap=gaps,
         area=secondary.area,
         secondary_weights=identity(m, format="csr"),
-        primary_weights=_weights(secondary, primary, point, facet, feet.shape),
+        primary_weights=_weights(secondary, primary, point, facet, N),
         paired=paired,
         miss=miss,
         facet=end_facet,

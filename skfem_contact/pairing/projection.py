@@ -28,6 +28,8 @@ from skfem_contact.pairing.vectors import dot
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+#: Which way along a line leads out of it, by the place on it: start, end, inside.
+OUT = np.array([-1.0, 1.0, 0.0])
 #: Newton steps at most; warped faces take five, and what lies beyond centres of curvature more.
 STEPS = 30
 #: Change of reference coordinates at which they are known, and by which a point is on an edge.
@@ -122,14 +124,13 @@ def _on_lines(surface: ContactSurface, facet: Index, points: Array) -> Feet:
         t = _newton(surface.kind, nodes, points, t)
         N, dN = surface.kind.shapes(t[:, None])
         foot = np.einsum("pk,pkd->pd", N, nodes)
-        along = np.einsum("pki,pkd->pd", dN, nodes)
+        along = np.einsum("pk,pkd->pd", dN[..., 0], nodes)
     else:
         N, along = np.stack([1 - t, t], axis=1), chord
         foot = N[:, :1] * nodes[:, 0] + N[:, 1:] * nodes[:, 1]
     along = unit(along)
-    place = np.where(t <= 0, 0, np.where(t >= 1, 1, -1))
-    beyond = dot(points - foot, along)
-    over = np.maximum(np.select([place == 1, place == 0], [beyond, -beyond], 0.0), 0.0)
+    place = (t >= 1).astype(np.intp) - ((t > 0) & (t < 1))
+    over = np.maximum(OUT[place] * dot(points - foot, along), 0.0)
     return Feet(t[:, None], N, foot, across(along[:, None]), place, over)
 
 
@@ -144,7 +145,7 @@ def _newton(kind: FacetKind, nodes: Array, points: Array, xi: Array) -> Array:
     for _ in range(12):
         N, dN = kind.shapes(xi[:, None])
         apart = np.einsum("pk,pkd->pd", N, nodes) - points
-        first = np.einsum("pki,pkd->pd", dN, nodes)
+        first = np.einsum("pk,pkd->pd", dN[..., 0], nodes)
         squared = dot(first, first)
         # beyond the centre of curvature the second derivative is negative: keep descending
         slope = np.maximum(squared + dot(apart, second), LEAST_SLOPE * squared)

@@ -131,7 +131,7 @@ def closest(
     good = distance <= nearest[corner] + SOLVED * other.lengths[facet]
     # beyond an end: its node is the closest point only if it is that of the next facet, too
     twin = other.twins[facet, feet.place]
-    outward, there = across_edges(other, twin, feet.xi[:, 0])
+    outward, there = across_edges(other, feet, twin)
     at_node = -dot(apart, outward) <= COINCIDENT * other.lengths[twin // 2]
     at_node &= (twin >= 0) & (dot(feet.own, there) >= CORNER)
     good &= (feet.over <= COINCIDENT * other.lengths[facet]) | at_node
