@@ -41,7 +41,6 @@ from sheared import Sheared  # noqa: E402
 from smooth_contacts import Blocks  # noqa: E402
 
 import skfem_contact as sc  # noqa: E402
-from skfem_contact.bodies.facets import facet_shapes  # noqa: E402
 from skfem_contact.reference import (  # noqa: E402
     cattaneo_mindlin,
     effective_modulus,
@@ -83,7 +82,7 @@ def true_error(answer: Answer) -> tuple[float, float]:
     values = answer.result.values[0]
     surface = values.surface
     t, weight = np.polynomial.legendre.leggauss(24)
-    N, _ = facet_shapes((t + 1) / 2, surface.facets.shape[1])
+    N, _ = surface.kind.shapes((t[:, None] + 1) / 2)
 
     def between(nodal: Array) -> Array:
         return np.einsum("qk,fk...->fq...", N, nodal[surface.facets])

@@ -33,7 +33,7 @@ from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.conditions.discretisation import pair
-from skfem_contact.pairing.faces.segmentation import segment
+from skfem_contact.pairing.face_segmentation import segment
 
 HEIGHT, ANGLE = 0.1, 0.1  # of a plate of side 1; between the plates [rad]
 OVERHANG = 1.3  # side of the upper plate

@@ -14,7 +14,7 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.conditions.discretisation import pair
-from skfem_contact.pairing.compliances import plane_moduli
+from skfem_contact.pairing.frames import plane_moduli
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import node_to_segment
 

@@ -21,12 +21,12 @@ from skfem_contact.bodies.selection import mesh_edges
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.clipping import clip, signed_areas
 from skfem_contact.pairing.dual import dual_basis, node_rows, positive_functions
-from skfem_contact.pairing.faces.clipping import clip, signed_areas
-from skfem_contact.pairing.faces.segmentation import segment
-from skfem_contact.pairing.kinks import least_gaps
-from skfem_contact.pairing.moments import whole_shares
+from skfem_contact.pairing.face_segmentation import segment
 from skfem_contact.pairing.mortar import dual_mortar
+from skfem_contact.pairing.mortar_rows import least_gaps
+from skfem_contact.pairing.pieces import whole_shares
 
 ROUND_OFF = 1e-12  # of sums of hundreds of numbers of the order of one
 FACES = [name for name, kind in FACETS.items() if kind.dim == 2]

@@ -11,15 +11,16 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, at, body, cube, elastic, onto_ball, shuffled
 
 import skfem_contact as sc
+from skfem_contact.answers.validity.unseen import unseen_overlaps
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.faces.closest import closest_faces
-from skfem_contact.pairing.faces.joints import rim_points
-from skfem_contact.pairing.faces.node import node_to_face
-from skfem_contact.pairing.faces.projection import interpolated_normals, project
-from skfem_contact.pairing.faces.rollers import along_supports
-from skfem_contact.pairing.faces.search import FaceTree, closest_candidates
-from skfem_contact.pairing.faces.unseen import unseen_overlaps
+from skfem_contact.pairing.closest import closest_facets as closest_faces
+from skfem_contact.pairing.joints import rim_points
+from skfem_contact.pairing.node import node_to_segment as node_to_face
+from skfem_contact.pairing.projection import interpolated_normals, project
+from skfem_contact.pairing.search import FacetTree as FaceTree
+from skfem_contact.pairing.search import closest_candidates
+from skfem_contact.pairing.supports import along_supports
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
@@ -235,7 +236,7 @@ def test_nodes_slide_over_joints_without_a_jump():
     )
     other = body(cube("quad4", 4, onto_ball), "quad4").surface(None)
     probe = type(ball)(**{**vars_of(other), "points": 1.05 * way, "normals": -way})
-    point, facet = closest_faces(probe, ball, np.inf, 1.0)
+    point, facet, _ = closest_faces(probe, ball, np.inf, 1.0)
     assert np.array_equal(point, np.arange(len(t)))
     feet = project(ball, facet, probe.points)
     for values in (interpolated_normals(ball, facet, feet.xi), feet.foot):

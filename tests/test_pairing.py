@@ -15,16 +15,22 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.projection import project
+from skfem_contact.bodies.facet_kinds import KINDS
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.corners import corner_contacts, unselected_sides
 from skfem_contact.pairing.diagnosis import diagnose
-from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import node_to_segment
+from skfem_contact.pairing.node import node_to_segment as node_to_face
+from skfem_contact.pairing.projection import project
 from skfem_contact.pairing.thresholds import COINCIDENT, FACING
 from skfem_contact.pairing.vertices import Corners
+
+
+def facet_shapes(xi, k):
+    """Shape functions of a line and their slopes, (..., k) each."""
+    N, dN = KINDS[f"line{k}"].shapes(np.asarray(xi)[..., None])
+    return N, dN[..., 0]
 
 
 def body(mesh, element=None, name=None):
@@ -97,7 +103,8 @@ def test_closest_facets_are_those_of_an_exhaustive_search(seed, angle, quadratic
     pairing = node_to_segment(secondary, primary)
     m, nf = len(pairing.gap), len(primary.facets)
     point, facet = np.divmod(np.arange(m * nf), nf)
-    _, foot, over = project(primary, facet, secondary.points[point])
+    feet = project(primary, facet, secondary.points[point])
+    foot, over = feet.foot, feet.over
     distance = np.linalg.norm(foot - secondary.points[point], axis=1)
     faces = np.sum(secondary.normals[point] * primary.facet_normals[facet], axis=1) < -FACING
     above = faces & (over == 0)  # an inner stationary point, whatever the neighbours are
@@ -118,7 +125,8 @@ def test_feet_on_curved_facets_minimise_the_distance():
     points = np.array([[1.4, 0.3], [0.2, 1.05], [-0.8, -0.4], [0.1, -2.5]])
     for point in points:
         facet = np.arange(len(surface.facets))
-        xi, foot, _ = project(surface, facet, np.tile(point, (len(facet), 1)))
+        feet = project(surface, facet, np.tile(point, (len(facet), 1)))
+        xi, foot = feet.xi[:, 0], feet.foot
         for f in facet[
             np.linalg.norm(foot - point, axis=1) < 1.2 * np.linalg.norm(foot - point, axis=1).min()
         ]:
@@ -462,7 +470,7 @@ def test_feet_on_a_bulge_are_the_closest_of_several():
     x = np.random.default_rng(3).uniform([-0.2, -1.2], [1.2, 0.3], (400, 2))
     facet = np.flatnonzero(surface.points[surface.facets[:, 2], 1] < -0.9)
     assert len(facet) == 1
-    _, foot, _ = project(surface, np.repeat(facet, len(x)), x)
+    foot = project(surface, np.repeat(facet, len(x)), x).foot
     corners = surface.points[surface.facets[facet[0]]]
     along = facet_shapes(np.linspace(0.0, 1.0, 2001), 3)[0] @ corners
     least = np.linalg.norm(x[:, None] - along, axis=2).min(axis=1)

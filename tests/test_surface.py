@@ -8,8 +8,14 @@ import scipy.sparse as sp
 import skfem as fem
 
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facets import facet_shapes
+from skfem_contact.bodies.facet_kinds import KINDS
 from skfem_contact.errors import InputError
+
+
+def facet_shapes(xi, k):
+    """Shape functions of a line and their slopes, (..., k) each."""
+    N, dN = KINDS[f"line{k}"].shapes(np.asarray(xi)[..., None])
+    return N, dN[..., 0]
 
 
 def body(mesh, element=None, **options):

@@ -20,11 +20,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.projection import project
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.faces import projection as faces
+from skfem_contact.pairing.projection import project
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
@@ -185,15 +183,10 @@ def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:
     middle = surface.points[surface.facets].mean(axis=1)
     near = np.asarray(Tree(middle).query(points, k=few)[1]).reshape(len(points), few)
     several = np.repeat(points, few, axis=0)
-    if surface.dim == 3:
-        feet = faces.project(surface, near.ravel(), several)
-        N, foot = feet.shape, feet.foot
-    else:
-        xi, foot, _ = project(surface, near.ravel(), several)
-        N, _ = facet_shapes(xi, surface.facets.shape[1])
-    distance = np.linalg.norm(several - foot, axis=1)
+    feet = project(surface, near.ravel(), several)
+    distance = np.linalg.norm(several - feet.foot, axis=1)
     best = np.arange(len(points)) * few + distance.reshape(-1, few).argmin(axis=1)
-    facet, N = near.ravel()[best], N[best]
+    facet, N = near.ravel()[best], feet.shape[best]
     return np.einsum("pk,pk...->p...", N, np.asarray(values)[surface.facets[facet]])
 
 

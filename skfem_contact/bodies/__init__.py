@@ -9,7 +9,7 @@
 * `surface`: a boundary as contact sees it; `nodes`: its nodes; `bare`: one without a body;
 * `facet_kinds`: the shape functions of facets; `facets`: their corners, and what lies across edges;
 * `areas`, `normal_field`, `kinks`: areas, averaged normals, and where a surface turns;
-* `normals`: vectors, tangents and angles; `projection`: closest points of lines;
+* `normals`: vectors, tangents and angles;
 * `rings`, `quadrics`: the smooth boundaries that nodes lie on;
 * `thresholds`: numbers, and where they come from.
 """

@@ -68,12 +68,12 @@ class FacetKind:
     def __reduce__(self) -> tuple[Any, ...]:
         return kind_of, (self.dim + 1, self.nodes)  # the one in `KINDS`, whatever is pickled
 
-    @property
+    @cached_property
     def nodes(self) -> int:
         """Number of nodes k."""
         return len(self.element.doflocs)
 
-    @property
+    @cached_property
     def dim(self) -> int:
         """Dimension of a facet: 1 for lines, 2 for faces."""
         return int(self.element.doflocs.shape[1])

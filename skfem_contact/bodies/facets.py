@@ -19,32 +19,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-def facet_shapes(xi: Array, k: int) -> tuple[Array, Array]:
-    """Shape functions of a line and their derivatives at local coordinates.
-
-    Parameters
-    ----------
-    xi : ndarray, shape (...)
-        Local coordinate, 0 at the start and 1 at the end of the facet.
-    k : int
-        2 (start, end) or 3 (start, end, middle).
-
-    Returns
-    -------
-    N, dN : ndarray, shape (..., k)
-
-    Examples
-    --------
-    >>> facet_shapes(np.array([0.0, 0.5]), 3)[0].tolist()
-    [[1.0, -0.0, 0.0], [0.0, 0.0, 1.0]]
-    """
-    xi = np.asarray(xi, dtype=float)
-    if k == 2:
-        return np.stack([1 - xi, xi], -1), np.stack([-np.ones_like(xi), np.ones_like(xi)], -1)
-    N = np.stack([(1 - xi) * (1 - 2 * xi), xi * (2 * xi - 1), 4 * xi * (1 - xi)], -1)
-    return N, np.stack([4 * xi - 3, 4 * xi - 1, 4 - 8 * xi], -1)
-
-
 def twin_edges(corners: Index) -> Index:
     """The same edge in the facet across it, shape (nf, c); -1 where the surface ends.
 

@@ -15,15 +15,12 @@ from skfem_contact.conditions.thresholds import DIGITS_OF_WEIGHTS, NO_AREA
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.corner_rows import Names
-from skfem_contact.pairing.corners import corner_contacts
-from skfem_contact.pairing.faces.control import at_control_points
-from skfem_contact.pairing.faces.node import node_to_face
-from skfem_contact.pairing.faces.rollers import along_supports
+from skfem_contact.pairing.control import at_control_points
+from skfem_contact.pairing.corners import Names, corner_contacts
 from skfem_contact.pairing.frames import loaded_frames
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
-from skfem_contact.pairing.supports import held_tangents
+from skfem_contact.pairing.supports import along_supports, held_tangents
 from skfem_contact.pairing.vectors import entries
 
 Array = NDArray[np.float64]
@@ -97,7 +94,7 @@ def _pair_surfaces(
     if secondary.dim == 3:
         if mortar:
             return dual_mortar(secondary, primary, reach=contact.reach)
-        pairing = node_to_face(secondary, primary, reach=contact.reach)
+        pairing = node_to_segment(secondary, primary, reach=contact.reach)
         away = gap_vectors(secondary, primary, pairing.secondary_weights, pairing.primary_weights)
         return _with_signs(contact, secondary, pairing, away)
     corners, reach = None, contact.reach

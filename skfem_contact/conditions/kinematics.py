@@ -41,7 +41,7 @@ from skfem_contact.conditions.rows import (
 )
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.faces.control import gap_weights
+from skfem_contact.pairing.control import gap_weights
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.supports import can_move
 from skfem_contact.pairing.vectors import entries
@@ -87,7 +87,7 @@ class Kinematics:
     vertex : ndarray of int, shape (m,)
         The primary node whose row a point carries in place of its own; -1 where none.
     gap_weights : csr_matrix, shape (m, m), or None
-        Gaps given at the points in those of the rows (`faces.control`); None where they are the same.
+        Gaps given at the points in those of the rows (`pairing.control`); None where they are the same.
     scaled : ndarray, shape (m, d-1, d), or None
         `axes`; None where they are the tangents.
 

@@ -21,7 +21,8 @@ from skfem_contact.bodies.normals import sizes, tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import MotionLike, rigid_motion
-from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.closest import signed_distances
+from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
 from skfem_contact.pairing.thresholds import FACING
 from skfem_contact.sealed import sealed
 
@@ -170,9 +171,7 @@ class Faceted(Obstacle):
     """
 
     points: Array
-    #: The nodes of a surface on the outline; distances of points from it; flats cut beside its bends.
-    _pair: ClassVar[staticmethod[..., Pairing]]
-    _depths: ClassVar[staticmethod[..., Array]]
+    #: Flats of the outline cut beside its bends.
     _cut_flats: ClassVar[staticmethod[..., Cut]]
 
     @property
@@ -226,12 +225,12 @@ class Faceted(Obstacle):
         surface. Nodes without a partner have the distance of the closest point.
         """
         check_dimension(surface, self.points.shape[1], self)
-        pairing = self._pair(surface, self.outline)
+        pairing = node_to_segment(surface, self.outline)
         normal = pairing.normal if pairing.primary_normal is None else pairing.primary_normal
         weights = pairing.secondary_weights, pairing.primary_weights
         gap = np.einsum("md,md->m", normal, gap_vectors(surface, self.outline, *weights))
         if not pairing.paired.all():
-            gap = np.where(pairing.paired, gap, self._depths(self.outline, surface.points))
+            gap = np.where(pairing.paired, gap, signed_distances(self.outline, surface.points))
         return gap, normal, pairing.paired
 
     def signed_distance(self, points: ArrayLike) -> Array:
@@ -241,7 +240,7 @@ class Faceted(Obstacle):
         x = numbers(points, f"points for {self.label!r}", usage)
         if x.ndim != 2 or x.shape[1] != d:
             raise InputError(f"points for {self.label!r} have shape {x.shape}; {usage}")
-        return self._depths(self.outline, x)
+        return signed_distances(self.outline, x)
 
 
 def volume(points: Array, facets: Index) -> float:

@@ -14,8 +14,6 @@ from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_edges
 from skfem_contact.obstacles.obstacle import Faceted, volume
-from skfem_contact.pairing.closest import signed_distances
-from skfem_contact.pairing.node import node_to_segment
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import Tree
 
@@ -74,8 +72,6 @@ class RigidPolyline(Faceted):
     hollow: bool = False
     name: str | None = None
     _kind = "rigid polyline"
-    _pair = staticmethod(node_to_segment)
-    _depths = staticmethod(signed_distances)
     _cut_flats = staticmethod(cut_edges)
 
     def __init__(

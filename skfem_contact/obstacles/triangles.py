@@ -28,8 +28,6 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_triangles
 from skfem_contact.obstacles.obstacle import Faceted, volume
-from skfem_contact.pairing.faces.distance import signed_distances
-from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import pairs_within
 
@@ -98,8 +96,6 @@ class RigidSurface(Faceted):
     hollow: bool = False
     name: str | None = None
     _kind = "rigid surface"
-    _pair = staticmethod(node_to_face)
-    _depths = staticmethod(signed_distances)
     _cut_flats = staticmethod(cut_triangles)
 
     @classmethod

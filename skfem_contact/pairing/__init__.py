@@ -1,15 +1,18 @@
-"""What meets what: the points of one surface on the facets of another.
+"""What meets what: the points of one surface on the facets of another, in the plane and in space.
 
-* `search`, `vectors`: which facets can meet a point, or along its normal; vectors in the plane;
-* `closest`, `node`, `seams`: node-to-segment contact;
-* `vertices`, `corners`, `corner_rows`: convex corners, what they meet, and the rows of that;
-* `mortar`: dual mortar contact of curves and of faces, in steps:
-  `segmentation`, `pieces`, `moments`: intervals of curves, what meets on a piece, integrals over them;
+* `search`: which facets can meet a point; `vectors`: products, ragged ranges, entries of weights;
+* `projection`: closest points of facets; `joints`: what leads along a surface from edges and corners;
+* `closest`, `node`: closest points of surfaces, and node-to-segment contact;
+* `control`: rows of quadratic faces whose nodal forces have no sign;
+* `vertices`, `corners`: convex corners of curves, what they meet, and the rows of that;
+* `mortar`: dual mortar contact, in steps:
+  `pieces`: what meets on a piece of the interface, and the integrals over them;
+  `segmentation` finds them between curves, as intervals;
+  `face_segmentation` between faces, as polygons (`cells`: plane parts of faces; `clipping`);
   `dual`, `supports`: multipliers, and what supports change of them;
-  `mortar_rows`, `kinks`: the rows, and their gaps over kinks;
+  `mortar_rows`: the rows, their normals and gaps;
 * `smooth`, `bulges`: smooth boundaries of facets, and what they change of rows;
-* `facing`, `frames`, `compliances`: normals of both sides, and the frames of small sliding;
+* `frames`: the frames of small sliding, weighted by the compliances of both sides;
 * `diagnosis`: what looks wrong with a pairing, in sentences;
-* `faces`: what is different for faces of solids;
 * `thresholds`: numbers, and where they come from.
 """

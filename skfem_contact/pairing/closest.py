@@ -1,19 +1,28 @@
-"""The facet of a surface that is closest to each point, and how far other points overhang its end."""
+"""The facet of a surface that is closest to each point, overhangs beyond its rim, and distances."""
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
+from functools import cached_property
 
-from skfem_contact.bodies.normals import sizes, tangents
-from skfem_contact.bodies.projection import interpolated_normals, project
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.joints import Joints, across_edges
+from skfem_contact.pairing.projection import Feet, interpolated_normals, project
 from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
 from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, FACING
-from skfem_contact.pairing.vectors import ahead
+from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 
 def search_range(
@@ -30,25 +39,19 @@ def search_range(
 
 def closest_facets(
     secondary: ContactSurface, primary: ContactSurface, outside: float, inside: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Point numbers, facets and local coordinates of all pairs."""
-
-    def valid_pairs(point: np.ndarray, facet: np.ndarray) -> tuple[np.ndarray, ...]:
-        xi, distance, valid = _judge(secondary, primary, point, facet, outside, inside)
-        return point[valid], facet[valid], xi[valid], distance[valid]
-
-    # a first guess among the nearest facets bounds the distance, the exact search then is short
-    m = len(secondary.points)
-    bound = np.full(m, np.inf)
-    few = min(4, len(primary.facets))
-    middles = Tree(primary.points.take(primary.facets, axis=0).mean(axis=1))
-    _, guess = middles.query(secondary.points, k=few, ordered=False)
-    point, facet = np.repeat(np.arange(m), few), guess.reshape(-1)
-    judged = point * len(primary.facets) + facet
-    found = [valid_pairs(point, facet)]
-    point, facet, _, distance = found[0]
-    np.minimum.at(bound, point, distance + 2 * SOLVED * primary.lengths[facet])
-
+) -> tuple[Index, Index, Array]:
+    """Points that have a partner, in their order, their facets, and reference coordinates there."""
+    side = Side(secondary, primary, outside, inside)
+    m, nf = len(secondary.points), len(primary.facets)
+    bound, found, known = np.full(m, np.inf), [], []
+    # first guesses bound the distance: the exact search then is short
+    for guess in _guesses(secondary, primary):
+        left = np.flatnonzero(np.isinf(bound))
+        point, facet = np.repeat(left, guess.shape[1]), guess[left].ravel()
+        known.append(point * nf + facet)
+        found.append(side.valid_pairs(point, facet))
+        point, facet, _, distance = found[-1]
+        np.minimum.at(bound, point, distance + 2 * SOLVED * primary.lengths[facet])
     blocks = closest_candidates(
         FacetTree.build(primary, m),
         secondary.points,
@@ -60,63 +63,137 @@ def closest_facets(
     )
     # what is beside an end is no stationary point, but its facet is the nearest: hence the guess, too
     for point, facet in blocks:
-        new = ~np.isin(point * len(primary.facets) + facet, judged)
+        new = ~np.isin(point * nf + facet, np.concatenate(known))
         if new.any():
-            found.append(valid_pairs(point[new], facet[new]))
+            found.append(side.valid_pairs(point[new], facet[new]))
     point, facet, xi, distance = (np.concatenate(column) for column in zip(*found, strict=True))
     nearest = np.full(m, np.inf)
     np.minimum.at(nearest, point, distance)
-    near = distance <= nearest[point] + SOLVED * primary.lengths[facet]
-    point, facet, xi = point[near], facet[near], xi[near]
-    facing = np.einsum("pd,pd->p", secondary.normals[point], primary.facet_normals[facet])
-    # rounded, so that round-off does not decide between two sides of a symmetric corner
-    order = np.lexsort((facet, np.round(facing, 6), point))
-    _, first = np.unique(point[order], return_index=True)
-    chosen = order[first]
+    near = np.flatnonzero(distance <= nearest[point] + SOLVED * primary.lengths[facet])
+    chosen = near[_most_opposite(secondary, primary, point[near], facet[near])]
     return point[chosen], facet[chosen], xi[chosen]
 
 
-def _judge(
-    secondary: ContactSurface,
-    primary: ContactSurface,
-    point: np.ndarray,
-    facet: np.ndarray,
-    outside: float,
-    inside: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Local coordinate and distance of each pair, and whether the facet may be the partner."""
-    x = secondary.points.take(point, axis=0)
-    xi, foot, over = project(primary, facet, x)
-    apart = x - foot
-    distance = sizes(apart)
-    height = np.einsum("pd,pd->p", apart, interpolated_normals(primary, facet, xi))
-    looks, faces = secondary.normals.take(point, axis=0), primary.facet_normals.take(facet, axis=0)
-    facing = np.einsum("pd,pd->p", looks, faces) < -FACING
-    side = (xi >= 0.5).astype(int)
-    other = primary.neighbours[facet, side]
-    slope = np.where(other < 0, _slopes(primary.end_turns[facet, side]), 0.0)
-    aside = np.clip(height * slope, 0.0, ASIDE * primary.lengths[facet])
-    above_facet = over <= aside + COINCIDENT * primary.lengths[facet]
+def _guesses(secondary: ContactSurface, primary: ContactSurface) -> list[Index]:
+    """Numbers of facets near each point, one after the other, (m, g) each.
 
-    # beyond an end: the vertex is the closest point only if it is that of the next facet, too
-    own_normal = primary.own_normals[facet, side]
-    next_normal = primary.own_normals[other, 1 - side]
-    into_next = np.where(side == 1, 1.0, -1.0) * ahead(apart, next_normal)
-    beyond_next = into_next > COINCIDENT * primary.lengths[other]
-    smooth = np.einsum("pd,pd->p", own_normal, next_normal) >= CORNER
-    in_cone = over <= np.abs(np.einsum("pd,pd->p", apart, own_normal)) * (1 + COINCIDENT)
-    at_vertex = (other >= 0) & ~beyond_next & (smooth | in_cone)
-
-    within = np.where(height >= 0, distance <= outside, distance <= inside)
-    itself = np.zeros(len(point), dtype=bool)
-    if secondary.body is primary.body:  # the tip of a slit belongs to both lips
-        mine = secondary.dofs[point, 0]
-        itself = (primary.dofs[primary.facets[facet], 0] == mine[:, None]).any(axis=1)
-    return xi, distance, facing & (above_facet | at_vertex) & within & ~itself
+    The four nearest lines are judged at once, of faces the nearest and then, where it is no partner,
+    the next one: to project on a face is what takes long.
+    """
+    plane = primary.dim == 2
+    few = min(4 if plane else 2, len(primary.facets))
+    middles = Tree(primary.points.take(primary.facets, axis=0).mean(axis=1))
+    _, guess = middles.query(secondary.points, k=np.arange(1, few + 1), ordered=not plane)
+    return [guess] if plane else list(guess.T[..., None])
 
 
-def _slopes(turn: np.ndarray) -> np.ndarray:
-    """How far the side of a body that a surface ends at leads away from the end, per height.
+def _most_opposite(
+    secondary: ContactSurface, primary: ContactSurface, point: Index, facet: Index
+) -> Index:
+    """Which of equally near facets faces its point most, for each point.
+
+    Rounded, so that round-off does not decide between two sides of a symmetric corner. Of ties that are
+    left the first line along the curve is taken; faces have no order, and are taken by where they are,
+    seen from the point, and not by their numbers.
+    """
+    facing = dot(secondary.normals.take(point, axis=0), primary.facet_normals.take(facet, axis=0))
+    keys = facing[:, None]
+    if primary.dim == 3:
+        middle = primary.points[primary.facets[facet, : primary.kind.corners]].mean(axis=1)
+        away = (middle - secondary.points[point]) / primary.lengths[facet][:, None]
+        keys = np.column_stack([facing, sizes(away), away])
+    order = np.lexsort((facet, *np.round(keys, 6).T[::-1], point))
+    first = np.append(True, np.diff(point[order]) > 0)[: len(point)]
+    return np.asarray(order[first])
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """The primary surface with what is asked of it again and again, and the points that look at it.
+
+    Attributes
+    ----------
+    secondary, primary : ContactSurface
+    outside, inside : float
+        Largest distances of open and of overlapping points [length].
+    """
+
+    secondary: ContactSurface
+    primary: ContactSurface
+    outside: float
+    inside: float
+
+    @cached_property
+    def joints(self) -> Joints:
+        """The corners of the primary by its points."""
+        return Joints.of(self.primary)
+
+    def valid_pairs(self, point: Index, facet: Index) -> tuple[Index, Index, Array, Array]:
+        """Those of the pairs whose facet may be the partner, their reference coordinates, distances."""
+        secondary, primary = self.secondary, self.primary
+        looks, faces = secondary.normals.take(point, axis=0), primary.facet_normals.take(facet, axis=0)
+        facing = dot(looks, faces) < -FACING
+        if secondary.body is primary.body:  # the tip of a slit belongs to both lips
+            mine = secondary.dofs[point, 0]
+            facing &= ~(primary.dofs[primary.facets[facet], 0] == mine[:, None]).any(axis=1)
+        if not facing.all():
+            point, facet = point[facing], facet[facing]
+        x = secondary.points.take(point, axis=0)
+        feet = project(primary, facet, x)
+        apart = x - feet.foot
+        distance = sizes(apart)
+        height = dot(apart, interpolated_normals(primary, facet, feet.xi))
+        good = np.where(height >= 0, distance <= self.outside, distance <= self.inside)
+        beyond = np.flatnonzero(good & (feet.over > COINCIDENT * primary.lengths[facet]))
+        if len(beyond):
+            good[beyond] = self._at_rims(
+                facet[beyond], feet.some(beyond), apart[beyond], height[beyond]
+            )
+        return point[good], facet[good], feet.xi[good], distance[good]
+
+    def _at_rims(self, facet: Index, feet: Feet, apart: Array, height: Array) -> Mask:
+        """Whether a foot at the rim of its facet is the closest point of the whole surface.
+
+        It is that of the facets across the edge or round the corner too, and the surface goes on there,
+        on a plane of symmetry as its mirror image. Beyond a sharp edge the node lies at most 45 degrees
+        off the normal of its facet.
+        """
+        primary, c = self.primary, self.primary.kind.corners
+        in_cone = feet.over <= np.abs(dot(apart, feet.own)) * (1 + COINCIDENT)
+        at = np.flatnonzero(feet.place >= c)
+        if not len(at):
+            return self._at_edges(facet, feet, apart, height, in_cone)
+        good = np.zeros(len(facet), dtype=bool)
+        corner, least = (
+            primary.facets[facet[at], feet.place[at] - c],
+            COINCIDENT * primary.lengths[facet[at]],
+        )
+        across = np.where(primary.mirrored[corner], np.abs(apart[at]), 0.0).max(axis=1)
+        leads = self.joints.leads_off(corner, apart[at], least) | (across > least)
+        good[at] = ~leads & (~primary.sharp_points[corner] | in_cone[at])
+        at = np.flatnonzero(feet.place < c)
+        good[at] = self._at_edges(facet[at], feet.some(at), apart[at], height[at], in_cone[at])
+        return good
+
+    def _at_edges(self, facet: Index, feet: Feet, apart: Array, height: Array, in_cone: Mask) -> Mask:
+        """`_at_rims` at feet on edges, which for lines are their ends."""
+        primary, edge = self.primary, feet.place
+        twin, size = primary.twins[facet, edge], primary.lengths[facet]
+        outward, normal = across_edges(primary, feet, twin)
+        nearer = -dot(apart, outward) > COINCIDENT * primary.lengths[twin // primary.kind.corners]
+        good = (twin >= 0) & ~nearer & ((dot(feet.own, normal) >= CORNER) | in_cone)
+        if np.any(twin < 0):  # the surface ends: on a plane of symmetry, or above the side of the body
+            mirror = primary.mirror_edges[facet, edge]
+            across = np.where(mirror, np.abs(apart), 0.0).max(axis=1)
+            ended = mirror.any(axis=1) & (across <= COINCIDENT * size)
+            aside = np.clip(height * _slopes(primary.end_turns[facet, edge]), 0.0, ASIDE * size)
+            ended |= (aside > 0) & (feet.over <= aside + COINCIDENT * size)
+            good |= (twin < 0) & ended
+        return good
+
+
+def _slopes(turn: Array) -> Array:
+    """How far the side of a body that a curve ends at leads away from the end, per height.
 
     A point at a height h (< 0: inside) is on the inner side of the straight line through the side if
     it lies beyond the end by no more than h times this: the lower corner of an inclined joint between
@@ -127,71 +204,94 @@ def _slopes(turn: np.ndarray) -> np.ndarray:
     return np.where(steep, -1.0 / np.tan(np.where(steep, turn, 0.5 * np.pi)), 0.0)
 
 
-def signed_distances(surface: ContactSurface, points: np.ndarray) -> np.ndarray:
-    """Distances of points (p, 2) from a surface, negative where its body is, shape (p,) [length].
-
-    The closest of all facets counts, whichever way anything looks. Beyond the ends of an open curve
-    nothing is inside.
-    """
-    middles = Tree(surface.points[surface.facets].mean(axis=1))
-    guess = middles.query(points)[1]
-    bound = np.linalg.norm(points - project(surface, guess, points)[1], axis=1)
-
-    def in_reach(point: np.ndarray, nodes: Nodes) -> np.ndarray:
-        away = np.linalg.norm(points[point] - nodes.centre, axis=1)
-        return np.asarray(away - nodes.radius <= bound[point])
-
-    found = FacetTree.build(surface, len(points)).descend(len(points), in_reach)
-    point, facet = (np.concatenate(column) for column in zip(*found, strict=True))
-    xi, foot, _ = project(surface, facet, points[point])
-    distance = np.linalg.norm(points[point] - foot, axis=1)
-    order = np.lexsort((facet, distance, point))
-    first = order[np.unique(point[order], return_index=True)[1]]
-    facet, xi, foot = facet[first], xi[first], foot[first]
-    # at a vertex the sum of both normals tells the sides apart, on an edge its own
-    side = (xi >= 0.5).astype(int)
-    other = surface.neighbours[facet, side]
-    at_vertex = (other >= 0) & (np.abs(xi - side) <= COINCIDENT)
-    there = surface.own_normals[other, 1 - side]
-    normal = surface.own_normals[facet, side] + np.where(at_vertex[:, None], there, 0.0)
-    away = points - foot
-    sign = np.where(np.einsum("pd,pd->p", away, normal) < 0, -1.0, 1.0)
-    # beyond the end of an open curve there is no body
-    across = np.abs(normal[:, 0] * away[:, 1] - normal[:, 1] * away[:, 0])
-    ends = surface.points[surface.facets[facet, :2]]
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    beyond = (other < 0) & (np.abs(xi - side) <= COINCIDENT) & (across > COINCIDENT * length)
-    return np.asarray(np.where(beyond, 1.0, sign) * distance[first])
-
-
 def overhang(
-    secondary: ContactSurface,
-    primary: ContactSurface,
-    lonely: np.ndarray,
-    outside: float,
-    inside: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """By how much points without a partner lie beyond the nearest end or corner facing them."""
+    secondary: ContactSurface, primary: ContactSurface, lonely: Mask, outside: float, inside: float
+) -> tuple[Array, Index]:
+    """By how much points without a partner lie beyond the nearest rim or sharp edge facing them.
+
+    Returns
+    -------
+    miss : ndarray, shape (m,)
+        Infinite where there is nothing they could be beyond of; 0 where not `lonely` [length].
+    facet : ndarray of int, shape (m,)
+        The facet with that edge; -1 where there is none.
+    """
     miss = np.where(lonely, np.inf, 0.0)
     end_facet = np.full(len(miss), -1)
-    facet, side = np.nonzero((primary.twins < 0) | primary.sharp_edges)
+    facet, edge = np.nonzero((primary.twins < 0) | primary.sharp_edges)
     point = np.flatnonzero(lonely)
     if not (len(facet) and len(point)):
         return miss, end_facet
-    vertex = primary.points[primary.facets[facet, side]]
+    ends = primary.kind.edges[:, : primary.dim - 1]
+    middle = primary.points[primary.facets[facet[:, None], ends[edge]]].mean(axis=1)
     few = min(8, len(facet))
-    _, near = Tree(vertex).query(secondary.points[point], k=few)
-    near = near.reshape(len(point), few)
-    apart = secondary.points[point][:, None] - vertex[near]
-    normal = primary.own_normals[facet, side][near]
-    outward = np.where(side == 1, 1.0, -1.0)[:, None] * tangents(primary.own_normals[facet, side])[:, 0]
-    along = np.einsum("pkd,pkd->pk", apart, outward[near])
-    height = np.einsum("pkd,pkd->pk", apart, normal)
-    faces = np.einsum("pd,pkd->pk", secondary.normals[point], primary.facet_normals[facet][near])
+    _, near = Tree(middle).query(secondary.points[point], k=np.arange(1, few + 1))
+    item, near = np.repeat(point, few), near.ravel()
+    face = facet[near]
+    feet = project(primary, face, secondary.points[item])
+    height = dot(secondary.points[item] - feet.foot, feet.own)
+    faces = dot(secondary.normals[item], primary.facet_normals[face])
     within = (height <= outside) & (height >= -inside)
-    good = (faces < -FACING) & (along > 0) & within
-    first = np.argmax(good, axis=1)
-    rows = np.flatnonzero(good.any(axis=1))
-    miss[point[rows]] = along[rows, first[rows]]
-    end_facet[point[rows]] = facet[near[rows, first[rows]]]
+    good = (faces < -FACING) & (feet.over > 0) & within
+    if primary.dim == 2:  # beyond this end, and not beyond the other one
+        good &= feet.place == edge[near]
+    # the nearest of them: those of one point follow each other
+    distance = np.where(good, np.hypot(feet.over, height), np.inf).reshape(len(point), few)
+    first = np.argmin(distance, axis=1)
+    rows = np.flatnonzero(np.isfinite(distance.min(axis=1)))
+    chosen = rows * few + first[rows]
+    miss[point[rows]] = feet.over[chosen]
+    end_facet[point[rows]] = face[chosen]
     return miss, end_facet
+
+
+def signed_distances(surface: ContactSurface, points: Array) -> Array:
+    """Distances of points (p, d) from a surface, negative where its body is, shape (p,) [length].
+
+    The closest of all facets counts, whichever way anything looks. At an edge the sum of both facets'
+    normals tells the sides apart, at a corner of faces the sum weighted by their angles: J. A.
+    Baerentzen, H. Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243-253. Beyond the ends of an open
+    curve nothing is inside.
+    """
+    guess = np.asarray(Tree(surface.points[surface.facets].mean(axis=1)).query(points)[1])
+    bound = sizes(points - project(surface, guess, points).foot)
+
+    def in_reach(point: Index, nodes: Nodes) -> Mask:
+        return np.asarray(sizes(points[point] - nodes.centre) - nodes.radius <= bound[point])
+
+    found = FacetTree.build(surface, len(points)).descend(len(points), in_reach)
+    point, facet = (np.concatenate(column) for column in zip(*found, strict=True))
+    feet = project(surface, facet, points[point])
+    distance = sizes(points[point] - feet.foot)
+    order = np.lexsort((facet, distance, point))
+    first = order[np.unique(point[order], return_index=True)[1]]
+    facet, feet, distance = facet[first], feet.some(first), distance[first]
+    inside = dot(points - feet.foot, _outward(surface, facet, feet)) < 0
+    if surface.dim == 2:
+        ended = surface.twins[facet, feet.place] < 0
+        inside &= ~(ended & (feet.over > COINCIDENT * surface.lengths[facet]))
+    return np.where(inside, -1.0, 1.0) * distance
+
+
+def _outward(surface: ContactSurface, facet: Index, feet: Feet) -> Array:
+    """A direction that tells outside from inside at feet, (p, d)."""
+    c, outward = surface.kind.corners, feet.own.copy()
+    on_edge = (feet.place >= 0) & (feet.place < c)
+    twin = np.where(on_edge, surface.twins[facet, np.where(on_edge, feet.place, 0)], -1)
+    at = np.flatnonzero(twin >= 0)
+    outward[at] += across_edges(surface, feet.some(at), twin[at])[1]
+    at = np.flatnonzero(feet.place >= c)
+    if len(at):
+        outward[at] = _corner_normals(surface)[surface.facets[facet[at], feet.place[at] - c]]
+    return outward
+
+
+def _corner_normals(surface: ContactSurface) -> Array:
+    """Sums of the faces' normals at each node, weighted by their angles there, (m, 3)."""
+    corners = surface.facets[:, : surface.kind.corners]
+    x = surface.points[corners]
+    ahead, back = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    angle = np.arctan2(np.linalg.norm(np.cross(ahead, back), axis=2), dot(ahead, back))
+    total = np.zeros_like(surface.points)
+    np.add.at(total, corners, angle[..., None] * surface.own_normals[:, : surface.kind.corners])
+    return total

@@ -11,23 +11,27 @@ the stiffer side keeps its shape. Equal bodies meet in the mean of both normals,
 own. So friction, which acts along the interface, is as well resolved as with `sliding="finite"`,
 where the frames are those of the deformed surfaces.
 
-The compliance at a node is measured on K itself, see `compliances`. What it leaves out is of second
+The compliance at a node is measured on K itself, see `plane_moduli`. What it leaves out is of second
 order in the answer: a weight that is wrong by a tenth turns the frame by a twentieth of the tilt.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.normals import angle_between, tangents, unit
+from skfem_contact.bodies.areas import area_integrals
+from skfem_contact.bodies.bare import NoBody
+from skfem_contact.bodies.normals import angle_between, sizes, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.compliances import compliances
+from skfem_contact.pairing.joints import rim_points
 from skfem_contact.pairing.node import Pairing, gap_vectors
-from skfem_contact.pairing.thresholds import SAME_NORMAL
+from skfem_contact.pairing.thresholds import ALONG, NO_NORMAL, SAME_NORMAL
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 
@@ -89,3 +93,98 @@ def _mean(weights: object, values: Array) -> Array:
     size = abs(weights)  # type: ignore[arg-type, var-annotated]
     total = np.asarray(size.sum(axis=1)).ravel()
     return np.divide(size @ values, total, out=np.zeros_like(total), where=total > 0)
+
+
+# Of the undeformed surfaces that are still in use: the stiffness of a body does not change.
+_COMPLIANCES: WeakKeyDictionary[ContactSurface, Array] = WeakKeyDictionary()
+
+
+def compliances(surface: ContactSurface) -> Array:
+    """One over `plane_moduli`, and zero at nodes that are prescribed altogether or rigid, (m,)."""
+    if isinstance(surface.body, NoBody):
+        return np.zeros(len(surface.points))
+    first = surface.original
+    if first not in _COMPLIANCES:
+        _COMPLIANCES[first] = np.where(first.held.all(axis=1), 0.0, 1.0 / plane_moduli(first))
+    return _COMPLIANCES[first]
+
+
+def plane_moduli(surface: ContactSurface) -> Array:
+    r"""Plane modulus ``E* = E / (1 - nu^2)`` of the body at the nodes of a surface, shape (m,).
+
+    Read off the stiffness, whatever mesh and element: under a displacement linear in the position
+    the stress is uniform around a node, and its nodal force is ``sigma a`` with the vector
+    ``a = int N n dA`` of the boundary. In d dimensions a dilatation gives a force of
+    ``P = (d lambda + 2 mu) |a|``, shears ``Q = 2 mu |a|``, and the plane modulus is
+    ``4 mu (lambda + mu) / (lambda + 2 mu)``. For plane stress lambda is the one of plane stress, as it
+    stands in K. Bodies need not be homogeneous but around a node; springs to the ground do not matter.
+
+    Where K is not that of an elastic body, its diagonal stands in for the modulus, which it is but
+    for a factor of the order of one. The ends of a surface, whose nodes have other boundaries too,
+    take the value of the node next to them.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> from skfem.models.elasticity import linear_elasticity, lame_parameters
+    >>> from skfem_contact.bodies.body import Body
+    >>> basis = fem.Basis(
+    ...     fem.MeshTri().refined(2).with_defaults(), fem.ElementVector(fem.ElementTriP2())
+    ... )
+    >>> top = Body(basis, linear_elasticity(*lame_parameters(0.91, 0.3))).surface("top")
+    >>> bool(abs(plane_moduli(top) - 1.0).max() < 1e-12)
+    True
+    """
+    d, kind = surface.dim, surface.kind
+    area, total = area_integrals(surface.points, surface.facets, kind, surface.body.measure)
+    dilated, Q = _strained(surface)
+    size, P = sizes(area), sizes(dilated)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # on a plane of symmetry the force has a part across that plane, from the boundary there
+        p, ratio = dot(dilated, area) / size**2, Q / P
+        modulus = ratio * (2 + (d - 2) * ratio) / (1 + (d - 1) * ratio) * p
+        length = total ** (1 / kind.dim)
+        diagonal = surface.body.K.diagonal()[surface.dofs].mean(axis=1) * length / size
+    elastic = (dot(dilated, area) > ALONG * P * size) & np.isfinite(modulus) & (modulus > 0)
+    elastic &= size > NO_NORMAL * total  # at corners of quadratic triangles a is round-off
+    inner = ~rim_points(surface, mirrored=False)
+    known = elastic & inner
+    if not known.any():
+        return np.where(np.isfinite(diagonal) & (diagonal > 0), diagonal, 1.0)
+    modulus = np.where(elastic, modulus, diagonal)
+    borrowed = ~inner | ~np.isfinite(modulus) | ~(modulus > 0)
+    _, nearest = Tree(surface.points[known]).query(surface.points[borrowed])
+    modulus[borrowed] = modulus[known][nearest]
+    return modulus
+
+
+def _strained(surface: ContactSurface) -> tuple[Array, Array]:
+    """Nodal forces ``(d lambda + 2 mu) a`` of K under a dilatation (m, d), and ``2 mu |a|``, (m,).
+
+    The shears are an orthonormal basis of the strains without a trace, 2 in the plane and 5 in space;
+    their squares add up to 1 and 5/3 of the identity.
+    """
+    d, body, centre = surface.dim, surface.body, surface.points.mean(axis=0)
+    strains = np.array([np.eye(d), *_shears(d)])
+    own = body.dof_component[:, None]
+    at = body.dof_points - centre
+    columns = [np.take_along_axis(at @ strain, own, axis=1)[:, 0] for strain in strains]
+    unit_x = (np.arange(d) == own).astype(float)
+    forces = body.K[surface.dofs.ravel()] @ np.column_stack([*columns, unit_x])
+    forces = forces.reshape(len(surface.points), d, -1)
+    # the fields vanish at the node itself: less their value there, a translation
+    here = np.einsum("sij,mj->mis", strains, surface.points - centre)
+    found = forces[:, :, :-d] - np.einsum("mci,mis->mcs", forces[:, :, -d:], here)
+    squares = np.sum(found[:, :, 1:] ** 2, axis=(1, 2))
+    return found[:, :, 0], np.sqrt(squares * 2 * d / ((d + 2) * (d - 1)))
+
+
+def _shears(d: int) -> list[Array]:
+    """An orthonormal basis of symmetric tensors (d, d) without a trace."""
+    basis = []
+    for j in range(1, d):
+        basis.append(np.diag([1.0] * j + [-j] + [0.0] * (d - j - 1)) / np.sqrt(j * (j + 1)))
+        for i in range(j):
+            basis.append(np.zeros((d, d)))
+            basis[-1][i, j] = basis[-1][j, i] = np.sqrt(0.5)
+    return basis

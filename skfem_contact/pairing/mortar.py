@@ -14,13 +14,13 @@ in node-to-segment contact, and elimination of the normal DOFs is as local. (The
 of edges of faces with six and eight nodes hold corners, too.) As the integrals are exact, a uniform
 pressure passes between meshes that do not match (patch test).
 
-1. `segmentation` of curves and `faces.segmentation` find the `pieces` on which facet meets facet.
-2. `moments` integrates shape functions over them; all that follows is the same for both.
+1. `segmentation` of curves and `face_segmentation` find the `pieces` on which facet meets facet.
+2. `pieces.Moments` integrates shape functions over them; all that follows is the same for both.
 3. `dual` makes the basis of each facet: exact also where the primary covers it only in part, with
    the multipliers of what is cut short merged into their neighbours'. The row of an heir then holds
    both nodes, and a node left with no multiplier on any facet is not paired (it shows the heir's
    values: `discretisation.carriers`). Nodes that supports hold have no multiplier either: `supports`.
-4. `mortar_rows` assembles ``D`` and ``M``; `bulges` and `kinks` change the gaps.
+4. `mortar_rows` assembles ``D`` and ``M``; `bulges` and kinks change the gaps.
 
 References
 ----------
@@ -37,13 +37,12 @@ from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import bulged
-from skfem_contact.pairing.faces.segmentation import segment as segment_faces
-from skfem_contact.pairing.facing import mortar_normals
-from skfem_contact.pairing.kinks import least_gaps
-from skfem_contact.pairing.moments import Moments, bulges_of, whole_shares
+from skfem_contact.pairing.face_segmentation import segment as segment_faces
 from skfem_contact.pairing.mortar_rows import (
     divided,
     facet_bases,
+    least_gaps,
+    mortar_normals,
     overhang,
     own_rows,
     primary_matrix,
@@ -52,7 +51,7 @@ from skfem_contact.pairing.mortar_rows import (
     weighted_gaps,
 )
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.pieces import Pieces
+from skfem_contact.pairing.pieces import Moments, Pieces, bulges_of, whole_shares
 from skfem_contact.pairing.segmentation import segment as segment_curves
 from skfem_contact.pairing.supports import FREE, find_supports, slip_rows
 from skfem_contact.pairing.thresholds import NO_WEIGHT

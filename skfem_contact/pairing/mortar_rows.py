@@ -1,4 +1,15 @@
-"""The rows of mortar contact from integrals and multipliers: bases, D and M, their weights and gaps."""
+r"""The rows of mortar contact from integrals and multipliers: bases, D and M, normals and gaps.
+
+Straight sides and flats may turn by less than a corner does. At less than 45 degrees a surface has one
+normal at a node, averaged, and the multipliers reach over it: both right for curves, whose facets turn
+by like angles one after the other. A chamfer beside a flat is no curve. Its node is known by what the
+surface does next to it: on one side at least it goes straight on (`bodies.kinks.kink_angles`). There
+
+* the normal is that of the other side of the interface, which meets one of the two parts;
+* the gap of a row is no less than the least distance in its support (`least_gaps`). A dual multiplier
+  is negative in parts, and where these are over a chamfer, which is open by the size of a facet, the
+  weighted gap is an overlap many times deeper than any displacement. Motions keep the weights.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
+from skfem_contact.bodies.normals import angle_between, unit
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.dual import DualBasis, dual_basis, node_rows, positive_functions
-from skfem_contact.pairing.moments import Moments
 from skfem_contact.pairing.node import gap_vectors
+from skfem_contact.pairing.pieces import Moments, Pieces
 from skfem_contact.pairing.supports import MET, Supports, without_multiplier
-from skfem_contact.pairing.thresholds import SHARE_KEPT
-from skfem_contact.pairing.vectors import without_round_off
+from skfem_contact.pairing.thresholds import KINK, SAME_NORMAL, SHARE_KEPT, SPREAD
+from skfem_contact.pairing.vectors import dot, without_round_off
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
@@ -109,6 +122,51 @@ def primary_matrix(
     return M, main_facets(secondary, primary, e, f, moments.cross.sum(axis=2))
 
 
+def mortar_normals(
+    secondary: ContactSurface, primary: ContactSurface, moments: Moments, A: Array, own: Array
+) -> tuple[Array, Array]:
+    """Normals of both sides in the weighted mean of dual multipliers, from primary to secondary.
+
+    The primary's field of normals is weighted with the multipliers like its displacements: exact for
+    a field that is linear over each facet of the secondary, so the same as the secondary's on
+    matching meshes.
+
+    Parameters
+    ----------
+    secondary, primary : ContactSurface
+    moments : Moments
+    A : ndarray, shape (nf, k, k)
+        The multipliers of each facet in its shape functions.
+    own : ndarray, shape (m, d)
+        Normals at the nodes of the secondary, turned round.
+
+    Returns
+    -------
+    of_secondary, of_primary : ndarray, shape (m, d)
+    """
+    node, field = secondary.facets[moments.e], primary.facet_node_normals[moments.f]
+    total = np.zeros_like(own)
+    np.add.at(total, node, A[moments.e] @ moments.cross @ field)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    there = length > SOLVED * length.max(initial=0.0)
+    of_primary = np.where(there, total / np.where(there, length, 1.0), own)
+    # a corner of the primary, if the mean normals of its pieces spread about theirs
+    mean = unit(moments.cross.sum(axis=1)[:, None] @ field)[:, 0]
+    along = np.ones(len(own))
+    np.minimum.at(along, node, dot(of_primary[node], mean[:, None]))
+    corner = along < np.cos(0.5 * SPREAD)
+    beside = np.any(primary.kinks[primary.facets[moments.f]] > KINK, axis=1)
+    corner[node[beside]] = True
+    corner = corner[:, None]
+    of_primary = np.where(corner, own, of_primary)
+    # an edge of the secondary, if its covered facets have several normals there
+    covered = np.unique(moments.e)
+    turned, node = np.zeros(len(own)), secondary.facets[covered]
+    np.maximum.at(turned, node, angle_between(secondary.facet_node_normals[covered], -own[node]))
+    sharp = ((turned > SAME_NORMAL) | (secondary.kinks > KINK))[:, None]
+    return np.where(sharp & ~corner, of_primary, own), of_primary
+
+
 def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:
     """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
     rows = matrix.tocoo()
@@ -196,3 +254,39 @@ def overhang(
     facet_of[primary.facets] = np.arange(len(primary.facets))[:, None]
     miss = np.select([paired, beside], [0.0, across], np.inf)
     return miss, np.where(beside, facet_of[nearest], -1)
+
+
+def least_gaps(pieces: Pieces, acts: Mask, smooth: Array | None = None) -> Array | None:
+    """Least distance in the support of each mortar row that reaches over a kink, shape (m,) [length].
+
+    Parameters
+    ----------
+    pieces : Pieces
+    acts : ndarray of bool, shape (nf, k)
+        Nodes that have a multiplier on each facet of the secondary.
+    smooth : ndarray, shape (p,), optional
+        Least gaps of the pieces between smooth boundaries; infinite where there are none [length].
+
+    Returns
+    -------
+    ndarray, shape (m,), or None
+        Minus infinity for all other rows; None if there is no kink.
+    """
+    sides, facets = (pieces.secondary, pieces.primary), pieces.facets
+    over = np.zeros(len(facets[0]), dtype=bool)
+    for surface, facet in zip(sides, facets, strict=True):
+        bent = (surface.kinks > BENT) | surface.sharp_points
+        over |= np.any(bent[surface.facets], axis=1)[facet]
+    if not over.any():
+        return None
+    node, on, m = sides[0].facets[facets[0]], acts[facets[0]], len(sides[0].points)
+    reaches = np.zeros(m, dtype=bool)
+    reaches[node[on & over[:, None]]] = True
+    mine = np.flatnonzero(np.any(reaches[node] & on, axis=1))
+    # linear on straight and plane facets: least at the ends or corners of a piece
+    gap = pieces.corners(mine).gap.min(axis=1)
+    if smooth is not None:
+        gap = np.where(np.isfinite(smooth[mine]), smooth[mine], gap)
+    least = np.full(m, np.inf)
+    np.minimum.at(least, node[mine][on[mine]], np.broadcast_to(gap[:, None], on[mine].shape)[on[mine]])
+    return np.where(reaches, least, -np.inf)

@@ -1,21 +1,25 @@
-"""`Pairing`: which point meets what; and the pairing of node-to-segment contact."""
+"""`Pairing`: which point meets what; and the pairing of node-to-segment contact, of faces too."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix, identity
 
-from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.normals import angle_between, tangents
-from skfem_contact.bodies.projection import interpolated_normals
+from skfem_contact.bodies.normals import angle_between, sizes, tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import bulged_nodes
 from skfem_contact.pairing.closest import closest_facets, overhang, search_range
-from skfem_contact.pairing.facing import node_normals
-from skfem_contact.pairing.seams import shared_at_seams
+from skfem_contact.pairing.projection import interpolated_normals
+from skfem_contact.pairing.thresholds import COINCIDENT, FACING, KINK
+from skfem_contact.pairing.vectors import dot
+from skfem_contact.trees import ODD
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +65,14 @@ class Pairing:
         By how much the gap is a distance between smooth boundaries, and not a part of the vector
         between facets: 0 to 1.
     least_gap : ndarray, shape (m,), optional
-        Gaps are no less than this, whatever the weights say of them (`kinks`) [length].
+        Gaps are no less than this, whatever the weights say (`mortar_rows.least_gaps`) [length].
     corners : frozenset
         Vertices that carry by themselves, see `corners.CornerContacts.names`.
     vertex : ndarray of int, shape (m,), optional
         The primary node whose row a point carries in place of its own (`corners`); -1 where it
         carries its own. None where all do.
     control : bool
-        Whether rows are at control points (`faces.control`), combined of those at the nodes.
+        Whether rows are at control points (`control`), combined of those at the nodes.
     """
 
     points: np.ndarray
@@ -138,7 +142,7 @@ def node_to_segment(
     Parameters
     ----------
     secondary, primary : ContactSurface
-        As a rule the secondary one is the finer.
+        Both are curves, or faces of solids; as a rule the secondary one is the finer.
     reach : float, optional
         Largest distance between a node and its partner [length]. Without it, gaps are unlimited
         and overlaps go up to half the diagonal of the box around the smaller of the two surfaces,
@@ -150,19 +154,19 @@ def node_to_segment(
 
     Notes
     -----
-    The closest point is taken among the facets that face the node (`closest.FACING`) and hold a
-    stationary point of the distance to the *whole* primary surface. So a node beyond the end of an
-    open surface has no partner (tolerance: `closest.END` facet lengths), and one outside a smooth
-    convex vertex is paired with that vertex. Around a corner of 45 degrees or more it is paired
-    with the vertex, along the normal of the facet most opposite to the node, as long as it lies at
-    most 45 degrees off that normal; farther out it overhangs. Of equally near facets (a concave
-    corner) the most opposite one is taken, then the first.
+    The closest point is taken among the facets that face the node (`thresholds.FACING`) and hold a
+    stationary point of the distance to the *whole* primary surface. So a node beyond the end or rim of
+    an open surface has no partner (tolerance: `thresholds.COINCIDENT` of the size of a facet), and one
+    outside a smooth convex vertex or edge is paired with that vertex or edge. Around a corner of 45
+    degrees or more it is paired with it along the normal of the facet most opposite to the node, as
+    long as it lies at most 45 degrees off that normal; farther out it overhangs. Of equally near facets
+    (a concave corner) the most opposite one is taken; ties do not depend on the numbering.
 
-    The normal is interpolated between the averaged normals at the ends of the facet. Normals of
-    the facets themselves jump from one facet to the next: a node that slides over a joint would be
-    jerked, and between curved surfaces with matching meshes, where nodes lie on joints, round-off
-    would choose a normal that is off by half the angle of a facet, an error of first order in the
-    mesh size. ``gap = normal . (x_s - x_p)``.
+    The normal is interpolated between the averaged normals at the corners of the facet
+    (`bodies.normal_field`). Normals of the facets themselves jump from one facet to the next: a node
+    that slides over a joint would be jerked, and between curved surfaces with matching meshes, where
+    nodes lie on joints, round-off would choose a normal that is off by half the angle of a facet, an
+    error of first order in the mesh size. ``gap = normal . (x_s - x_p)``.
 
     Examples
     --------
@@ -190,36 +194,64 @@ def node_to_segment(
         )
     outside, inside = search_range(secondary, primary, reach)
     point, facet, xi = closest_facets(secondary, primary, outside, inside)
+    N, normal = primary.kind.shapes(xi)[0], interpolated_normals(primary, facet, xi)
+    foot = np.einsum("pk,pkd->pd", N, primary.points[primary.facets[facet]])
+    gap = dot(normal, secondary.points.take(point, axis=0) - foot)
+    gap, smooth, bulge = bulged_nodes(secondary, primary, (point, facet, N), normal, gap)
+    sides = _node_normals(secondary, primary, point, facet, N, normal)
+    m = len(secondary.points)
+    paired = np.zeros(m, dtype=bool)
+    paired[point] = True
+    miss, end_facet = overhang(secondary, primary, ~paired, outside, inside)
+    end_facet[point] = facet
+    # where there is no partner the frame is the node's own, turned round
+    normals, of_secondary, of_primary = (-secondary.normals for _ in range(3))
+    normals[point], (of_secondary[point], of_primary[point]) = normal, sides
+    gaps = np.full(m, np.inf)
+    gaps[point] = gap
+    return Pairing(
+        points=secondary.points,
+        normal=normals,
+        tangent=tangents(normals),
+        gap=gaps,
+        area=secondary.area,
+        secondary_weights=identity(m, format="csr"),
+        primary_weights=_weights(secondary, primary, point, facet, N),
+        paired=paired,
+        miss=miss,
+        facet=end_facet,
+        secondary_normal=of_secondary,
+        primary_normal=of_primary,
+        primary_bulge=bulge,
+        smooth=smooth,
+    )
 
-    N, _ = facet_shapes(xi, primary.facets.shape[1])
-    nodes = primary.facets[facet]
-    normal = interpolated_normals(primary, facet, xi)
-    foot = np.einsum("pk,pkd->pd", N, primary.points[nodes])
-    gap = np.einsum("pd,pd->p", normal, secondary.points[point] - foot)
-    sides = node_normals(secondary, primary, point, normal, N, nodes)
-    beyond = overhang(secondary, primary, without(point, secondary), outside, inside)
-    return nodes_at_feet(secondary, primary, point, facet, N, gap, normal, sides, beyond)
+
+def _weights(
+    secondary: ContactSurface, primary: ContactSurface, point: Index, facet: Index, shape: Array
+) -> csr_matrix:
+    """Shape functions (p, k) at the feet of some nodes as weights of the primary's nodes."""
+    size = len(secondary.points), len(primary.points)
+    at = np.repeat(point, shape.shape[1]), primary.facets[facet].ravel()
+    weights = csr_matrix((shape.ravel(), at), shape=size)
+    weights.eliminate_zeros()
+    return shared_at_seams(secondary, primary, weights)
 
 
-def without(point: np.ndarray, surface: ContactSurface) -> np.ndarray:
-    """All nodes of a surface but these, a mask of shape (m,)."""
-    others = np.ones(len(surface.points), dtype=bool)
-    others[point] = False
-    return others
-
-
-def nodes_at_feet(
+def _node_normals(
     secondary: ContactSurface,
     primary: ContactSurface,
-    point: np.ndarray,
-    facet: np.ndarray,
-    shape: np.ndarray,
-    gap: np.ndarray,
-    normal: np.ndarray,
-    sides: tuple[np.ndarray, np.ndarray],
-    beyond: tuple[np.ndarray, np.ndarray],
-) -> Pairing:
-    """The pairing of nodes with their closest points.
+    point: Index,
+    facet: Index,
+    shape: Array,
+    feet: Array,
+) -> tuple[Array, Array]:
+    """Normals of both sides where nodes stand above feet, from primary to secondary, (p, d) each.
+
+    What they enclose is the tilt of the interface: a pairing takes its frames from one side, and where
+    the sides are curved their normals differ as long as a gap is open between them. On a sharp edge or
+    corner, and at a kink in a straight side, a side has no normal: there that of the other side stands
+    for both.
 
     Parameters
     ----------
@@ -228,43 +260,76 @@ def nodes_at_feet(
         Nodes that have a foot, and the facets with it.
     shape : ndarray, shape (p, k)
         Shape functions at the feet.
-    gap : ndarray, shape (p,)
-    normal : ndarray, shape (p, d)
-        At the feet.
-    sides : (ndarray, ndarray), shape (p, d)
-        Normals of both sides, see `facing.node_normals`.
-    beyond : (ndarray, ndarray), shape (m,)
-        `miss` and facets of the nodes without a foot, see `Pairing`.
+    feet : ndarray, shape (p, d)
+        Normals of the primary there.
     """
-    m, nodes = len(secondary.points), primary.facets[facet]
-    # where there is no partner the frame is the node's own, turned round
-    normals, gaps = -secondary.normals, np.full(m, np.inf)
-    of_secondary = normals.copy()
-    gap, smooth, bulge = bulged_nodes(secondary, primary, (point, facet, shape), normal, gap)
-    normals[point], gaps[point] = normal, gap
-    of_primary = normals.copy()
-    of_secondary[point], of_primary[point] = sides
-    weights = csr_matrix(
-        (shape.ravel(), (np.repeat(point, shape.shape[1]), nodes.ravel())),
-        shape=(m, len(primary.points)),
-    )
-    weights.eliminate_zeros()
-    weights = shared_at_seams(secondary, primary, weights)
-    miss, end_facet = beyond
-    end_facet[point] = facet
-    return Pairing(
-        points=secondary.points,
-        normal=normals,
-        tangent=tangents(normals),
-        gap=gaps,
-        area=secondary.area,
-        secondary_weights=identity(m, format="csr"),
-        primary_weights=weights,
-        paired=~without(point, secondary),
-        miss=miss,
-        facet=end_facet,
-        secondary_normal=of_secondary,
-        primary_normal=of_primary,
-        primary_bulge=bulge,
-        smooth=smooth,
-    )
+    own, nodes = -secondary.normals[point], primary.facets[facet]
+    corner = (secondary.sharp_points | (secondary.kinks > KINK))[point, None]
+    sharp, on = primary.sharp_points | (primary.kinks > KINK), shape >= 1 - COINCIDENT
+    at_corner = np.any(sharp[nodes] & on, axis=1)
+    if primary.dim == 3:
+        on_edges = shape[:, primary.kind.edges].sum(axis=2) >= 1 - COINCIDENT
+        at_corner |= np.any(primary.sharp_edges[facet] & on_edges, axis=1)
+    # beside a kink the field of normals is on its way to the mean of both parts
+    at_corner = (at_corner | np.any(primary.kinks[nodes] > KINK, axis=1))[:, None]
+    return np.where(corner & ~at_corner, feet, own), np.where(at_corner & ~corner, own, feet)
+
+
+def shared_at_seams(
+    secondary: ContactSurface, primary: ContactSurface, weights: csr_matrix
+) -> csr_matrix:
+    """Weights of feet on seams shared evenly between the parts that meet there, without being joined.
+
+    Two foundations side by side, or the lips of a slit, have nodes of their own at one place. A node
+    whose foot lies there is carried by all of them alike: by one of them alone, a symmetric scene would
+    have forces that are not.
+
+    Parameters
+    ----------
+    secondary, primary : ContactSurface
+    weights : csr_matrix, shape (m, number of primary nodes)
+        Shape functions of one facet each.
+    """
+    if secondary.body is primary.body:  # the tip of a slit belongs to both lips
+        return weights
+    place = _places(primary)
+    if place is None:
+        return weights
+    shared = np.bincount(place)[place] > 1
+    rows = weights.tolil()
+    for i in np.flatnonzero(weights @ shared.astype(float) > 1.0 - COINCIDENT):
+        nodes, parts = np.array(rows.rows[i]), np.array(rows.data[i])
+        kept = np.abs(parts) > COINCIDENT
+        nodes, parts = nodes[kept], parts[kept] / parts[kept].sum()
+        if len(nodes) == primary.facets.shape[1]:
+            continue  # inside a facet
+        lips = _lips(primary, place, nodes)
+        faces = primary.normals[lips].mean(axis=1) @ secondary.normals[i] < -FACING
+        lips = lips[faces]
+        if len(lips) > 1:
+            rows[i] = 0.0
+            for lip in lips:
+                rows[i, lip] = parts / len(lips)
+    return csr_matrix(rows)
+
+
+def _places(surface: ContactSurface) -> NDArray[np.intp] | None:
+    """The place of each node, by its number; None where no two nodes share one."""
+    points, near = surface.points, COINCIDENT * float(np.min(surface.lengths))
+    order = np.argsort(points @ ODD[: points.shape[1]])  # nodes at one place follow each other
+    away = sizes(np.diff(points[order], axis=0))
+    if not np.count_nonzero(away <= near):
+        return None
+    place = np.zeros(len(points), dtype=np.intp)
+    place[order[1:]] = np.cumsum(away > near)
+    return place
+
+
+def _lips(
+    surface: ContactSurface, place: NDArray[np.intp], nodes: NDArray[np.intp]
+) -> NDArray[np.intp]:
+    """Nodes (l, c) of single facets that are where the given ones (c,) are."""
+    here = place[surface.facets][:, :, None] == place[nodes]  # (nf, k, c)
+    facets = here.any(axis=1).all(axis=1)
+    found = np.take_along_axis(surface.facets[facets], here[facets].argmax(axis=1), axis=1)
+    return np.unique(found, axis=0)

@@ -1,7 +1,7 @@
-"""`Pieces`: parts of an interface on which one facet meets one facet, and what meets there.
+"""`Pieces`: parts of an interface on which one facet meets one facet, and the integrals over them.
 
-`segmentation` finds them between curves, as intervals of a facet, `faces.segmentation` between faces,
-as polygons in the plane of a cell. Whatever is integrated over them asks for no more than what is here.
+`segmentation` finds them between curves, as intervals of a facet, `face_segmentation` between faces, as
+polygons in the plane of a cell. `Moments` are the integrals of products of shape functions.
 """
 
 from __future__ import annotations
@@ -12,9 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.normals import unit
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.pairing.bulges import Bulges, Parts
+from skfem_contact.pairing.dual import positive_functions
+from skfem_contact.pairing.smooth import Place, curved_pairs
+from skfem_contact.pairing.thresholds import NO_WEIGHT
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -111,3 +116,84 @@ class Pieces(ABC):
     @abstractmethod
     def nodes(self, some: Index, local: Index) -> Meeting:
         """What the normals at nodes meet, one of the facet of each piece, if its partner went on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Integrals of products of shape functions over the pieces of an interface.
+
+    Attributes
+    ----------
+    e, f : ndarray of int, shape (p,)
+        Facets of the secondary and of the primary that each piece is part of.
+    own : ndarray, shape (nf, k, k)
+        ``int N_i N_j`` over the covered part of each facet of the secondary [area].
+    inside : ndarray, shape (p, k, k)
+        The same over each piece [area].
+    cross : ndarray, shape (p, k, k')
+        ``int N_i N_j^primary`` over each piece [area].
+    """
+
+    e: Index
+    f: Index
+    own: Array
+    inside: Array
+    cross: Array
+
+    @classmethod
+    def of(cls, pieces: Pieces) -> Moments:
+        """Integrate over all pieces."""
+        e, f = pieces.facets
+        nf, k = pieces.secondary.facets.shape
+        p, k_other = len(e), pieces.primary.facets.shape[1]
+        own, across = np.zeros((p, k * k)), np.zeros((p, k * k_other))
+        for piece, points, weight in pieces.points():
+            add = csr_matrix(
+                (np.ones(len(piece)), (piece, np.arange(len(piece)))), shape=(p, len(piece))
+            )
+            weighted = np.swapaxes(points.N * weight[..., None], 1, 2)
+            own += add @ (weighted @ points.N).reshape(len(piece), k * k)
+            across += add @ (weighted @ points.M).reshape(len(piece), k * k_other)
+        of_facet = csr_matrix((np.ones(p), (e, np.arange(p))), shape=(nf, p))
+        whole = np.asarray(of_facet @ own).reshape(nf, k, k)
+        return cls(e, f, whole, own.reshape(p, k, k), across.reshape(p, k, k_other))
+
+
+def whole_shares(surface: ContactSurface) -> Array:
+    """Integrals of what the multipliers are dual to over whole facets, shape (nf, k) [area].
+
+    Where one is zero, at the end of a quadratic line on the axis of symmetry, it is that of a facet of
+    the same area off the axis: every share is a part of something.
+    """
+    kind, nodes = surface.kind, surface.points[surface.facets]
+    at, weight = kind.quadrature(2 * kind.degree)
+    N, dN = kind.shapes(at)
+    along = np.moveaxis(np.tensordot(dN, nodes, (1, 1)), 1, 0)  # (d-1, q, nf, d)
+    across = along[0] if kind.dim == 1 else np.cross(*along)
+    area = np.linalg.norm(across, axis=-1) * weight[:, None]
+    if surface.body.measure is not None:
+        area = area * surface.body.measure(np.moveaxis(np.tensordot(N, nodes, (1, 1)), -1, 0))
+    tests = N @ positive_functions(kind).T
+    whole, plain = area.T @ tests, np.outer(area.sum(axis=0), positive_functions(kind) @ kind.shares)
+    return np.asarray(np.where(whole > NO_WEIGHT * plain, whole, plain))
+
+
+def bulges_of(pieces: Pieces, moments: Moments) -> tuple[Parts, tuple[Index, Array], Array]:
+    """What smooth boundaries change on the pieces that have some, see `bulges.bulged`.
+
+    The last are the least gaps of the pieces, infinite where facets are all there is, (p,).
+    """
+    secondary, primary, count = pieces.secondary, pieces.primary, len(moments.e)
+    some = np.flatnonzero(curved_pairs(secondary, primary, moments.e, moments.f))
+    e, f = moments.e[some], moments.f[some]
+    apart = moments.inside[some] @ secondary.points[secondary.facets[e]]
+    apart -= moments.cross[some] @ primary.points[primary.facets[f]]
+    found, least = [], np.full(count, np.inf)
+    place = np.zeros(count, dtype=np.intp)
+    place[some] = np.arange(len(some))
+    for piece, met, weight in pieces.points(some, heights=True) if len(some) else ():
+        places = Place(secondary, met.e, met.N), Place(primary, met.f, met.M)
+        mine, part = Bulges.of(piece, places, met.directions, met.gap, weight)
+        found.append((place[mine], part))
+        least[mine] = np.minimum(least[mine], part.least)
+    return found, (e, apart), least

@@ -28,12 +28,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.facets import facet_shapes
+from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.pieces import Meeting, Pieces
-from skfem_contact.pairing.search import normal_candidates
+from skfem_contact.pairing.search import FacetTree, Nodes, facet_balls
 from skfem_contact.pairing.thresholds import BISECTION_DONE, FACING, NEWTON_DONE, SLIVER
 from skfem_contact.pairing.vectors import dot, ragged, turned
 
@@ -55,8 +55,6 @@ class Segments(Pieces):
         Local coordinates on the facets e, in [0, 1].
     """
 
-    secondary: ContactSurface
-    primary: ContactSurface
     e: Index
     f: Index
     start: Array
@@ -112,15 +110,45 @@ def segment(secondary: ContactSurface, primary: ContactSurface, reach: float | N
         up to half the diagonal of the box around the smaller surface, as in `node_to_segment`.
     """
     limits = search_range(secondary, primary, reach)
-    e, f = normal_candidates(secondary, primary, max(limits))
+    e, f = _candidates(secondary, primary, max(limits))
     return Segments(secondary, primary, *_segments(secondary, primary, e, f, limits))
+
+
+def _candidates(
+    secondary: ContactSurface, primary: ContactSurface, reach: float
+) -> tuple[Index, Index]:
+    """Pairs of facets that may meet along the normals of the secondary.
+
+    The work is proportional to the facets and the pairs found, whatever the distance between the
+    surfaces (a search by radius would need `reach`).
+
+    Returns
+    -------
+    e, f : ndarray of int
+        Secondary and primary facets, ordered by both.
+    """
+    centre, radius = facet_balls(secondary)
+    ends = secondary.points[secondary.facets[:, :2]]
+    along = turned(secondary.facet_node_normals[:, :2])
+    along = along / np.linalg.norm(along, axis=2, keepdims=True)
+
+    def in_strip(e: Index, nodes: Nodes) -> Mask:
+        past_start = dot(nodes.centre - ends[e, 0], along[e, 0]) >= -nodes.radius
+        before_end = dot(nodes.centre - ends[e, 1], along[e, 1]) <= nodes.radius
+        distance = np.linalg.norm(nodes.centre - centre[e], axis=1)
+        return past_start & before_end & (distance <= reach + radius[e] + nodes.radius)
+
+    found = FacetTree.build(primary, len(secondary.facets)).descend(len(secondary.facets), in_strip)
+    e, f = (np.concatenate(column) for column in zip(*found, strict=True))
+    order = np.lexsort((f, e))
+    return e[order], f[order]
 
 
 def _area_element(surface: ContactSurface, facet: Index, xi: Array) -> Array:
     """``measure |dx/dxi|`` at places ``xi`` (p, n) in [0, 1] of facets, shape (p, n)."""
     nodes = surface.points[surface.facets[facet]]
-    N, dN = facet_shapes(xi, nodes.shape[1])
-    stretch = sizes(dN @ nodes)
+    N, dN = surface.kind.shapes(xi[..., None])
+    stretch = sizes(dN[..., 0] @ nodes)
     measure = surface.body.measure
     return stretch if measure is None else stretch * measure(np.moveaxis(N @ nodes, -1, 0))
 
@@ -142,7 +170,8 @@ def _segments(
     """Non-overlapping intervals ``(e, f, start, stop)`` of secondary facets under primary ones."""
     nodes = secondary.points[secondary.facets[e]]
     normals = secondary.facet_node_normals[e]
-    ends = [_project(nodes, normals, primary.points[primary.facets[f, side]]) for side in range(2)]
+    at_ends = np.moveaxis(primary.points[primary.facets[f, :2]], 1, 0)
+    ends = [_project(secondary.kind, nodes, normals, end) for end in at_ends]
     start, stop = np.minimum(*ends), np.maximum(*ends)
     found = stop - start > SLIVER  # False for nan
     e, f, start, stop = e[found], f[found], start[found], stop[found]
@@ -169,7 +198,7 @@ def _segments(
     return e[valid], f[valid], start[valid], stop[valid]
 
 
-def _project(nodes: Array, normals: Array, y: Array) -> Array:
+def _project(kind: FacetKind, nodes: Array, normals: Array, y: Array) -> Array:
     """Coordinate of points ``y`` on facets along their normal field, cut to [0, 1]; (p,).
 
     Seeks the zero of ``(y - x(xi)) . t(xi)`` with ``t`` the normal turned by 90 degrees: Newton
@@ -177,10 +206,11 @@ def _project(nodes: Array, normals: Array, y: Array) -> Array:
     """
 
     def lateral(xi: Array, at: Index) -> tuple[Array, Array]:
-        N, dN = facet_shapes(xi, nodes.shape[1])
+        N, dN = kind.shapes(xi[:, None])
+        slopes = dN[..., 0]
         away = y[at] - _combine(N, nodes[at])
-        along, bend = turned(_combine(N, normals[at])), turned(_combine(dN, normals[at]))
-        slope = dot(away, bend) - dot(_combine(dN, nodes[at]), along)
+        along, bend = turned(_combine(N, normals[at])), turned(_combine(slopes, normals[at]))
+        slope = dot(away, bend) - dot(_combine(slopes, nodes[at]), along)
         return dot(away, along), slope
 
     everyone = np.arange(len(y))
@@ -215,10 +245,10 @@ def _meeting(
 ) -> Meeting:
     """What normals at places ``xi`` (p, n) of facets e meet on facets f, or so far beyond ends."""
     nodes, other = secondary.points[secondary.facets[e]], primary.points[primary.facets[f]]
-    N, _ = facet_shapes(xi, nodes.shape[1])
+    N, _ = secondary.kind.shapes(xi[..., None])
     normal = N @ secondary.facet_node_normals[e]
     eta = np.clip(_meet(N @ nodes, normal, other), -beyond, 1.0 + beyond)
-    M, _ = facet_shapes(eta, other.shape[1])
+    M, _ = primary.kind.shapes(eta[..., None])
     return Meeting(e, f, N, M, normal, (nodes, other), None)
 
 
@@ -243,8 +273,8 @@ def _meet(x: Array, normal: Array, nodes: Array) -> Array:
 
 def _looks_at(primary: ContactSurface, points: Meeting) -> Mask:
     """Whether the primary faces the secondary where they meet, (p, n)."""
-    eta = points.M @ primary.kind.locations[:, 0]
-    outward = -turned(facet_shapes(eta, points.M.shape[2])[1] @ points.nodes[1])
+    slopes = primary.kind.shapes(points.M @ primary.kind.locations)[1][..., 0]
+    outward = -turned(slopes @ points.nodes[1])
     limit = -FACING * sizes(points.normal) * sizes(outward)
     return np.asarray(dot(points.normal, outward) < limit)
 

@@ -61,7 +61,7 @@ WEIGHTS_KEPT = float(np.sqrt(7))
 # then is small.
 WORST_CONDITION = 1e8
 
-# -- facing ------------------------------------------------------
+# -- node, mortar_rows: normals of both sides --------------------
 
 # A smaller turn beside a straight part, 2 degrees, may be that of a curve which begins there [rad].
 KINK = float(np.radians(2.0))
@@ -69,7 +69,7 @@ KINK = float(np.radians(2.0))
 # The spread of normals at which a surface has a corner, 45 degrees [rad].
 SPREAD = float(np.arccos(CORNER))
 
-# -- faces.edges -------------------------------------------------
+# -- overlaps of solids (answers.validity.unseen) -----------------
 
 # Turn of a boundary from which on an edge is sharp [rad]: with less it may stand for a curve of 16
 # faces to the circle (`bodies.thresholds.STEEPEST`), also just that and round-off.
@@ -78,7 +78,7 @@ SHARP = float(np.pi / 8 * (1 + 1e-6))
 # By which part of its length two edges that touch may do so beyond the end of one.
 BEYOND = 0.25
 
-# -- faces.search ------------------------------------------------
+# -- search of quadratic faces ------------------------------------
 
 # By which part of its box, and of the turn of its normals at the nodes, a quadratic face may go beyond
 # them: a parabola with its middle node at a quarter of the edge goes beyond its nodes by 1/24.
@@ -136,13 +136,13 @@ MOVING_SHARE = 0.5
 # The primary lies opposite to a node if it ends no farther from it than this part of a facet.
 OVERHANG = 0.25
 
-# -- faces.cells -------------------------------------------------
+# -- cells -------------------------------------------------------
 
 # Steps to the image of a point along interpolated normals, and the change, in sizes of a cell, at which
 # they end: each step gains the square of the angle between the normals of a cell, two digits and more.
 IMAGE_STEPS, SETTLED = 12, 1e-13
 
-# -- faces.meeting, faces.segmentation ---------------------------
+# -- face_segmentation -------------------------------------------
 
 # Newton steps on a curved face, and the change of its coordinates at which they end: they square
 # the error, so that what is left after such a change is round-off.

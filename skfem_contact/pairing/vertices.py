@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import sizes
-from skfem_contact.bodies.projection import interpolated_normals, project
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import SOLVED
+from skfem_contact.pairing.joints import across_edges
+from skfem_contact.pairing.projection import interpolated_normals, project
 from skfem_contact.pairing.thresholds import COINCIDENT, PAIRS_AT_ONCE, SLACK
-from skfem_contact.pairing.vectors import ahead
+from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -72,11 +73,11 @@ class Corners:
 
 @dataclass(frozen=True, eq=False)
 class Met:
-    """Corners that meet a facet of the other surface, shapes (q,), (q, d)."""
+    """Corners that meet a facet of the other surface, shapes (q,), (q, k), (q, d)."""
 
     corner: Index
     facet: Index
-    xi: Array
+    shape: Array  # shape functions at the foot
     normal: Array  # outward of the facet
     gap: Array
 
@@ -121,24 +122,21 @@ def closest(
         corner, facet = corner[apart], facet[apart]
     x = own.points[corners.node[corner]]
     if only_overlaps and _all_outside(x, other, facet):
-        return Met(corner[:0], facet[:0], np.zeros(0), np.zeros((0, own.dim)), np.zeros(0))
-    xi, foot, over = project(other, facet, x)
-    normal = interpolated_normals(other, facet, xi)
-    gap = np.einsum("qd,qd->q", x - foot, normal)
-    distance = sizes(x - foot)
+        return Met(corner[:0], facet[:0], np.zeros((0, 2)), np.zeros((0, own.dim)), np.zeros(0))
+    feet = project(other, facet, x)
+    apart, normal = x - feet.foot, interpolated_normals(other, facet, feet.xi)
+    gap, distance = dot(apart, normal), sizes(apart)
     nearest = np.full(len(corners.node), np.inf)
     np.minimum.at(nearest, corner, distance)
     good = distance <= nearest[corner] + SOLVED * other.lengths[facet]
     # beyond an end: its node is the closest point only if it is that of the next facet, too
-    side = (xi >= 0.5).astype(int)
-    onward = other.neighbours[facet, side]
-    there = other.own_normals[onward, 1 - side]
-    into = np.where(side == 1, 1.0, -1.0) * ahead(x - foot, there)
-    at_node = into <= COINCIDENT * other.lengths[onward]
-    at_node &= (onward >= 0) & (np.einsum("qd,qd->q", other.own_normals[facet, side], there) >= CORNER)
-    good &= (over <= COINCIDENT * other.lengths[facet]) | at_node
+    twin = other.twins[facet, feet.place]
+    outward, there = across_edges(other, feet, twin)
+    at_node = -dot(apart, outward) <= COINCIDENT * other.lengths[twin // 2]
+    at_node &= (twin >= 0) & (dot(feet.own, there) >= CORNER)
+    good &= (feet.over <= COINCIDENT * other.lengths[facet]) | at_node
     good &= np.where(gap >= 0, distance <= limits[0], distance <= limits[1])
-    return some(Met(corner, facet, xi, normal, gap), good)
+    return some(Met(corner, facet, feet.shape, normal, gap), good)
 
 
 def _all_outside(points: Array, surface: ContactSurface, facet: Index) -> bool:
@@ -178,7 +176,7 @@ def lean_of(corners: Corners, corner: Index, other: ContactSurface, facet: Index
 
 
 def some(met: Met, chosen: Index | Mask) -> Met:
-    return Met(*(getattr(met, name)[chosen] for name in ("corner", "facet", "xi", "normal", "gap")))
+    return Met(*(getattr(met, name)[chosen] for name in ("corner", "facet", "shape", "normal", "gap")))
 
 
 def _wrap(angle: Array) -> Array:

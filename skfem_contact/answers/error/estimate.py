@@ -48,7 +48,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
-from skfem_contact.pairing.faces.joints import rim_points
+from skfem_contact.pairing.joints import rim_points
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

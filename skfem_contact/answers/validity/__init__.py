@@ -3,6 +3,7 @@
 * `validity`: the values that steps and `assess` measure; `words`: what is beyond its bound, in words;
 * `deformed_boundaries`: deformed boundaries against each other, seen from outside; `plane_overlaps`,
   `solid_overlaps`, `obstacle_overlaps`: overlaps that no row sees, which every step looks for;
+  `unseen`: those of corners and edges of solids;
 * `track`: where points are led by their slip, how the other side curves and where it ends; `chords`:
   facets that are too long for what presses on a curve;
 * `support`: how bodies move as a whole, and how far they give under contact; `strain`: how far they are

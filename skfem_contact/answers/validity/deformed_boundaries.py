@@ -25,7 +25,6 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import signed_distances
-from skfem_contact.pairing.faces.distance import signed_distances as distances_from_faces
 from skfem_contact.pairing.vectors import ragged
 from skfem_contact.trees import Tree
 
@@ -353,7 +352,7 @@ def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) 
     # these points are none of the nodes that the facets of the surface are made of
     outline = obstacle.outline
     if outline is not None:
-        return (signed_distances if outline.dim == 2 else distances_from_faces)(outline, points)
+        return signed_distances(outline, points)
     at = replace(surface, points=points, normals=np.zeros_like(points))
     return distances(obstacle, at)[0]
 

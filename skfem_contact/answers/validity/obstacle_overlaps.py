@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.thresholds import GAP, SAGITTA, TILT
 from skfem_contact.answers.validity.chords import bends, kinked_faces
 from skfem_contact.answers.validity.deformed_boundaries import signed_distance
+from skfem_contact.answers.validity.unseen import past_ends, unseen_overlaps
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
@@ -28,9 +29,7 @@ from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
-from skfem_contact.pairing.faces.node import node_to_face
-from skfem_contact.pairing.faces.unseen import past_ends, unseen_overlaps
-from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.node import Pairing, node_to_segment
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -259,7 +258,7 @@ def leaning_words(
     force = np.where(state.status[part] != OPEN, np.abs(state.normal_force[part]), 0.0)
     if not force.any():
         return ""
-    pairing = node_to_face(surface.moved(u[geometry.system.slice(surface.body)]), outline)
+    pairing = node_to_segment(surface.moved(u[geometry.system.slice(surface.body)]), outline)
     on_flat = pairing.paired & leaning[np.where(pairing.paired, pairing.facet, 0)]
     facet = np.where(on_flat, pairing.facet, 0)
     off = (pairing.normal - outline.facet_normals[facet]) * (force * on_flat)[:, None]

@@ -6,7 +6,7 @@ lies between the nodes, and a vertex of either side may leave the mean open. Two
 other meet between the nodes of both. Both are looked for on the deformed surfaces:
 
 * nodes of each side under faces of the other, by the closest point of the face;
-* sharp edges of both sides that cross (`pairing.faces.edges`);
+* sharp edges of both sides that cross (`answers.validity.unseen`);
 * where solids slide far, nodes behind sides of the other body that no contact has.
 
 Overlaps are compared with what smooth boundaries stand off the faces of the secondary, and with what
@@ -30,6 +30,7 @@ from skfem_contact.answers.thresholds import ALONE, CHORDS, STANDING, TILT
 from skfem_contact.answers.validity.chords import heights
 from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
+from skfem_contact.answers.validity.unseen import crossings, sharp_edges_of
 from skfem_contact.answers.validity.validity import Drift, HiddenOverlap
 from skfem_contact.answers.validity.words import hidden_words
 from skfem_contact.bodies.facets import area_vectors
@@ -40,8 +41,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.faces.edges import crossings, sharp_edges_of
-from skfem_contact.pairing.faces.projection import project
+from skfem_contact.pairing.projection import project
 from skfem_contact.pairing.thresholds import COINCIDENT
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree

@@ -1,14 +1,15 @@
-r"""Closest points of single faces to points, and the normal field there.
+r"""Closest points of single facets to points, and the normal field there.
 
-The closest point of a face x(xi) to a point p is stationary for ``|x(xi) - p|^2 / 2`` over the
-reference triangle or square. Newton's quadratic model is minimised over that polygon exactly, corners
-and edges included (a step that is cut back to the polygon need not go down), from the nearest point of
-a lattice over the face. Plane triangles take one step, warped and curved faces some five.
+The closest point of a facet x(xi) to a point p is stationary for ``|x(xi) - p|^2 / 2``. On a straight
+line it is known at once, on a quadratic one Newton's steps are cut back to the ends. On faces the
+quadratic model is minimised over the reference triangle or square exactly, corners and edges included
+(a step that is cut back to a polygon need not go down), from the nearest point of a lattice over the
+face. Plane triangles take one step, warped and curved faces some five.
 
 The closest point is taken, and not the point that the normal field looks along: that is one only in a
 neighbourhood of the surface, and is none or several around corners. The normal *at* the closest point
-is interpolated between the averaged normals at corners, which is what keeps it continuous, as in 2-D
-(`pairing.node`). Both agree on smooth surfaces up to the square of the size of a face.
+is interpolated between the averaged normals at corners, which is what keeps it continuous
+(`pairing.node`). Both agree on smooth surfaces up to the square of the size of a facet.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
-from skfem_contact.bodies.normals import cross
+from skfem_contact.bodies.normals import across, cross, unit
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.thresholds import LEAST_SLOPE, NEAREST
 from skfem_contact.pairing.vectors import dot
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+#: Which way along a line leads out of it, by the place on it: start, end, inside.
+OUT = np.array([-1.0, 1.0, 0.0])
 #: Newton steps at most; warped faces take five, and what lies beyond centres of curvature more.
 STEPS = 30
 #: Change of reference coordinates at which they are known, and by which a point is on an edge.
@@ -39,22 +43,23 @@ LEAST = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Feet:
-    """Closest points of p faces to p points.
+    """Closest points of p facets to p points.
 
     Attributes
     ----------
-    xi : ndarray, shape (p, 2)
+    xi : ndarray, shape (p, d-1)
         Reference coordinates.
     shape : ndarray, shape (p, k)
         Shape functions there.
-    foot : ndarray, shape (p, 3)
+    foot : ndarray, shape (p, d)
         The closest points [length].
-    own : ndarray, shape (p, 3)
-        Outward unit normals of the faces themselves there.
+    own : ndarray, shape (p, d)
+        Outward unit normals of the facets themselves there.
     place : ndarray of int, shape (p,)
-        Where on the face: -1 inside, i on edge i, c + i at corner i of c.
+        Where on the facet: -1 inside, i on edge i, c + i at corner i of c. The edges of a line are its
+        start and its end.
     over : ndarray, shape (p,)
-        By how much the point lies beyond the edge or corner, along the face [length]; else 0.
+        By how much the point lies beyond the edge or corner, along the facet [length]; else 0.
     """
 
     xi: Array
@@ -64,16 +69,22 @@ class Feet:
     place: Index
     over: Array
 
+    def some(self, chosen: Index) -> Feet:
+        """These feet, in this order."""
+        return Feet(*(value[chosen] for value in vars(self).values()))
+
 
 def project(surface: ContactSurface, facet: Index, points: Array) -> Feet:
-    """Closest points of faces to points, one face for each point.
+    """Closest points of facets to points, one facet for each point.
 
     Parameters
     ----------
     surface : ContactSurface
     facet : ndarray of int, shape (p,)
-    points : ndarray, shape (p, 3)
+    points : ndarray, shape (p, d)
     """
+    if surface.dim == 2:
+        return _on_lines(surface, facet, points)
     kind = surface.kind
     nodes, points = node_positions(surface.points, surface.facets[facet]), np.asfortranarray(points)
     xi = _closest(kind, nodes, points)
@@ -85,19 +96,64 @@ def project(surface: ContactSurface, facet: Index, points: Array) -> Feet:
     own = cross(along[:, 0], along[:, 1])
     own /= np.linalg.norm(own, axis=1, keepdims=True)
     apart = points - foot
-    across = apart - dot(apart, own)[:, None] * own
-    over = np.where(place >= 0, np.linalg.norm(across, axis=1), 0.0)
+    beside = apart - dot(apart, own)[:, None] * own
+    over = np.where(place >= 0, np.linalg.norm(beside, axis=1), 0.0)
     return Feet(xi, N, foot, own, place, over)
 
 
 def interpolated_normals(surface: ContactSurface, facet: Index, xi: Array) -> Array:
-    """The continuous unit normal field on faces at reference coordinates (p, 2), shape (p, 3).
+    """The continuous unit normal field on facets at reference coordinates (p, d-1), shape (p, d).
 
-    Between the normals at the corners, also on quadratic faces, as in 2-D.
+    Between the normals at the corners, also on quadratic facets.
     """
+    if surface.dim == 2:
+        ends = surface.facet_node_normals.take(facet, axis=0)
+        return unit((1 - xi) * ends[:, 0] + xi * ends[:, 1])
     corner = _some(surface.facet_node_normals[:, : surface.kind.corners], facet)
     normal = np.einsum("pk,pkd->pd", surface.kind.linear.shapes(xi)[0], corner)
     return normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+
+def _on_lines(surface: ContactSurface, facet: Index, points: Array) -> Feet:
+    """Closest points of lines: on straight ones without shape functions, in a third of the time."""
+    # `take` gathers rows in a tenth of the time of an index
+    nodes = surface.points.take(surface.facets.take(facet, axis=0), axis=0)
+    chord = nodes[:, 1] - nodes[:, 0]
+    t = np.clip(dot(points - nodes[:, 0], chord) / dot(chord, chord), 0.0, 1.0)
+    if surface.quadratic:
+        t = _newton(surface.kind, nodes, points, t)
+        N, dN = surface.kind.shapes(t[:, None])
+        foot = np.einsum("pk,pkd->pd", N, nodes)
+        along = np.einsum("pk,pkd->pd", dN[..., 0], nodes)
+    else:
+        N, along = np.stack([1 - t, t], axis=1), chord
+        foot = N[:, :1] * nodes[:, 0] + N[:, 1:] * nodes[:, 1]
+    along = unit(along)
+    place = (t >= 1).astype(np.intp) - ((t > 0) & (t < 1))
+    over = np.maximum(OUT[place] * dot(points - foot, along), 0.0)
+    return Feet(t[:, None], N, foot, across(along[:, None]), place, over)
+
+
+def _newton(kind: FacetKind, nodes: Array, points: Array, xi: Array) -> Array:
+    """Minimise the distance to quadratic lines: projected Newton steps, best of six starts; (p,)."""
+    fixed = np.broadcast_to(np.linspace(0.0, 1.0, 5)[:, None], (5, len(xi)))
+    starts = np.vstack([fixed, xi])
+    where = np.einsum("spk,pkd->spd", kind.shapes(starts[..., None])[0], nodes)
+    best = np.argmin(np.sum((where - points) ** 2, axis=2), axis=0)
+    xi = starts[best, np.arange(len(xi))]
+    second = 4 * nodes[:, 0] + 4 * nodes[:, 1] - 8 * nodes[:, 2]
+    for _ in range(12):
+        N, dN = kind.shapes(xi[:, None])
+        apart = np.einsum("pk,pkd->pd", N, nodes) - points
+        first = np.einsum("pk,pkd->pd", dN[..., 0], nodes)
+        squared = dot(first, first)
+        # beyond the centre of curvature the second derivative is negative: keep descending
+        slope = np.maximum(squared + dot(apart, second), LEAST_SLOPE * squared)
+        new = np.clip(xi - dot(apart, first) / slope, 0.0, 1.0)
+        change, xi = np.abs(new - xi).max(initial=0.0), new
+        if change <= NEAREST:
+            break
+    return xi
 
 
 def _closest(kind: FacetKind, nodes: Array, points: Array) -> Array:

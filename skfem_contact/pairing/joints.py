@@ -1,4 +1,4 @@
-"""Where faces meet: the rim, and the directions that lead along the surface from edges and corners."""
+"""Where facets meet: the rim, and the directions that lead along the surface from edges and corners."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import node_positions
-from skfem_contact.bodies.normals import cross
+from skfem_contact.bodies.normals import cross, unit
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.vectors import dot, ragged
+from skfem_contact.pairing.projection import OUT, Feet
+from skfem_contact.pairing.vectors import dot, ragged, turned
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -107,35 +108,37 @@ def edge_tangents(surface: ContactSurface) -> tuple[Array, Array]:
     x = node_positions(surface.points, surface.facets)
     start = np.einsum("cki,ci,fkd->fcd", dN, way, x, order="F")
     end = np.einsum("cki,ci,fkd->fcd", np.roll(dN, -1, axis=0), way, x, order="F")
-    return _unit(start), _unit(end)
+    return unit(start), unit(end)
 
 
-def across_edges(surface: ContactSurface, number: Index, part: Array) -> tuple[Array, Array]:
-    """Out of faces across their edges, and their own normals, at parts of the way along the edges.
+def across_edges(surface: ContactSurface, feet: Feet, number: Index) -> tuple[Array, Array]:
+    """Out of the facets across the edges that feet are on, and their own normals, at the feet.
 
     Parameters
     ----------
     surface : ContactSurface
+    feet : Feet
+        On edges.
     number : ndarray of int, shape (p,)
-        ``c f + i`` of edge i of face f.
-    part : ndarray, shape (p,)
-        0 at the start of the edge, 1 at its end.
+        The same edges in the facets across, ``c f + i`` of edge i of facet f.
 
     Returns
     -------
-    outward, normal : ndarray, shape (p, 3)
+    outward, normal : ndarray, shape (p, d)
         Unit vectors.
     """
     kind, c = surface.kind, surface.kind.corners
     facet, edge = number // c, number % c
+    if kind.dim == 1:
+        normal = surface.own_normals[facet, edge]
+        return OUT[edge][:, None] * turned(normal), normal
     at = kind.locations[:c]
-    way = (np.roll(at, -1, axis=0) - at)[edge]
-    _, dN = kind.shapes(np.asfortranarray(at[edge] + part[:, None] * way))
+    ways = np.roll(at, -1, axis=0) - at
+    # the way along the edge is the same, from the other end
+    part = dot(feet.xi - at[feet.place], ways[feet.place]) / np.sum(ways**2, axis=1)[feet.place]
+    way = ways[edge]
+    _, dN = kind.shapes(np.asfortranarray(at[edge] + (1.0 - part)[:, None] * way))
     along = np.einsum("pki,pkd->pid", dN, node_positions(surface.points, surface.facets[facet]))
-    normal = _unit(cross(along[:, 0], along[:, 1]))
-    tangent = _unit(np.einsum("pi,pid->pd", way, along))
+    normal = unit(cross(along[:, 0], along[:, 1]))
+    tangent = unit(np.einsum("pi,pid->pd", way, along))
     return cross(tangent, normal), normal
-
-
-def _unit(vectors: Array) -> Array:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

@@ -30,8 +30,10 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
-from skfem_contact.pairing.faces.clipping import signed_areas
-from skfem_contact.pairing.thresholds import FACING, IMAGE_STEPS, SETTLED
+from skfem_contact.pairing.clipping import signed_areas
+from skfem_contact.pairing.search import FacetTree, Nodes
+from skfem_contact.pairing.thresholds import FACING, IMAGE_STEPS, MARGIN, SETTLED
+from skfem_contact.pairing.vectors import ragged
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -283,3 +285,49 @@ def local_coordinates(corners: Array, points: Array) -> Array:
     ahead = a[0] + t * d[0], a[1] + t * d[1]
     over = (r[0] - t * b[0]) * ahead[0] + (r[1] - t * b[1]) * ahead[1]
     return np.stack([over / (ahead[0] ** 2 + ahead[1] ** 2), t], axis=-1)
+
+
+def cells_along_normals(
+    secondary: Cells, surface: ContactSurface, primary: Cells, reach: float
+) -> tuple[Index, Index]:
+    """Pairs of cells that may meet along the normals of the secondary.
+
+    What a cell sees is a cone about its own normal, as wide as its normals are apart. The tree over the
+    faces of the primary answers for all of them: no pair is left out, and the work is proportional to
+    the cells and the pairs found, whatever the distance between the surfaces.
+
+    Parameters
+    ----------
+    secondary, primary : Cells
+    surface : ContactSurface
+        The primary.
+    reach : float
+        Longest distance along the normal [length].
+
+    Returns
+    -------
+    e, f : ndarray of int
+        Cells of the secondary and of the primary, ordered by both.
+    """
+    height = np.abs(secondary.corners[..., 2]).max(axis=1)
+    radius = np.linalg.norm(secondary.corners[..., :2], axis=2).max(axis=1)
+    lean = np.linalg.norm(secondary.normals[..., :2], axis=2).max(axis=1)
+    lean /= np.maximum(secondary.normals[..., 2].min(axis=1), FACING)
+
+    def seen(e: Index, nodes: Nodes) -> Mask:
+        local = secondary.local(e, nodes.centre)
+        far = np.abs(local[:, 2]) + nodes.radius + height[e]
+        across = np.linalg.norm(local[:, :2], axis=1) - nodes.radius
+        near = np.abs(local[:, 2]) - nodes.radius - height[e]
+        return (across <= (radius[e] + far * lean[e]) * (1 + MARGIN)) & (near <= reach)
+
+    count = len(secondary.facet)
+    found = list(FacetTree.build(surface, count).descend(count, seen))
+    e, face = (np.concatenate(column) for column in zip(*found, strict=True))
+    # all cells of a face
+    order = np.argsort(primary.facet, kind="stable")
+    first = np.searchsorted(primary.facet[order], np.arange(len(surface.facets) + 1))
+    cells = np.diff(first)[face]
+    e, f = np.repeat(e, cells), order[ragged(first[face], cells)]
+    order = np.lexsort((f, e))
+    return e[order], f[order]
