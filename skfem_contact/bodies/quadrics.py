@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import cross, tangents
 from skfem_contact.bodies.rings import around, rings
-from skfem_contact.bodies.thresholds import BOWED, FITS, FITTED, ROUND_OFF
+from skfem_contact.bodies.thresholds import BOWED, FITS, FITTED, NODES_AT_ONCE, ROUND_OFF
 from skfem_contact.digits import SOLVED
 
 Array = NDArray[np.float64]
@@ -90,9 +90,10 @@ class Quadrics:
         rise = np.abs(np.einsum("qrd,qd->qr", away, normals[chosen])).max(axis=1, initial=0.0)
         size = np.abs(away).max(axis=(1, 2), initial=0.0)
         some = np.flatnonzero(rise > ROUND_OFF * size)
-        if len(some):
-            at = chosen[some]
-            normal[at], tensor[at], known[at] = fitted(normals[at], away[some], there[some])
+        for first in range(0, len(some), NODES_AT_ONCE):
+            part = some[first : first + NODES_AT_ONCE]
+            at = chosen[part]
+            normal[at], tensor[at], known[at] = fitted(normals[at], away[part], there[part])
         bent = np.zeros(m, dtype=bool)
         bent[chosen[some]] = True
         curved = np.any((bent & known)[facets], axis=1)
@@ -149,11 +150,11 @@ def fitted(normal: Array, away: Array, there: Mask) -> tuple[Array, Array, Mask]
     k = np.zeros((d - 1, d - 1, len(normal)))
     left, before = np.arange(len(normal)), np.zeros(len(normal))
     for _ in range(FITS):
-        old, curvatures = T[..., left], k[..., left]
-        change = _step(n[:, left], old, curvatures, ring, weight)
-        tilted = n[:, left] + np.einsum("aq,adq->dq", change[: d - 1], old)
-        n[:, left] = tilted = tilted / np.sqrt(np.einsum("dq,dq->q", tilted, tilted))
-        T[..., left] = _orthonormal(tilted, old)
+        tilted, old, curvatures = (np.take(x, left, axis=-1) for x in (n, T, k))
+        change = _step(tilted, old, curvatures, ring, weight)
+        tilted += np.einsum("aq,adq->dq", change[: d - 1], old)
+        tilted /= np.sqrt(np.einsum("dq,dq->q", tilted, tilted))
+        n[:, left], T[..., left] = tilted, _orthonormal(tilted, old)
         curvatures[one, other] += change[d - 1 :]
         curvatures[other, one] = curvatures[one, other]
         k[..., left] = curvatures
@@ -164,7 +165,7 @@ def fitted(normal: Array, away: Array, there: Mask) -> tuple[Array, Array, Mask]
         if not more.any():
             break
         if not more.all():
-            left, ring, weight = left[more], ring[..., more], weight[..., more]
+            left, ring, weight = (np.compress(more, x, axis=-1) for x in (left, ring, weight))
     kappa, _ = _largest(k)
     K = np.einsum("adq,aeq->deq", T, np.einsum("abq,beq->aeq", k, T)) + kappa * n[:, None] * n
     good = np.isfinite(K).all(axis=(0, 1)) & (there.sum(axis=1) >= d - 1 + len(one))

@@ -149,7 +149,7 @@ def _moves(place: Place, v: Array, found: Heights, weights: tuple[Array, Array],
     facing = np.einsum("dp,dp->p", v, n)
     along = np.einsum("kdp,dp->kp", vector, n)
     T, trace = _in_plane(0.5 * facing * (T + np.swapaxes(T, 1, 2)), n)
-    ways, size = _in_plane(found.ways[..., first], n)
+    ways, size = _in_plane(np.take(found.ways, first, axis=-1), n)
     share = np.divide(along - trace, size, out=np.zeros_like(along), where=size > 0)
     T += share[:, None, None] * ways
     Tg = np.einsum("kabp,jbp->kjap", T, g)
@@ -293,14 +293,15 @@ def block_matrix(
     row, column, data = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
     by, there = rows
     here = there[row]
-    row, column, data = row[here], column[here], data[..., here] / by[row[here]]
+    row, column, data = (np.compress(here, x, axis=-1) for x in (row, column, data))
+    data /= by[row]
     key = row * shape[1] + column
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.diff(key[order], prepend=-1))
     if not len(first):
         return None
     d = len(data)
-    blocks = np.add.reduceat(data.T[order], first, axis=0).transpose(0, 2, 1)
+    blocks = np.add.reduceat(np.take(data, order, axis=-1), first, axis=-1).transpose(2, 0, 1)
     row, column = row[order][first], column[order][first]
     start = np.searchsorted(row, np.arange(shape[0] + 1))
     return bsr_matrix((blocks, column, start), shape=(shape[0] * d, shape[1] * d))
