@@ -15,7 +15,7 @@ from scipy.sparse import bsr_matrix
 
 from skfem_contact.bodies.normals import across, unit
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.smooth import Heights, Place, curved_pairs, heights, of_trace_one
+from skfem_contact.pairing.smooth import Heights, Place, curved_pairs, heights
 from skfem_contact.pairing.vectors import dot, without_round_off
 
 Array = NDArray[np.float64]
@@ -105,7 +105,8 @@ class Bulges:
         assert self.move is not None
         G = self.move
         if A is not None:
-            G = np.einsum("ikp,kjabp->ijabp", A[self.e].transpose(1, 2, 0), G)
+            mine = np.take(A.transpose(1, 2, 0), self.e, axis=-1)
+            G = np.einsum("ikp,kjabp->ijabp", mine, G)
         k, j, d, _, p = G.shape
         row = np.broadcast_to(self.node.T[:, None], (k, j, p)).ravel()
         column = np.broadcast_to(primary.facets[self.f].T, (k, j, p)).ravel()
@@ -169,7 +170,7 @@ def _in_plane(T: Array, n: Array) -> tuple[Array, Array]:
 
 
 def _gradients(place: Place) -> tuple[Array, Array]:
-    """Surface gradients (k, d, p) of shape functions (k, p) at a place each, and unit normals (d, p)."""
+    """Surface gradients (k, d, p) of shape functions at a place each, and unit normals (d, p)."""
     surface, facet, M = place
     kind, nodes = surface.kind, surface.points[surface.facets[facet]]
     slopes = kind.shapes(M.T @ kind.locations)[1]

@@ -56,7 +56,7 @@ def several_sheets(e: Index, vertices: Index) -> list[tuple[int, Index]]:
     sheet = sheet[:p]
     order = np.lexsort((sheet, e))
     start = np.flatnonzero(np.diff(e[order], prepend=-1))
-    last = np.append(start[1:], p) - 1
+    last = np.append(start[1:], p)[: len(start)] - 1
     several = sheet[order[start]] != sheet[order[last]]
     found = [order[i : j + 1] for i, j in zip(start[several], last[several], strict=True)]
     rivals = [(i, group[sheet[group] != sheet[i]]) for group in found for i in np.sort(group)]
