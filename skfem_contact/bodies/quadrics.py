@@ -27,9 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.normals import tangents, unit
+from skfem_contact.bodies.normals import cross, tangents
 from skfem_contact.bodies.rings import around, rings
-from skfem_contact.bodies.thresholds import BOWED, FITS, FITTED, ROUND_OFF
+from skfem_contact.bodies.thresholds import BOWED, FITS, FITTED, NODES_AT_ONCE, ROUND_OFF
 from skfem_contact.digits import SOLVED
 
 Array = NDArray[np.float64]
@@ -90,9 +90,10 @@ class Quadrics:
         rise = np.abs(np.einsum("qrd,qd->qr", away, normals[chosen])).max(axis=1, initial=0.0)
         size = np.abs(away).max(axis=(1, 2), initial=0.0)
         some = np.flatnonzero(rise > ROUND_OFF * size)
-        if len(some):
-            at = chosen[some]
-            normal[at], tensor[at], known[at] = fitted(normals[at], away[some], there[some])
+        for first in range(0, len(some), NODES_AT_ONCE):
+            part = some[first : first + NODES_AT_ONCE]
+            at = chosen[part]
+            normal[at], tensor[at], known[at] = fitted(normals[at], away[part], there[part])
         bent = np.zeros(m, dtype=bool)
         bent[chosen[some]] = True
         curved = np.any((bent & known)[facets], axis=1)
@@ -140,48 +141,59 @@ def fitted(normal: Array, away: Array, there: Mask) -> tuple[Array, Array, Mask]
     (True, True)
     """
     d, (one, other) = normal.shape[1], np.triu_indices(normal.shape[1] - 1)
-    distance = np.linalg.norm(away, axis=2)
-    weight = np.divide(1.0, distance**2, out=np.zeros_like(distance), where=there).T.copy()
-    size = distance.max(axis=1)
-    n, T, k = normal.copy(), tangents(normal), np.zeros((len(normal), d - 1, d - 1))
     # component by component, node after node: long sums in place of many short ones
-    ring = np.ascontiguousarray(away.transpose(2, 1, 0))
-    left, before = np.arange(len(n)), np.zeros(len(n))
+    ring, start = np.ascontiguousarray(away.T), np.ascontiguousarray(normal.T)
+    squared = np.einsum("drq,drq->rq", ring, ring)
+    weight = np.divide(1.0, squared, out=np.zeros_like(squared), where=there.T)
+    size = np.sqrt(squared.max(axis=0))
+    n, T = start.copy(), np.ascontiguousarray(tangents(normal).transpose(1, 2, 0))
+    k = np.zeros((d - 1, d - 1, len(normal)))
+    left, before = np.arange(len(normal)), np.zeros(len(normal))
     for _ in range(FITS):
-        change = _step(n[left], T[left], k[left], ring, weight).T
-        n[left] = unit(n[left] + np.einsum("qa,qad->qd", change[:, : d - 1], T[left]))
-        T[left] = _orthonormal(n[left], T[left])
-        k[left[:, None], one, other] += change[:, d - 1 :]
-        k[left[:, None], other, one] = k[left[:, None], one, other]
-        change[:, d - 1 :] *= size[left, None]
-        last, before[left] = before[left], np.abs(change).max(axis=1, initial=0.0)
+        tilted, old, curvatures = (np.take(x, left, axis=-1) for x in (n, T, k))
+        change = _step(tilted, old, curvatures, ring, weight)
+        tilted += np.einsum("aq,adq->dq", change[: d - 1], old)
+        tilted /= np.sqrt(np.einsum("dq,dq->q", tilted, tilted))
+        n[:, left], T[..., left] = tilted, _orthonormal(tilted, old)
+        curvatures[one, other] += change[d - 1 :]
+        curvatures[other, one] = curvatures[one, other]
+        k[..., left] = curvatures
+        change[d - 1 :] *= size[left]
+        last, before[left] = before[left], np.abs(change).max(axis=0, initial=0.0)
         # what steps that shrink like this one will still add
         more = before[left] ** 2 > FITTED * np.maximum(last - before[left], FITTED)
-        left, ring, weight = left[more], ring[..., more], weight[..., more]
-        if not len(left):
+        if not more.any():
             break
+        if not more.all():
+            left, ring, weight = (np.compress(more, x, axis=-1) for x in (left, ring, weight))
     kappa, _ = _largest(k)
-    K = np.swapaxes(T, 1, 2) @ k @ T + kappa[:, None, None] * n[:, :, None] * n[:, None, :]
-    good = np.isfinite(K).all(axis=(1, 2)) & (there.sum(axis=1) >= d - 1 + len(one))
-    good &= np.einsum("qd,qd->q", n, normal) > 0.5
-    return np.where(good[:, None], n, normal), np.where(good[:, None, None], K, 0.0), good
+    K = np.einsum("adq,aeq->deq", T, np.einsum("abq,beq->aeq", k, T)) + kappa * n[:, None] * n
+    good = np.isfinite(K).all(axis=(0, 1)) & (there.sum(axis=1) >= d - 1 + len(one))
+    good &= np.einsum("dq,dq->q", n, start) > 0.5
+    return np.where(good, n, start).T, np.where(good, K, 0.0).transpose(2, 0, 1), good
 
 
 def _step(n: Array, T: Array, k: Array, ring: Array, weight: Array) -> Array:
     """Changes of the tilts and of the curvatures (u, q), for rings (d, r, q) with weights (r, q)."""
-    one, other = np.triu_indices(k.shape[1])
     kappa, axis = _largest(k)
-    T, n, k = (np.ascontiguousarray(np.moveaxis(x, 0, -1)) for x in (T, n, k))
     s, z = np.einsum("adq,drq->arq", T, ring), np.einsum("dq,drq->rq", n, ring)
-    zz = z * z
-    off = z + 0.5 * (np.einsum("arq,arq->rq", np.einsum("abq,brq->arq", k, s), s) + kappa * zz)
+    off = weight * z
+    zz = off * z
+    off += 0.5 * kappa * zz
+    pairs = [(i, j) for i in range(len(T)) for j in range(i, len(T))]
+    columns = np.empty((len(T) + len(pairs), *z.shape))
+    tilts, curvatures = columns[: len(T)], columns[len(T) :]
+    np.multiply(weight, s, out=tilts)
     # of what the ring does not tell the least is taken: the norm of k, whatever the tangents
-    mixed = np.where(one == other, 1.0, np.sqrt(0.5))
-    square = [s[i] * s[j] + zz * (axis[:, i] * axis[:, j]) for i, j in zip(one, other, strict=True)]
-    factors = np.where(one == other, 0.5, 1.0) * mixed
-    columns = np.stack([*s, *(f * part for f, part in zip(factors, square, strict=True))])
-    change = _least_squares(columns * weight, -off * weight, len(s))
-    change[len(s) :] *= mixed[:, None]
+    mixed = np.array([[1.0 if i == j else np.sqrt(0.5)] for i, j in pairs])
+    for column, (i, j), part in zip(curvatures, pairs, mixed[:, 0], strict=True):
+        np.multiply(tilts[i], s[j], out=column)
+        factor = 0.5 if i == j else 1.0
+        off += factor * k[i, j] * column
+        column += axis[i] * axis[j] * zz
+        column *= factor * part
+    change = _least_squares(columns, -off, len(T))
+    change[len(T) :] *= mixed
     return change
 
 
@@ -221,28 +233,24 @@ def _eliminated(A: Array, b: Array) -> tuple[Array, Array]:
 
 
 def _orthonormal(n: Array, T: Array) -> Array:
-    """Tangents (q, d-1, d) turned with the normal."""
-    T = T - np.einsum("qad,qd->qa", T, n)[..., None] * n[:, None]
-    first = unit(T[:, 0])
-    if T.shape[1] == 1:
-        return first[:, None]
-    return np.stack([first, np.cross(n, first)], axis=1)
+    """Tangents (d-1, d, q) turned with the normal (d, q)."""
+    first = T[0] - np.einsum("dq,dq->q", T[0], n) * n
+    first /= np.sqrt(np.einsum("dq,dq->q", first, first))
+    return first[None] if len(T) == 1 else np.stack([first, cross(n.T, first.T).T])
 
 
 def _largest(k: Array) -> tuple[Array, Array]:
-    """The principal curvature of larger size (q,) and its direction (q, d-1)."""
-    if k.shape[1] == 1:
-        return k[:, 0, 0], np.ones((len(k), 1))
-    mean, half = 0.5 * (k[:, 0, 0] + k[:, 1, 1]), 0.5 * (k[:, 0, 0] - k[:, 1, 1])
-    radius = np.hypot(half, k[:, 0, 1])
+    """The principal curvature of larger size (q,) and its direction (d-1, q)."""
+    if len(k) == 1:
+        return k[0, 0], np.ones((1, k.shape[2]))
+    mean, half = 0.5 * (k[0, 0] + k[1, 1]), 0.5 * (k[0, 0] - k[1, 1])
+    radius = np.hypot(half, k[0, 1])
     sign = np.where(mean >= 0, 1.0, -1.0)
-    turn = 0.5 * np.arctan2(sign * k[:, 0, 1], sign * half)
-    return mean + sign * radius, np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    turn = 0.5 * np.arctan2(sign * k[0, 1], sign * half)
+    return mean + sign * radius, np.stack([np.cos(turn), np.sin(turn)])
 
 
 def principal(k: Array) -> Array:
-    """Principal directions of curvatures (q, d-1, d-1), as columns; the larger one's first."""
+    """Principal directions of curvatures (d-1, d-1, q), as columns; the larger one's first."""
     _, axis = _largest(k)
-    if k.shape[1] == 1:
-        return axis[:, :, None]
-    return np.stack([axis, np.stack([-axis[:, 1], axis[:, 0]], axis=1)], axis=2)
+    return axis[:, None] if len(k) == 1 else np.stack([axis, np.stack([-axis[1], axis[0]])], axis=1)

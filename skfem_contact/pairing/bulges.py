@@ -15,7 +15,7 @@ from scipy.sparse import bsr_matrix
 
 from skfem_contact.bodies.normals import across, unit
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.smooth import Heights, Place, curved_pairs, heights, of_trace_one
+from skfem_contact.pairing.smooth import Heights, Place, curved_pairs, heights
 from skfem_contact.pairing.vectors import dot, without_round_off
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ class Bulges:
         ``int N_i g`` and ``int N_i h``.
     alike, area : ndarray, shape (p,)
         By how much curvatures agree, integrated, and areas.
-    move : ndarray, shape (p, k, k', d, d), or None
+    move : ndarray, shape (k, k', d, d, p), or None
         ``int N_i G_j`` where h moves.
     least : ndarray, shape (p,)
         The least gap of a piece [length].
@@ -72,11 +72,11 @@ class Bulges:
             Whose parts they are, ascending.
         places : (Place, Place)
             n of each part, on the secondary and on the primary.
-        v : ndarray, shape (t, n, d)
+        v : ndarray, shape (d, n, t)
             Unit vectors from the secondary to the primary.
-        gap, weight : ndarray, shape (t, n)
+        gap, weight : ndarray, shape (n, t)
             Of the facets along v [length], and of the quadrature [area].
-        beyond : ndarray, shape (t, n, d), optional
+        beyond : ndarray, shape (d, n, t), optional
             See `heights`.
         node : ndarray of int, shape (p, 1), optional
             Weighted by one at the only place of its piece, in place of the nodes of facets.
@@ -84,28 +84,33 @@ class Bulges:
         own, other = places
         found = heights(own, other, v, gap, beyond)
         first = np.flatnonzero(np.diff(piece, prepend=-1))
-        tests = own.shape if node is None else np.ones((len(piece), 1, 1))
-        weighted = np.swapaxes(tests * weight[..., None], 1, 2)
-        area = weight.sum(axis=1)
-        both = np.add.reduceat(weighted @ np.stack([gap, found.h], axis=-1), first)
-        alike, total = (np.add.reduceat(part, first) for part in (found.alike * area, area))
-        least = np.minimum.reduceat((gap - found.h).min(axis=1), first)
+        weighted = own.shape * weight if node is None else weight[None]
+        area = weight.sum(axis=0)
+
+        def summed(values: Array) -> Array:
+            return np.asarray(np.add.reduceat(values, first, axis=-1))
+
+        gaps, h = (summed(np.einsum("knt,nt->kt", weighted, x)).T for x in (gap, found.h))
+        alike, total = summed(found.alike * area), summed(area)
+        least = np.minimum.reduceat((gap - found.h).min(axis=0), first)
         move = None
         if found.spreads is not None:
             move = _moves(other, v, found, (weighted, area), first)
         e, f = own.facet[first], other.facet[first]
-        gaps, h = both[..., 0], both[..., 1]
         node = own.surface.facets[e] if node is None else node
         return piece[first], cls(node, e, f, gaps, h, alike, total, move, least)
 
     def blocks(self, primary: ContactSurface, A: Array | None = None) -> tuple[Index, Index, Array]:
-        """Rows, columns and blocks (b, d, d) of the moving heights, one for each pair of nodes."""
+        """Rows, columns and blocks (d, d, b) of the moving heights, one for each pair of nodes."""
         assert self.move is not None
-        shape = self.move.shape
-        G = self.move if A is None else A[self.e] @ self.move.reshape(*shape[:2], -1)
-        row = np.broadcast_to(self.node[:, :, None], shape[:3]).ravel()
-        column = np.broadcast_to(primary.facets[self.f][:, None], shape[:3]).ravel()
-        return row, column, G.reshape(-1, *shape[3:])
+        G = self.move
+        if A is not None:
+            mine = np.take(A.transpose(1, 2, 0), self.e, axis=-1)
+            G = np.einsum("ikp,kjabp->ijabp", mine, G)
+        k, j, d, _, p = G.shape
+        row = np.broadcast_to(self.node.T[:, None], (k, j, p)).ravel()
+        column = np.broadcast_to(primary.facets[self.f].T, (k, j, p)).ravel()
+        return row, column, G.transpose(2, 3, 0, 1, 4).reshape(d, d, -1)
 
 
 #: The share of distances where heights count and curvatures have nothing in common.
@@ -116,7 +121,7 @@ Parts = Sequence[tuple[Index, Bulges]]
 
 
 def _moves(place: Place, v: Array, found: Heights, weights: tuple[Array, Array], first: Index) -> Array:
-    """``int N_i G_j`` of the nodes of the primary's facets over pieces, (p, k, k', d, d).
+    """``int N_i G_j`` of the nodes of the primary's facets over pieces, (k, k', d, d, p).
 
     With the gradients and the normal in the middle of a piece.
 
@@ -124,50 +129,62 @@ def _moves(place: Place, v: Array, found: Heights, weights: tuple[Array, Array],
     ----------
     place : Place
         On the primary.
-    v : ndarray, shape (t, n, d)
+    v : ndarray, shape (d, n, t)
     found : Heights
-    weights : (ndarray, ndarray), shapes (t, k, n) and (t,)
+    weights : (ndarray, ndarray), shapes (k, n, t) and (t,)
         Shape functions of the secondary times weights of the quadrature, and areas [area].
     first : ndarray of int, shape (p,)
         The first part of each piece.
     """
     assert found.spreads is not None
     weighted, area = weights
-    d = v.shape[2]
 
     def summed(values: Array) -> Array:
-        return np.asarray(np.add.reduceat(values, first))
+        return np.asarray(np.add.reduceat(values, first, axis=-1))
 
     own, other = (spread.weighted(weighted) for spread in found.spreads)
-    T = summed(found.common[:, None] @ (own - other))
-    vector = summed(weighted @ (found.h[..., None] * v))
-    middle = np.concatenate([place.shape.mean(axis=1), v.mean(axis=1)], axis=1)
-    middle = summed(area[:, None] * middle) / summed(area)[:, None]
-    M, v = middle[:, :-d], middle[:, -d:]
-    g, normal = _gradients(Place(place.surface, place.facet[first], M))
-    P = np.eye(d) - normal[:, :, None] * normal[:, None]
-    T = P[:, None] @ T @ P[:, None]
-    T = 0.5 * (T + np.swapaxes(T, -1, -2)) * dot(v, normal)[:, None, None, None]
-    along = (vector @ normal[..., None])[..., 0]
-    rest = along - np.trace(T, axis1=-2, axis2=-1)
-    T += rest[..., None, None] * of_trace_one(P @ found.ways[first] @ P)[:, None]
-    Tg = np.swapaxes(T @ np.swapaxes(g, 1, 2)[:, None], 2, 3)
-    G = Tg[:, :, :, None] * normal[:, None, None, :, None]
-    G -= (along[..., None, None] * g[:, None])[..., None] * normal[:, None, None, None]
-    turned = vector @ np.swapaxes(g, 1, 2)
-    for i in range(d):
-        G[..., i, i] += turned
+    T = summed(np.einsum("dep,kefp->kdfp", found.common, own - other))
+    vector = summed(np.einsum("knp,dnp->kdp", weighted, found.h * v))
+    M, v = (summed(area * x.mean(axis=1)) / summed(area) for x in (place.shape, v))
+    g, n = _gradients(Place(place.surface, place.facet[first], M))
+    facing = np.einsum("dp,dp->p", v, n)
+    along = np.einsum("kdp,dp->kp", vector, n)
+    T, trace = _in_plane(0.5 * facing * (T + np.swapaxes(T, 1, 2)), n)
+    ways, size = _in_plane(np.take(found.ways, first, axis=-1), n)
+    share = np.divide(along - trace, size, out=np.zeros_like(along), where=size > 0)
+    T += share[:, None, None] * ways
+    Tg = np.einsum("kabp,jbp->kjap", T, g)
+    G = n[:, None] * Tg[:, :, None]
+    G -= (along[:, None, None] * g)[:, :, :, None] * n
+    turned = np.einsum("kdp,jdp->kjp", vector, g)
+    for i in range(len(n)):
+        G[:, :, i, i] += turned
     return G
 
 
+def _in_plane(T: Array, n: Array) -> tuple[Array, Array]:
+    """Symmetric tensors (..., d, d, p) in the planes across normals n (d, p), and their traces."""
+    P = np.eye(len(n))[:, :, None] - n[:, None] * n
+    T = np.einsum("...abp,bcp->...acp", np.einsum("abp,...bcp->...acp", P, T), P)
+    return T, np.einsum("...aap->...p", T)
+
+
 def _gradients(place: Place) -> tuple[Array, Array]:
-    """Surface gradients (p, k, d) of shape functions at a place each, and unit normals (p, d)."""
+    """Surface gradients (k, d, p) of shape functions at a place each, and unit normals (d, p)."""
     surface, facet, M = place
     kind, nodes = surface.kind, surface.points[surface.facets[facet]]
-    slopes = kind.shapes(M @ kind.locations)[1]
+    slopes = kind.shapes(M.T @ kind.locations)[1]
     J = np.swapaxes(nodes, 1, 2) @ slopes
-    metric = np.swapaxes(J, 1, 2) @ J
-    return slopes @ np.linalg.solve(metric, np.swapaxes(J, 1, 2)), unit(across(np.swapaxes(J, 1, 2)))
+    normal = unit(across(np.swapaxes(J, 1, 2)))
+    slopes, J = (np.ascontiguousarray(x.transpose(1, 2, 0)) for x in (slopes, J))
+    metric = np.einsum("dap,dbp->abp", J, J)
+    if len(metric) == 1:
+        inverse = 1 / metric
+    else:
+        (a, b), (_, c) = metric
+        inverse = np.array([[c, -b], [-b, a]]) / (a * c - b * b)
+    dual = np.einsum("abp,dbp->adp", inverse, J)
+    return np.einsum("kap,adp->kdp", slopes, dual), np.ascontiguousarray(normal.T)
 
 
 def bulged(
@@ -248,16 +265,16 @@ def bulged_nodes(
     some = np.flatnonzero(curved_pairs(secondary, primary, of[point], facet))
     if not len(some):
         return gap, None, None
-    node, f, M, v = point[some], facet[some], M[some, None], -normal[some, None]
+    node, f, M = point[some], facet[some], M[some]
     e = of[node]
     at = np.argmax(secondary.facets[e] == node[:, None], axis=1)
-    own, other = Place(secondary, e, np.eye(k)[at][:, None]), Place(primary, f, M)
-    foot = M @ primary.points[primary.facets[f]]
-    away = secondary.points[node][:, None] - foot
-    ones = np.ones((len(some), 1))
-    _, part = Bulges.of(
-        np.arange(len(some)), (own, other), v, gap[some, None], ones, away, node[:, None]
+    away = secondary.points[node] - np.einsum("pk,pkd->pd", M, primary.points[primary.facets[f]])
+    # one place each
+    N, M, v, away = (
+        np.ascontiguousarray(x.T[:, None]) for x in (np.eye(k)[at], M, -normal[some], away)
     )
+    places, ones = (Place(secondary, e, N), Place(primary, f, M)), np.ones((1, len(some)))
+    _, part = Bulges.of(np.arange(len(some)), places, v, gap[None, some], ones, away, node[:, None])
     gap, smooth, changed = gap.copy(), np.zeros(m), np.zeros(len(gap), dtype=bool)
     smooth[node] = np.maximum(part.alike, TINY)
     gap[some] -= part.height[:, 0]
@@ -274,17 +291,18 @@ def block_matrix(
     parts: Sequence[tuple[Index, Index, Array]], shape: tuple[int, int], rows: tuple[Array, Mask]
 ) -> bsr_matrix | None:
     """Sums of blocks by row and column, divided by the areas of the rows that are there."""
-    row, column, data = (np.concatenate(part) for part in zip(*parts, strict=True))
+    row, column, data = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
     by, there = rows
     here = there[row]
-    row, column, data = row[here], column[here], data[here] / by[row[here], None, None]
+    row, column, data = (np.compress(here, x, axis=-1) for x in (row, column, data))
+    data /= by[row]
     key = row * shape[1] + column
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.diff(key[order], prepend=-1))
     if not len(first):
         return None
-    d = data.shape[1]
-    blocks = np.add.reduceat(data[order], first, axis=0)
+    d = len(data)
+    blocks = np.add.reduceat(np.take(data, order, axis=-1), first, axis=-1).transpose(2, 0, 1)
     row, column = row[order][first], column[order][first]
     start = np.searchsorted(row, np.arange(shape[0] + 1))
     return bsr_matrix((blocks, column, start), shape=(shape[0] * d, shape[1] * d))

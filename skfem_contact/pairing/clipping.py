@@ -224,8 +224,10 @@ def several_sheets(e: Index, vertices: Index) -> list[tuple[int, Index]]:
     _, sheet = connected_components(graph, directed=False)
     sheet = sheet[:p]
     order = np.lexsort((sheet, e))
-    groups = np.split(order, np.flatnonzero(np.diff(e[order])) + 1)
-    found = [group for group in groups if len(group) and np.ptp(sheet[group]) > 0]
+    start = np.flatnonzero(np.diff(e[order], prepend=-1))
+    last = np.append(start[1:], p)[: len(start)] - 1
+    several = sheet[order[start]] != sheet[order[last]]
+    found = [order[i : j + 1] for i, j in zip(start[several], last[several], strict=True)]
     rivals = [(i, group[sheet[group] != sheet[i]]) for group in found for i in np.sort(group)]
     return [(int(i), np.sort(others)) for i, others in rivals]
 

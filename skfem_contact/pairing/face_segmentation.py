@@ -242,30 +242,35 @@ def meet(
         Places in the planes of the cells e.
     """
     own, other = cells
+    # `take` gathers rows in a fraction of the time of an index
     faces = own.facet[e], other.facet[f]
     nodes, opposite = (
-        own.local(e, surface.points[surface.facets[face]])
+        own.local(e, surface.points.take(surface.facets.take(face, axis=0), axis=0))
         for surface, face in zip((secondary, primary), faces, strict=True)
     )
-    at, slopes = own.kind.shapes(local_coordinates(own.corners[e, None, :, :2], X))
+    at, slopes = own.kind.shapes(local_coordinates(own.corners.take(e, axis=0)[:, None, :, :2], X))
     N, x = at, X
     if secondary.kind.quadratic:
         N = secondary.kind.shapes(at @ own.reference[e])[0]
         x = N @ nodes
     # in the plane of the cell, as seen along the normal
-    normal, slope = own.normals[e, :1], None
-    if not own.parallel[e].all():
-        normal = at @ own.normals[e]
+    normal, slope = own.normals.take(e, axis=0), None
+    if own.parallel[e].all():
+        normal = normal[:, :1]
+    else:
+        normal = at @ normal
         slope = normal[..., :2] / normal[..., 2:]
         x = N @ nodes
         x = x[..., :2] - x[..., 2:] * slope
     seen = _seen(opposite, slope)
-    corners = _seen(own.local(e, other.positions[f]), slope) if primary.kind.quadratic else seen
+    corners = (
+        _seen(own.local(e, other.positions.take(f, axis=0)), slope) if primary.kind.quadratic else seen
+    )
     M = other.kind.shapes(local_coordinates(corners, x[..., :2]))[0]
     if primary.kind.quadratic:
         eta = _solve(primary.kind, seen, x[..., :2], M @ other.reference[f])
         M = primary.kind.shapes(eta)[0]
-    return CellMeeting(*faces, N, M, normal, (nodes, opposite), own.axes[e], (at, slopes))
+    return CellMeeting(*faces, N, M, normal, (nodes, opposite), own.axes.take(e, axis=0), (at, slopes))
 
 
 def _seen(points: Array, slope: Array | None) -> Array:
@@ -309,13 +314,17 @@ def stretch(surface: ContactSurface, cells: Cells, cell: Index, points: CellMeet
         dN, nodes = slopes, surface.points[surface.facets[cells.facet[of]]]
         if surface.kind.quadratic:
             dN = surface.kind.shapes(at @ cells.reference[of])[1]
-        first, second = np.moveaxis(np.swapaxes(dN, -1, -2) @ nodes[:, None], -2, 0)
         reference, plane = (
-            cross(*np.moveaxis(np.swapaxes(slopes, -1, -2) @ corners[of, None], -2, 0))
-            for corners in (cells.reference, cells.corners[..., :2])
+            cross(*_along(slopes, corners[of])) for corners in (cells.reference, cells.corners[..., :2])
         )
-        out[bent] = np.linalg.norm(np.cross(first, second), axis=-1) * reference / plane
+        out[bent] = np.linalg.norm(np.cross(*_along(dN, nodes)), axis=-1) * reference / plane
     if measure is not None:
         nodes = surface.points[surface.facets[cells.facet[cell]]]
         out *= measure(np.moveaxis(points.N @ nodes, -1, 0))
     return out
+
+
+def _along(dN: Array, nodes: Array) -> tuple[Array, Array]:
+    """Derivatives of positions by both reference coordinates, (p, n, d) each, of nodes (p, k, d)."""
+    first, second = (np.ascontiguousarray(dN[..., i]) @ nodes for i in range(2))
+    return first, second

@@ -192,8 +192,12 @@ def bulges_of(pieces: Pieces, moments: Moments) -> tuple[Parts, tuple[Index, Arr
     place = np.zeros(count, dtype=np.intp)
     place[some] = np.arange(len(some))
     for piece, met, weight in pieces.points(some, heights=True) if len(some) else ():
-        places = Place(secondary, met.e, met.N), Place(primary, met.f, met.M)
-        mine, part = Bulges.of(piece, places, met.directions, met.gap, weight)
+        # components first: long sums in place of many short ones
+        N, M, v, gap, weight = (
+            np.ascontiguousarray(x.T) for x in (met.N, met.M, met.directions, met.gap, weight)
+        )
+        places = Place(secondary, met.e, N), Place(primary, met.f, M)
+        mine, part = Bulges.of(piece, places, v, gap, weight)
         found.append((place[mine], part))
         least[mine] = np.minimum(least[mine], part.least)
     return found, (e, apart), least

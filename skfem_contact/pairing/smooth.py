@@ -63,7 +63,7 @@ Mask = NDArray[np.bool_]
 
 
 class Place(NamedTuple):
-    """n places on each of p facets of a surface: facets (p,) and shape functions (p, n, k)."""
+    """n places on each of p facets of a surface: facets (p,) and shape functions (k, n, p)."""
 
     surface: ContactSurface
     facet: Index
@@ -73,29 +73,29 @@ class Place(NamedTuple):
 class Spread(NamedTuple):
     """``C = sum_i<j N_i N_j e_ij e_ij' / 2`` at n places on each of p linear facets.
 
-    ``shares`` (p, n, q) are the products ``N_i N_j`` of the q pairs of nodes of a facet, and
-    ``squares`` (p, q, d, d) half the ``e_ij e_ij'`` of the vectors between them.
+    ``shares`` (q, n, p) are the products ``N_i N_j`` of the q pairs of nodes of a facet, and
+    ``squares`` (q, d, d, p) half the ``e_ij e_ij'`` of the vectors between them.
     """
 
     shares: Array
     squares: Array
 
     def trace(self, K: Array) -> Array:
-        """``tr(C K)`` with K (p, d, d), shape (p, n)."""
-        by_pairs = np.einsum("pqde,pde->pq", self.squares, K)
-        return np.asarray((self.shares @ by_pairs[..., None])[..., 0])
+        """``tr(C K)`` with K (d, d, p), shape (n, p)."""
+        by_pairs = np.einsum("qdep,dep->qp", self.squares, K)
+        return np.asarray(np.einsum("qnp,qp->np", self.shares, by_pairs))
 
     def weighted(self, weights: Array) -> Array:
-        """Sums of C over the places, (p, k, d, d), by each of k weights (p, k, n)."""
-        p, q, d = self.squares.shape[:3]
-        return ((weights @ self.shares) @ self.squares.reshape(p, q, d * d)).reshape(p, -1, d, d)
+        """Sums of C over the places, (k, d, d, p), by each of k weights (k, n, p)."""
+        by_pairs = np.einsum("knp,qnp->kqp", weights, self.shares)
+        return np.asarray(np.einsum("kqp,qdep->kdep", by_pairs, self.squares))
 
 
 class Local(NamedTuple):
     """The smooth boundary of one side at n places on each of p facets.
 
-    ``height`` (p, n) is tau, zero without a quadric; ``spread`` is C of linear facets, ``mean``
-    (p, d, d) the mean of K, and ``strain`` (p, d, d) that of facets that have moved.
+    ``height`` (n, p) is tau, zero without a quadric; ``spread`` is C of linear facets, ``mean``
+    (d, d, p) the mean of K, and ``strain`` (d, d, p) that of facets that have moved.
     """
 
     height: Array
@@ -110,11 +110,11 @@ class Heights:
 
     Attributes
     ----------
-    h : ndarray, shape (p, n)
+    h : ndarray, shape (n, p)
         By how much the smooth boundaries are closer than the facets, along v [length].
     spreads : (Spread, Spread), or None
         Of both sides; None where h does not move with the nodes.
-    common, ways : ndarray, shape (p, d, d)
+    common, ways : ndarray, shape (d, d, p)
         c, and how the surfaces bend, ``K_s^2 + K_p^2``: along that goes what h has more than tr(T).
     alike : ndarray, shape (p,)
         eta, by how much curvatures agree.
@@ -142,21 +142,24 @@ def heights(own: Place, other: Place, v: Array, gap: Array, beyond: Array | None
     ----------
     own, other : Place
         Of the secondary and of the primary.
-    v : ndarray, shape (p, n, d)
+    v : ndarray, shape (d, n, p)
         Unit vectors from the secondary to the primary.
-    gap : ndarray, shape (p, n)
+    gap : ndarray, shape (n, p)
         Of the facets along v [length].
-    beyond : ndarray, shape (p, n, d), optional
+    beyond : ndarray, shape (d, n, p), optional
         From the places of the primary to points on the line along v, where these are not it [length].
     """
     one, two = _local(own, v), _local(other, v, beyond)
     # the primary's parallel surface where the secondary is: to close the gap is no bending
-    apart = (gap - one.height + two.height).mean(axis=1)[:, None, None]
-    across = tangents(unit(v.mean(axis=1)))
-    plane = np.swapaxes(across, 1, 2) @ across
-    bends = [plane @ K @ plane for K in (one.mean, two.mean - apart * two.mean @ two.mean)]
-    common, alike = _common(bends[0], -bends[1], across)
-    ways = one.mean @ one.mean + two.mean @ two.mean
+    apart = (gap - one.height + two.height).mean(axis=0)
+    squares = [np.einsum("dep,efp->dfp", K, K) for K in (one.mean, two.mean)]
+    T = np.ascontiguousarray(tangents(unit(v.mean(axis=1).T)).transpose(1, 2, 0))
+    bends = [
+        np.einsum("adp,bdp->abp", T, np.einsum("bep,dep->bdp", T, K))
+        for K in (one.mean, two.mean - apart * squares[1])
+    ]
+    shared, alike = _common(bends[0], -bends[1])
+    common, ways = _in_space(shared, T), squares[0] + squares[1]
     h = np.zeros_like(gap)
     for side, sign, bend in ((one, 1.0, bends[0]), (two, -1.0, bends[1])):
         height = sign * side.height
@@ -165,74 +168,79 @@ def heights(own: Place, other: Place, v: Array, gap: Array, beyond: Array | None
             continue
         shared, rest = sign * common, alike
         if side.strain is not None:  # as the facet has stretched
-            shared = shared + side.strain @ shared
-            rest = rest * (1 + np.einsum("pde,pde->p", of_trace_one(ways), side.strain))
-        h += side.spread.trace(shared - rest[:, None, None] * bend) + rest[:, None] * height
+            shared = shared + np.einsum("dep,efp->dfp", side.strain, shared)
+            rest = rest * (1 + np.einsum("dep,dep->p", of_trace_one(ways), side.strain))
+        h += side.spread.trace(shared - rest * _in_space(bend, T)) + rest * height
     spreads = None if one.spread is None or two.spread is None else (one.spread, two.spread)
     return Heights(h, spreads, common, ways, alike)
 
 
 def of_trace_one(K: Array) -> Array:
-    """Tensors (..., d, d) over their traces; zero where these are."""
-    trace = np.trace(K, axis1=-2, axis2=-1)[..., None, None]
+    """Tensors (d, d, ...) over their traces; zero where these are."""
+    trace = np.einsum("dd...->...", K)
     return np.divide(K, trace, out=np.zeros_like(K), where=trace > 0)
 
 
-def _common(one: Array, other: Array, T: Array) -> tuple[Array, Array]:
-    """The curvature (p, d, d) that both sides are said to have, along tangents T (p, d-1, d); and eta.
+def _in_space(k: Array, T: Array) -> Array:
+    """Tensors (d, d, p) of curvatures k (d-1, d-1, p) along tangents T (d-1, d, p)."""
+    return np.asarray(np.einsum("adp,aep->dep", T, np.einsum("abp,bep->aep", k, T)))
+
+
+def _common(one: Array, other: Array) -> tuple[Array, Array]:
+    """The curvature (d-1, d-1, p) that both sides are said to have, and eta.
 
     By the principal directions of the sum of both tensors: the other one's, at most twice one's own,
     zero where signs differ.
     """
-    a, whole = (T @ K @ np.swapaxes(T, 1, 2) for K in (one, other))
-    Q = principal(a + whole)
-    a, b = (np.sum(Q * (K @ Q), axis=1) for K in (a, whole))
+    Q = principal(one + other)
+    a, b = (np.einsum("dap,dap->ap", Q, np.einsum("dep,eap->dap", K, Q)) for K in (one, other))
     fits, size = a * b > 0, (np.abs(a), np.abs(b))
     shared = np.where(fits, np.sign(a) * np.minimum(2 * size[0], size[1]), 0.0)
-    larger = np.maximum(*(np.sum(k * k, axis=1) for k in size))
-    least = np.sum(np.where(fits, np.minimum(*size), 0.0) ** 2, axis=1)
+    larger = np.maximum(*(np.sum(k * k, axis=0) for k in size))
+    least = np.sum(np.where(fits, np.minimum(*size), 0.0) ** 2, axis=0)
     alike = np.sqrt(np.divide(least, larger, out=np.zeros_like(larger), where=larger > 0))
-    common = whole - (Q * (b - shared)[:, None]) @ np.swapaxes(Q, 1, 2)
-    return np.swapaxes(T, 1, 2) @ common @ T, alike
+    return other - np.einsum("dap,eap->dep", Q * (b - shared), Q), alike
 
 
 def _local(place: Place, v: Array, beyond: Array | None = None) -> Local:
     """Blend the quadrics of the nodes of facets at places, or beside them, and cut them along v."""
     surface, facet, N = place
     d, first = surface.dim, surface.original
-    facets, which = np.unique(facet, return_inverse=True)
+    used = np.zeros(len(surface.facets), dtype=bool)
+    used[facet] = True
+    facets, which = np.flatnonzero(used), np.cumsum(used)[facet] - 1
     (known, value, slope, bend), x = _table(first, facets)
     strain = None
     if surface is not first:
         turn, strains = _moved(surface, facets, x)
         back = np.swapaxes(turn, 1, 2)
-        x, strain = x @ back, strains[which]
+        x, strain = x @ back, np.take(strains.transpose(1, 2, 0), which, axis=-1)
         slope, bend = slope @ back, turn[:, None] @ bend @ back[:, None]
     one, other = np.triu_indices(d)
     table = np.concatenate(
         [known[..., None], value[..., None], slope, bend[..., one, other], x], axis=2
     )
     # component by component: as many long sums as there are components
-    blended = np.ascontiguousarray(np.moveaxis(N @ table[which], 2, 0))
+    table = np.take(np.ascontiguousarray(table.transpose(1, 2, 0)), which, axis=-1)
+    blended = np.einsum("knp,kcp->cnp", N, table)
     known, value, slope = blended[0], blended[1], blended[2 : 2 + d]
     number = np.zeros((d, d), dtype=np.intp)
     number[one, other] = number[other, one] = np.arange(len(one))
     entries, at = blended[2 + d : -d], blended[-d:]
     K = entries[number]
     if beyond is not None:
-        at = at + np.moveaxis(beyond, 2, 0)
-    curve = np.einsum("abpn,bpn->apn", K, at)
-    value = value + np.einsum("apn,apn->pn", slope + 0.5 * curve, at)
-    along = np.moveaxis(v, 2, 0)
-    slope = np.einsum("apn,apn->pn", slope + curve, along)
-    half = 0.5 * np.einsum("apn,apn->pn", np.einsum("abpn,bpn->apn", K, along), along)
+        at = at + beyond
+    curve = np.einsum("abnp,bnp->anp", K, at)
+    value = value + np.einsum("anp,anp->np", slope + 0.5 * curve, at)
+    slope = np.einsum("anp,anp->np", slope + curve, v)
+    half = 0.5 * np.einsum("anp,anp->np", np.einsum("abnp,bnp->anp", K, v), v)
     height = _root(value, slope, half, known > 0)
     if beyond is not None:
-        height = height + dot(beyond, v)
-    share = known.mean(axis=1)[:, None, None]
-    mean = np.moveaxis(entries.mean(axis=2)[number], 2, 0)
-    mean = np.divide(mean, share, out=np.zeros_like(mean), where=share > 0)
-    return Local(height, None if surface.quadratic else _spread(x, N, which), mean, strain)
+        height = height + np.einsum("anp,anp->np", beyond, v)
+    mean, share = entries.mean(axis=1), known.mean(axis=0)
+    mean = np.divide(mean, share, out=np.zeros_like(mean), where=share > 0)[number]
+    spread = None if surface.quadratic else _spread(table[:, -d:], N)
+    return Local(height, spread, mean, strain)
 
 
 def _root(value: Array, slope: Array, half: Array, known: Mask) -> Array:
@@ -242,11 +250,11 @@ def _root(value: Array, slope: Array, half: Array, known: Mask) -> Array:
     return np.divide(-2 * value, below, out=np.zeros_like(below), where=known & (below != 0))
 
 
-def _spread(x: Array, N: Array, which: Index) -> Spread:
-    """C at places with shape functions N (p, n, k) on facets `which`; x are all nodes (nf, k, d)."""
-    i, j = np.triu_indices(N.shape[2], 1)
-    e = x[:, i] - x[:, j]
-    return Spread(N[..., i] * N[..., j], (0.5 * e[..., :, None] * e[..., None, :])[which])
+def _spread(x: Array, N: Array) -> Spread:
+    """C at places with shape functions N (k, n, p) on facets with nodes x (k, d, p)."""
+    i, j = np.triu_indices(len(N), 1)
+    e = x[i] - x[j]
+    return Spread(N[i] * N[j], 0.5 * e[:, :, None] * e[:, None])
 
 
 def _table(surface: ContactSurface, facets: Index) -> tuple[tuple[Array, ...], Array]:

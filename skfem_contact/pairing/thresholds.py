@@ -149,4 +149,4 @@ IMAGE_STEPS, SETTLED = 12, 1e-13
 NEWTON_STEPS, SQUARED = 12, 1e-7
 
 # Quadrature points worked on at once: some 500 bytes for each.
-POINTS_AT_ONCE = 1 << 17
+POINTS_AT_ONCE = 1 << 14
