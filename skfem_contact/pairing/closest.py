@@ -11,7 +11,7 @@ from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
-from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, FACING
+from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, EXTENDED, FACING
 from skfem_contact.pairing.vectors import ahead
 from skfem_contact.trees import Tree
 
@@ -28,13 +28,29 @@ def search_range(
     return float(reach), float(reach)
 
 
+def margins(secondary: ContactSurface, primary: ContactSurface, extended: bool) -> np.ndarray:
+    """How far facets of the primary reach beyond their ends and sharp edges, (nf,) [length].
+
+    `EXTENDED` of a facet, of the smallest of the secondary where these are smaller: at most one of its
+    points is in there. Nothing but round-off where they are not `extended`.
+    """
+    if not extended:
+        return np.zeros(len(primary.lengths))
+    return EXTENDED * np.minimum(primary.lengths, secondary.lengths.min())
+
+
 def closest_facets(
-    secondary: ContactSurface, primary: ContactSurface, outside: float, inside: float
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    outside: float,
+    inside: float,
+    extended: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Point numbers, facets and local coordinates of all pairs."""
+    margin = margins(secondary, primary, extended)
 
     def valid_pairs(point: np.ndarray, facet: np.ndarray) -> tuple[np.ndarray, ...]:
-        xi, distance, valid = _judge(secondary, primary, point, facet, outside, inside)
+        xi, distance, valid = _judge(secondary, primary, point, facet, outside, inside, margin)
         return point[valid], facet[valid], xi[valid], distance[valid]
 
     # a first guess among the nearest facets bounds the distance, the exact search then is short
@@ -83,6 +99,7 @@ def _judge(
     facet: np.ndarray,
     outside: float,
     inside: float,
+    margin: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Local coordinate and distance of each pair, and whether the facet may be the partner."""
     x = secondary.points.take(point, axis=0)
@@ -106,6 +123,9 @@ def _judge(
     smooth = np.einsum("pd,pd->p", own_normal, next_normal) >= CORNER
     in_cone = over <= np.abs(np.einsum("pd,pd->p", apart, own_normal)) * (1 + COINCIDENT)
     at_vertex = (other >= 0) & ~beyond_next & (smooth | in_cone)
+    # or in the margin of an end, and no deeper: what is deeper stands beside the body
+    past = (other < 0) | ~smooth
+    above_facet |= past & (over <= margin[facet]) & (height >= -margin[facet])
 
     within = np.where(height >= 0, distance <= outside, distance <= inside)
     itself = np.zeros(len(point), dtype=bool)

@@ -12,6 +12,7 @@ from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import SOLVED
+from skfem_contact.pairing.closest import margins
 from skfem_contact.pairing.faces.joints import Joints, across_edges
 from skfem_contact.pairing.faces.projection import Feet, interpolated_normals, project
 from skfem_contact.pairing.faces.search import FaceTree, closest_candidates
@@ -33,12 +34,15 @@ class Side:
     secondary, primary : ContactSurface
     outside, inside : float
         Largest distances of open and of overlapping points [length].
+    margin : ndarray, shape (nf,)
+        How far faces of the primary reach beyond the rim, see `closest.margins` [length].
     """
 
     secondary: ContactSurface
     primary: ContactSurface
     outside: float
     inside: float
+    margin: Array
 
     @cached_property
     def joints(self) -> Joints:
@@ -59,7 +63,9 @@ class Side:
         within = np.where(height >= 0, length <= self.outside, length <= self.inside)
         above = feet.over <= COINCIDENT * primary.lengths[facet]
         beyond = np.flatnonzero(within & ~above)
-        above[beyond] = self._on_a_joint(facet[beyond], _some(feet, beyond), apart[beyond])
+        some = _some(feet, beyond)
+        above[beyond] = self._on_a_joint(facet[beyond], some, apart[beyond])
+        above[beyond] |= self._in_the_margin(facet[beyond], some, height[beyond])
         distance[facing] = length
         valid[facing] = within & above
         return valid, distance
@@ -72,6 +78,16 @@ class Side:
         return np.asarray(
             (self.primary.dofs[self.primary.facets[facet], 0] == mine[:, None]).any(axis=1)
         )
+
+    def _in_the_margin(self, facet: Index, feet: Feet, height: Array) -> Mask:
+        """Whether points just beyond the rim or a sharp edge are in the margin there, and no deeper."""
+        primary, c = self.primary, self.primary.kind.corners
+        ends = (primary.twins < 0) | primary.sharp_edges
+        local = feet.place % c
+        # two edges meet at a corner, the one that starts there and the one before it
+        there = ends[facet, local] | ((feet.place >= c) & ends[facet, local - 1])
+        margin = self.margin[facet]
+        return np.asarray(there & (feet.over <= margin) & (height >= -margin))
 
     def _on_a_joint(self, facet: Index, feet: Feet, apart: Array) -> Mask:
         """Whether a foot at the rim of its face is the closest point of the whole surface.
@@ -120,10 +136,14 @@ def _part_of_edge(surface: ContactSurface, xi: Array, edge: Index) -> Array:
 
 
 def closest_faces(
-    secondary: ContactSurface, primary: ContactSurface, outside: float, inside: float
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    outside: float,
+    inside: float,
+    extended: bool = False,
 ) -> tuple[Index, Index]:
     """Points that have a partner, in their order, and their faces."""
-    side = Side(secondary, primary, outside, inside)
+    side = Side(secondary, primary, outside, inside, margins(secondary, primary, extended))
 
     def valid_pairs(point: Index, facet: Index) -> tuple[Index, Index, Array]:
         valid, distance = side.judge(point, facet)

@@ -18,7 +18,11 @@ Index = NDArray[np.intp]
 
 
 def node_to_face(
-    secondary: ContactSurface, primary: ContactSurface, *, reach: float | None = None
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    *,
+    reach: float | None = None,
+    extended: bool = False,
 ) -> Pairing:
     """Pair every node of the secondary surface with its closest point on the primary surface.
 
@@ -28,6 +32,8 @@ def node_to_face(
         As a rule the secondary one is the finer.
     reach : float, optional
         Largest distance between a node and its partner [length], as in `node_to_segment`.
+    extended : bool
+        Whether the primary goes on a little beyond its rim, as in `node_to_segment`.
 
     Returns
     -------
@@ -66,7 +72,7 @@ def node_to_face(
     [0.5625, 0.1875, 0.0625, 0.1875]
     """
     outside, inside = search_range(secondary, primary, reach)
-    point, facet = closest_faces(secondary, primary, outside, inside)
+    point, facet = closest_faces(secondary, primary, outside, inside, extended)
     feet = project(primary, facet, secondary.points[point])
     normal = interpolated_normals(primary, facet, feet.xi)
     gap = dot(normal, secondary.points[point] - feet.foot)
