@@ -45,8 +45,8 @@ class ContactValues:
     gap : ndarray, shape (m,)
         Positive where open; ``inf`` where a point has no partner [length].
     lost : ndarray of bool, shape (m,)
-        With ``sliding="finite"``: points that had a partner on the undeformed bodies and have none, beside
-        points that press. Contact ends there within a facet.
+        With ``sliding="finite"``: points that had a partner on the undeformed bodies and have none,
+        beside points that press. Contact ends there within a facet.
     status : ndarray of int, shape (m,)
         0 open, 1 stick, 2 slip. Closed points of a frictionless contact are 2.
     normal_force : ndarray, shape (m,)

@@ -148,8 +148,8 @@ def node_to_segment(
         and overlaps go up to half the diagonal of the box around the smaller of the two surfaces,
         so that the far side of a body is not taken for an overlap.
     extended : bool
-        Whether the primary goes on a little beyond its ends, see `closest.margins`: with finite sliding.
-        Points there are paired with the end.
+        Whether the primary goes on a little beyond its ends, see `closest.margins`: with finite
+        sliding. Points there are paired with the end.
 
     Returns
     -------

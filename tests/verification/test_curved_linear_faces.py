@@ -195,8 +195,8 @@ def test_nodes_at_held_ends_keep_their_partners(swap):
 def test_free_ends_that_strains_move_apart(layers, held, swap):
     """Flush ends of a press fit, free or on one side, node by node: finite sliding as small sliding.
 
-    By Poisson's effect the ends of the shaft leave those of the hub by a thousandth of a facet; they lost
-    all of their pressure without a word.
+    By Poisson's effect the ends of the shaft leave those of the hub by a thousandth of a facet; they
+    lost all of their pressure without a word.
     """
     found = []
     for sliding in ("small", "finite"):
