@@ -124,6 +124,7 @@ def advance(
     parts = Bisection(by.options.max_cuts, SHORTER**by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
     starts = begin or by.starts_from(step.known)
+    freed: Attempt | None = None  # of pivoting, which has left a motion free
     while True:
         aim = parts.aim
         if parts.share < 1.0:
@@ -139,8 +140,10 @@ def advance(
                 raise
             starts.pop(0)
             continue
-        so_far.attempt = attempt
         so_far.trace.extend(attempt.outcome.trace)
+        if freed is not None and not attempt.good:
+            attempt = replace(freed, carried=attempt.carried)
+        so_far.attempt = attempt
         if attempt.carried is not None:
             so_far.carried = parts.done + (aim - parts.done) * attempt.carried.share
         limit = attempt.at_limit and not attempt.good  # the rest of the starts has nothing to find
@@ -158,11 +161,16 @@ def advance(
             starts = by.starts_from(state)
             so_far.substeps += 1
             parts.go_on(attempt.travel)
-        elif attempt.outcome.free is not None and "pivoting" in starts and by.complete:
-            # smaller steps would end there too
-            if starts == ["pivoting"]:
+        elif freed is not None:
+            return so_far
+        elif "pivoting" in starts and left_free(by, attempt):
+            # smaller steps would end there too; the machine says how much of this one is carried
+            rest = ("pivoting", "pulled")
+            if starts[0] == "pivoting":
+                freed, rest = attempt, ("pulled",)
+            starts = [start for start in starts if start in rest]
+            if not starts:
                 return so_far
-            starts = ["pivoting"]
         elif len(starts) > 1 and not (limit or attempt.failure or attempt.stopped):
             starts.pop(0)  # before cutting: begin elsewhere
         elif so_far.carried is not None or parts.spent or attempt.stopped:
@@ -178,6 +186,11 @@ def advance(
             reason = attempt.failure or attempt.outcome.message
             logger.info("step cut to %.4g of its size: %s", parts.share, reason)
             part, starts = replace(part, known=part.state), by.starts_from(part.state)
+
+
+def left_free(by: Stepper, attempt: Attempt) -> bool:
+    """Whether an attempt left a motion free where pivoting finds what there is."""
+    return attempt.outcome.free is not None and by.complete
 
 
 def grown(share: float, travel: float) -> float:

@@ -309,8 +309,8 @@ def drawn_onto_a_track(*distances):
 def test_a_point_at_the_very_end_of_a_track():
     """Free, it lies on the track, but held back by friction beyond its end: it is left free.
 
-    The track goes on by a tenth of a facet of the block. So no pairing is that of its own answer, however
-    small the step; the next one takes the point.
+    The track goes on by a tenth of a facet of the block. So no pairing is that of its own answer,
+    however small the step; the next one takes the point.
     """
     margin = EXTENDED * 0.25
     drawn = np.array([0.0, 0.12, 0.24, 0.263, 0.2685, 0.275])
