@@ -165,7 +165,7 @@ def advance(
             return so_far
         elif "pivoting" in starts and left_free(by, attempt):
             # smaller steps would end there too; the machine says how much of this one is carried
-            rest = ("pivoting", "pulled")
+            rest: tuple[str, ...] = ("pivoting", "pulled")
             if starts[0] == "pivoting":
                 freed, rest = attempt, ("pulled",)
             starts = [start for start in starts if start in rest]
