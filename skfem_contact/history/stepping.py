@@ -149,7 +149,9 @@ def advance(
         limit = attempt.at_limit and not attempt.good  # the rest of the starts has nothing to find
         last = len(starts) == 1 or limit or attempt.failure == RAN_AWAY  # wherever it begins
         lost = not attempt.good and not attempt.stopped and last
-        if lost and doubt is not None and parts.share == 1.0 and doubt(attempt, False):
+        # what pivoting has left free is doubted as it was: the machine tells only what is carried
+        doubted = attempt if freed is None else freed
+        if lost and doubt is not None and parts.share == 1.0 and doubt(doubted, False):
             return so_far
         if attempt.good:
             if interface.laws:
