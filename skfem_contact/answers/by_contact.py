@@ -181,6 +181,7 @@ def _values(answer: Answer, i: int, part: slice) -> ContactValues:
         normal=kin.normal[part],
         tangent=kin.tangent[part],
         gap=answer.gap[part][heir],
+        lost=_lost(answer, i, part),
         status=status[heir],
         normal_force=state.normal_force[part],
         tangential_force=-kin.friction_along(state.tangential_force[part], part),
@@ -203,6 +204,20 @@ def _smooth(answer: Answer, i: int, part: slice) -> NDArray[np.bool_]:
     contact = answer.contacts[i]
     carries = can_carry(contact.friction, part.stop - part.start)
     return ~carries & (not contact.tied and answer.kin.tangents > 0)
+
+
+def _lost(answer: Answer, i: int, part: slice) -> NDArray[np.bool_]:
+    """See `ContactValues.lost`."""
+    contact, tracks = answer.contacts[i], answer.diagnostics.tracks
+    if contact.sliding == "small" or not tracks:
+        return np.zeros(part.stop - part.start, dtype=bool)
+    # a node that handed its multiplier on has a partner
+    own = answer.kin.heir[part] == np.arange(part.start, part.stop)
+    gone = tracks[i].paired & ~answer.kin.paired[part] & own
+    facets, presses = contact.secondary.facets, answer.state.normal_force[part] > 0
+    beside = np.zeros(len(gone), dtype=bool)
+    beside[facets[presses[facets].any(axis=1)]] = True
+    return gone & beside
 
 
 def _slip(answer: Answer, i: int, part: slice) -> Array:

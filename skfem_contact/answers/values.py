@@ -44,6 +44,9 @@ class ContactValues:
         depend on it. In 2-D the normal turned by +90 degrees.
     gap : ndarray, shape (m,)
         Positive where open; ``inf`` where a point has no partner [length].
+    lost : ndarray of bool, shape (m,)
+        With ``sliding="finite"``: points that had a partner on the undeformed bodies and have none,
+        beside points that press. Contact ends there within a facet.
     status : ndarray of int, shape (m,)
         0 open, 1 stick, 2 slip. Closed points of a frictionless contact are 2.
     normal_force : ndarray, shape (m,)
@@ -110,6 +113,7 @@ class ContactValues:
     normal: Array
     tangent: Array
     gap: Array
+    lost: NDArray[np.bool_]
     status: NDArray[np.intp]
     normal_force: Array
     tangential_force: Array
@@ -323,6 +327,8 @@ def status_words(values: ContactValues) -> str:
     if not contact.separation:
         law = f"no separation, {law}"
     lonely = "" if np.isfinite(values.gap).any() else ", none with a partner"
+    if values.lost.any():
+        lonely = f", {np.count_nonzero(values.lost)} past the end of the primary beside what presses"
     if contact.friction is None:
         return f"{law}: {count[STICK] + count[SLIP]} points closed, {count[OPEN]} open{lonely}"
     counts = ", ".join(f"{n} {name}" for n, name in zip(count, STATUS, strict=True))

@@ -91,10 +91,11 @@ def _pair_surfaces(
 ) -> Pairing:
     """Pair surfaces of two bodies, or one and the edges or triangles of an obstacle node by node."""
     mortar = contact.method == "mortar" and not contact.rigid
+    extended = contact.sliding == "finite"
     if secondary.dim == 3:
         if mortar:
             return dual_mortar(secondary, primary, reach=contact.reach)
-        pairing = node_to_segment(secondary, primary, reach=contact.reach)
+        pairing = node_to_segment(secondary, primary, reach=contact.reach, extended=extended)
         away = gap_vectors(secondary, primary, pairing.secondary_weights, pairing.primary_weights)
         return _with_signs(contact, secondary, pairing, away)
     corners, reach = None, contact.reach
@@ -107,7 +108,7 @@ def _pair_surfaces(
         pairing = dual_mortar(secondary, primary, reach=reach, pressed=pressed)
         pairing = held_tangents(secondary, primary, pairing)
     else:
-        pairing = node_to_segment(secondary, primary, reach=reach)
+        pairing = node_to_segment(secondary, primary, reach=reach, extended=extended)
     pairing = pairing if corners is None else corners.rows(pairing, every=mortar)
     return pairing if mortar else _without_idle(contact, pairing)
 

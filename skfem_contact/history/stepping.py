@@ -124,6 +124,7 @@ def advance(
     parts = Bisection(by.options.max_cuts, SHORTER**by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
     starts = begin or by.starts_from(step.known)
+    freed: Attempt | None = None  # of pivoting, which has left a motion free
     while True:
         aim = parts.aim
         if parts.share < 1.0:
@@ -139,14 +140,18 @@ def advance(
                 raise
             starts.pop(0)
             continue
-        so_far.attempt = attempt
         so_far.trace.extend(attempt.outcome.trace)
+        if freed is not None and not attempt.good:
+            attempt = replace(freed, carried=attempt.carried)
+        so_far.attempt = attempt
         if attempt.carried is not None:
             so_far.carried = parts.done + (aim - parts.done) * attempt.carried.share
         limit = attempt.at_limit and not attempt.good  # the rest of the starts has nothing to find
         last = len(starts) == 1 or limit or attempt.failure == RAN_AWAY  # wherever it begins
         lost = not attempt.good and not attempt.stopped and last
-        if lost and doubt is not None and parts.share == 1.0 and doubt(attempt, False):
+        # what pivoting has left free is doubted as it was: the machine tells only what is carried
+        doubted = attempt if freed is None else freed
+        if lost and doubt is not None and parts.share == 1.0 and doubt(doubted, False):
             return so_far
         if attempt.good:
             if interface.laws:
@@ -158,11 +163,16 @@ def advance(
             starts = by.starts_from(state)
             so_far.substeps += 1
             parts.go_on(attempt.travel)
-        elif attempt.outcome.free is not None and "pivoting" in starts and by.complete:
-            # smaller steps would end there too
-            if starts == ["pivoting"]:
+        elif freed is not None:
+            return so_far
+        elif "pivoting" in starts and left_free(by, attempt):
+            # smaller steps would end there too; the machine says how much of this one is carried
+            rest: tuple[str, ...] = ("pivoting", "pulled")
+            if starts[0] == "pivoting":
+                freed, rest = attempt, ("pulled",)
+            starts = [start for start in starts if start in rest]
+            if not starts:
                 return so_far
-            starts = ["pivoting"]
         elif len(starts) > 1 and not (limit or attempt.failure or attempt.stopped):
             starts.pop(0)  # before cutting: begin elsewhere
         elif so_far.carried is not None or parts.spent or attempt.stopped:
@@ -178,6 +188,11 @@ def advance(
             reason = attempt.failure or attempt.outcome.message
             logger.info("step cut to %.4g of its size: %s", parts.share, reason)
             part, starts = replace(part, known=part.state), by.starts_from(part.state)
+
+
+def left_free(by: Stepper, attempt: Attempt) -> bool:
+    """Whether an attempt left a motion free where pivoting finds what there is."""
+    return attempt.outcome.free is not None and by.complete
 
 
 def grown(share: float, travel: float) -> float:

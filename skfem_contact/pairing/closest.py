@@ -16,7 +16,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.pairing.joints import Joints, across_edges
 from skfem_contact.pairing.projection import Feet, interpolated_normals, project
 from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
-from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, FACING
+from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, EXTENDED, FACING
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
 
@@ -37,11 +37,26 @@ def search_range(
     return float(reach), float(reach)
 
 
+def margins(secondary: ContactSurface, primary: ContactSurface, extended: bool) -> Array:
+    """How far facets of the primary reach beyond their ends and sharp edges, (nf,) [length].
+
+    `EXTENDED` of a facet, of the smallest of the secondary where these are smaller: at most one of its
+    points is in there. Nothing but round-off where they are not `extended`.
+    """
+    if not extended:
+        return np.zeros(len(primary.lengths))
+    return EXTENDED * np.minimum(primary.lengths, secondary.lengths.min())
+
+
 def closest_facets(
-    secondary: ContactSurface, primary: ContactSurface, outside: float, inside: float
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    outside: float,
+    inside: float,
+    extended: bool = False,
 ) -> tuple[Index, Index, Array]:
     """Points that have a partner, in their order, their facets, and reference coordinates there."""
-    side = Side(secondary, primary, outside, inside)
+    side = Side(secondary, primary, outside, inside, margins(secondary, primary, extended))
     m, nf = len(secondary.points), len(primary.facets)
     bound, found, known = np.full(m, np.inf), [], []
     # first guesses bound the distance: the exact search then is short
@@ -116,12 +131,15 @@ class Side:
     secondary, primary : ContactSurface
     outside, inside : float
         Largest distances of open and of overlapping points [length].
+    margin : ndarray, shape (nf,)
+        How far facets of the primary reach beyond ends, see `margins` [length].
     """
 
     secondary: ContactSurface
     primary: ContactSurface
     outside: float
     inside: float
+    margin: Array
 
     @cached_property
     def joints(self) -> Joints:
@@ -146,10 +164,18 @@ class Side:
         good = np.where(height >= 0, distance <= self.outside, distance <= self.inside)
         beyond = np.flatnonzero(good & (feet.over > COINCIDENT * primary.lengths[facet]))
         if len(beyond):
-            good[beyond] = self._at_rims(
-                facet[beyond], feet.some(beyond), apart[beyond], height[beyond]
-            )
+            some = facet[beyond], feet.some(beyond), apart[beyond], height[beyond]
+            good[beyond] = self._at_rims(*some) | self._in_the_margin(*some)
         return point[good], facet[good], feet.xi[good], distance[good]
+
+    def _in_the_margin(self, facet: Index, feet: Feet, apart: Array, height: Array) -> Mask:
+        """Whether points just beyond an end or a sharp edge are in the margin there, and no deeper."""
+        primary, c = self.primary, self.primary.kind.corners
+        ends, local = (primary.twins < 0) | primary.sharp_edges, feet.place % self.primary.kind.corners
+        # two edges meet at a corner, the one that starts there and the one before it
+        there = ends[facet, local] | ((feet.place >= c) & ends[facet, local - 1])
+        margin = self.margin[facet]
+        return np.asarray(there & (feet.over <= margin) & (height >= -margin))
 
     def _at_rims(self, facet: Index, feet: Feet, apart: Array, height: Array) -> Mask:
         """Whether a foot at the rim of its facet is the closest point of the whole surface.

@@ -135,7 +135,11 @@ def gap_vectors(
 
 
 def node_to_segment(
-    secondary: ContactSurface, primary: ContactSurface, *, reach: float | None = None
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    *,
+    reach: float | None = None,
+    extended: bool = False,
 ) -> Pairing:
     """Pair every node of the secondary surface with its closest point on the primary surface.
 
@@ -147,6 +151,9 @@ def node_to_segment(
         Largest distance between a node and its partner [length]. Without it, gaps are unlimited
         and overlaps go up to half the diagonal of the box around the smaller of the two surfaces,
         so that the far side of a body is not taken for an overlap.
+    extended : bool
+        Whether the primary goes on a little beyond its ends, see `closest.margins`: with finite
+        sliding. Points there are paired with the end.
 
     Returns
     -------
@@ -193,7 +200,7 @@ def node_to_segment(
             f"{primary.dim}-D"
         )
     outside, inside = search_range(secondary, primary, reach)
-    point, facet, xi = closest_facets(secondary, primary, outside, inside)
+    point, facet, xi = closest_facets(secondary, primary, outside, inside, extended)
     N, normal = primary.kind.shapes(xi)[0], interpolated_normals(primary, facet, xi)
     foot = np.einsum("pk,pkd->pd", N, primary.points[primary.facets[facet]])
     gap = dot(normal, secondary.points.take(point, axis=0) - foot)

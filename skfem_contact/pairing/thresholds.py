@@ -21,6 +21,11 @@ COINCIDENT = 1e-6
 # the end; what lies farther beyond it is another part of the boundary.
 ASIDE = 0.1
 
+# With finite sliding surfaces go on by this part of a facet beyond where they end, as "extension zones"
+# of contact codes do: ends that are flush in the mesh slip past each other by strains, a hundredth of a
+# facet at most, and a block that slides off has lost its last point a tenth of a facet later.
+EXTENDED = 0.1
+
 # -- corners -----------------------------------------------------
 
 # Angle [rad] between a facet and the end of the other surface from which on the vertex carries.

@@ -91,6 +91,72 @@ def pushed(share, **settings):
     return sc.ContactSolver(body, foot, **settings), {"over": (share * 0.3 * 0.01, 0.0, -0.01)}
 
 
+def plane_block(angle=0.0, size=0.5, n=4, material=(1.0, 0.25), **settings):
+    """A block of width 1 in the plane, turned about the origin, and its basis."""
+    side = np.linspace(0, 1, n + 1)
+    mesh = fem.MeshQuad.init_tensor(side, size * side).with_boundaries(
+        {"under": lambda x: x[1] == 0, "over": lambda x: x[1] == size}
+    )
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    mesh = fem.MeshQuad(turn @ mesh.p, mesh.t, _boundaries=mesh.boundaries)
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    return sc.Body(basis, linear_elasticity(*lame_parameters(*material)), **settings)
+
+
+def uniform(body, *force):
+    """A body force, as a vector of its degrees of freedom, of this resultant."""
+    whole = fem.LinearForm(lambda v, w: sum(f * c for f, c in zip(force, v, strict=True)))
+    f = whole.assemble(body.basis)
+    return f / np.hypot(*f[body.basis.nodal_dofs].sum(axis=1)) * np.hypot(*force)
+
+
+@pytest.mark.parametrize("method", ["node", "mortar"])
+@pytest.mark.parametrize("angle", [0.2, 0.31, 0.5])
+def test_a_slope_carries_its_share_in_the_plane(angle, method):
+    """Pressed on a slope and then left to its weight: it slides where tan(angle) is more than mu.
+
+    Of that step it slides from the share s on at which s sin(angle) = mu (1 - s (1 - cos(angle))).
+    """
+    mu, weight = 0.3, 1e-3
+    floor = plane_block(angle, -0.5, D="over", name="floor")
+    block = plane_block(angle, name="block")
+    foot = sc.Contact(
+        block.surface("under"), floor.surface("under"), method=method, friction=sc.Coulomb(mu)
+    )
+    solver = sc.ContactSolver([block, floor], foot)
+    pressed = uniform(block, weight * np.sin(angle), -weight * np.cos(angle))
+    start = solver.solve(f={"block": pressed})
+    heavy = {"f": {"block": uniform(block, 0.0, -weight)}, "start": start}
+    if np.tan(angle) < mu:
+        assert solver.solve(**heavy).converged
+        return
+    with pytest.raises(sc.NoEquilibrium, match="move on without carrying more") as refused:
+        solver.solve(**heavy)
+    share = mu / (np.sin(angle) + mu * (1 - np.cos(angle)))
+    assert told(refused.value) == pytest.approx(share, abs=2e-4)
+
+
+@pytest.mark.parametrize("factor", [1.05, 2.0])
+def test_plates_carry_their_share_in_the_plane(factor):
+    """A block under a plate with a force N, on a floor, pulled sideways: held by 2 mu N."""
+    mu, N = 0.3, 5e-3
+    block = plane_block(name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    plate = sc.RigidBody(
+        sc.RigidPlane((0.5, 0.5), (0, -1)), force=(0, -N), D=("x", "rotation"), name="plate"
+    )
+    contacts = [
+        sc.Contact(block.surface(side), tool, friction=sc.Coulomb(mu), name=side)
+        for side, tool in (("under", floor), ("over", plate))
+    ]
+    solver = sc.ContactSolver([block, plate], contacts)
+    start = solver.solve()
+    with pytest.raises(sc.NoEquilibrium, match="move on without carrying more") as refused:
+        solver.solve(f={"block": uniform(block, factor * 2 * mu * N, 0.0)}, start=start)
+    assert factor * told(refused.value) == pytest.approx(1.0, abs=3e-4)
+    assert solver.solve(f={"block": uniform(block, 0.999 * 2 * mu * N, 0.0)}, start=start).converged
+
+
 @pytest.mark.parametrize("share", [1.0, 1.0 + 1e-9, 1.001])
 def test_a_load_at_the_bound_is_decided_at_once(share, starts):
     """A load on the friction bound to round-off, and beyond it by more: 132 starts in halved steps."""
