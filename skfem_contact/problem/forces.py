@@ -10,8 +10,8 @@ series with the points (`points`) it is ``W_zz + C^-1``, and the layers that pre
 softer as the springs make each row.
 
 Of the gaps and slips z a closed point knows its gap, a sticking one its slip, and of a slipping one it
-is known that ``-p_t = offset + K (slip0 + z_t - anchor) + coupling p_n``. That times ``(K + r)^-1``, r being the
-point's own stiffness, is
+is known that ``-p_t = offset + K (slip0 + z_t - anchor) + coupling p_n``. That times ``(K + r)^-1``, r
+being the point's own stiffness, is
 
     ``P z_t + (1 - P) (p_t + coupling p_n) / r = known``     with     ``P = K (K + r)^-1``:
 

@@ -89,7 +89,7 @@ class HeldRows:
 
 
 class Unknowns(NamedTuple):
-    """Gaps and slips z, the forces p on them, and how far slips are from the anchors of springs, (q,)."""
+    """Gaps and slips z, the forces p on them, and slips since the anchors of springs, all (q,)."""
 
     z: Array
     p: Array
@@ -146,7 +146,7 @@ class PointSpace:
         z = np.zeros(len(self.S))
         z[rows.gaps] = -load.gap0[rows.closed]
         z[rows.slips] = (conditions.anchor - load.slip0)[rows.stick]
-        # friction of what slides, as far as it follows from what is held; springs begin at their anchors
+        # friction of what slides, as far as it follows from what is held; springs begin at anchors
         known = conditions.offset
         if rows.gives:
             beyond = load.slip0 - conditions.anchor
