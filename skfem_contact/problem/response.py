@@ -26,8 +26,8 @@ class Conditions:
     r"""What holds at every point during one linear solve.
 
     A closed point has no gap. If it sticks, its slip is `anchor`; otherwise its friction force is
-    ``tau = offset + spring (s - anchor) + coupling lambda``: springs may be far stiffer than points, and
-    what they give is then a small part of the slip. An open point carries nothing.
+    ``tau = offset + spring (s - anchor) + coupling lambda``: springs may be far stiffer than points,
+    and what they give is then a small part of the slip. An open point carries nothing.
 
     Attributes
     ----------

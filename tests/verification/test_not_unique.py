@@ -315,6 +315,40 @@ def test_points_that_can_not_all_be_closed_are_named(linear, mu):
         sc.ContactSolver(body, contacts, linear=linear).solve()
 
 
+def test_a_node_between_a_wall_that_leans_and_the_floor_jams():
+    """Where two angles of friction reach over it: forces on the node would grow without end.
+
+    Pushed along the floor by the overlap with the wall it slips on both, as long as the wall pushes
+    more than floor and wall hold back: ``cos a (1 - mu^2) > 2 mu sin a``.
+    """
+    lean = 0.1
+    most = np.tan(np.pi / 4 - lean / 2)
+    mesh = judge._block(judge.Way(), np.linspace(0, 1, 5), np.linspace(0, 0.7, 4)).mesh
+    p = mesh.p.copy()
+    p[0] -= 2 * np.tan(lean) * p[1] * (p[0] - 0.5)
+    basis = fem.Basis(replace(mesh, doflocs=p), fem.ElementVector(fem.ElementQuad1()), intorder=3)
+    walls = {"left": (0.0, 1), "right": (1.0, -1), "bottom": (0.0, 0)}
+    body = sc.Body(basis, LAW, name="block")
+
+    def solver(mu):
+        contacts = []
+        for side, (x, way) in walls.items():
+            normal = (way * np.cos(lean), -np.sin(lean)) if way else (0.0, 1.0)
+            plane = sc.RigidPlane((x, 0.0), normal, name=side)
+            deep = 1e-3 if way else 0.0
+            law = sc.Coulomb(mu)
+            contacts.append(
+                sc.Contact(body.surface(side), plane, friction=law, interference=deep, name=side)
+            )
+        return sc.ContactSolver(body, contacts)
+
+    result = solver(0.99 * most).solve()
+    assert result.certificate.worst < 1e-9
+    with pytest.raises(sc.NotConverged, match="these grow without end") as error:
+        solver(1.01 * most).solve()
+    assert len(error.value.result.trace) < 400
+
+
 @pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["auto", "direct"])
 def test_points_seen_through_springs_hold_no_body(linear):
     """A block that its load pulls along two walls: springs do not hide that nothing holds it."""
