@@ -72,7 +72,7 @@ class Problem:
                 if c.closed[i]:
                     A[row, :n] -= c.spring[i, k] @ self.B_t[i * t : (i + 1) * t]
                     A[row, n + i] -= c.coupling[i, k]
-                    b[row] = c.offset[i, k] + c.spring[i, k] @ self.slip0[i]
+                    b[row] = c.offset[i, k] + c.spring[i, k] @ (self.slip0[i] - c.anchor[i])
         y = np.linalg.solve(A, b)
         return y[:n], y[n : n + m], y[n + m :].reshape(m, t)
 

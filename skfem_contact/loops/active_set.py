@@ -238,7 +238,7 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
         closed_as_stick = np.where(current.status == OPEN, OPEN, STICK)
         status, held = stabilise(step, replace(current, status=closed_as_stick))
         elastic = (status == STICK) & step.frictional
-        offset = np.where(elastic[:, None], step.trial(np.zeros_like(excess)) + excess, 0.0)
+        offset = np.where(elastic[:, None], step.last.tangential_force + excess, 0.0)
         spring = np.zeros((*offset.shape, offset.shape[1]))
         spring[elastic] = step.stiffness[elastic, None, None] * np.eye(offset.shape[1])
         conditions = Conditions(

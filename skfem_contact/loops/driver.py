@@ -18,6 +18,10 @@ from skfem_contact.loops.step import Guess, Iterate, Record, Step
 logger = logging.getLogger("skfem_contact")
 
 NOTHING_HOLDS = "no equilibrium: nothing holds a rigid motion"
+JAMMED = (
+    "points that stick contradict others that are closed, and friction bears whatever forces hold them "
+    "together: these grow without end"
+)
 
 
 @with_known_keywords(max_candidates="write max_dense_bytes, the memory of the dense contact problem")
@@ -179,6 +183,8 @@ def drive(
             break
         if iterate.converged:
             return Outcome(iterate, tuple(trace), True, converged_words(len(trace)))
+        if iterate.jammed:
+            return Outcome(iterate, tuple(trace), False, JAMMED)
         if iterate.held is not None:
             key = iterate.status.tobytes()
             if key in unheld:

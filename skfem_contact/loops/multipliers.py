@@ -107,6 +107,7 @@ def through_springs(loop: Iteration, step: Step, guess: Guess, tolerance: float)
             share = _until_one_changes(step, iterate, p, change)
             if share >= 1.0 / GIVEN:
                 _check(step, _without_friction(step, iterate))
+                yield replace(iterate, converged=False, note="forces grow without end", jammed=True)
             p = p + share * change
         elif slow:
             found = rested(step, iterate)

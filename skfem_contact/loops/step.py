@@ -126,6 +126,8 @@ class Iterate:
     nearer : bool
         Whether the iterate before left over less of the conditions than ever, though as many points
         changed.
+    jammed : bool
+        Whether forces grow without end, and no point opens or slips however large they are.
     """
 
     status: NDArray[np.intp]
@@ -138,6 +140,7 @@ class Iterate:
     note: str = ""
     held: Array | None = None
     nearer: bool = False
+    jammed: bool = False
 
 
 @dataclass(eq=False)

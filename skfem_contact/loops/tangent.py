@@ -62,7 +62,7 @@ def linear_conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
         offset = np.where(slips[:, None], force, 0.0)
     elastic = None if step.all_exact else sticks & step.frictional & ~step.exact
     if elastic is not None and np.count_nonzero(elastic):
-        offset[elastic] = step.trial(np.zeros((m, t)))[elastic]
+        offset[elastic] = step.last.tangential_force[elastic]
         spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
     return Conditions(closed, stick, step.last.slip, spring, offset, coupling)
 
@@ -76,7 +76,7 @@ def _follows(step: Step, current: Guess, slips: Mask) -> Mask:
 
 
 def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[Array, Array, Array]:
-    """Friction of points that slip as ``offset + spring s + coupling lambda``."""
+    """Friction of points that slip as ``offset + spring (s - s_n) + coupling lambda``."""
     reach = BEYOND if current.reach is None else current.reach[:, None]
     normal_force, slip = current.normal_force, current.slip
     force, beyond, by = step.friction.slipping(current.direction, reach, normal_force, slip)
@@ -88,7 +88,7 @@ def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[A
             # a bound that falls with the slip lags: it would take stiffness away from the bodies
             rising = slips & grows(by)
             spring[rising] = by.slip[rising]
-            force -= np.einsum("ikl,il->ik", spring, current.slip)
+            force -= np.einsum("ikl,il->ik", spring, current.slip - step.last.slip)
     if step.turns:
         turning = np.where((slips & beyond)[:, None, None], by.trial, 0.0)
         return _turning(step, current, reach * current.direction, turning, (force, spring, coupling))
@@ -107,7 +107,7 @@ def _turning(
         driven, slip = current.driven, lengths(current.slip - step.last.slip)
         k = np.where(driven, lengths(trial) / np.where(driven, slip, 1.0), k[:, 0])[:, None]
         with_force = exact & ~driven
-    still = np.where(exact[:, None], -k * step.last.slip, step.trial(np.zeros_like(trial)))
+    still = np.where(exact[:, None], 0.0, step.last.tangential_force)
     force = force + np.einsum("ikl,il->ik", J, still - trial)
     spring = spring + k[:, :, None] * J
     solved = np.linalg.inv(np.eye(J.shape[1]) - np.where(with_force[:, None, None], J, 0.0))
@@ -115,7 +115,7 @@ def _turning(
     # springs that count as symmetric are: of two halves that differ the solver reads one
     odd = odd_round_off(spring)
     return (
-        force + np.einsum("ikl,il->ik", odd, current.slip),
+        force + np.einsum("ikl,il->ik", odd, current.slip - step.last.slip),
         spring - odd,
         np.einsum("ikl,il->ik", solved, coupling),
     )

@@ -10,8 +10,8 @@ series with the points (`points`) it is ``W_zz + C^-1``, and the layers that pre
 softer as the springs make each row.
 
 Of the gaps and slips z a closed point knows its gap, a sticking one its slip, and of a slipping one it
-is known that ``-p_t = offset + K (slip0 + z_t) + coupling p_n``. That times ``(K + r)^-1``, r being the
-point's own stiffness, is
+is known that ``-p_t = offset + K (slip0 + z_t - anchor) + coupling p_n``. That times ``(K + r)^-1``, r
+being the point's own stiffness, is
 
     ``P z_t + (1 - P) (p_t + coupling p_n) / r = known``     with     ``P = K (K + r)^-1``:
 
@@ -99,15 +99,15 @@ class Held:
         where = np.full(len(own) + 1, len(rows))
         where[rows] = np.arange(len(rows))
 
-        slip0, spring = load.slip0[closed], conditions.spring[closed]
+        beyond, spring = (load.slip0 - conditions.anchor)[closed], conditions.spring[closed]
         r = np.max(np.append(own, 0.0)[on], axis=1, initial=0.0)[:, None]
         K = np.where(exists[:, :, None] & exists[:, None, :] & ~stick[:, None], spring, 0.0)
         soft = np.linalg.inv(K + r[:, None] * np.eye(on.shape[1]))
         asked = np.where(
-            exists, conditions.offset[closed] + np.einsum("ikl,il->ik", spring, slip0), 0.0
+            exists, conditions.offset[closed] + np.einsum("ikl,il->ik", spring, beyond), 0.0
         )
         slides = -np.einsum("ikl,il->ik", soft, asked)
-        known = np.where(stick, conditions.anchor[closed] - slip0, slides)
+        known = np.where(stick, -beyond, slides)
         return cls(
             rows=rows,
             known=np.concatenate([-load.gap0[touching], known[exists]]),
@@ -244,7 +244,7 @@ class OnForces(OnContactDofs[W]):
         slip, tangential = self._lawful(conditions, rubs & exists, slip, found, normal_force)
         if not exists.all():
             # along a tangent whose slip supports prescribe there is only the law to ask
-            lawful = friction_force(conditions, slip, normal_force)
+            lawful = friction_force(conditions, slip - conditions.anchor, normal_force)
             tangential = np.where(rubs & ~exists, lawful, tangential)
         return Response(gap, slip, normal_force, tangential, solution, rough)
 
@@ -256,7 +256,8 @@ class OnForces(OnContactDofs[W]):
         Equations are fulfilled to their tolerance, which a spring that is stiffer than its point would
         magnify in the force, and a softer one in the slip. Both take a part of it, as in `Held`.
         """
-        missing = np.where(gives, found - friction_force(conditions, slip, normal_force), 0.0)
+        lawful = friction_force(conditions, slip - conditions.anchor, normal_force)
+        missing = np.where(gives, found - lawful, 0.0)
         if not missing.any():
             return slip, found
         at = np.flatnonzero(missing.any(axis=1))

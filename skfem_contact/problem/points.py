@@ -18,6 +18,7 @@ displacements this is an augmented Lagrangian.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +88,14 @@ class HeldRows:
         self.gives = conditions.gives
 
 
+class Unknowns(NamedTuple):
+    """Gaps and slips z, the forces p on them, and slips since the anchors of springs, all (q,)."""
+
+    z: Array
+    p: Array
+    since: Array
+
+
 @dataclass(eq=False)
 class PointSpace:
     r"""Gaps and slips as unknowns: ``S z = h + p`` with ``p = (lambda, -tau)``.
@@ -121,15 +130,15 @@ class PointSpace:
             self._chosen = rows, self._reduce(rows.closed, load)
         reduction = self._chosen[1]
         if reduction is None:
-            z, p = self.unknowns(conditions, load, self._key)
+            found = self.unknowns(conditions, load, self._key)
         else:
-            z, p = reduction.unknowns(conditions, load, rows)
-        response = self._response(conditions, load, rows, z, p)
+            found = reduction.unknowns(conditions, load, rows)
+        response = self._response(conditions, load, rows, found)
         self._last = response.gap
         return response
 
-    def unknowns(self, conditions: Conditions, load: Load, key: object = None) -> tuple[Array, Array]:
-        """Gaps and slips z, and the forces p on them, both (q,).
+    def unknowns(self, conditions: Conditions, load: Load, key: object = None) -> Unknowns:
+        """Gaps and slips, and the forces on them.
 
         `key`: the same, or equal, for conditions with the same matrix; by default their own.
         """
@@ -137,17 +146,22 @@ class PointSpace:
         z = np.zeros(len(self.S))
         z[rows.gaps] = -load.gap0[rows.closed]
         z[rows.slips] = (conditions.anchor - load.slip0)[rows.stick]
-        rhs = load.force - self.S.dot(z)  # of so few rows in half the time of @
-        # friction of what slides, as far as it follows from what is held
+        # friction of what slides, as far as it follows from what is held; springs begin at anchors
         known = conditions.offset
         if rows.gives:
-            known = known + np.einsum("ikl,il->ik", conditions.spring, load.slip0)
+            beyond = load.slip0 - conditions.anchor
+            z[rows.sliding] = -beyond[rows.slides]
+            given = np.where(rows.slides, 0.0, beyond)  # along tangents that supports prescribe
+            known = known + np.einsum("ikl,il->ik", conditions.spring, given)
+        rhs = load.force - self.S.dot(z)  # of so few rows in half the time of @
         rhs[rows.sliding] -= known[rows.slides]
         rhs[rows.rubbing] += rows.share * rhs[rows.pressing]
         if self._factor is None:
             self._factor = self._factorize(conditions, rows)
-        z[rows.free] = self._factor.solve(rhs[rows.free])
-        return z, self.S.dot(z) - load.force
+        since = np.zeros_like(z)
+        since[rows.free] = self._factor.solve(rhs[rows.free])
+        z[rows.free] += since[rows.free]
+        return Unknowns(z, self.S.dot(z) - load.force, since)
 
     def _held(self, conditions: Conditions, key: object) -> HeldRows:
         """The rows that conditions hold; of the last ones, if their matrix is the same."""
@@ -188,8 +202,9 @@ class PointSpace:
         return factorised(At.T, symmetric=not len(rows.rubbing) and conditions.even_springs)
 
     def _response(
-        self, conditions: Conditions, load: Load, rows: HeldRows, z: Array, p: Array
+        self, conditions: Conditions, load: Load, rows: HeldRows, found: Unknowns
     ) -> Response:
+        z, p, since = found
         moved = np.concatenate((z, NO_ROW))
         gap = load.gap0 + moved[self.normal_rows]
         gap[rows.closed] = 0.0
@@ -198,21 +213,16 @@ class PointSpace:
         normal_force[rows.closed] = p[rows.gaps]
         tangential[rows.stick] = -p[rows.slips]
         # with its part along a tangent whose slip supports prescribe, for which there is no row
-        friction = friction_force(conditions, slip, normal_force, rows.gives)
+        way = slip
+        if (
+            rows.gives
+        ):  # far stiffer than the points: slips in whole have lost the digits of what they give
+            way = slip - conditions.anchor
+            way[rows.slides] = since[rows.sliding]
+        friction = friction_force(conditions, way, normal_force, rows.gives)
         tangential[rows.rubs] = friction[rows.rubs]
-        if rows.gives:
-            self._from_equilibrium(conditions, rows, p, tangential)
         own = z if load.strained is None else z + load.strained
         return Response(gap, slip, normal_force, tangential, own)
-
-    def _from_equilibrium(
-        self, conditions: Conditions, rows: HeldRows, p: Array, tangential: Array
-    ) -> None:
-        """Forces of springs stiffer than the bodies: their lengths have lost digits that p has."""
-        point, along = np.nonzero(rows.slides)
-        row = rows.sliding
-        stiff = conditions.spring[point, along, along] > self.S[row, row]
-        tangential[point[stiff], along[stiff]] = -p[row[stiff]]
 
 
 class Reduction:
@@ -279,12 +289,12 @@ class Reduction:
         full[self.rest] = self._at_rest - self._follow.dot(z)
         return full
 
-    def unknowns(self, conditions: Conditions, load: Load, key: object) -> tuple[Array, Array]:
-        """Gaps and slips of all rows, and the forces on them, both (q,)."""
-        z, p = self.space.unknowns(conditions, self.load(load), key)
-        forces = np.zeros(len(self.rows) + len(self.rest))
-        forces[self.rows] = p
-        return self.expand(z, load), forces
+    def unknowns(self, conditions: Conditions, load: Load, key: object) -> Unknowns:
+        """Those of all rows."""
+        z, *others = self.space.unknowns(conditions, self.load(load), key)
+        forces, since = np.zeros((2, len(self.rows) + len(self.rest)))
+        forces[self.rows], since[self.rows] = others
+        return Unknowns(self.expand(z, load), forces, since)
 
 
 class PointsInSeries:

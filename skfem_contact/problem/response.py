@@ -26,7 +26,8 @@ class Conditions:
     r"""What holds at every point during one linear solve.
 
     A closed point has no gap. If it sticks, its slip is `anchor`; otherwise its friction force is
-    ``tau = offset + spring (s - 0) + coupling lambda``. An open point carries nothing.
+    ``tau = offset + spring (s - anchor) + coupling lambda``: springs may be far stiffer than points,
+    and what they give is then a small part of the slip. An open point carries nothing.
 
     Attributes
     ----------
@@ -167,10 +168,13 @@ class Source:
 
 
 def friction_force(
-    conditions: Conditions, slip: Array, normal_force: Array, gives: bool | None = None
+    conditions: Conditions, moved: Array, normal_force: Array, gives: bool | None = None
 ) -> Array:
-    """The linear friction law of the points that do not stick exactly; `gives` as of `conditions`."""
+    """The linear friction law of the points that do not stick exactly, moved from their anchors.
+
+    `gives` as of `conditions`.
+    """
     force = conditions.offset
     if conditions.gives if gives is None else gives:
-        force = force + np.einsum("ikl,il->ik", conditions.spring, slip)
+        force = force + np.einsum("ikl,il->ik", conditions.spring, moved)
     return force + conditions.coupling * normal_force[:, None]

@@ -96,7 +96,7 @@ class SparseSpace:
 
         slides = (conditions.closed & ~conditions.stick)[:, None]
         spring = np.where(slides[:, None], conditions.spring, 0.0)
-        known = np.einsum("ikl,il->ik", spring, load.slip0)
+        known = np.einsum("ikl,il->ik", spring, load.slip0 - conditions.anchor)
         offset = np.where(slides, conditions.offset, 0.0) + known
         f = load.force - kin.B_t.T @ offset.ravel() if offset.any() else load.force
         K = self.K + tangential_matrix(kin.B_t, spring) if spring.any() else self.K
@@ -165,7 +165,8 @@ class SparseSpace:
         tangential = np.zeros((m, t))
         tangential.ravel()[sticking] = -p[len(closed) :]
         slides = conditions.closed & ~conditions.stick & self.frictional
-        tangential[slides] = friction_force(conditions, slip, normal_force)[slides]
+        moved = slip - conditions.anchor
+        tangential[slides] = friction_force(conditions, moved, normal_force)[slides]
         return Response(gap, slip, normal_force, tangential, u)
 
 

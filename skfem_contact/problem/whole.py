@@ -213,6 +213,10 @@ class Layer:
     def __init__(self, part: WholeBody) -> None:
         K, columns = part.K, part.columns
         self.diagonal = K.diagonal()[columns]
+        # springs on anchors count where these touch: without them the layer would follow a rigid motion
+        springs = np.zeros(K.shape[0])
+        springs[part.anchors] = np.diag(part.springs) ** 2
+        K = csr_matrix(K + diags(springs))
         inside = np.zeros(K.shape[0])
         inside[columns] = 1.0
         for _ in range(LAYERS):

@@ -91,6 +91,63 @@ def test_many_points_on_a_held_tool(mu):
     assert result.iterations < 40
 
 
+def pushed_tool(mu, method, linear):
+    """A block, and a tool twice as fine that is held on its surface, pressed and pushed at once."""
+    way, across = judge.Way(), np.linspace(0, 1, 11)
+    half = np.linspace(0, 1, 6)
+    block = judge._body(judge._block(way, half, half, np.linspace(-0.5, 0, 4)), "block")
+    basis = judge._block(way, across, across, np.linspace(0, 0.2, 3))
+    x = np.zeros(basis.N)
+    x[basis.nodal_dofs[0]], x[basis.nodal_dofs[2]] = 0.004, -0.003
+    tool = sc.Body(basis, LAW, D="bottom", x=x, name="tool")
+    pair = tool.surface("bottom"), block.surface("top")
+    joint = sc.Contact(*pair, friction=sc.Coulomb(mu), method=method, name="joint")
+    return sc.ContactSolver([block, tool], joint, linear=linear)
+
+
+@pytest.mark.parametrize("method", ["mortar", "node"])
+@pytest.mark.parametrize("mu", [0.5, 0.8])
+def test_points_next_to_stuck_know_their_digits(mu, method):
+    """Springs across friction that hardly gives: a tool moved by far more than they do."""
+    found = [pushed_tool(mu, method, linear).solve() for linear in ("auto", sc.Direct())]
+    first, other = (result.forces for result in found)
+    assert_allclose(first, other, rtol=0, atol=1e-9 * np.abs(other).max())
+    assert all(result.iterations < 40 for result in found)
+
+
+def smooth_channel(route):
+    """A heavy block wedged between two walls, all without friction."""
+    basis = judge._block(
+        judge.Way(), np.linspace(0, 1, 5), np.linspace(0, 1, 3), np.linspace(0, 0.7, 3)
+    )
+    f = np.zeros(basis.N)
+    f[basis.nodal_dofs[2]] = -0.1
+    body = sc.Body(basis, LAW, f=f, name="block")
+    places = {"left": (0.0, 0, 1.0), "right": (1.0, 0, -1.0), "bottom": (0.0, 2, 1.0)}
+    contacts = [
+        sc.Contact(
+            body.surface(side),
+            sc.RigidPlane(at * np.eye(3)[k], way * np.eye(3)[k], name=side),
+            interference=1e-3 if k == 0 else 0.0,
+            name=side,
+        )
+        for side, (at, k, way) in places.items()
+    ]
+    return sc.ContactSolver(body, contacts, **judge.BY_ROUTE[route])
+
+
+def test_a_smooth_channel_leaves_a_block_loose():
+    """All its nodes touch, those that springs hold as well: nothing is along the channel."""
+    results = []
+    for route in judge.BY_ROUTE:
+        with pytest.warns(sc.ContactWarning, match="translation along y"):
+            results.append(smooth_channel(route).solve())
+        assert results[-1].certificate.worst < 1e-11
+        for found, expected in zip(results[-1], results[0], strict=True):
+            at = 1e-9 * expected.normal_force.max()
+            assert_allclose(found.normal_force, expected.normal_force, rtol=0, atol=at)
+
+
 def corner(mu, seed, order, linear="auto", loads=(-1.0, -1.3, -2.0)):
     """A block in a corner of three planes, pushed into it by three unlike loads."""
     l = np.linspace(0, 1, 5)
@@ -256,6 +313,40 @@ def test_points_that_can_not_all_be_closed_are_named(linear, mu):
     ]
     with pytest.raises(sc.ConstraintError, match=r"contradict each other: point . of block/bottom on"):
         sc.ContactSolver(body, contacts, linear=linear).solve()
+
+
+def test_a_node_between_a_wall_that_leans_and_the_floor_jams():
+    """Where two angles of friction reach over it: forces on the node would grow without end.
+
+    Pushed along the floor by the overlap with the wall it slips on both, as long as the wall pushes
+    more than floor and wall hold back: ``cos a (1 - mu^2) > 2 mu sin a``.
+    """
+    lean = 0.1
+    most = np.tan(np.pi / 4 - lean / 2)
+    mesh = judge._block(judge.Way(), np.linspace(0, 1, 5), np.linspace(0, 0.7, 4)).mesh
+    p = mesh.p.copy()
+    p[0] -= 2 * np.tan(lean) * p[1] * (p[0] - 0.5)
+    basis = fem.Basis(replace(mesh, doflocs=p), fem.ElementVector(fem.ElementQuad1()), intorder=3)
+    walls = {"left": (0.0, 1), "right": (1.0, -1), "bottom": (0.0, 0)}
+    body = sc.Body(basis, LAW, name="block")
+
+    def solver(mu):
+        contacts = []
+        for side, (x, way) in walls.items():
+            normal = (way * np.cos(lean), -np.sin(lean)) if way else (0.0, 1.0)
+            plane = sc.RigidPlane((x, 0.0), normal, name=side)
+            deep = 1e-3 if way else 0.0
+            law = sc.Coulomb(mu)
+            contacts.append(
+                sc.Contact(body.surface(side), plane, friction=law, interference=deep, name=side)
+            )
+        return sc.ContactSolver(body, contacts)
+
+    result = solver(0.99 * most).solve()
+    assert result.certificate.worst < 1e-9
+    with pytest.raises(sc.NotConverged, match="these grow without end") as error:
+        solver(1.01 * most).solve()
+    assert len(error.value.result.trace) < 400
 
 
 @pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["auto", "direct"])
