@@ -219,14 +219,14 @@ def _spreads(surface: ContactSurface) -> Array:
     """
     c = surface.kind.corners
     own, middle = surface.own_normals, surface.facet_normals
-    angle = _angles(np.einsum("fkd,fd->fk", own, middle))
+    angle = _angles(dot(own, middle[:, None]))
     turn = angle.max(axis=1) * (1.0 + BULGE if surface.quadratic else 1.0)
     # round each corner: the averaged normal, and how far that of any facet is from it
     mean, corners = surface.facet_node_normals[:, :c], surface.facets[:, :c]
-    off = _angles(np.einsum("fkd,fkd->fk", own[:, :c], mean))
+    off = _angles(dot(own[:, :c], mean))
     around = np.zeros(len(surface.points))
     np.maximum.at(around, corners, off)
-    smooth = _angles(np.einsum("fkd,fd->fk", mean, middle)) + around[corners]
+    smooth = _angles(dot(mean, middle[:, None])) + around[corners]
     reach = np.where(surface.sharp_points[corners], angle[:, :c] + 0.25 * np.pi, smooth)
     return np.minimum(np.maximum(turn, reach.max(axis=1)), np.pi)
 
@@ -245,7 +245,7 @@ def _turns(one: Array, other: Array) -> Array:
 
 
 def _angles(cosine: Array) -> Array:
-    return np.arccos(np.clip(cosine, -1.0, 1.0))
+    return np.asarray(np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0)))
 
 
 def _merge(axis: Array, spread: Array, other: Array, other_spread: Array) -> tuple[Array, Array]:
