@@ -21,14 +21,11 @@ from scipy.sparse.linalg import splu
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.bodies.system import stack
+from skfem_contact import AMG, Direct, Kinematics, stack
 from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
-from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.conditions.state import OPEN
-from skfem_contact.linalg.amg import AMG
-from skfem_contact.linalg.direct import Direct
 from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.driver import drive
 from skfem_contact.loops.starts import admissible, natural_state, possible_starts, starting_values

@@ -12,7 +12,7 @@ import skfem as fem
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
-from skfem_contact.bodies.body import Body
+from skfem_contact import Body
 from skfem_contact.bodies.selection import mesh_edges
 
 #: Kind of the faces, linear mesh, mesh with middle nodes, element.

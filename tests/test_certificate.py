@@ -17,8 +17,9 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
+from skfem_contact import Certificate
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.certificate import Certificate, certify
+from skfem_contact.answers.certificate import certify
 
 # Answers are exact to round-off of the condition number of bodies of some hundred DOFs.
 SOLVED = 1e-11

@@ -16,9 +16,9 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact import InputError
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind, kind_of
 from skfem_contact.bodies.inputs import SUPPORTED
-from skfem_contact.errors import InputError
 from skfem_contact.output.grids import contact_grid
 from skfem_contact.output.vtu import vtk_numbers
 

@@ -15,12 +15,11 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact import Coulomb, Options
+from skfem_contact import Coulomb, Options, Record, SingularMatrix
 from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.active_set import BlockPivoting, direct, fictitious, newton
 from skfem_contact.loops.complementarity import (
     disagreement,
@@ -33,7 +32,7 @@ from skfem_contact.loops.driver import Stagnation, drive
 from skfem_contact.loops.multipliers import _lost
 from skfem_contact.loops.pulled import At, _go
 from skfem_contact.loops.starts import natural_state
-from skfem_contact.loops.step import Guess, Record, Step
+from skfem_contact.loops.step import Guess, Step
 from skfem_contact.loops.tangent import _by, linear_conditions, stabilise
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response

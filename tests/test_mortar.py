@@ -15,10 +15,9 @@ from quick_elasticity import linear_elasticity
 from scipy.sparse import csr_matrix
 from skfem.models.elasticity import lame_parameters
 
-from skfem_contact.bodies.body import Body
+from skfem_contact import Body, InputError
 from skfem_contact.bodies.facet_kinds import kind_of
 from skfem_contact.conditions.discretisation import carriers
-from skfem_contact.errors import InputError
 from skfem_contact.pairing import dual
 from skfem_contact.pairing.dual import DualBasis, dual_basis
 from skfem_contact.pairing.mortar import dual_mortar

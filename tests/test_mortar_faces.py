@@ -13,14 +13,12 @@ from quick_elasticity import linear_elasticity
 from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, at, body, cube, onto_octant, shuffled
 
-from skfem_contact.bodies.body import Body
+from skfem_contact import Body, Contact, InputError
 from skfem_contact.bodies.facet_kinds import KINDS as FACETS
 from skfem_contact.bodies.kinks import kink_angles
 from skfem_contact.bodies.normals import angle_between
 from skfem_contact.bodies.selection import mesh_edges
-from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.discretisation import pair
-from skfem_contact.errors import InputError
 from skfem_contact.pairing.dual import dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.faces.clipping import clip, signed_areas
 from skfem_contact.pairing.faces.segmentation import segment

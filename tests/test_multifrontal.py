@@ -18,7 +18,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay
 from skfem.models.elasticity import lame_parameters
 
-from skfem_contact.errors import InputError
+from skfem_contact import InputError
 from skfem_contact.linalg.multifrontal import factor as factor_module
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 from skfem_contact.linalg.multifrontal.fronts import Leftovers, analyse, factor_size, find_runs

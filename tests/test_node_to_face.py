@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, at, body, cube, elastic, onto_ball, shuffled
 
 import skfem_contact as sc
+from skfem_contact import ContactSurface
 from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.faces.closest import closest_faces
 from skfem_contact.pairing.faces.joints import rim_points
 from skfem_contact.pairing.faces.node import node_to_face

@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
-from skfem_contact.bodies.body import Body
+from skfem_contact import Body, InputError
 from skfem_contact.bodies.facets import facet_shapes
 from skfem_contact.bodies.projection import project
-from skfem_contact.errors import InputError
 from skfem_contact.pairing.corners import corner_contacts, unselected_sides
 from skfem_contact.pairing.diagnosis import diagnose
 from skfem_contact.pairing.faces.node import node_to_face

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from solid_meshes import KINDS, at, cube, elastic
 
 import skfem_contact as sc
-from skfem_contact.errors import InputError
+from skfem_contact import InputError
 from skfem_contact.output.solids import draw_contact
 
 matplotlib = pytest.importorskip("matplotlib")

@@ -7,9 +7,8 @@ import pytest
 import scipy.sparse as sp
 import skfem as fem
 
-from skfem_contact.bodies.body import Body
+from skfem_contact import Body, InputError
 from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.errors import InputError
 
 
 def body(mesh, element=None, **options):

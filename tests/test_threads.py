@@ -23,10 +23,10 @@ from skfem.models.elasticity import lame_parameters
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import skfem_contact as sc
+from skfem_contact import Direct
 from skfem_contact.answers import result as results_module
 from skfem_contact.linalg import dense_factors
 from skfem_contact.linalg.dense_factors import lu
-from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.once import Lock, once
 from skfem_contact.problem import points

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from solid_meshes import KINDS, at, cube, elastic, in_tetrahedra, octant_shell, onto_ball, shuffled
 
 import skfem_contact as sc
-from skfem_contact.errors import InputError
+from skfem_contact import InputError
 from skfem_contact.reference import hertz_point
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
