@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tracemalloc
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -215,7 +216,7 @@ def test_rows_that_depend_on_each_other(make, mu, monkeypatch):
     if make is chain:
         with pytest.raises(sc.InputError, match="pair the same facets, the one from one side"):
             make(mu=mu)
-        monkeypatch.setattr("skfem_contact.history.problem_setup.check_passes", lambda *_: None)
+        internals.replace(monkeypatch, "conditions.check_passes", lambda *_: None)
     dense, sparse = make(mu=mu), make(mu=mu, linear=sc.Direct())
     problems = [solver.linear_model.problem_on(None, None) for solver in (dense, sparse)]
     assert isinstance(problems[0], PointProblem) and problems[0].springs is not None
@@ -293,8 +294,8 @@ def test_dense_matrices_take_no_more_memory_than_said(floating, monkeypatch):
         gap=lambda x: 2e-3 * (x[0] - 0.9) ** 2,  # closed, open, sticking and slipping points
     )
     usual = sc.ContactSolver([low, up], [contact]).solve()
-    monkeypatch.setattr("skfem_contact.problem.thresholds.KEPT_BESIDE", 0)
-    monkeypatch.setattr("skfem_contact.linalg.thresholds.ROWS_AT_ONCE", 50)
+    internals.replace(monkeypatch, "problem.KEPT_BESIDE", 0)
+    internals.replace(monkeypatch, "linalg.ROWS_AT_ONCE", 50)
     solver = sc.ContactSolver([low, up], [contact])
     tracemalloc.start()
     kept = [len(part.S) for part in solver.model.substructures]

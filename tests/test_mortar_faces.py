@@ -11,13 +11,12 @@ import skfem as fem
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 from scipy.spatial.transform import Rotation
-from solid_meshes import KINDS, at, body, cube, onto_octant, shuffled
+from solid_meshes import KINDS, as_eight_nodes, at, body, cube, onto_octant, shuffled
 
 from skfem_contact import Body, Contact, InputError
 from skfem_contact.bodies.facet_kinds import KINDS as FACETS
 from skfem_contact.bodies.kinks import kink_angles
 from skfem_contact.bodies.normals import angle_between
-from skfem_contact.bodies.selection import mesh_edges
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.pairing.dual import dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.faces.clipping import clip, signed_areas
@@ -60,11 +59,7 @@ def block(kind, x, y, z, *, moved=None, place=None, seed=None, **options):
 def placed(mesh, kind, place):
     """The mesh with its nodes mapped; of eight-node faces the middles are where those have them."""
     p = np.ascontiguousarray(place(mesh.doflocs))
-    if kind == "quad8":
-        edges = mesh_edges(mesh, mesh.facets, np.roll(mesh.facets, -1, axis=0))
-        middles = p[:, mesh.dofs.edge_dofs[0, edges]].sum(axis=1)
-        p[:, mesh.dofs.facet_dofs[0]] = 0.5 * middles - 0.25 * p[:, mesh.facets].sum(axis=1)
-    return type(mesh)(p, mesh.t)
+    return type(mesh)(as_eight_nodes(mesh, p) if kind == "quad8" else p, mesh.t)
 
 
 def turned(x):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+import internals
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -22,8 +23,9 @@ from skfem_contact.pairing.diagnosis import diagnose
 from skfem_contact.pairing.faces.node import node_to_face
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import node_to_segment
-from skfem_contact.pairing.thresholds import COINCIDENT, FACING
 from skfem_contact.pairing.vertices import Corners
+
+FACING, COINCIDENT = internals.original("pairing.FACING"), internals.original("pairing.COINCIDENT")
 
 
 def body(mesh, element=None, name=None):
@@ -154,7 +156,7 @@ def test_search_may_begin_at_any_level_of_the_tree(few, monkeypatch):
     floor = block(60, -2.0, 3.0, 0.0, 1.0).surface("top")
     expected = node_to_segment(disc, floor), dual_mortar(disc, floor)
     assert expected[0].paired.sum() > 20
-    monkeypatch.setattr("skfem_contact.pairing.search.FEW_PAIRS", few)
+    internals.replace(monkeypatch, "pairing.FEW_PAIRS", few)
     found = node_to_segment(disc, floor), dual_mortar(disc, floor)
     for pairing, usual in zip(found, expected, strict=True):
         assert np.array_equal(pairing.facet, usual.facet)

@@ -11,7 +11,6 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.certificate import certify
 
 
 def block(f=None, K=None, **given):
@@ -47,7 +46,7 @@ def numbers(result):
     return [
         *kept,
         answer_of(result).recover(),
-        certify(answer_of(result)).worst,
+        sc.ContactResult(answer_of(result)).certificate.worst,
         result.dissipation,
     ]
 

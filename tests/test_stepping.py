@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -14,9 +15,7 @@ from skfem.models.elasticity import lame_parameters
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.conditions.state import SLIP, STICK
-from skfem_contact.history import stepper, stepping
 from skfem_contact.history.stepping import Bisection, grown
-from skfem_contact.loops import starts
 from skfem_contact.loops.starts import as_guess
 
 
@@ -41,8 +40,9 @@ def failing(monkeypatch, refuses):
 
     The proximal point, which iterates by itself, is none of them.
     """
-    real, count = stepper.drive, [0]
-    monkeypatch.setattr(starts, "STARTS", [s for s in starts.STARTS if s != "proximal"])
+    real, count = internals.original("loops.drive"), [0]
+    starts = [start for start in internals.original("loops.STARTS") if start != "proximal"]
+    internals.replace(monkeypatch, "loops.STARTS", starts)
 
     def drive(*arguments):
         outcome = real(*arguments)
@@ -51,7 +51,7 @@ def failing(monkeypatch, refuses):
             return replace(outcome, converged=False, message="refused by the test")
         return outcome
 
-    monkeypatch.setattr(stepper, "drive", drive)
+    internals.replace(monkeypatch, "loops.drive", drive)
     return count
 
 
@@ -88,13 +88,13 @@ def test_cutting_ends(monkeypatch):
     solver, _ = scene("finite", options=sc.Options(max_cuts=2))
     with pytest.raises(sc.NotConverged, match=r"refused by the test, step cut 2 times"):
         solver.solve()
-    assert count[0] <= 3 * len(starts.STARTS)
+    assert count[0] <= 3 * len(internals.original("loops.STARTS"))
 
 
 def test_points_that_snap_end_a_step(monkeypatch):
     """Where points slide too far from some place on, however small the step, parts of it are not cut to
     the round-off of their sum: every part up to there succeeds and begins the count of cuts anew."""
-    real, snap, shares = stepping.attempted, 0.6875, []
+    real, snap, shares = internals.original("history.attempted"), 0.6875, []
 
     def attempted(by, part, start):
         attempt = real(by, part, start)
@@ -102,7 +102,7 @@ def test_points_that_snap_end_a_step(monkeypatch):
         done = part.target.x[np.argmax(np.abs(part.target.x))] / 0.01
         return attempt if abs(done) < snap else replace(attempt, failure="snaps", travel=2.24)
 
-    monkeypatch.setattr(stepping, "attempted", attempted)
+    internals.replace(monkeypatch, "history.attempted", attempted)
     with pytest.raises(sc.NotConverged, match="snaps"):
         list(scene()[0].history([1.0]))
     assert 1e-10 < min(shares) < 2e-9 and len(shares) < 100
