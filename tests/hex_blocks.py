@@ -22,18 +22,17 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact import AMG, Direct, Kinematics, stack
-from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.motions import rigid_motions
-from skfem_contact.conditions.state import OPEN
-from skfem_contact.loops.active_set import LOOPS
-from skfem_contact.loops.driver import drive
-from skfem_contact.loops.starts import admissible, natural_state, possible_starts, starting_values
-from skfem_contact.loops.step import Step
-from skfem_contact.problem.condensed import Condensed
-from skfem_contact.problem.full import FullSystem
-from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
-from skfem_contact.problem.seam import PosedOn
+from skfem_contact.conditions import OPEN, CheckedLaw, FrictionRule, LoadCase, rigid_motions
+from skfem_contact.loops import (
+    LOOPS,
+    Step,
+    admissible,
+    drive,
+    natural_state,
+    possible_starts,
+    starting_values,
+)
+from skfem_contact.problem import Condensed, FullSystem, IteratedBodies, MultigridBodies, PosedOn
 
 
 @dataclass(frozen=True)

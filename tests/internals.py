@@ -32,6 +32,11 @@ def original(where: str) -> Any:
     return reduce(getattr, attributes, vars(modules_with(package, name)[0])[name])
 
 
+def beside(known: Any, name: str) -> Any:
+    """A private function that stands beside another one, in whatever module that is."""
+    return vars(sys.modules[known.__module__])[name]
+
+
 def replace(monkeypatch: pytest.MonkeyPatch, where: str, value: Any) -> None:
     """Another number, function or attribute of a class in its place, until the test ends."""
     package, name, *attributes = where.split(".")

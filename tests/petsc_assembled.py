@@ -28,10 +28,10 @@ from scipy.sparse import block_diag, csr_matrix, diags, identity, vstack
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact.linalg.distributed import StackedStiffness, csr_of, reduced
 from skfem_contact.linalg.distributed.ranks import ranks
-from skfem_contact.linalg.distributed.reduction import _order, reduced
-from skfem_contact.linalg.distributed.stack import csr_of
-from skfem_contact.linalg.distributed.stacked import StackedStiffness
+
+_order = internals.beside(reduced, "_order")
 
 
 def own_rows(own: Any, given: tuple[int], parts: list[Any]) -> list[Any]:

@@ -14,7 +14,7 @@ from skfem.helpers import ddot, dot, grad, sym_grad
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.bodies.assembly import assembled
+from skfem_contact.bodies import assembled
 
 #: Mesh, mesh with nodes between the vertices, element, degree that integrates a straight element.
 ELEMENTS = {

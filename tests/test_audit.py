@@ -17,7 +17,7 @@ from quick_elasticity import linear_elasticity
 from scipy.sparse import csr_matrix
 
 import skfem_contact as sc
-from skfem_contact.problem.full import FullSystem
+from skfem_contact.problem import FullSystem
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))

@@ -18,7 +18,7 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact import Certificate
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 
 # Answers are exact to round-off of the condition number of bodies of some hundred DOFs.
 SOLVED = 1e-11

@@ -13,7 +13,7 @@ from solid_meshes import at, cube, elastic
 
 import skfem_contact as sc
 from skfem_contact import Certificate
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 
 # As in `test_certificate`: round-off of bodies of some hundred DOFs, and what a tenth of a force is.
 SOLVED = 1e-11

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.conditions.friction_rule import CheckedLaw
+from skfem_contact.conditions import CheckedLaw
 
 LOOPS = ["newton", "direct", "fictitious"]
 

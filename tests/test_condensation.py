@@ -14,13 +14,9 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.conditions.state import OPEN, STICK
-from skfem_contact.problem.condensed import PointProblem
-from skfem_contact.problem.full import FullProblem
-from skfem_contact.problem.iterated import IteratedProblem
-from skfem_contact.problem.response import Conditions
-from skfem_contact.problem.substructure import Substructure
+from skfem_contact.answers import answer_of
+from skfem_contact.conditions import OPEN, STICK
+from skfem_contact.problem import Conditions, FullProblem, IteratedProblem, PointProblem, Substructure
 
 MESH = {"Q1": (fem.MeshQuad, fem.ElementQuad1), "P1": (fem.MeshTri, fem.ElementTriP1)}
 

@@ -8,7 +8,7 @@ import skfem as fem
 from scipy.spatial.transform import Rotation
 from solid_meshes import body
 
-from skfem_contact.pairing.faces.edges import Edges, crossings, sharp_edges_of
+from skfem_contact.pairing import Edges, crossings, sharp_edges_of
 
 
 def ridge(normals, ends, room=1.0):

@@ -17,8 +17,7 @@ from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact import InputError
-from skfem_contact.bodies.facet_kinds import KINDS, FacetKind, kind_of
-from skfem_contact.bodies.inputs import SUPPORTED
+from skfem_contact.bodies import KINDS, SUPPORTED, FacetKind, kind_of
 
 TET = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3), (0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)]
 TRI = [(0, 1), (1, 2), (0, 2), (0, 1, 2)]

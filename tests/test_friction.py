@@ -16,9 +16,7 @@ from scipy.sparse import csr_matrix
 
 import skfem_contact as sc
 from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
-from skfem_contact.conditions.friction import Derivatives, radial_return
-from skfem_contact.conditions.friction_rule import unlawful
-from skfem_contact.conditions.rows import tangential_matrix
+from skfem_contact.conditions import Derivatives, radial_return, tangential_matrix, unlawful
 
 size = st.floats(0.0, 1e3)
 

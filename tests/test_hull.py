@@ -6,7 +6,7 @@ import internals
 import numpy as np
 import pytest
 
-from skfem_contact.answers.validity.deformed_boundaries import Boundary
+from skfem_contact.answers import Boundary
 
 RAY, ACROSS = internals.original("answers.RAY"), internals.original("answers.ACROSS")
 

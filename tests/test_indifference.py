@@ -13,9 +13,9 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.conditions.statics import escape
-from skfem_contact.history.neutral_equilibrium import nearest
+from skfem_contact.answers import answer_of
+from skfem_contact.conditions import escape
+from skfem_contact.history import nearest
 
 FLOOR = sc.RigidPlane((0, 0), (0, 1), name="floor")
 LINEAR = {"auto": "auto", "sparse": sc.Direct()}

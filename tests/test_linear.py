@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import internals
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -16,10 +17,17 @@ from skfem.utils import solver_direct_scipy, solver_iter_pcg
 from threadpoolctl import threadpool_info
 
 from skfem_contact import AMG, ContactError, Direct, InputError, LinearSolveError, SingularMatrix
-from skfem_contact.linalg.amg import conjugate_gradients, hierarchy
-from skfem_contact.linalg.backend import Backend
-from skfem_contact.linalg.direct import Dense, FromSolver, as_linear_solver
-from skfem_contact.linalg.resources import _blas, single_threaded
+from skfem_contact.linalg import (
+    Backend,
+    Dense,
+    FromSolver,
+    as_linear_solver,
+    conjugate_gradients,
+    hierarchy,
+    single_threaded,
+)
+
+_blas = internals.original("linalg._blas")
 
 
 def modes_of(points: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import islice
 from types import SimpleNamespace
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -16,26 +17,32 @@ from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact import Coulomb, Options, Record, SingularMatrix
-from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
-from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.loops.active_set import BlockPivoting, direct, fictitious, newton
-from skfem_contact.loops.complementarity import (
+from skfem_contact.conditions import OPEN, SLIP, STICK, CheckedLaw, FrictionRule, RigidMotions
+from skfem_contact.linalg import Anderson
+from skfem_contact.loops import (
+    At,
+    BlockPivoting,
+    Guess,
+    Stagnation,
+    Step,
+    direct,
     disagreement,
+    drive,
+    fictitious,
     friction_of_prescribed_slip,
     law_residual,
+    linear_conditions,
+    natural_state,
+    newton,
     propose,
+    stabilise,
     violations,
 )
-from skfem_contact.loops.driver import Stagnation, drive
-from skfem_contact.loops.multipliers import _lost
-from skfem_contact.loops.pulled import At, _go
-from skfem_contact.loops.starts import natural_state
-from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.tangent import _by, linear_conditions, stabilise
-from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load, Resistance, Response
+from skfem_contact.problem import Conditions, Load, PointSpace, Resistance, Response
+
+_by = internals.original("loops._by")
+_go = internals.original("loops._go")
+_lost = internals.original("loops._lost")
 
 LOOPS = {"newton": newton, "direct": direct, "fictitious": fictitious}
 K_N, K_T, MU = 4.0, 3.0, 0.5

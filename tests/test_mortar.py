@@ -17,10 +17,9 @@ from scipy.sparse import csr_matrix
 from skfem.models.elasticity import lame_parameters
 
 from skfem_contact import Body, InputError
-from skfem_contact.bodies.facet_kinds import kind_of
-from skfem_contact.conditions.discretisation import carriers
-from skfem_contact.pairing.dual import DualBasis, dual_basis
-from skfem_contact.pairing.mortar import dual_mortar
+from skfem_contact.bodies import kind_of
+from skfem_contact.conditions import carriers
+from skfem_contact.pairing import DualBasis, dual_basis, dual_mortar
 
 ELEMENTS = {
     "P1": fem.ElementTriP1,

@@ -14,16 +14,20 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, as_eight_nodes, at, body, cube, onto_octant, shuffled
 
 from skfem_contact import Body, Contact, InputError
-from skfem_contact.bodies.facet_kinds import KINDS as FACETS
-from skfem_contact.bodies.kinks import kink_angles
-from skfem_contact.bodies.normals import angle_between
-from skfem_contact.conditions.discretisation import pair
-from skfem_contact.pairing.dual import dual_basis, node_rows, positive_functions
-from skfem_contact.pairing.faces.clipping import clip, signed_areas
-from skfem_contact.pairing.faces.segmentation import segment
-from skfem_contact.pairing.kinks import least_gaps
-from skfem_contact.pairing.moments import whole_shares
-from skfem_contact.pairing.mortar import dual_mortar
+from skfem_contact.bodies import KINDS as FACETS
+from skfem_contact.bodies import angle_between, kink_angles
+from skfem_contact.conditions import pair
+from skfem_contact.pairing import (
+    clip,
+    dual_basis,
+    dual_mortar,
+    least_gaps,
+    node_rows,
+    positive_functions,
+    segment,
+    signed_areas,
+    whole_shares,
+)
 
 ROUND_OFF = 1e-12  # of sums of hundreds of numbers of the order of one
 FACES = [name for name, kind in FACETS.items() if kind.dim == 2]

@@ -20,10 +20,17 @@ from scipy.spatial import Delaunay
 from skfem.models.elasticity import lame_parameters
 
 from skfem_contact import InputError
-from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-from skfem_contact.linalg.multifrontal.fronts import analyse, factor_size, find_runs
-from skfem_contact.linalg.multifrontal.ordering import _halves, dissect, dissection_order
-from skfem_contact.linalg.singular import NotPositiveDefinite
+from skfem_contact.linalg import (
+    MultifrontalCholesky,
+    NotPositiveDefinite,
+    analyse,
+    dissect,
+    dissection_order,
+    factor_size,
+    find_runs,
+)
+
+_halves = internals.original("linalg._halves")
 
 
 def irregular(dim: int) -> fem.Mesh:

@@ -12,14 +12,18 @@ from solid_meshes import KINDS, at, body, cube, elastic, onto_ball, shuffled
 
 import skfem_contact as sc
 from skfem_contact import ContactSurface
-from skfem_contact.bodies.normals import tangents
-from skfem_contact.pairing.faces.closest import closest_faces
-from skfem_contact.pairing.faces.joints import rim_points
-from skfem_contact.pairing.faces.node import node_to_face
-from skfem_contact.pairing.faces.projection import interpolated_normals, project
-from skfem_contact.pairing.faces.rollers import along_supports
-from skfem_contact.pairing.faces.search import FaceTree, closest_candidates
-from skfem_contact.pairing.faces.unseen import unseen_overlaps
+from skfem_contact.bodies import tangents
+from skfem_contact.pairing import (
+    FaceTree,
+    along_supports,
+    closest_candidates,
+    closest_faces,
+    interpolated_normals,
+    node_to_face,
+    project,
+    rim_points,
+    unseen_overlaps,
+)
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 

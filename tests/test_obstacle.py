@@ -8,7 +8,7 @@ import scipy.sparse as sp
 import skfem as fem
 
 from skfem_contact import Body, InputError, LevelSet, RigidCylinder, RigidPlane, RigidSphere
-from skfem_contact.pairing.diagnosis import diagnose
+from skfem_contact.pairing import diagnose
 
 
 def surface(mesh, where=None, name="disc"):

@@ -16,14 +16,16 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
 from skfem_contact import Body, InputError
-from skfem_contact.bodies.facets import facet_shapes
-from skfem_contact.bodies.projection import project
-from skfem_contact.pairing.corners import corner_contacts, unselected_sides
-from skfem_contact.pairing.diagnosis import diagnose
-from skfem_contact.pairing.faces.node import node_to_face
-from skfem_contact.pairing.mortar import dual_mortar
-from skfem_contact.pairing.node import node_to_segment
-from skfem_contact.pairing.vertices import Corners
+from skfem_contact.bodies import facet_shapes, project
+from skfem_contact.pairing import (
+    Corners,
+    corner_contacts,
+    diagnose,
+    dual_mortar,
+    node_to_face,
+    node_to_segment,
+    unselected_sides,
+)
 
 FACING, COINCIDENT = internals.original("pairing.FACING"), internals.original("pairing.COINCIDENT")
 

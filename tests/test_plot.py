@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.output.drawing import arc_length
+from skfem_contact.output import arc_length
 
 matplotlib = pytest.importorskip("matplotlib")
 matplotlib.use("Agg")

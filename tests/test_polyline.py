@@ -13,8 +13,8 @@ from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.answers.validity.deformed_boundaries import Boundary
-from skfem_contact.pairing.node import node_to_segment
+from skfem_contact.answers import Boundary
+from skfem_contact.pairing import node_to_segment
 
 
 def block(x0=-1.0, x1=1.0, y0=-1.0, y1=0.0, n=20, E=1.0, **given):

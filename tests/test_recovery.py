@@ -13,8 +13,8 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.history.load_step import recover_all
+from skfem_contact.answers import answer_of
+from skfem_contact.history import recover_all
 
 
 def block(nx, **given):

@@ -10,10 +10,8 @@ from numpy.testing import assert_allclose
 from scipy.sparse import csr_matrix
 
 from skfem_contact import Direct, SingularMatrix
-from skfem_contact.linalg.dense_factors import factorised
-from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load
-from skfem_contact.problem.sparse import SparseSpace
+from skfem_contact.linalg import factorised
+from skfem_contact.problem import Conditions, Load, PointSpace, SparseSpace
 
 
 class Problem:

@@ -13,10 +13,10 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.conditions.state import SLIP, STICK
-from skfem_contact.history.stepping import Bisection, grown
-from skfem_contact.loops.starts import as_guess
+from skfem_contact.answers import answer_of
+from skfem_contact.conditions import SLIP, STICK
+from skfem_contact.history import Bisection, grown
+from skfem_contact.loops import as_guess
 
 
 def scene(sliding="small", **settings):

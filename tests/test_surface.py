@@ -8,7 +8,7 @@ import scipy.sparse as sp
 import skfem as fem
 
 from skfem_contact import Body, InputError
-from skfem_contact.bodies.facets import facet_shapes
+from skfem_contact.bodies import facet_shapes
 
 
 def body(mesh, element=None, **options):

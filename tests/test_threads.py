@@ -26,11 +26,9 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import skfem_contact as sc
 from skfem_contact import Direct
-from skfem_contact.linalg.dense_factors import lu
-from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.linalg import lu, single_threaded
 from skfem_contact.once import Lock, once
-from skfem_contact.problem.seam import Workspace
-from skfem_contact.problem.substructure import Substructure
+from skfem_contact.problem import Substructure, Workspace
 
 THREADS = 8
 LOADS = 96

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.conditions.loads import Motion
-from skfem_contact.obstacles.motion import read_motion
-from skfem_contact.output.tools import Tool
+from skfem_contact.conditions import Motion
+from skfem_contact.obstacles import read_motion
+from skfem_contact.output import Tool
 
 LOW, HIGH = np.array([-1.0, -1.0, -1.0]), np.array([1.0, 1.0, 1.0])
 WEDGE = [(0, 0), (1, 2), (-1, 2)]
@@ -139,7 +139,7 @@ def test_functions_without_values_somewhere_are_drawn_where_they_have_some() -> 
 def test_an_obstacle_of_unknown_shape_is_said_not_to_be_drawn() -> None:
     """Nothing is drawn of it, nothing is written, and the picture says so."""
     pytest.importorskip("matplotlib").use("Agg")
-    from skfem_contact.obstacles.obstacle import Obstacle
+    from skfem_contact.obstacles import Obstacle
 
     class Own(Obstacle):
         name = "own"

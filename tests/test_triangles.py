@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS
 
 import skfem_contact as sc
-from skfem_contact.bodies.bare import bare_surface
-from skfem_contact.pairing.faces.node import node_to_face
+from skfem_contact.bodies import bare_surface
+from skfem_contact.pairing import node_to_face
 
 TIP = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
 SIDES = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]

@@ -15,10 +15,8 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.validity.deformed_boundaries import Boundary, boundary
-from skfem_contact.answers.validity.track import Rim, Track, curvatures, node_lengths
-from skfem_contact.conditions.discretisation import pair
+from skfem_contact.answers import Boundary, Rim, Track, answer_of, boundary, curvatures, node_lengths
+from skfem_contact.conditions import pair
 
 QUAD = fem.ElementVector(fem.ElementQuad1())
 E = 1e3

@@ -15,11 +15,8 @@ from skfem.models.elasticity import lame_parameters
 from solid_meshes import KINDS, at, body, cube, elastic, onto_ball
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.validity.deformed_boundaries import boundary
-from skfem_contact.answers.validity.support import Support
-from skfem_contact.answers.validity.track import Rim, Track, curvatures
-from skfem_contact.conditions.discretisation import pair
+from skfem_contact.answers import Rim, Support, Track, answer_of, boundary, curvatures
+from skfem_contact.conditions import pair
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 

@@ -12,3 +12,19 @@
   `identity`: what a stored state belongs to;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "discretisation": "carriers pair",
+        "friction": "Derivatives radial_return",
+        "friction_rule": "CheckedLaw FrictionRule steep_words unlawful",
+        "loads": "LoadCase Motion",
+        "motions": "RigidMotions null_space rigid_motions",
+        "rows": "combinations combined_rows duals tangential_matrix",
+        "state": "LocalState OPEN SLIP STICK transport",
+        "statics": "escape",
+    },
+)

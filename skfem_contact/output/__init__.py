@@ -9,3 +9,14 @@
 * `scene`: pictures in space with PyVista;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "drawing": "arc_length",
+        "solids": "draw_contact",
+        "tools": "Tool",
+    },
+)

@@ -13,3 +13,31 @@
 * `faces`: what is different for faces of solids;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "compliances": "plane_moduli",
+        "corners": "corner_contacts unselected_sides",
+        "diagnosis": "diagnose",
+        "dual": "DualBasis dual_basis node_rows positive_functions",
+        "faces.clipping": "Polygons clip signed_areas",
+        "faces.closest": "closest_faces",
+        "faces.edges": "Edges crossings sharp_edges_of",
+        "faces.joints": "rim_points",
+        "faces.layers": "nearest_parts several_sheets",
+        "faces.node": "node_to_face",
+        "faces.projection": "interpolated_normals project",
+        "faces.rollers": "along_supports",
+        "faces.search": "FaceTree closest_candidates",
+        "faces.segmentation": "segment",
+        "faces.unseen": "unseen_overlaps",
+        "kinks": "least_gaps",
+        "moments": "whole_shares",
+        "mortar": "dual_mortar",
+        "node": "gap_vectors node_to_segment",
+        "vertices": "Corners",
+    },
+)

@@ -12,7 +12,7 @@ from corner_scenes import CORNER, FACET, HOME, overlap, path, placed, ring, scen
 from sliding_scenes import dragged_block, elastic, travel
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 
 OVERLAP = internals.original("answers.OVERLAP")
 

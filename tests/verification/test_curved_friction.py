@@ -20,9 +20,9 @@ from scenes import elastic
 from smooth_contacts import graded, opposite_shear
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.conditions.discretisation import pair
-from skfem_contact.pairing.node import gap_vectors
+from skfem_contact.answers import answer_of
+from skfem_contact.conditions import pair
+from skfem_contact.pairing import gap_vectors
 from skfem_contact.reference import effective_modulus
 
 R, A, MU, DEPTH = 1.0, 0.03, 0.3, 16.0  # depth in half widths

@@ -23,8 +23,7 @@ from skfem.models.elasticity import lame_parameters
 from solid_meshes import as_eight_nodes, at, body, cube, elastic, octant_shell, onto_octant
 
 import skfem_contact as sc
-from skfem_contact.pairing.faces.node import node_to_face
-from skfem_contact.pairing.mortar import dual_mortar
+from skfem_contact.pairing import dual_mortar, node_to_face
 from skfem_contact.reference import lame_rings
 
 R = 20.0

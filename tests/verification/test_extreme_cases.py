@@ -14,7 +14,7 @@ from sheared import Sheared
 from test_extremes import EXACT, FLOOR, LINEAR, block_on_floor, even
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 from skfem_contact.reference import uniform_shear
 
 # -- stiffness, friction, units: more of each, and all at once ------------------------------

@@ -14,12 +14,8 @@ import internals
 from hex_blocks import HISTORIES, Blocks, Scene, advance, attempts, history, random_scene
 
 import skfem_contact as sc
-from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.loops.complementarity import left_over, propose
-from skfem_contact.loops.starts import admissible, as_guess
-from skfem_contact.loops.step import Guess
-from skfem_contact.loops.tangent import linear_conditions
+from skfem_contact.conditions import OPEN, SLIP, STICK, CheckedLaw, FrictionRule
+from skfem_contact.loops import Guess, admissible, as_guess, left_over, linear_conditions, propose
 
 SHIFTS = ((0, 0, -0.012), (0.008, 0.003, -0.012), (0.012, 0.014, -0.01), (-0.004, 0.014, -0.006))
 

@@ -20,9 +20,7 @@ from scenes import elastic
 from unlike_meshes import KINDS
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.validity.chords import bends, sagittas
-from skfem_contact.answers.validity.words import facet_words
+from skfem_contact.answers import answer_of, bends, facet_words, sagittas
 
 SAGITTA = internals.original("answers.SAGITTA")
 

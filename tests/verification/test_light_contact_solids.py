@@ -22,8 +22,7 @@ import internals
 from solid_meshes import KINDS, at, body, cube, elastic, octant_shell
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.validity.chords import bends, sagittas
+from skfem_contact.answers import answer_of, bends, sagittas
 
 SAGITTA = internals.original("answers.SAGITTA")
 

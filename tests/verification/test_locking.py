@@ -18,7 +18,7 @@ from skfem.helpers import ddot, dot, sym_grad, trace, transpose
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 
 KINDS = {
     "quadrilaterals": (fem.MeshQuad, fem.ElementQuad1),

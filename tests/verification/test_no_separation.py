@@ -22,7 +22,7 @@ from solid_meshes import at, cube
 from solid_meshes import elastic as solid
 
 import skfem_contact as sc
-from skfem_contact.conditions.statics import escape
+from skfem_contact.conditions import escape
 
 TAU = 5.0
 

@@ -15,10 +15,8 @@ from random_problems import random_scene
 from scenes import elastic
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.one_answer import Form
-from skfem_contact.answers.pieces import orientation
-from skfem_contact.problem.points import PointSpace
+from skfem_contact.answers import Form, answer_of, orientation
+from skfem_contact.problem import PointSpace
 from skfem_contact.reference import (
     ONE_NODE_TRIANGLE,
     critical_friction,

@@ -19,8 +19,8 @@ from scipy.sparse import csr_matrix
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.problem.springs import least_friction
+from skfem_contact.answers import answer_of
+from skfem_contact.problem import least_friction
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import judge_mirror as judge

@@ -25,8 +25,8 @@ from solid_meshes import at, cube, elastic, onto_octant
 from test_solid_friction import FLOOR, Sheared, ring
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.conditions.statics import escape
+from skfem_contact.answers import answer_of
+from skfem_contact.conditions import escape
 
 LOOPS = ("newton", "direct", "fictitious")
 SLOW = pytest.mark.slow

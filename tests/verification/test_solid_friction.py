@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from solid_meshes import KINDS, at, cube, elastic
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 
 LOOPS = ("newton", "direct", "fictitious")
 FLOOR = sc.RigidPlane((0, 0, 0), (0, 0, 1), name="floor")

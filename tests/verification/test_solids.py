@@ -320,7 +320,7 @@ def test_mixed_dimensions_are_refused():
     basis = fem.Basis(plane, fem.ElementVector(fem.ElementQuad1()))
     flat = sc.Body(basis, np.eye(basis.N), name="flat").surface(None)
     with pytest.raises(InputError, match="is 3-D, surface 'flat/surface' 2-D"):
-        from skfem_contact.conditions.discretisation import pair
+        from skfem_contact.conditions import pair
 
         pair(sc.Contact(foot, flat, method="node"))
 

@@ -12,3 +12,18 @@
 * `record`: how a linear problem was solved;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "assembly": "assembled collected numbering",
+        "database": "command_line",
+        "layout": "Layout bisected directions together",
+        "reduction": "reduced",
+        "share": "Share",
+        "stack": "csr_of orthonormal",
+        "stacked": "StackedStiffness",
+    },
+)
