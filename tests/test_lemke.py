@@ -7,8 +7,8 @@ from itertools import product
 import internals
 import numpy as np
 import pytest
-import skfem as fem
 from quick_elasticity import linear_elasticity
+from rectangles import rectangle
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
@@ -109,8 +109,7 @@ def test_no_unknowns_and_no_violation() -> None:
 
 def block(n: int = 8) -> sc.Body:
     """A block pressed down and dragged along on one side of its top."""
-    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 2, n + 1), np.linspace(0, 1, 4)).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    basis = rectangle(np.linspace(0, 2, n + 1), np.linspace(0, 1, 4), order=2)
     x = basis.project(lambda x: np.array([0.02 * x[0], -0.015 + 0.02 * x[0]]))
     form = linear_elasticity(*lame_parameters(1.0, 0.3))
     return sc.Body(basis, form, D="top", x=x, name="block")

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import rectangles
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
@@ -21,12 +22,7 @@ from skfem_contact.answers import answer_of
 
 
 def block(name, y, **data):
-    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 6), np.linspace(*y, 4)).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
-    if "move" in data:
-        data["x"] = np.zeros(basis.N)
-        data["x"][basis.nodal_dofs] = np.reshape(data.pop("move"), (2, 1))
-    return sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), name=name, **data)
+    return rectangles.block(name, y=y, n=(5, 3), **data)
 
 
 def stack(mu=0.3):

@@ -10,7 +10,7 @@ import pytest
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
-from skfem.models.elasticity import lame_parameters
+from rectangles import block
 
 import skfem_contact as sc
 from skfem_contact.answers import answer_of
@@ -24,11 +24,7 @@ def scene(sliding="small", **settings):
 
     Steps are halved only where no loading machine can tell how far they come: with finite sliding.
     """
-    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 7), np.linspace(0, 0.5, 4)).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
-    x = np.zeros(basis.N)
-    x[basis.nodal_dofs] = [[0.01], [-0.01]]
-    body = sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), D="top", x=x, name="block")
+    body = block(y=(0.0, 0.5), n=(6, 3), D="top", move=(0.01, -0.01))
     floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
     contact = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="joint")
     contact = replace(contact, sliding=sliding)
