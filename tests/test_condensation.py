@@ -12,10 +12,10 @@ import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
+from statuses import OPEN, STICK
 
 import skfem_contact as sc
 from skfem_contact.answers import answer_of
-from skfem_contact.conditions import OPEN, STICK
 from skfem_contact.problem import Conditions, FullProblem, IteratedProblem, PointProblem, Substructure
 
 MESH = {"Q1": (fem.MeshQuad, fem.ElementQuad1), "P1": (fem.MeshTri, fem.ElementTriP1)}

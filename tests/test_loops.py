@@ -11,13 +11,15 @@ import internals
 import numpy as np
 import pytest
 import skfem as fem
+from hex_blocks import friction_rule
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
+from statuses import OPEN, SLIP, STICK
 
 import skfem_contact as sc
 from skfem_contact import Coulomb, Options, Record, SingularMatrix
-from skfem_contact.conditions import OPEN, SLIP, STICK, CheckedLaw, FrictionRule, RigidMotions
+from skfem_contact.conditions import RigidMotions
 from skfem_contact.linalg import Anderson
 from skfem_contact.loops import (
     At,
@@ -61,7 +63,7 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
     frame = {"normal": np.tile([0.0, 1.0], (m, 1)), "axes": along, "duals": along, "scaled": None}
     kin = SimpleNamespace(m=m, tangents=1, gap0=np.zeros(m), area=np.ones(m), vertex=own, **frame)
     still = natural_state(kin, 0).along(kin)
-    laws = () if tied else ((slice(0, m), CheckedLaw(Coulomb(MU), "joint", np.zeros((m, 2)))),)
+    law = None if tied else Coulomb(MU)
     return Step(
         problem=SimpleNamespace(points=space, springs=None, solve=space.solve),
         load=load,
@@ -69,7 +71,7 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
         paired=np.ones(m, dtype=bool),
         tied=np.full(m, tied),
         bilateral=np.full(m, tied),
-        friction=FrictionRule(laws, np.ones(m), (last or still).reference),
+        friction=friction_rule(law, np.zeros((m, 2)), np.ones(m), (last or still).reference),
         frictional=np.full(m, not tied),
         stiffness=np.full(m, stiffness),
         last=last or still,

@@ -11,10 +11,10 @@ import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
 from rectangles import block
+from statuses import SLIP, STICK
 
 import skfem_contact as sc
 from skfem_contact.answers import answer_of
-from skfem_contact.conditions import SLIP, STICK
 from skfem_contact.history import Bisection, grown
 from skfem_contact.loops import as_guess
 

@@ -24,7 +24,7 @@ __getattr__ = entrances(
         "loads": "LoadCase Motion",
         "motions": "RigidMotions null_space rigid_motions",
         "rows": "combinations combined_rows duals tangential_matrix",
-        "state": "LocalState OPEN SLIP STICK transport",
+        "state": "LocalState transport",
         "statics": "escape",
     },
 )

@@ -16,10 +16,10 @@ sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "benchmarks")]
 import effectivity_solids  # noqa: E402
 import internals  # noqa: E402
 from solid_meshes import at, body, cube, elastic, shuffled  # noqa: E402
+from statuses import OPEN, SLIP, STICK  # noqa: E402
 
 import skfem_contact as sc  # noqa: E402
 from skfem_contact.answers import Net  # noqa: E402
-from skfem_contact.conditions import OPEN, SLIP, STICK  # noqa: E402
 
 _between = internals.beside(Net, "_between")
 _near_ends = internals.beside(Net, "_near_ends")

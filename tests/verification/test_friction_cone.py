@@ -11,10 +11,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 import internals
-from hex_blocks import HISTORIES, Blocks, Scene, advance, attempts, history, random_scene
+from hex_blocks import HISTORIES, Blocks, Scene, advance, attempts, checked_law, history, random_scene
+from statuses import OPEN, SLIP, STICK
 
 import skfem_contact as sc
-from skfem_contact.conditions import OPEN, SLIP, STICK, CheckedLaw, FrictionRule
 from skfem_contact.loops import Guess, admissible, as_guess, left_over, linear_conditions, propose
 
 SHIFTS = ((0, 0, -0.012), (0.008, 0.003, -0.012), (0.012, 0.014, -0.01), (-0.004, 0.014, -0.006))
@@ -26,9 +26,7 @@ def run(blocks, cases, loop="newton", law=None, tolerance=1e-11, **changes):
     for case in cases:
         step = blocks.step(case, last, **changes)
         if law is not None:
-            laws = ((slice(0, blocks.kin.m), CheckedLaw(law, "joint", blocks.kin.points)),)
-            rule = FrictionRule(laws, blocks.kin.area, last.reference)
-            step = replace(step, friction=rule)
+            step = replace(step, friction=blocks.rule(law, last))
         *_, (_, outcome) = attempts(blocks, step, last, loop, tolerance)
         assert outcome.converged, outcome.message
         state = blocks.state(outcome.iterate, last)
@@ -264,7 +262,7 @@ def test_every_law(name, loop):
     blocks, law = Blocks(Scene(nodes=5, below=4)), LAWS[name]
     cases = [blocks.moved(shift) for shift in SHIFTS]
     found = run(blocks, cases, loop, law)
-    checked = CheckedLaw(law, "joint", blocks.kin.points)
+    checked = checked_law(law, blocks.kin.points)
     statuses = np.concatenate([state.status for _, _, state, _ in found])
     assert (statuses == SLIP).any() and (statuses == STICK).any()
     for case, (_, last, state, _) in zip(cases, found, strict=True):
@@ -277,7 +275,7 @@ def test_springs_that_are_not_symmetric(route):
     """Friction along one direction, its bound made by slip along others."""
     blocks, law = Blocks(Scene(nodes=5, below=4), route), Stiffening()
     cases = [blocks.moved(shift) for shift in SHIFTS]
-    checked = CheckedLaw(law, "joint", blocks.kin.points)
+    checked = checked_law(law, blocks.kin.points)
     for case, (_, last, state, outcome) in zip(cases, run(blocks, cases, law=law), strict=True):
         assert blocks.residual(case, last, state, checked) < 1e-10
         assert not outcome.iterate.conditions.coupling.any()

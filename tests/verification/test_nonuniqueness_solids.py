@@ -9,10 +9,11 @@ import pytest
 import skfem as fem
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
+from statuses import OPEN, SLIP, STICK
 
 import skfem_contact as sc
 from skfem_contact.answers import critical_friction, orientation, turning_springs, unique_up_to
-from skfem_contact.conditions import OPEN, SLIP, STICK, radial_return
+from skfem_contact.conditions import radial_return
 from skfem_contact.problem import PointSpace
 
 EXACT = np.inf
