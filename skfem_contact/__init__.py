@@ -24,8 +24,8 @@ The packages stand in the order of the theory, and each imports only from those 
 
 All of them use `errors`, `arguments` and `arrays` (checks of what users pass), `digits` (what is zero),
 `sealed` (arrays that do not change), `carried` (functions in files and processes), `once` (what threads
-share) and `trees` (points near each other). Closed forms to compare with are in `reference`, which
-needs none of these.
+share), `trees` (points near each other) and `entrances` (what tests take from inside a package). Closed
+forms to compare with are in `reference`, which needs none of these.
 
 Public are the names that ``dir(skfem_contact)`` shows, see docs/interface.md. Pictures, files and PETSc
 are imported when they are first asked for.

@@ -19,24 +19,21 @@ from quick_elasticity import linear_elasticity
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 from skfem.models.elasticity import lame_parameters
+from statuses import OPEN
 
 import skfem_contact as sc
-from skfem_contact.bodies.system import stack
-from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
-from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.motions import rigid_motions
-from skfem_contact.conditions.state import OPEN
-from skfem_contact.linalg.amg import AMG
-from skfem_contact.linalg.direct import Direct
-from skfem_contact.loops.active_set import LOOPS
-from skfem_contact.loops.driver import drive
-from skfem_contact.loops.starts import admissible, natural_state, possible_starts, starting_values
-from skfem_contact.loops.step import Step
-from skfem_contact.problem.condensed import Condensed
-from skfem_contact.problem.full import FullSystem
-from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
-from skfem_contact.problem.seam import PosedOn
+from skfem_contact import AMG, Direct, Kinematics, stack
+from skfem_contact.conditions import CheckedLaw, FrictionRule, LoadCase, rigid_motions
+from skfem_contact.loops import (
+    LOOPS,
+    Step,
+    admissible,
+    drive,
+    natural_state,
+    possible_starts,
+    starting_values,
+)
+from skfem_contact.problem import Condensed, FullSystem, IteratedBodies, MultigridBodies, PosedOn
 
 
 @dataclass(frozen=True)
@@ -137,6 +134,17 @@ def hats(x, count):
     return np.column_stack([np.interp(x, grid, row) for row in np.eye(count)])
 
 
+def checked_law(law, points):
+    """A law whose bounds are looked at, at points of one contact."""
+    return CheckedLaw(law, "joint", np.asarray(points, dtype=float))
+
+
+def friction_rule(law, points, area, reference):
+    """The rule of friction of points that have one law, or none of it."""
+    laws = () if law is None else ((slice(0, len(points)), checked_law(law, points)),)
+    return FrictionRule(laws, area, reference)
+
+
 class Blocks:
     """Two blocks, their rows, and the contact problem: by one of the routes."""
 
@@ -198,7 +206,7 @@ class Blocks:
                 kind = {"points": Condensed, "iterated": IteratedBodies}[route]
                 bodies = kind(self.system, self.stiffness, wanted)
             self.problem = bodies.attach(on, prefer, labels)
-        self.law = CheckedLaw(sc.Coulomb(scene.mu), "joint", points)
+        self.law = sc.Coulomb(scene.mu)
 
     def moved(self, shift, turn=(0.0, 0.0, 0.0)):
         """A load case: the top shifted, and turned about its middle."""
@@ -211,6 +219,10 @@ class Blocks:
     def case(self, x, f=None):
         m, f = self.kin.m, np.zeros(self.system.n) if f is None else f
         return LoadCase(f, x, self.kin.gap0, np.zeros((m, 2)), np.zeros(m), ())
+
+    def rule(self, law, last):
+        """The rule of friction, the same law at all points."""
+        return friction_rule(law, self.kin.points, self.kin.area, last.reference)
 
     def rest(self):
         return natural_state(self.kin, 0).along(self.kin)
@@ -226,7 +238,7 @@ class Blocks:
             paired=true,
             tied=~true,
             bilateral=~true,
-            friction=FrictionRule(((slice(0, m), self.law),), self.kin.area, last.reference),
+            friction=self.rule(self.law, last),
             frictional=true,
             stiffness=np.full(m, np.inf),
             last=last,

@@ -19,16 +19,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import internals
 import numpy as np
+import pytest
 import skfem as fem
 from petsc_scenes import away, blocks, elastic, moves, some_elements
 from scipy.sparse import block_diag, csr_matrix, diags, identity, vstack
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.history import stepper
-from skfem_contact.petsc.ranks import csr_of, ranks
-from skfem_contact.petsc.stacked import StackedStiffness, _order
+from skfem_contact.petsc import StackedStiffness, csr_of
+from skfem_contact.petsc.ranks import ranks
+
+_order = internals.beside(StackedStiffness, "_order")
 
 
 def own_rows(own: Any, given: tuple[int], parts: list[Any]) -> list[Any]:
@@ -136,11 +139,10 @@ def tool(dim: int, linear: Any) -> sc.ContactResult:
 def in_series(dim: int, linear: Any) -> sc.ContactResult:
     """Newton's iterations begin from springs in series with the points."""
     bodies, rough = blocks(3, "mortar", "small", 5, linear)
-    usual, stepper.possible_starts = stepper.possible_starts, lambda *given: ["proximal"]
     solver = sc.ContactSolver(bodies, rough, linear=linear or "auto")
-    result = solver.solve(x=moves(bodies[1])[1]["x"])
-    stepper.possible_starts = usual
-    return result
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        internals.replace(monkeypatch, "loops.possible_starts", lambda *given: ["proximal"])
+        return solver.solve(x=moves(bodies[1])[1]["x"])
 
 
 def others(linear: Any) -> dict[str, float]:

@@ -20,15 +20,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import internals
 import numpy as np
 import petsc_assembled
+import pytest
 import skfem as fem
 from petsc_scenes import away, basis_of, blocks, elastic, moves
 from scipy.sparse import csr_matrix, diags
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.petsc import body_share
 from skfem_contact.petsc.ranks import Ranks, ranks
 
 SPARSE = sc.Options(max_dense_bytes=0)  # contact is iterated
@@ -39,12 +40,13 @@ SPARSE = sc.Options(max_dense_bytes=0)  # contact is iterated
 
 def without_complement(own: Ranks, given: tuple[bool], parts: list[Any]) -> list[Any]:
     """On every rank: as if PETSc had no functions for the complement, or with them again."""
-    missing = given[0]
-    body_share.schur_available = (lambda PETSc: False) if missing else schur_available
+    usual.undo()
+    if given[0]:
+        internals.replace(usual, "petsc.schur_available", lambda PETSc: False)
     return []
 
 
-schur_available = body_share.schur_available
+usual = pytest.MonkeyPatch()
 
 
 def compared(linear: Any, body: sc.Body, K: Any, A: csr_matrix, keep: np.ndarray) -> dict[str, float]:
@@ -80,7 +82,7 @@ def compared(linear: Any, body: sc.Body, K: Any, A: csr_matrix, keep: np.ndarray
 
 def factors(linear: Any) -> dict[str, float]:
     """Few and many kept DOFs, K here and on all ranks, springs; by the complement and by solves."""
-    out = {}
+    out, few = {}, internals.original("petsc.COLUMNS_AT_ONCE")
     for dim, n in ((2, 10), (3, 6)):
         here, there = blocks(dim, "mortar", "small", n)[0][1], None
         there = blocks(dim, "mortar", "small", n, linear)[0][1]
@@ -90,7 +92,7 @@ def factors(linear: Any) -> dict[str, float]:
         ways = {"here": (here.K, here.K), "ranks": (there.K, here.K)}
         ways["springs"] = there.K + csr_matrix(spring), csr_matrix(here.K + spring)
         for keep in (free[:0], surface[:5], surface[::-1][::2], surface):
-            for missing in (False, True) if len(keep) > body_share.COLUMNS_AT_ONCE else (False,):
+            for missing in (False, True) if len(keep) > few else (False,):
                 ranks().together(without_complement, (missing,))
                 for way, (K, A) in ways.items():
                     found = compared(linear, here, K, A, np.sort(keep))
@@ -231,7 +233,7 @@ def main() -> None:
     """Only rank 0 comes past `PETSc()`."""
     what, where, *words = (word for word in sys.argv[1:] if not word.startswith("-"))
     if what == "broken" and os.environ.get("OMPI_COMM_WORLD_RANK", "0") != "0":
-        body_share.BodyShare.coupled = no_room  # type: ignore[method-assign]
+        internals.replace(usual, "petsc.BodyShare.coupled", no_room)
     linear = sc.PETSc("direct", tol=1e-12)
     if what == "factors":
         np.savez(where, **factors(linear))

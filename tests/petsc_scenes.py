@@ -30,8 +30,8 @@ import skfem as fem
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact.petsc import Share
 from skfem_contact.petsc.ranks import ranks
-from skfem_contact.petsc.share import Share
 
 STEPS = ("press", "slide", "reverse")
 SCENES = {

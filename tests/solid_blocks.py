@@ -12,11 +12,9 @@ from scipy.sparse import csr_matrix
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.bodies.system import System
-from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.motions import rigid_motions
-from skfem_contact.problem.seam import PosedOn
+from skfem_contact import Kinematics, System
+from skfem_contact.conditions import LoadCase, rigid_motions
+from skfem_contact.problem import PosedOn
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,7 @@ import skfem as fem
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
-from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.selection import mesh_edges
+from skfem_contact import Body
 
 #: Kind of the faces, linear mesh, mesh with middle nodes, element.
 KINDS: dict[str, tuple[Any, Any, Any]] = {
@@ -42,7 +41,9 @@ def cube(kind: str, n: int = 2, place: Any = None, layers: int | None = None) ->
 
 def as_eight_nodes(mesh: Any, p: np.ndarray) -> np.ndarray:
     """Middles of faces where the 8 nodes round them have them, so that the mesh is the body."""
-    edges = mesh_edges(mesh, mesh.facets, np.roll(mesh.facets, -1, axis=0))
+    known = {tuple(edge): number for number, edge in enumerate(np.sort(mesh.edges, axis=0).T.tolist())}
+    ends = np.sort([mesh.facets, np.roll(mesh.facets, -1, axis=0)], axis=0)
+    edges = np.array([[known[tuple(edge)] for edge in row] for row in ends.transpose(1, 2, 0).tolist()])
     middles = p[:, mesh.dofs.edge_dofs[0, edges]].sum(axis=1)
     p[:, mesh.dofs.facet_dofs[0]] = 0.5 * middles - 0.25 * p[:, mesh.facets].sum(axis=1)
     return p

@@ -6,6 +6,7 @@ import pickle
 import re
 import tracemalloc
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -13,8 +14,7 @@ from skfem.helpers import ddot, dot, grad, sym_grad
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.bodies import quadrature
-from skfem_contact.bodies.assembly import assembled
+from skfem_contact.bodies import assembled
 
 #: Mesh, mesh with nodes between the vertices, element, degree that integrates a straight element.
 ELEMENTS = {
@@ -234,7 +234,7 @@ def test_elements_are_summed_some_at_a_time(kind, monkeypatch):
     mass = fem.BilinearForm(lambda u, v, w: _energy(u, v) + dot(u, v))
     weight = fem.LinearForm(lambda v, w: w.x[0] * v[0])
     whole = [sc.Body.from_mesh(mesh, vector(kind), K, weight) for K in (form, mass)]
-    monkeypatch.setattr(quadrature, "BYTES_AT_ONCE", 100_000)
+    internals.replace(monkeypatch, "bodies.BYTES_AT_ONCE", 100_000)
     for K, one in zip((form, mass), whole, strict=True):
         body = sc.Body.from_mesh(mesh, vector(kind), K, weight)
         assert_same(body.K, one.K)

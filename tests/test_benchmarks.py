@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import internals
 import numpy as np
 import pytest
 
@@ -144,7 +145,7 @@ def test_a_failed_setting_is_a_row(modules: Any, monkeypatch: pytest.MonkeyPatch
     problem = modules["trade"].PROBLEMS["raous"]
     few = replace(problem.base, points=4, options=replace(problem.base.options, max_iterations=1))
     # newton may find this coarse block at once from its start; fictitious forces never do alone
-    monkeypatch.setattr("skfem_contact.loops.starts.STARTS", ("warm", "cold"))
+    internals.replace(monkeypatch, "loops.STARTS", ("warm", "cold"))
     few = replace(few, loop="fictitious", options=replace(few.options, max_cuts=0))
     base, failed = (modules["trade"].Measured(problem, s) for s in (problem.base, few))
     failed.run()

@@ -9,6 +9,7 @@ import pytest
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
+from rectangles import rectangle
 from skfem.models.poisson import laplace
 
 import skfem_contact as sc
@@ -18,8 +19,7 @@ FLOOR = sc.RigidPlane((0, 0), (0, 1), name="floor")
 
 
 def basis_of(element="Q1"):
-    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 2, 7), np.linspace(0, 1, 4)).with_defaults()
-    return fem.Basis(mesh, fem.ElementVector(ELEMENTS[element]))
+    return rectangle(np.linspace(0, 2, 7), np.linspace(0, 1, 4), element=ELEMENTS[element])
 
 
 def body_of(element="Q1", **given):

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import skfem as fem
+from hex_blocks import checked_law
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.conditions.friction_rule import CheckedLaw
 
 LOOPS = ["newton", "direct", "fictitious"]
 
@@ -116,7 +116,7 @@ def test_bounds_may_be_lists():
 def test_points_of_negative_area_have_no_bound(law):
     """Vertices of quadratic faces by mortar: they carry nothing, and no division by zero warns."""
     force, area, none = np.array([1.0, 0.0]), np.array([1.0, -0.5]), np.zeros((2, 2))
-    checked = CheckedLaw(law, "joint", np.zeros((2, 3)))
+    checked = checked_law(law, np.zeros((2, 3)))
     limit = checked.limit(force, area, none)
     assert limit[0] > 0 and limit[1] == 0
     with np.errstate(all="raise"):
@@ -127,7 +127,7 @@ def test_points_of_negative_area_have_no_bound(law):
 def test_numbers_that_are_not_finite_are_not_blamed_on_the_law():
     """Forces that are NaN already, from a linear solve gone wrong, pass through."""
     for given in (sc.Coulomb(0.5), own(lambda N, A, s: 0.5 * N)):
-        law = CheckedLaw(given, "joint", np.zeros((2, 2)))
+        law = checked_law(given, np.zeros((2, 2)))
         found = law.limit(np.array([np.nan, 2.0]), np.ones(2), np.zeros((2, 1)))
         assert np.isnan(found[0])
         assert found[1] == 1.0
@@ -136,7 +136,7 @@ def test_numbers_that_are_not_finite_are_not_blamed_on_the_law():
 def test_round_off_below_zero_is_zero():
     """The difference of two equal numbers is no negative bound; one part in a million is."""
     for drop, good in ((1e-16, True), (1e-6, False)):
-        law = CheckedLaw(own(lambda N, A, s, drop=drop: -drop * N), "joint", np.zeros((1, 2)))
+        law = checked_law(own(lambda N, A, s, drop=drop: -drop * N), np.zeros((1, 2)))
         arguments = np.ones(1), np.ones(1), np.zeros((1, 1))
         if good:
             assert law.limit(*arguments) == 0.0
@@ -159,7 +159,7 @@ def test_round_off_below_zero_is_zero():
 )
 def test_laws_that_grip_wherever_something_presses(law: sc.FrictionLaw, grips: bool) -> None:
     """What is said to grip has a bound that forces of all sizes are told from; it need not be asked."""
-    checked = CheckedLaw(law, "joint", np.zeros((2, 2)))
+    checked = checked_law(law, np.zeros((2, 2)))
     assert checked.grips is grips
     if grips:
         for size in (1e-200, 1.0, 1e200):

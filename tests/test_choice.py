@@ -11,8 +11,8 @@ from quick_elasticity import linear_elasticity
 from scipy.sparse.linalg import spsolve
 
 import skfem_contact as sc
-from skfem_contact.linalg.resources import Limits
-from skfem_contact.problem.choice import Choice
+from skfem_contact.linalg import Limits
+from skfem_contact.problem import Choice
 
 BASIS = fem.Basis(fem.MeshQuad().refined(3).with_defaults(), fem.ElementVector(fem.ElementQuad1()))
 BODY = sc.Body(BASIS, linear_elasticity(), D="top", name="block")

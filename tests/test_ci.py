@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from types import ModuleType
 
@@ -15,7 +16,6 @@ import numpy as np
 import pytest
 
 import skfem_contact as sc
-from skfem_contact.errors import warn
 
 ROOT = Path(__file__).parents[1]
 
@@ -27,7 +27,11 @@ import warnings
 
 import numpy as np
 
-from skfem_contact.errors import warn
+from skfem_contact import ContactWarning
+
+
+def warn(text):
+    warnings.warn(text, ContactWarning)
 
 
 def test_contact():
@@ -103,7 +107,7 @@ def test_warnings_of_other_packages_fail_in_ci(tmp_path: Path) -> None:
 def test_warnings_here_are_errors() -> None:
     """The settings hold in this run too, in every process of xdist."""
     with pytest.raises(sc.ContactWarning, match="own"):
-        warn("this project's own")
+        warnings.warn("this project's own", sc.ContactWarning, stacklevel=1)
     with pytest.raises(RuntimeWarning, match="divide by zero"):
         np.divide(1.0, np.zeros(1))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from skfem_contact.pairing.clipping import Polygons, clip, nearest_parts, several_sheets, signed_areas
+from skfem_contact.pairing import Polygons, clip, nearest_parts, several_sheets, signed_areas
 
 ROUND_OFF = 1e-14  # areas of the order of one, from products of coordinates
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

@@ -5,21 +5,18 @@ from __future__ import annotations
 import re
 import tracemalloc
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
+from statuses import OPEN, STICK
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.conditions.state import OPEN, STICK
-from skfem_contact.problem.condensed import PointProblem
-from skfem_contact.problem.full import FullProblem
-from skfem_contact.problem.iterated import IteratedProblem
-from skfem_contact.problem.response import Conditions
-from skfem_contact.problem.substructure import Substructure
+from skfem_contact.answers import answer_of
+from skfem_contact.problem import Conditions, FullProblem, IteratedProblem, PointProblem, Substructure
 
 MESH = {"Q1": (fem.MeshQuad, fem.ElementQuad1), "P1": (fem.MeshTri, fem.ElementTriP1)}
 
@@ -215,7 +212,7 @@ def test_rows_that_depend_on_each_other(make, mu, monkeypatch):
     if make is chain:
         with pytest.raises(sc.InputError, match="pair the same facets, the one from one side"):
             make(mu=mu)
-        monkeypatch.setattr("skfem_contact.history.problem_setup.check_passes", lambda *_: None)
+        internals.replace(monkeypatch, "conditions.check_passes", lambda *_: None)
     dense, sparse = make(mu=mu), make(mu=mu, linear=sc.Direct())
     problems = [solver.linear_model.problem_on(None, None) for solver in (dense, sparse)]
     assert isinstance(problems[0], PointProblem) and problems[0].springs is not None
@@ -293,8 +290,8 @@ def test_dense_matrices_take_no_more_memory_than_said(floating, monkeypatch):
         gap=lambda x: 2e-3 * (x[0] - 0.9) ** 2,  # closed, open, sticking and slipping points
     )
     usual = sc.ContactSolver([low, up], [contact]).solve()
-    monkeypatch.setattr("skfem_contact.problem.thresholds.KEPT_BESIDE", 0)
-    monkeypatch.setattr("skfem_contact.linalg.thresholds.ROWS_AT_ONCE", 50)
+    internals.replace(monkeypatch, "problem.KEPT_BESIDE", 0)
+    internals.replace(monkeypatch, "linalg.ROWS_AT_ONCE", 50)
     solver = sc.ContactSolver([low, up], [contact])
     tracemalloc.start()
     kept = [len(part.S) for part in solver.model.substructures]

@@ -16,11 +16,8 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.elimination.condense import condense
-from skfem_contact.elimination.constraint import AffineConstraint
-from skfem_contact.elimination.eliminate import eliminate
-from skfem_contact.elimination.pivoting import find_pivots
-from skfem_contact.errors import ConstraintError, InputError
+from skfem_contact import AffineConstraint, ConstraintError, InputError, condense, eliminate
+from skfem_contact.elimination import find_pivots
 
 # Systems below are well conditioned (< 1e3) and of order one: what elimination and the dense
 # oracle lose is round-off times that.

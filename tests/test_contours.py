@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, at, body, cube, shuffled
 
-from skfem_contact.answers.contours import contour
+from skfem_contact.answers import contour
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 

@@ -11,8 +11,7 @@ import skfem as fem
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
-from skfem_contact.linalg.direct import Dense
+from skfem_contact.linalg import Dense, NoPivot, cholesky, lu
 
 
 @pytest.mark.parametrize("spd", [True, False])

@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
+import rectangles
 import skfem as fem
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
@@ -18,18 +20,7 @@ STIFFNESS = linear_elasticity(*lame_parameters(1.0, 0.3))
 FLOOR = sc.RigidPlane((0, 0), (0, 1), name="floor")
 
 
-def block(name, x=(0.0, 1.0), y=(0.0, 1.0), n=4, *, E=1.0, D=None, f=None, move=None):
-    """A rectangle with sides named left, right, bottom, top; `f` a force, `move` a displacement."""
-    mesh = fem.MeshQuad.init_tensor(np.linspace(*x, n + 1), np.linspace(*y, n + 1)).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
-    load, values = None, None
-    if f is not None:
-        load = np.zeros(basis.N)
-        load[basis.nodal_dofs] = np.reshape(f, (2, 1)) / mesh.p.shape[1]
-    if move is not None:
-        values = np.zeros(basis.N)
-        values[basis.nodal_dofs] = np.reshape(move, (2, 1))
-    return sc.Body(basis, linear_elasticity(*lame_parameters(E, 0.3)), load, D=D, x=values, name=name)
+block = partial(rectangles.block, order=2)
 
 
 def pair(**settings):
@@ -52,7 +43,7 @@ def test_a_motion_left_free_is_named():
 
     Pressed straight down it rests, at a place that is indifferent: see test_indifference.
     """
-    solver = on_floor(block("punch", f=(1e-6, -1e-3)))
+    solver = on_floor(block("punch", force=(1e-6, -1e-3)))
     with pytest.raises(
         sc.NoEquilibrium, match=r"Body 'punch' is free to move: translation along x, even with every"
     ) as raised:
@@ -62,7 +53,7 @@ def test_a_motion_left_free_is_named():
 
 def test_bodies_free_together_are_named_together():
     """Two glued blocks that nothing holds move as one."""
-    low, up = block("low"), block("up", y=(1.0, 2.0), f=(0.0, -1e-3))
+    low, up = block("low"), block("up", y=(1.0, 2.0), force=(0.0, -1e-3))
     glue = sc.Contact(up.surface("bottom"), low.surface("top"), tied=True)
     with pytest.raises(sc.NoEquilibrium, match=r"Bodies 'low' and 'up' are free to move together: "):
         sc.ContactSolver([low, up], glue).solve()
@@ -70,7 +61,7 @@ def test_bodies_free_together_are_named_together():
 
 def test_all_points_open_under_force():
     """A punch pulled off by a force flies away; the last state is in the exception."""
-    solver = on_floor(block("punch", f=(0.0, 1e-3)), friction=sc.Coulomb(0.3))
+    solver = on_floor(block("punch", force=(0.0, 1e-3)), friction=sc.Coulomb(0.3))
     with pytest.raises(
         sc.NoEquilibrium, match=r"'punch' .*: translation along y.*with the forces"
     ) as raised:
@@ -626,7 +617,7 @@ def test_notebooks_show_solvers():
 def test_dry_run_says_what_is_modelled():
     """print(solver): sizes, what is free to move, gaps and overlaps, and the better secondary side."""
     table = block("table", y=(-1.0, 0.0), D="bottom", n=8)
-    punch = block("punch", y=(0.0, 1.0), f=(0.0, -1e-3), n=4, E=100.0)
+    punch = block("punch", y=(0.0, 1.0), force=(0.0, -1e-3), n=4, E=100.0)
     shape = np.array([-0.01, 0.0, 0.0, 0.02, 0.03])
     contact = sc.Contact(
         punch.surface("bottom"),

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
+import rectangles
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
-from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
 
-
-def block(name, x=(0.0, 1.0), y=(0.0, 1.0), n=4, element=None, **data):
-    mesh = fem.MeshQuad.init_tensor(np.linspace(*x, n + 1), np.linspace(*y, n + 1)).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(element or fem.ElementQuad1()))
-    return sc.Body(basis, linear_elasticity(0.0, 0.5), name=name, **data)
+block = partial(rectangles.block, nu=0.0)
 
 
 def stacked(f=None, **settings):

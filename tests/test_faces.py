@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, body, cube, onto_ball, onto_octant, shuffled
 
 import skfem_contact as sc
-from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facet_kinds import KINDS as FACETS
-from skfem_contact.bodies.normals import tangents
-from skfem_contact.errors import InputError
+from skfem_contact import Body, InputError
+from skfem_contact.bodies import KINDS as FACETS
+from skfem_contact.bodies import tangents
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.answers.fields import Segments, closed_area, edge_positions, find_edges, interpolate
+from skfem_contact.answers import Segments, closed_area, edge_positions, find_edges, interpolate
 
 ROUND_OFF = 1e-12
 

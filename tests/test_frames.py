@@ -13,10 +13,8 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.conditions.discretisation import pair
-from skfem_contact.pairing.frames import plane_moduli
-from skfem_contact.pairing.mortar import dual_mortar
-from skfem_contact.pairing.node import node_to_segment
+from skfem_contact.conditions import pair
+from skfem_contact.pairing import dual_mortar, node_to_segment, plane_moduli
 
 ELEMENTS = {
     "P1": (fem.MeshTri, fem.ElementTriP1),

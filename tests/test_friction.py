@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -15,9 +16,7 @@ from scipy.sparse import csr_matrix
 
 import skfem_contact as sc
 from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
-from skfem_contact.conditions.return_map import Derivatives, radial_return, unlawful
-from skfem_contact.conditions.rows import tangential_matrix
-from skfem_contact.conditions.thresholds import BEYOND
+from skfem_contact.conditions import Derivatives, radial_return, tangential_matrix, unlawful
 
 size = st.floats(0.0, 1e3)
 
@@ -149,9 +148,9 @@ def test_where_slip_begins_the_bound_grows_ahead():
 
 def test_a_trial_force_beyond_any_bound_gives_the_bound():
     """Where a point slips in a known direction, the force is the bound to the last digit."""
-    limit = np.array([0.0, 1e-30, 0.3, 7.0, 1e30])
+    limit, beyond = np.array([0.0, 1e-30, 0.3, 7.0, 1e30]), internals.original("conditions.BEYOND")
     for way in (1.0, -1.0):
-        force, slips = radial_return(np.full((5, 1), way * BEYOND), limit)
+        force, slips = radial_return(np.full((5, 1), way * beyond), limit)
         assert_array_equal(force[:, 0], way * limit)
         assert slips.all()
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import internals
 import numpy as np
 import pytest
 
-from skfem_contact.answers.validity import deformed_boundaries as module
-from skfem_contact.answers.validity.deformed_boundaries import ACROSS, RAY, Boundary
+from skfem_contact.answers import Boundary
+
+RAY, ACROSS = internals.original("answers.RAY"), internals.original("answers.ACROSS")
 
 
 def inside_by_all_pairs(hull: Boundary, points: np.ndarray) -> np.ndarray:
@@ -43,7 +45,7 @@ def test_ten_thousand_points_are_judged_as_by_all_pairs(
 ) -> None:
     """100 random solids, closed and round or triangles anywhere, 100 points each; in parts, too."""
     if block:
-        monkeypatch.setattr(module, "PAIRS_AT_ONCE", block)
+        internals.replace(monkeypatch, "answers.PAIRS_AT_ONCE", block)
     rng, inner, outer = np.random.default_rng(22), 0, 0
     for i in range(100):
         if i % 2:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import re
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
+import rectangles
 import skfem as fem
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.conditions.statics import escape
-from skfem_contact.history.neutral_equilibrium import nearest
+from skfem_contact.answers import answer_of
+from skfem_contact.conditions import escape
+from skfem_contact.history import nearest
 
 FLOOR = sc.RigidPlane((0, 0), (0, 1), name="floor")
 LINEAR = {"auto": "auto", "sparse": sc.Direct()}
@@ -23,13 +25,7 @@ LINEAR = {"auto": "auto", "sparse": sc.Direct()}
 EXACT = 1e-13
 
 
-def block(name, x=(0.0, 1.0), y=(0.0, 1.0), n=3, *, f=(0.0, 0.0), D=None):
-    """A rectangle with sides named left, right, bottom, top and a force spread over its nodes."""
-    mesh = fem.MeshQuad.init_tensor(np.linspace(*x, n + 1), np.linspace(*y, n + 1)).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
-    load = np.zeros(basis.N)
-    load[basis.nodal_dofs] = np.reshape(f, (2, 1)) / mesh.p.shape[1]
-    return sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), load, D=D, name=name)
+block = partial(rectangles.block, n=3, order=2)
 
 
 def quiet(solve, *args, **settings):
@@ -43,14 +39,14 @@ def quiet(solve, *args, **settings):
 @pytest.mark.parametrize("linear", LINEAR)
 def test_a_smooth_floor_leaves_the_place_along_it(linear):
     """Pressed straight down on a smooth floor a block rests, wherever it stands; and it is said."""
-    punch = block("punch", f=(0.0, -1e-3))
+    punch = block("punch", force=(0.0, -1e-3))
     contact = sc.Contact(punch.surface("bottom"), FLOOR)
     solver = sc.ContactSolver(punch, contact, linear=LINEAR[linear])
     result, words = quiet(solver.solve)
     assert_allclose(result.force, [0.0, 1e-3], atol=1e-15)
     assert result.certificate.worst < 1e-10
     # the answer of the same block held at one node, less its mean movement along the floor
-    held = block("punch", f=(0.0, -1e-3), D=punch.basis.nodal_dofs[0, :1])
+    held = block("punch", force=(0.0, -1e-3), D=punch.basis.nodal_dofs[0, :1])
     known = sc.ContactSolver(held, sc.Contact(held.surface("bottom"), FLOOR)).solve().u.copy()
     along = punch.basis.nodal_dofs[0]
     known[along] -= known[along].mean()
@@ -111,7 +107,7 @@ def test_a_place_goes_on_from_a_file(tmp_path, linear, sliding):
     counted from no displacement it would be back where it was meshed."""
 
     def pushed():
-        loose = block("loose", f=(0.0, -1e-3))
+        loose = block("loose", force=(0.0, -1e-3))
         punch = block("punch", x=(-1.1, -0.1), D="left")
         contacts = [
             sc.Contact(loose.surface("bottom"), FLOOR, sliding=sliding, name="below"),
@@ -141,8 +137,8 @@ def test_no_friction_at_all_is_no_friction_law():
     """A coefficient of zero models nothing tangential: the answers are the same to the last bit."""
     answers = []
     for friction in (None, sc.Coulomb(0.0), sc.Coulomb(0.3, tau_max=0.0), sc.Tresca(0.0)):
-        base = block("base", (-1.0, 2.0), (-1.0, 0.0), 6, D="bottom")
-        tilted = block("tilted", f=(0.0, -1e-3), D=[0])
+        base = block("base", (-1.0, 2.0), (-1.0, 0.0), n=6, D="bottom")
+        tilted = block("tilted", force=(0.0, -1e-3), D=[0])
         joint = sc.Contact(tilted.surface("bottom"), base.surface("top"), friction=friction)
         result = sc.ContactSolver([base, tilted], joint).solve()
         answers.append((result.u, result.slip, result.normal_force, result.status))
@@ -156,7 +152,7 @@ def test_statics_shows_that_there_is_no_equilibrium():
     """Pulled off a floor, or pushed beyond friction: the words say that this is shown, and the motion
     is a certificate: the load drives it and no force within the law works against it."""
     for f, mu in [((0.0, 1e-3), 0.3), ((0.31e-3, -1e-3), 0.3)]:
-        punch = block("punch", f=f)
+        punch = block("punch", force=f)
         joint = sc.Contact(punch.surface("bottom"), FLOOR, friction=sc.Coulomb(mu))
         solver = sc.ContactSolver(punch, joint)
         with pytest.raises(sc.NoEquilibrium, match="friction at its bound included: there is no"):
@@ -196,7 +192,7 @@ def stack(order=(0, 1, 2), linear="auto", sliding="finite"):
     bodies = [
         block("base", y=(-1.0, 0.0), n=2, D="bottom"),
         block("smooth", n=2),
-        block("rough", y=(1.0, 2.0), n=3, f=(0.0, -1e-3)),
+        block("rough", y=(1.0, 2.0), n=3, force=(0.0, -1e-3)),
     ]
     base, smooth, rough = bodies
     contacts = [
@@ -242,8 +238,8 @@ def test_a_smooth_joint_beside_one_that_slides_far(linear):
 def test_a_smooth_pad_that_slides_far(linear):
     """In the middle of a base a pad rests by symmetry, also on a joint that slides far; pushed along
     it by a thousandth of its load nothing holds it there."""
-    base = block("base", (-1.0, 2.0), (-1.0, 0.0), 6, D="bottom")
-    pad = block("pad", f=(0.0, -1e-3), n=4)
+    base = block("base", (-1.0, 2.0), (-1.0, 0.0), n=6, D="bottom")
+    pad = block("pad", force=(0.0, -1e-3), n=4)
     joint = sc.Contact(pad.surface("bottom"), base.surface("top"), sliding="finite", name="joint")
     for bodies in ([base, pad], [pad, base]):
         solver = sc.ContactSolver(bodies, joint, linear=LINEAR[linear])
@@ -261,9 +257,9 @@ def test_a_smooth_pad_that_slides_far(linear):
 def test_what_strains_drive_is_said(off):
     """Beside the middle of its base, which dishes under it, a smooth pad slides: no load works along
     that motion. The refusal says what it takes to hold it, and that is what a support takes."""
-    base = block("base", (-1.0, 2.0), (-1.0, 0.0), 6, D="bottom")
-    pad = block("pad", (off, 1 + off), f=(0.0, -1e-3), n=4)
-    held = block("pad", (off, 1 + off), f=(0.0, -1e-3), n=4, D=pad.basis.nodal_dofs[0, :1])
+    base = block("base", (-1.0, 2.0), (-1.0, 0.0), n=6, D="bottom")
+    pad = block("pad", (off, 1 + off), force=(0.0, -1e-3), n=4)
+    held = block("pad", (off, 1 + off), force=(0.0, -1e-3), n=4, D=pad.basis.nodal_dofs[0, :1])
     solvers = [
         sc.ContactSolver(
             [base, body],
@@ -295,7 +291,7 @@ def test_a_round_pad_on_a_smooth_base(linear, swap):
     top = fem.FacetBasis(mesh, basis.elem, facets=mesh.boundaries["top"])
     load = fem.LinearForm(lambda v, w: -2.8e-4 * v[1]).assemble(top)
     pad = sc.Body(basis, K, load, name="pad")
-    base = block("base", (-0.75, 0.75), (-1.0, 0.0), 10, D="bottom")
+    base = block("base", (-0.75, 0.75), (-1.0, 0.0), n=10, D="bottom")
     joint = sc.Contact(pad.surface("bottom"), base.surface("top"), method="mortar")
     bodies = [pad, base] if swap else [base, pad]
     solver = sc.ContactSolver(bodies, joint, linear=LINEAR[linear])
@@ -314,7 +310,7 @@ def test_a_round_pad_on_a_smooth_base(linear, swap):
 
 def test_a_place_is_said_to_be_indifferent_once_in_a_history():
     """Three steps of one history: one warning; another history: another one."""
-    punch = block("punch", f=(0.0, -1e-3))
+    punch = block("punch", force=(0.0, -1e-3))
     solver = sc.ContactSolver(punch, sc.Contact(punch.surface("bottom"), FLOOR))
     for _ in range(2):
         results, words = quiet(lambda: list(solver.history([0.5, 1.0, 0.7])))

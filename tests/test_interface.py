@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
+from rectangles import rectangle
 
 import skfem_contact as sc
 
@@ -19,8 +19,7 @@ FLOOR = sc.RigidPlane((0, 0), (0, 1), name="floor")
 
 
 def block(**given):
-    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 2, 7), np.linspace(0, 1, 4)).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    basis = rectangle(np.linspace(0, 2, 7), np.linspace(0, 1, 4))
     return sc.Body(basis, linear_elasticity(0.0, 0.5), name="block", **given)
 
 

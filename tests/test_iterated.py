@@ -13,19 +13,19 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 from solid_blocks import Blocks, two_blocks
 
 import skfem_contact as sc
-from skfem_contact.linalg.amg import AMG
-from skfem_contact.linalg.krylov import gmres
-from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-from skfem_contact.linalg.multifrontal.factor import SurfaceResponse as Substitution
-from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.problem.condensed import Condensed, PointProblem
-from skfem_contact.problem.iterated import (
+from skfem_contact import AMG, SingularMatrix
+from skfem_contact.linalg import MultifrontalCholesky, gmres
+from skfem_contact.linalg import SurfaceResponse as Substitution
+from skfem_contact.problem import (
+    Condensed,
+    Conditions,
     IteratedBodies,
     IteratedProblem,
     MultigridBodies,
     MultigridProblem,
+    PointProblem,
+    Resistance,
 )
-from skfem_contact.problem.response import Conditions, Resistance
 
 
 def conditions(blocks: Blocks, seed: int = 0, *, mu: float = 0.4) -> Conditions:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from itertools import product
 
+import internals
 import numpy as np
 import pytest
-import skfem as fem
 from quick_elasticity import linear_elasticity
+from rectangles import rectangle
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.loops import lemke as module
-from skfem_contact.loops import starts
 from skfem_contact.loops.lemke import lemke
 
 
@@ -110,8 +109,7 @@ def test_no_unknowns_and_no_violation() -> None:
 
 def block(n: int = 8) -> sc.Body:
     """A block pressed down and dragged along on one side of its top."""
-    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 2, n + 1), np.linspace(0, 1, 4)).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    basis = rectangle(np.linspace(0, 2, n + 1), np.linspace(0, 1, 4), order=2)
     x = basis.project(lambda x: np.array([0.02 * x[0], -0.015 + 0.02 * x[0]]))
     form = linear_elasticity(*lame_parameters(1.0, 0.3))
     return sc.Body(basis, form, D="top", x=x, name="block")
@@ -135,7 +133,7 @@ def test_the_starting_values_are_the_answer(law: object, monkeypatch: pytest.Mon
     contact = sc.Contact(body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=law)
     usual = sc.ContactSolver(body, contact).solve()
     assert {0, 2} <= set(usual.status.tolist())  # open and sliding at least
-    monkeypatch.setattr(starts, "STARTS", ("pivoting", "pivoting"))
+    internals.replace(monkeypatch, "loops.STARTS", ("pivoting", "pivoting"))
     result = sc.ContactSolver(body, contact).solve()
     assert result.iterations == 1
     assert (result.status == usual.status).all()
@@ -146,13 +144,14 @@ def test_the_starting_values_are_the_answer(law: object, monkeypatch: pytest.Mon
 @pytest.mark.parametrize("law", LAWS)
 def test_the_proximal_point_is_the_last_start(law: object, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the plane as in space; by a chain of softer problems it comes to the same answer."""
-    for points in (starts.MOST_POINTS, starts.MOST_POINTS + 1):
-        found = starts.possible_starts(points, "newton", False, True)
-        assert found[-1] == "proximal" and ("pivoting" in found) == (points == starts.MOST_POINTS)
+    most, starts = internals.original("loops.MOST_POINTS"), internals.original("loops.possible_starts")
+    for points in (most, most + 1):
+        found = starts(points, "newton", False, True)
+        assert found[-1] == "proximal" and ("pivoting" in found) == (points == most)
     body = block()
     contact = sc.Contact(body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=law)
     usual = sc.ContactSolver(body, contact).solve()
-    monkeypatch.setattr(starts, "STARTS", ("proximal", "proximal"))
+    internals.replace(monkeypatch, "loops.STARTS", ("proximal", "proximal"))
     result = sc.ContactSolver(body, contact).solve()
     assert any(record.note == "springs in series" for record in result.trace)
     assert (result.status == usual.status).all()
@@ -172,7 +171,7 @@ def test_a_bond_starts_as_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     usual = sc.ContactSolver(body, both).solve()
     assert {0, 1, 2} == {int(k) for values in usual for k in values.status}
     assert usual[0].pressure.min() < 0 < usual[1].pressure.max()
-    monkeypatch.setattr(starts, "STARTS", ("pivoting", "pivoting"))
+    internals.replace(monkeypatch, "loops.STARTS", ("pivoting", "pivoting"))
     result = sc.ContactSolver(body, both).solve()
     assert result.iterations == 1
     assert np.abs(result.u - usual.u).max() < 1e-10 * np.abs(usual.u).max()
@@ -186,7 +185,7 @@ def test_a_history_starts_from_the_state_of_friction(monkeypatch: pytest.MonkeyP
     )
     way = (1.0, 0.6, 0.9)
     usual = list(sc.ContactSolver(body, contact).history(way))
-    monkeypatch.setattr(starts, "STARTS", ("pivoting", "pivoting"))
+    internals.replace(monkeypatch, "loops.STARTS", ("pivoting", "pivoting"))
     for a, b in zip(usual, sc.ContactSolver(body, contact).history(way), strict=True):
         assert np.abs(a.u - b.u).max() < 1e-10 * np.abs(a.u).max()
         assert b.iterations <= a.iterations
@@ -195,10 +194,15 @@ def test_a_history_starts_from_the_state_of_friction(monkeypatch: pytest.MonkeyP
 def test_what_the_method_does_not_cover_is_declined(monkeypatch: pytest.MonkeyPatch) -> None:
     """Too many points: no starting values, and the loop goes on with others."""
     answers = []
-    own = starts.lemke_guess
-    monkeypatch.setattr(starts, "STARTS", ("pivoting", "pivoting"))
-    monkeypatch.setattr(module, "MOST_POINTS", 3)
-    monkeypatch.setattr(starts, "lemke_guess", lambda *args: answers.append(own(*args)) or answers[-1])
+    own = internals.original("loops.lemke_guess")
+    internals.replace(monkeypatch, "loops.STARTS", ("pivoting", "pivoting"))
+    monkeypatch.setitem(own.__globals__, "MOST_POINTS", 3)  # not where it is decided to try
+
+    def guess(*given: object) -> object:
+        answers.append(own(*given))
+        return answers[-1]
+
+    internals.replace(monkeypatch, "loops.lemke_guess", guess)
     body = block()
     contact = sc.Contact(
         body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.4)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import internals
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -15,12 +16,18 @@ from skfem.models.elasticity import lame_parameters
 from skfem.utils import solver_direct_scipy, solver_iter_pcg
 from threadpoolctl import threadpool_info
 
-from skfem_contact.errors import ContactError, InputError
-from skfem_contact.linalg.amg import AMG, conjugate_gradients, hierarchy
-from skfem_contact.linalg.backend import Backend, LinearSolveError
-from skfem_contact.linalg.direct import Dense, Direct, FromSolver, as_linear_solver
-from skfem_contact.linalg.resources import _blas, single_threaded
-from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact import AMG, ContactError, Direct, InputError, LinearSolveError, SingularMatrix
+from skfem_contact.linalg import (
+    Backend,
+    Dense,
+    FromSolver,
+    as_linear_solver,
+    conjugate_gradients,
+    hierarchy,
+    single_threaded,
+)
+
+_blas = internals.original("linalg._blas")
 
 
 def modes_of(points: np.ndarray) -> np.ndarray:

@@ -7,36 +7,44 @@ from dataclasses import replace
 from itertools import islice
 from types import SimpleNamespace
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
+from hex_blocks import friction_rule
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
+from statuses import OPEN, SLIP, STICK
 
 import skfem_contact as sc
-from skfem_contact import Coulomb, Options
-from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
-from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.loops.active_set import BlockPivoting, direct, fictitious, newton
-from skfem_contact.loops.complementarity import (
+from skfem_contact import Coulomb, Options, Record, SingularMatrix
+from skfem_contact.conditions import RigidMotions
+from skfem_contact.linalg import Anderson
+from skfem_contact.loops import (
+    At,
+    BlockPivoting,
+    Guess,
+    Stagnation,
+    Step,
+    direct,
     disagreement,
+    drive,
+    fictitious,
     friction_of_prescribed_slip,
     law_residual,
+    linear_conditions,
+    natural_state,
+    newton,
     propose,
+    stabilise,
     violations,
 )
-from skfem_contact.loops.driver import Stagnation, drive
-from skfem_contact.loops.multipliers import _lost
-from skfem_contact.loops.pulled import At, _go
-from skfem_contact.loops.starts import natural_state
-from skfem_contact.loops.step import Guess, Record, Step
-from skfem_contact.loops.tangent import _by, linear_conditions, stabilise
-from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load, Resistance, Response
+from skfem_contact.problem import Conditions, Load, PointSpace, Resistance, Response
+
+_by = internals.original("loops._by")
+_go = internals.original("loops._go")
+_lost = internals.original("loops._lost")
 
 LOOPS = {"newton": newton, "direct": direct, "fictitious": fictitious}
 K_N, K_T, MU = 4.0, 3.0, 0.5
@@ -55,7 +63,7 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
     frame = {"normal": np.tile([0.0, 1.0], (m, 1)), "axes": along, "duals": along, "scaled": None}
     kin = SimpleNamespace(m=m, tangents=1, gap0=np.zeros(m), area=np.ones(m), vertex=own, **frame)
     still = natural_state(kin, 0).along(kin)
-    laws = () if tied else ((slice(0, m), CheckedLaw(Coulomb(MU), "joint", np.zeros((m, 2)))),)
+    law = None if tied else Coulomb(MU)
     return Step(
         problem=SimpleNamespace(points=space, springs=None, solve=space.solve),
         load=load,
@@ -63,7 +71,7 @@ def step(normal, tangential, *, gap=0.0, stiffness=np.inf, last=None, tied=False
         paired=np.ones(m, dtype=bool),
         tied=np.full(m, tied),
         bilateral=np.full(m, tied),
-        friction=FrictionRule(laws, np.ones(m), (last or still).reference),
+        friction=friction_rule(law, np.zeros((m, 2)), np.ones(m), (last or still).reference),
         frictional=np.full(m, not tied),
         stiffness=np.full(m, stiffness),
         last=last or still,

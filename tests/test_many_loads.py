@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import skfem as fem
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
+from rectangles import rectangle
 
 import skfem_contact as sc
 
@@ -17,8 +17,7 @@ LOADS = 15
 
 def block():
     """A square of 6 by 6 elements that stands on a rough floor."""
-    mesh = fem.MeshQuad.init_tensor(*[np.linspace(0, 1, 7)] * 2).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    basis = rectangle(*[np.linspace(0, 1, 7)] * 2, order=2)
     return sc.Body(basis, linear_elasticity(1.0, 1.0), D="top", name="block")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -15,13 +16,10 @@ from quick_elasticity import linear_elasticity
 from scipy.sparse import csr_matrix
 from skfem.models.elasticity import lame_parameters
 
-from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facet_kinds import kind_of
-from skfem_contact.conditions.discretisation import carriers
-from skfem_contact.errors import InputError
-from skfem_contact.pairing import dual
-from skfem_contact.pairing.dual import DualBasis, dual_basis
-from skfem_contact.pairing.mortar import dual_mortar
+from skfem_contact import Body, InputError
+from skfem_contact.bodies import kind_of
+from skfem_contact.conditions import carriers
+from skfem_contact.pairing import DualBasis, dual_basis, dual_mortar
 
 ELEMENTS = {
     "P1": fem.ElementTriP1,
@@ -660,7 +658,7 @@ def test_merging_is_what_keeps_cut_quadratics_positive(monkeypatch):
     """Without merging a quadratic facet, three quarters covered, has a negative area."""
     s, p = pair_of_blocks("Q2", [0, 1], [0, 0.8, 1.2])
     assert np.all(dual_mortar(s, p).area > 0)
-    monkeypatch.setattr(dual, "SHARE_KEPT", -np.inf)
+    internals.replace(monkeypatch, "pairing.SHARE_KEPT", -np.inf)
     pairing = dual_mortar(s, p)
     assert not pairing.paired.all()
     assert pairing.area[pairing.paired].sum() > 0.8  # what is left adds up to more than is covered

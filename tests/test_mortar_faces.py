@@ -11,22 +11,23 @@ import skfem as fem
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 from scipy.spatial.transform import Rotation
-from solid_meshes import KINDS, at, body, cube, onto_octant, shuffled
+from solid_meshes import KINDS, as_eight_nodes, at, body, cube, onto_octant, shuffled
 
-from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facet_kinds import KINDS as FACETS
-from skfem_contact.bodies.kinks import kink_angles
-from skfem_contact.bodies.normals import angle_between
-from skfem_contact.bodies.selection import mesh_edges
-from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.discretisation import pair
-from skfem_contact.errors import InputError
-from skfem_contact.pairing.clipping import clip, signed_areas
-from skfem_contact.pairing.dual import dual_basis, node_rows, positive_functions
-from skfem_contact.pairing.face_segmentation import segment
-from skfem_contact.pairing.mortar import dual_mortar
-from skfem_contact.pairing.mortar_rows import least_gaps
-from skfem_contact.pairing.pieces import whole_shares
+from skfem_contact import Body, Contact, InputError
+from skfem_contact.bodies import KINDS as FACETS
+from skfem_contact.bodies import angle_between, kink_angles
+from skfem_contact.conditions import pair
+from skfem_contact.pairing import (
+    clip,
+    dual_basis,
+    dual_mortar,
+    least_gaps,
+    node_rows,
+    positive_functions,
+    segment,
+    signed_areas,
+    whole_shares,
+)
 
 ROUND_OFF = 1e-12  # of sums of hundreds of numbers of the order of one
 FACES = [name for name, kind in FACETS.items() if kind.dim == 2]
@@ -62,11 +63,7 @@ def block(kind, x, y, z, *, moved=None, place=None, seed=None, **options):
 def placed(mesh, kind, place):
     """The mesh with its nodes mapped; of eight-node faces the middles are where those have them."""
     p = np.ascontiguousarray(place(mesh.doflocs))
-    if kind == "quad8":
-        edges = mesh_edges(mesh, mesh.facets, np.roll(mesh.facets, -1, axis=0))
-        middles = p[:, mesh.dofs.edge_dofs[0, edges]].sum(axis=1)
-        p[:, mesh.dofs.facet_dofs[0]] = 0.5 * middles - 0.25 * p[:, mesh.facets].sum(axis=1)
-    return type(mesh)(p, mesh.t)
+    return type(mesh)(as_eight_nodes(mesh, p) if kind == "quad8" else p, mesh.t)
 
 
 def turned(x):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tracemalloc
 from functools import cache
 
+import internals
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -18,12 +19,18 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay
 from skfem.models.elasticity import lame_parameters
 
-from skfem_contact.errors import InputError
-from skfem_contact.linalg.multifrontal import factor as factor_module
-from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-from skfem_contact.linalg.multifrontal.fronts import Leftovers, analyse, factor_size, find_runs
-from skfem_contact.linalg.multifrontal.ordering import _halves, dissect, dissection_order
-from skfem_contact.linalg.singular import NotPositiveDefinite
+from skfem_contact import InputError
+from skfem_contact.linalg import (
+    MultifrontalCholesky,
+    NotPositiveDefinite,
+    analyse,
+    dissect,
+    dissection_order,
+    factor_size,
+    find_runs,
+)
+
+_halves = internals.original("linalg._halves")
 
 
 def irregular(dim: int) -> fem.Mesh:
@@ -113,12 +120,12 @@ def test_condense_solve_recover(name, columns):
 def test_memory_of_fronts_is_written_before_it_is_read(name, before, monkeypatch):
     """Fronts share memory that nobody clears: what was there before never shows, nor warns."""
 
-    class Unknown(Leftovers):
+    class Unknown(internals.original("linalg.Leftovers")):
         def __init__(self, fronts):
             super().__init__(fronts)
             self._memory[:] = np.resize(before, self._memory.size)
 
-    monkeypatch.setattr(factor_module, "Leftovers", Unknown)
+    internals.replace(monkeypatch, "linalg.Leftovers", Unknown)
     K, points, keep = assemble(name)
     for leaf in (5, 120):
         factor = MultifrontalCholesky(K, points, keep, leaf=leaf)

@@ -11,16 +11,19 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, at, body, cube, elastic, onto_ball, shuffled
 
 import skfem_contact as sc
-from skfem_contact.answers.validity.unseen import unseen_overlaps
-from skfem_contact.bodies.normals import tangents
-from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.closest import closest_facets as closest_faces
-from skfem_contact.pairing.joints import rim_points
-from skfem_contact.pairing.node import node_to_segment as node_to_face
-from skfem_contact.pairing.projection import interpolated_normals, project
-from skfem_contact.pairing.search import FacetTree as FaceTree
-from skfem_contact.pairing.search import closest_candidates
-from skfem_contact.pairing.supports import along_supports
+from skfem_contact import ContactSurface
+from skfem_contact.answers import unseen_overlaps
+from skfem_contact.bodies import tangents
+from skfem_contact.pairing import (
+    FacetTree,
+    along_supports,
+    closest_candidates,
+    closest_facets,
+    interpolated_normals,
+    node_to_segment,
+    project,
+    rim_points,
+)
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
@@ -100,7 +103,7 @@ def test_nodes_round_a_closed_surface_are_paired_with_its_nearest_point(kind, se
     # the inner wall of a hollow ball: a ball whose surface is looked at from inside
     outer = body(cube(kind, 4, shell), kind).surface(None)
     inside_out = type(outer)(**{**vars_of(outer), "normals": -outer.normals})
-    pairing = node_to_face(inside_out, primary)
+    pairing = node_to_segment(inside_out, primary)
     assert pairing.paired.all()
     foot = pairing.primary_weights @ primary.points
     distance = np.linalg.norm(inside_out.points - foot, axis=1)
@@ -134,7 +137,7 @@ def test_the_search_leaves_no_face_out(kind):
     looks /= np.linalg.norm(looks, axis=1, keepdims=True)
     found = np.zeros((len(x), len(surface.facets)), dtype=bool)
     blocks = closest_candidates(
-        FaceTree.build(surface),
+        FacetTree.build(surface),
         x,
         looks,
         facing=np.pi,
@@ -169,7 +172,7 @@ def test_nodes_beyond_the_rim_have_no_partner(kind):
     """A plate that is larger by a tenth all around misses by a tenth, at its corners by a diagonal."""
     primary = plate(kind, 3, 0.0).surface(lower(0.5))
     secondary = plate(kind, 4, 0.7, -0.1, 1.1).surface(lower(0.7))
-    pairing = node_to_face(secondary, primary)
+    pairing = node_to_segment(secondary, primary)
     x, y = secondary.points[:, 0], secondary.points[:, 1]
     beyond = np.hypot(np.maximum(np.maximum(-x, x - 1), 0), np.maximum(np.maximum(-y, y - 1), 0))
     assert np.array_equal(pairing.paired, beyond < 1e-9)
@@ -186,7 +189,7 @@ def test_nodes_at_the_rim_are_paired(kind):
     primary = plate(kind, 3, 0.0).surface(lower(0.5))
     for noise in (0.0, 1e-12, -1e-12):
         secondary = plate(kind, 4, 0.5, noise, 1.0 - noise).surface(lower(0.5))
-        pairing = node_to_face(secondary, primary)
+        pairing = node_to_segment(secondary, primary)
         assert pairing.paired.all() and np.all(pairing.miss == 0.0)
         np.testing.assert_allclose(pairing.gap, 0.0, rtol=0, atol=1e-14)
 
@@ -197,12 +200,12 @@ def test_reach_and_overlaps(kind):
     primary = plate(kind, 2, 0.0).surface(lower(0.5))
     for z in (0.6, 0.4):
         secondary = plate(kind, 3, z).surface(lower(z))
-        assert node_to_face(secondary, primary).paired.all()
-        np.testing.assert_allclose(node_to_face(secondary, primary).gap, z - 0.5, rtol=0, atol=1e-12)
-        assert not node_to_face(secondary, primary, reach=0.05).paired.any()
-        assert node_to_face(secondary, primary, reach=0.2).paired.all()
+        assert node_to_segment(secondary, primary).paired.all()
+        np.testing.assert_allclose(node_to_segment(secondary, primary).gap, z - 0.5, rtol=0, atol=1e-12)
+        assert not node_to_segment(secondary, primary, reach=0.05).paired.any()
+        assert node_to_segment(secondary, primary, reach=0.2).paired.all()
     deep = plate(kind, 3, 0.5 - 0.8).surface(lower(-0.3))
-    assert not node_to_face(deep, primary).paired.any()
+    assert not node_to_segment(deep, primary).paired.any()
 
 
 def test_convex_edges_and_corners_take_nodes_up_to_45_degrees():
@@ -218,7 +221,7 @@ def test_convex_edges_and_corners_take_nodes_up_to_45_degrees():
         mesh = fem.MeshTet(p, np.array([[0, 1, 2, 4], [0, 2, 3, 4], [0, 3, 1, 4]]).T)
         foot = body(mesh, "tri3").surface(lambda x: x[2] < 1.23)
         node = int(np.argmin(foot.points[:, 2]))
-        pairing = node_to_face(foot, cube_)
+        pairing = node_to_segment(foot, cube_)
         assert pairing.paired[node] == expected, angle
         if expected:
             np.testing.assert_allclose(pairing.normal[node], [0, 0, 1], atol=1e-12)
@@ -236,7 +239,7 @@ def test_nodes_slide_over_joints_without_a_jump():
     )
     other = body(cube("quad4", 4, onto_ball), "quad4").surface(None)
     probe = type(ball)(**{**vars_of(other), "points": 1.05 * way, "normals": -way})
-    point, facet, _ = closest_faces(probe, ball, np.inf, 1.0)
+    point, facet, _ = closest_facets(probe, ball, np.inf, 1.0)
     assert np.array_equal(point, np.arange(len(t)))
     feet = project(ball, facet, probe.points)
     for values in (interpolated_normals(ball, facet, feet.xi), feet.foot):
@@ -256,7 +259,7 @@ def test_pairing_does_not_depend_on_numbering_or_place(kind):
             turned = type(mesh)(turn @ mesh.doflocs, mesh.t)
             back = body(turned, kind)
             sides.append(back.surface(lambda x, look=look: look(np.einsum("ji,j...->i...", turn, x))))
-        return sides, node_to_face(*sides)
+        return sides, node_to_segment(*sides)
 
     (secondary, primary), first = pair(base, top, np.eye(3))
     turn = Rotation.random(random_state=5).as_matrix()
@@ -293,7 +296,7 @@ def test_the_tip_of_a_crack_is_no_partner_of_itself():
     )
     upper = one.surface(np.flatnonzero(level & (centre > 1)), name="upper")
     under = one.surface(np.flatnonzero(level & (centre < 1)), name="under")
-    pairing = node_to_face(upper, under)
+    pairing = node_to_segment(upper, under)
     np.testing.assert_array_equal(pairing.paired, upper.points[:, 0] > 0)
     np.testing.assert_allclose(pairing.gap[pairing.paired], 0.0, atol=1e-14)
 
@@ -334,7 +337,7 @@ def test_curved_sides_that_fit_are_not_told(kind):
             "facet_node_normals": -outer.facet_node_normals,
         }
     )
-    assert unseen_overlaps(hollow, inner, node_to_face(hollow, inner)) is None
+    assert unseen_overlaps(hollow, inner, node_to_segment(hollow, inner)) is None
 
 
 @every_kind
@@ -379,7 +382,7 @@ def test_the_search_is_selective_and_complete_on_a_ball():
     for distance in (0.6, 1.0, 1.3, 7.0):
         found = np.zeros((len(way), len(ball.facets)), dtype=bool)
         for item, face in closest_candidates(
-            FaceTree.build(ball),
+            FacetTree.build(ball),
             distance * way,
             -way,
             facing=0.5 * np.pi,
@@ -414,7 +417,7 @@ def test_round_a_corner_of_a_cube(angle, expected):
     surface = body(cube("quad4", 2), "quad4").surface(None)
     across = 0.3 * np.tan(np.radians(angle)) / np.sqrt(2)
     foot, node = probe(np.array([1 + across, 1 + across, 1.3]), (0, 0, -1))
-    pairing = node_to_face(foot, surface)
+    pairing = node_to_segment(foot, surface)
     assert pairing.paired[node] == expected
     if expected:
         np.testing.assert_allclose(pairing.normal[node], [0, 0, 1], atol=1e-12)
@@ -437,7 +440,7 @@ def test_ties_in_a_groove_do_not_depend_on_numbers():
         one = body(mesh if seed is None else shuffled(mesh, seed), "quad4")
         flanks = one.surface(lambda x: x[2] > np.abs(x[0]) + 0.49)
         tip, node = probe(np.array([0.0, 0.53, 0.7]), (0, 0, -1))
-        pairing = node_to_face(tip, flanks)
+        pairing = node_to_segment(tip, flanks)
         assert pairing.paired[node]
         found.add(tuple(np.round(pairing.normal[node], 9)))
     assert len(found) == 1
@@ -448,10 +451,10 @@ def test_nothing_overhangs_what_looks_the_same_way():
     low = body(cube("quad4", 2), "quad4").surface(at(2, 1.0))
     beside = cube("quad4", 2, lambda x: x + np.array([[1.05], [0.0], [0.02]]))
     up, down = (body(beside, "quad4").surface(at(2, z)) for z in (1.02, 0.02))
-    assert np.all(np.isinf(node_to_face(up, low).miss))
+    assert np.all(np.isinf(node_to_segment(up, low).miss))
     raised = cube("quad4", 2, lambda x: x + np.array([[1.05], [0.0], [1.02]]))
     down = body(raised, "quad4").surface(at(2, 1.02))
-    miss = node_to_face(down, low).miss
+    miss = node_to_segment(down, low).miss
     np.testing.assert_allclose(miss, down.points[:, 0] - 1.0, rtol=0, atol=1e-12)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from skfem_contact.linalg.dense_factors import nonnegative_least_squares
+from skfem_contact.linalg import nonnegative_least_squares
 
 
 def check(A: np.ndarray, b: np.ndarray) -> np.ndarray:

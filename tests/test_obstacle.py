@@ -7,11 +7,8 @@ import pytest
 import scipy.sparse as sp
 import skfem as fem
 
-from skfem_contact.bodies.body import Body
-from skfem_contact.errors import InputError
-from skfem_contact.obstacles.level_set import LevelSet
-from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
-from skfem_contact.pairing.diagnosis import diagnose
+from skfem_contact import Body, InputError, LevelSet, RigidCylinder, RigidPlane, RigidSphere
+from skfem_contact.pairing import diagnose
 
 
 def surface(mesh, where=None, name="disc"):

@@ -16,8 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from solid_meshes import at, cube, elastic
 
 import skfem_contact as sc
-from skfem_contact.conditions.orthotropic import combinations, duals
-from skfem_contact.conditions.rows import combined_rows
+from skfem_contact.conditions import combinations, combined_rows, duals
 
 FLOOR = sc.RigidPlane((0, 0, 0), (0, 0, 1), name="floor")
 LAW = sc.OrthotropicCoulomb((0.1, 0.3), (1, 2, 0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+import internals
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -14,17 +15,19 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
-from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facet_kinds import KINDS
-from skfem_contact.errors import InputError
-from skfem_contact.pairing.corners import corner_contacts, unselected_sides
-from skfem_contact.pairing.diagnosis import diagnose
-from skfem_contact.pairing.mortar import dual_mortar
-from skfem_contact.pairing.node import node_to_segment
-from skfem_contact.pairing.node import node_to_segment as node_to_face
-from skfem_contact.pairing.projection import project
-from skfem_contact.pairing.thresholds import COINCIDENT, FACING
-from skfem_contact.pairing.vertices import Corners
+from skfem_contact import Body, InputError
+from skfem_contact.bodies import KINDS
+from skfem_contact.pairing import (
+    Corners,
+    corner_contacts,
+    diagnose,
+    dual_mortar,
+    node_to_segment,
+    project,
+    unselected_sides,
+)
+
+FACING, COINCIDENT = internals.original("pairing.FACING"), internals.original("pairing.COINCIDENT")
 
 
 def facet_shapes(xi, k):
@@ -163,7 +166,7 @@ def test_search_may_begin_at_any_level_of_the_tree(few, monkeypatch):
     floor = block(60, -2.0, 3.0, 0.0, 1.0).surface("top")
     expected = node_to_segment(disc, floor), dual_mortar(disc, floor)
     assert expected[0].paired.sum() > 20
-    monkeypatch.setattr("skfem_contact.pairing.search.FEW_PAIRS", few)
+    internals.replace(monkeypatch, "pairing.FEW_PAIRS", few)
     found = node_to_segment(disc, floor), dual_mortar(disc, floor)
     for pairing, usual in zip(found, expected, strict=True):
         assert np.array_equal(pairing.facet, usual.facet)
@@ -515,7 +518,6 @@ def test_seams_carry_on_both_sides(dim, fine):
     mesh = mesh.with_boundaries({"down": lambda x: x[1] == 0})
     above = body(mesh, element)
     secondary, primary = above.surface("down"), below.surface("up")
-    pair = node_to_segment if dim == 2 else node_to_face
     pairing = pair(secondary, primary)
     left = primary.points[:, 0] < 1e-9
     left &= primary.dofs[:, 0] < np.sort(below.basis.nodal_dofs[:, :first].ravel())[-1] + 1

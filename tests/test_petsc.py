@@ -23,9 +23,8 @@ from numpy.testing import assert_allclose
 from test_linear import body, modes_of
 
 import skfem_contact as sc
-from skfem_contact.petsc import ranks
-from skfem_contact.petsc import share as database
-from skfem_contact.petsc.layout import Layout, bisected, directions, together
+from skfem_contact.petsc import Layout, bisected, command_line, directions, together
+from skfem_contact.petsc.ranks import ranks, receive, send
 
 MISSING = [name for name in ("petsc4py", "mpi4py") if find_spec(name) is None]
 MISSING += [] if shutil.which("mpirun") else ["mpirun"]
@@ -41,7 +40,7 @@ SCRIPT = Path(petsc_scenes.__file__)
 def test_asking_for_it_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where petsc4py is missing, the message has the commands, and nothing else is touched."""
     monkeypatch.setitem(sys.modules, "petsc4py", None)
-    ranks.ranks.cache_clear()
+    ranks.cache_clear()
     with pytest.raises(
         sc.InputError, match=r"apt-get install python3-petsc4py python3-mpi4py.*PETSC_DIR"
     ):
@@ -123,7 +122,7 @@ def test_the_command_line_is_read_for_options_of_this_library_alone(
         "-1",
     ]
     monkeypatch.setattr(sys, "argv", words)
-    assert database.command_line() == ["script.py", *words[4:6], "-sc_ksp_monitor", *words[8:]]
+    assert command_line() == ["script.py", *words[4:6], "-sc_ksp_monitor", *words[8:]]
 
 
 @pytest.mark.parametrize(
@@ -151,8 +150,8 @@ def test_arrays_of_any_kind_are_sent(array: np.ndarray) -> None:
     comm = SimpleNamespace(
         send=lambda x, dest: sent.append(x), Send=take, recv=lambda source: sent.pop(0), Recv=give
     )
-    ranks.send(comm, [array], 1)
-    (found,) = ranks.receive(comm, 0)
+    send(comm, [array], 1)
+    (found,) = receive(comm, 0)
     assert found.shape == array.shape and found.dtype.isnative
     assert np.array_equal(found, array)
 

@@ -13,6 +13,7 @@ from threading import Thread
 from types import SimpleNamespace
 from typing import Any
 
+import internals
 import numpy as np
 import petsc_assembled
 import petsc_scenes
@@ -27,11 +28,19 @@ from skfem.models.elasticity import linear_elasticity
 from test_petsc import ALL, FEW, assert_said, assert_serial, mpirun, needs_petsc
 
 import skfem_contact as sc
-from skfem_contact.answers.validity.strain import strains
-from skfem_contact.petsc import assembly
-from skfem_contact.petsc.layout import directions, orthonormal
+from skfem_contact.answers import strains
+from skfem_contact.petsc import (
+    StackedStiffness,
+    assembled,
+    collected,
+    directions,
+    numbering,
+    orthonormal,
+)
 from skfem_contact.petsc.ranks import Ranks
-from skfem_contact.petsc.stacked import StackedStiffness, _order
+
+_order = internals.beside(StackedStiffness, "_order")
+_on_piece, _pieces = (internals.beside(numbering, name) for name in ("_on_piece", "_pieces"))
 
 SCRIPT = Path(petsc_assembled.__file__)
 
@@ -51,8 +60,8 @@ def alone() -> Ranks:
 def test_rows_and_products_are_those_of_the_matrix(alone: Ranks) -> None:
     """By pieces of the mesh and by elements of one's own, with springs and without."""
     (lower, upper), _ = blocks(3, "mortar", "small", 5)
-    pieces = assembly.assembled(alone, elastic, lower.basis)
-    given = assembly.collected(alone, partial(some_elements, 3, 5))
+    pieces = assembled(alone, elastic, lower.basis)
+    given = collected(alone, partial(some_elements, 3, 5))
     for K, A in ((pieces, lower.K), (given, upper.K)):
         assert max(petsc_assembled.single(K, A).values()) < 1e-14
         spring = csr_matrix((np.ones(1), ([0], [0])), shape=K.shape)
@@ -63,11 +72,11 @@ def test_a_mesh_in_many_pieces_has_the_same_stiffness(
     alone: Ranks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Quadratic tetrahedra, whose edges have DOFs: what the pieces number is found again."""
-    monkeypatch.setattr(assembly, "ELEMENTS_AT_ONCE", 20)
+    internals.replace(monkeypatch, "petsc.ELEMENTS_AT_ONCE", 20)
     element = fem.ElementVector(fem.ElementTetP2())
     mesh = fem.MeshTet().refined(2)
     basis = fem.Basis(mesh, element, intorder=2)
-    K = assembly.assembled(alone, tetrahedra, assembly.numbering(mesh, element))
+    K = assembled(alone, tetrahedra, numbering(mesh, element))
     assert abs(K[np.arange(basis.N)] - linear_elasticity().assemble(basis)).max() < 1e-13
 
 
@@ -85,8 +94,8 @@ class Two(SimpleNamespace):
     def sum_of(self, function: Any, basis: Any) -> csr_matrix:
         """What the ranks have, in the numbering of the whole."""
         whole = csr_matrix((basis.N, basis.N))
-        for part in assembly._pieces(basis, self.size):
-            dofs, K = assembly._on_piece(self, function, part)
+        for part in _pieces(basis, self.size):
+            dofs, K = _on_piece(self, function, part)
             E = csr_matrix((np.ones(len(dofs)), (dofs, np.arange(len(dofs)))), (basis.N, len(dofs)))
             whole = whole + E @ K @ E.T
         return whole
@@ -110,7 +119,7 @@ def test_pieces_of_curved_meshes_keep_their_middle_nodes(
     def stiffness(piece: Any) -> csr_matrix:
         return quick_elasticity().assemble(fem.Basis(piece, fem.ElementVector(element), intorder=4))
 
-    basis = assembly.numbering(mesh, fem.ElementVector(element))
+    basis = numbering(mesh, fem.ElementVector(element))
     expected = stiffness(mesh)
     assert abs(Two().sum_of(stiffness, basis) - expected).max() < 1e-13 * abs(expected).max()
 
@@ -139,7 +148,7 @@ def test_named_facets_between_pieces_count_once(flip: bool | None) -> None:
     inside = mesh.f2t[1, joint] >= 0
     ends = OrientedBoundary(np.asarray(joint)[inside], joint.ori[inside])
     mesh = replace(mesh, _boundaries={"joint": np.asarray(ends) if flip is None else ends})
-    basis = assembly.numbering(mesh, fem.ElementVector(fem.ElementQuad1()))
+    basis = numbering(mesh, fem.ElementVector(fem.ElementQuad1()))
     K, expected = Two().sum_of(partial(supported, facets="joint"), basis), supported(mesh, "joint")
     assert abs(K - expected).max() < 1e-13 * abs(expected).max()
 
@@ -168,14 +177,14 @@ def test_what_is_no_sum_over_elements_is_refused(alone: Ranks, wrong: str) -> No
     with pytest.raises(
         sc.InputError, match=r"not the sum of those of each of them: off by .*boundaries"
     ):
-        assembly._on_piece(alone, stiffness, next(assembly._pieces(fem.Basis(mesh, element), 1)))
+        _on_piece(alone, stiffness, next(_pieces(fem.Basis(mesh, element), 1)))
 
 
 @pytest.mark.parametrize("unlike", [False, True])
 def test_the_reduced_matrix_is_that_of_the_whole_one(alone: Ranks, unlike: bool) -> None:
     """Trial and test space alike or not, supports that are held, terms that were added."""
     (lower, _), _ = blocks(2, "mortar", "small", 10)
-    K = assembly.assembled(alone, elastic, lower.basis)
+    K = assembled(alone, elastic, lower.basis)
     A, rng, n = lower.K, np.random.default_rng(1), lower.n
     B = csr_matrix(rng.standard_normal((3, n)) * (rng.random(n) < 0.1))
     stack = StackedStiffness((lower,), [K], True) + csr_matrix(B.T @ B)
@@ -216,7 +225,7 @@ def test_strains_on_a_basis_without_points_of_integration(dim: int) -> None:
     """They are those at the points of a rule of order 2, taken some elements at a time."""
     mesh = mesh_of(dim, 6, False)
     full = petsc_scenes.basis_of(mesh)
-    bare = assembly.numbering(mesh, full.elem)
+    bare = numbering(mesh, full.elem)
     K, u = elastic(mesh), np.random.default_rng(0).standard_normal(full.N)
     found, expected = (strains(sc.Body(basis, K), u) for basis in (bare, full))
     assert_allclose(found, expected, rtol=1e-12)

@@ -11,10 +11,11 @@ import pytest
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
+from rectangles import rectangle
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 
 
 def again(thing):
@@ -32,15 +33,10 @@ def half_bowl(x):
     return x[1] - 0.1 * (x[0] - 0.5) ** 2 + 1e-4
 
 
-def basis_of(x, y, element=None):
-    mesh = fem.MeshQuad.init_tensor(x, y).with_defaults()
-    return fem.Basis(mesh, fem.ElementVector(element or fem.ElementQuad1()))
-
-
 def two_blocks(*, floats=False, measure=None, linear="auto", **contact):
     """A block on another one; held and moved at its top, or loaded there."""
-    low = basis_of(np.linspace(-0.5, 1.5, 15), np.linspace(-1, 0, 6))
-    top = basis_of(np.linspace(0, 1, 9), np.linspace(0, 0.5, 5))
+    low = rectangle(np.linspace(-0.5, 1.5, 15), np.linspace(-1, 0, 6))
+    top = rectangle(np.linspace(0, 1, 9), np.linspace(0, 0.5, 5))
     form = linear_elasticity(*lame_parameters(1e3, 0.3))
     x = np.zeros(top.N)
     x[top.nodal_dofs] = [[0.002], [-0.001]]
@@ -66,7 +62,7 @@ def two_blocks(*, floats=False, measure=None, linear="auto", **contact):
 
 def on_level_set():
     """A block on a rigid bowl that follows it."""
-    basis = basis_of(np.linspace(0, 1, 9), np.linspace(0, 0.5, 5))
+    basis = rectangle(np.linspace(0, 1, 9), np.linspace(0, 0.5, 5))
     x = np.zeros(basis.N)
     x[basis.nodal_dofs] = [[0.002], [-0.001]]
     body = sc.Body(basis, linear_elasticity(1.0, 1.0), D="top", x=x, name="top")

@@ -13,8 +13,7 @@ from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.output.drawing import arc_length
-from skfem_contact.output.view import view
+from skfem_contact.output import arc_length
 
 matplotlib = pytest.importorskip("matplotlib")
 matplotlib.use("Agg")
@@ -185,14 +184,20 @@ def test_colours_are_the_stress_where_given() -> None:
     assert [c.get_cmap().name for c in ax.collections if hasattr(c, "_triangulation")] == ["gray"]
 
 
+def magnified(result: sc.ContactResult) -> float:
+    """How many times displacements are drawn, as the title says."""
+    words = sc.plot_deformed(result).get_title().splitlines()[0]
+    return 1.0 if words == "true positions" else float(words.split("magnified ")[1].split(" times")[0])
+
+
 def test_scale_is_round_and_keeps_gaps_small() -> None:
     """Displacements are shown up to 6 % of the extent; a closed gap, overlapping, up to 1 %."""
-    assert view(pressed(depth=0.001).solve()).factor == 50.0
-    assert view(pressed(depth=1e-6).solve()).factor == 50_000.0
+    assert magnified(pressed(depth=0.001).solve()) == 50.0
+    assert magnified(pressed(depth=1e-6).solve()) == 50_000.0
     # a gap of 0.005 closed first: at a factor above three it would overlap by more than 0.01
-    assert view(pressed(depth=0.01, gap=0.005).solve()).factor == 2.0
+    assert magnified(pressed(depth=0.01, gap=0.005).solve()) == 2.0
     # (0.06, shown in true size)
-    assert view(pressed(depth=0.06).solve()).factor == 1.0
+    assert magnified(pressed(depth=0.06).solve()) == 1.0
 
 
 def test_ring_is_cut_open_where_nothing_touches() -> None:
@@ -321,7 +326,7 @@ def test_bodies_that_are_far_from_each_other_are_in_true_size() -> None:
     """A floor that has gone down by 5 is five below: it was drawn at 0.05, "magnified 0.01 times"."""
     solver = pressed(levels=1, depth=0.0)
     result = next(solver.history([{"motion": {"floor": (0.0, -5.0)}}]))
-    assert view(result).factor == 1.0
+    assert magnified(result) == 1.0
     ax = sc.plot_deformed(result)
     assert_allclose(obstacle_lines(ax)[..., 1], -5.0)
     assert ax.get_ylim()[0] < -5.0
@@ -329,12 +334,20 @@ def test_bodies_that_are_far_from_each_other_are_in_true_size() -> None:
 
 def test_a_shared_translation_is_not_magnified() -> None:
     """The same block is squeezed by 0.001: 50 times as in place, though it has moved by 24."""
-    seen = view(slid(24.0, -0.001))
-    assert seen.factor == 100.0  # with the middle of all displacements taken off, twice as much
-    assert_allclose(seen.shared, [24.0, -0.0005], atol=1e-9)
-    assert view(slid(0.0, -0.001)).factor == 50.0
+
+    def drawn(result: sc.ContactResult) -> list[float]:
+        ax = sc.plot_deformed(result)
+        (colours,) = (c for c in ax.collections if hasattr(c, "_triangulation"))
+        x, y = colours._triangulation.x, colours._triangulation.y
+        return [x.min(), x.max(), y.min(), y.max()]
+
+    moved, still = slid(24.0, -0.001), slid(0.0, -0.001)
+    assert magnified(moved) == 100.0  # with the middle of all displacements taken off, twice as much
+    # y - 0.0005 + 100 (-0.001 y + 0.0005): the middle, (24, -0.0005), is where it is
+    assert_allclose(drawn(moved), [24.0, 25.0, 0.0495, 0.9495], rtol=0, atol=1e-7)
+    assert magnified(still) == 50.0
     # the place of what is nearly at rest is not changed by it
-    assert_allclose(view(slid(0.0, -0.001)).shared, 0.0)
+    assert_allclose(drawn(still), [0.0, 1.0, 0.0, 0.95], rtol=0, atol=1e-9)
 
 
 def test_open_contacts_are_said_to_be_open() -> None:

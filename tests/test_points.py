@@ -7,10 +7,16 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import LinAlgError
 
-from skfem_contact.linalg.dense_factors import cholesky, lu
-from skfem_contact.problem.condensed import definite_inverse
-from skfem_contact.problem.points import PointsInSeries, PointSpace, Reduction
-from skfem_contact.problem.response import Conditions, Load, Resistance
+from skfem_contact.linalg import cholesky, lu
+from skfem_contact.problem import (
+    Conditions,
+    Load,
+    PointsInSeries,
+    PointSpace,
+    Reduction,
+    Resistance,
+    definite_inverse,
+)
 
 m = 60  # of them 10 closed: enough for the reduction to be worth its while
 

@@ -11,17 +11,15 @@ import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
+from rectangles import rectangle
 
 import skfem_contact as sc
-from skfem_contact.answers.validity.deformed_boundaries import Boundary
-from skfem_contact.pairing.node import node_to_segment
+from skfem_contact.answers import Boundary
+from skfem_contact.pairing import node_to_segment
 
 
 def block(x0=-1.0, x1=1.0, y0=-1.0, y1=0.0, n=20, E=1.0, **given):
-    x, y = np.linspace(x0, x1, n + 1), np.linspace(y0, y1, n // 2 + 1)
-    basis = fem.Basis(
-        fem.MeshQuad.init_tensor(x, y).with_defaults(), fem.ElementVector(fem.ElementQuad1())
-    )
+    basis = rectangle(np.linspace(x0, x1, n + 1), np.linspace(y0, y1, n // 2 + 1))
     given = {"D": "bottom", "name": "block"} | given
     return sc.Body(basis, linear_elasticity(E * 0.6, E * 0.4), **given)
 

@@ -7,24 +7,18 @@ import types
 
 import numpy as np
 import pytest
+import rectangles
 import skfem as fem
 from numpy.testing import assert_allclose
-from quick_elasticity import linear_elasticity
-from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.history.load_step import recover_all
+from skfem_contact.answers import answer_of
+from skfem_contact.history import recover_all
 
 
 def block(nx, **given):
     """A block with nx elements along its lower edge."""
-    x, y = np.linspace(0, 1, nx + 1), np.linspace(0, 0.5, 5)
-    basis = fem.Basis(
-        fem.MeshQuad.init_tensor(x, y).with_defaults(), fem.ElementVector(fem.ElementQuad1())
-    )
-    given.setdefault("D", "top")
-    return sc.Body(basis, linear_elasticity(*lame_parameters(1e3, 0.3)), name="block", **given)
+    return rectangles.block(y=(0.0, 0.5), n=(nx, 4), E=1e3, **({"D": "top"} | given))
 
 
 def solver_of(nx, **contact):

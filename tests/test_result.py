@@ -8,23 +8,21 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import rectangles
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.by_contact import OfTheContact
+from skfem_contact.answers import answer_of
+
+# what a result has of its contact, where there is one
+(OF_THE_CONTACT,) = (kind for kind in sc.ContactResult.__mro__ if kind.__name__ == "OfTheContact")
 
 
 def block(name, y, **data):
-    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 6), np.linspace(*y, 4)).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
-    if "move" in data:
-        data["x"] = np.zeros(basis.N)
-        data["x"][basis.nodal_dofs] = np.reshape(data.pop("move"), (2, 1))
-    return sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), name=name, **data)
+    return rectangles.block(name, y=y, n=(5, 3), **data)
 
 
 def stack(mu=0.3):
@@ -200,8 +198,8 @@ def test_notebooks_show_a_table(result):
 
 def test_several_contacts_are_not_joined(result):
     """What belongs to a contact is an AttributeError that names the contacts, for hasattr as well."""
-    for name in vars(OfTheContact):
-        if isinstance(vars(OfTheContact)[name], property):
+    for name in vars(OF_THE_CONTACT):
+        if isinstance(vars(OF_THE_CONTACT)[name], property):
             assert not hasattr(result, name)
             with pytest.raises(AttributeError, match=rf"2 of them \(base, joint\).*\['base'\].{name}"):
                 getattr(result, name)
@@ -214,7 +212,7 @@ def test_one_contact_is_the_result_itself():
     floor = sc.RigidPlane((0, 0), (0, 1))
     result = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), floor)).solve()
     (values,) = result
-    for name, own in vars(OfTheContact).items():
+    for name, own in vars(OF_THE_CONTACT).items():
         if isinstance(own, property):
             assert name in dir(result) and own.__doc__ and own.fget.__annotations__["return"]
             found, expected = getattr(result, name), getattr(values, name)

@@ -12,7 +12,7 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 
 
 def scene(friction: Any, **settings: Any) -> sc.ContactSolver:

@@ -13,8 +13,8 @@ from scipy.integrate import quad_vec
 from scipy.spatial.transform import Rotation
 
 import skfem_contact as sc
-from skfem_contact.conditions.loads import Motion
-from skfem_contact.obstacles.motion import rotation_matrix, spin
+from skfem_contact.conditions import Motion
+from skfem_contact.obstacles import rotation_matrix, spin
 
 VECTORS = [(0, 0, 0), (0.3, -0.2, 0.5), (0, 0, 2.5), (1e-9, 0, 1e-9), (2.0, -3.0, 4.0), (np.pi, 0, 0)]
 

@@ -47,7 +47,7 @@ def test_steep_friction_is_said_as_an_angle(mu: float | np.ndarray, words: str) 
 
 def test_steep_friction_with_a_direction_is_said_as_an_angle() -> None:
     """The larger coefficient counts."""
-    from skfem_contact.conditions.friction_rule import steep_words
+    from skfem_contact.conditions import steep_words
 
     law = sc.OrthotropicCoulomb((20, 45), (1, 0, 0))
     assert steep_words(law) == "up to 88.7 degrees off the normal (mu = 45)"

@@ -10,8 +10,7 @@ from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.conditions.kinematics import kinematics
-from skfem_contact.pairing.mortar import dual_mortar
-from skfem_contact.pairing.node import gap_vectors, node_to_segment
+from skfem_contact.pairing import dual_mortar, gap_vectors, node_to_segment
 
 
 def body(outline, *, element=None, shrunk=0.5, name="body"):

@@ -9,12 +9,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.sparse import csr_matrix
 
-from skfem_contact.linalg.dense_factors import factorised
-from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load
-from skfem_contact.problem.sparse import SparseSpace
+from skfem_contact import Direct, SingularMatrix
+from skfem_contact.linalg import factorised
+from skfem_contact.problem import Conditions, Load, PointSpace, SparseSpace
 
 
 class Problem:

@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.bodies.normals import tangents
-from skfem_contact.conditions.state import LocalState, transport
+from skfem_contact.answers import answer_of
+from skfem_contact.bodies import tangents
+from skfem_contact.conditions import LocalState, transport
 
 # a handful of roundings of numbers of size one
 DIGITS = 1e-14

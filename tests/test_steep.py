@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -11,8 +12,6 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.history.stepper import Stepper
-from skfem_contact.loops.starts import REGULARISED
 
 SHEAR = 0.005
 
@@ -54,7 +53,7 @@ def test_a_point_without_state_is_named(press):
 def test_answers_are_found_from_there_where_there_are_any(law, monkeypatch):
     """The steep law is where the iterations begin; the answer is that of the law itself."""
     usual = pushed(law, 0.002)["seat"]
-    monkeypatch.setattr(Stepper, "starts", (REGULARISED,))
+    internals.replace(monkeypatch, "history.Stepper.starts", ("regularised",))
     found = pushed(law, 0.002)["seat"]
     assert (usual.status == 0).any() and (usual.status == 2).any()
     # the tolerance of the loop
@@ -63,7 +62,7 @@ def test_answers_are_found_from_there_where_there_are_any(law, monkeypatch):
 
 def test_friction_that_begins_at_zero_is_not_made_steeper(monkeypatch):
     """Coulomb's law fails as it did: with its own words."""
-    monkeypatch.setattr(Stepper, "starts", ("cold",))
+    internals.replace(monkeypatch, "history.Stepper.starts", ("cold",))
     with pytest.raises(sc.NotConverged) as refused:
         pushed(sc.Coulomb(0.3), 0.002, max_cuts=0, max_iterations=1)
     assert "has none" not in str(refused.value)

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
-from skfem.models.elasticity import lame_parameters
+from rectangles import block
+from statuses import SLIP, STICK
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.conditions.state import SLIP, STICK
-from skfem_contact.history import stepper, stepping
-from skfem_contact.history.stepping import Bisection, grown
-from skfem_contact.loops import starts
-from skfem_contact.loops.starts import as_guess
+from skfem_contact.answers import answer_of
+from skfem_contact.history import Bisection, grown
+from skfem_contact.loops import as_guess
 
 
 def scene(sliding="small", **settings):
@@ -25,11 +24,7 @@ def scene(sliding="small", **settings):
 
     Steps are halved only where no loading machine can tell how far they come: with finite sliding.
     """
-    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 7), np.linspace(0, 0.5, 4)).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
-    x = np.zeros(basis.N)
-    x[basis.nodal_dofs] = [[0.01], [-0.01]]
-    body = sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), D="top", x=x, name="block")
+    body = block(y=(0.0, 0.5), n=(6, 3), D="top", move=(0.01, -0.01))
     floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
     contact = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="joint")
     contact = replace(contact, sliding=sliding)
@@ -41,8 +36,9 @@ def failing(monkeypatch, refuses):
 
     The proximal point, which iterates by itself, is none of them.
     """
-    real, count = stepper.drive, [0]
-    monkeypatch.setattr(starts, "STARTS", [s for s in starts.STARTS if s != "proximal"])
+    real, count = internals.original("loops.drive"), [0]
+    starts = [start for start in internals.original("loops.STARTS") if start != "proximal"]
+    internals.replace(monkeypatch, "loops.STARTS", starts)
 
     def drive(*arguments):
         outcome = real(*arguments)
@@ -51,7 +47,7 @@ def failing(monkeypatch, refuses):
             return replace(outcome, converged=False, message="refused by the test")
         return outcome
 
-    monkeypatch.setattr(stepper, "drive", drive)
+    internals.replace(monkeypatch, "loops.drive", drive)
     return count
 
 
@@ -88,13 +84,13 @@ def test_cutting_ends(monkeypatch):
     solver, _ = scene("finite", options=sc.Options(max_cuts=2))
     with pytest.raises(sc.NotConverged, match=r"refused by the test, step cut 2 times"):
         solver.solve()
-    assert count[0] <= 3 * len(starts.STARTS)
+    assert count[0] <= 3 * len(internals.original("loops.STARTS"))
 
 
 def test_points_that_snap_end_a_step(monkeypatch):
     """Where points slide too far from some place on, however small the step, parts of it are not cut to
     the round-off of their sum: every part up to there succeeds and begins the count of cuts anew."""
-    real, snap, shares = stepping.attempted, 0.6875, []
+    real, snap, shares = internals.original("history.attempted"), 0.6875, []
 
     def attempted(by, part, start):
         attempt = real(by, part, start)
@@ -102,7 +98,7 @@ def test_points_that_snap_end_a_step(monkeypatch):
         done = part.target.x[np.argmax(np.abs(part.target.x))] / 0.01
         return attempt if abs(done) < snap else replace(attempt, failure="snaps", travel=2.24)
 
-    monkeypatch.setattr(stepping, "attempted", attempted)
+    internals.replace(monkeypatch, "history.attempted", attempted)
     with pytest.raises(sc.NotConverged, match="snaps"):
         list(scene()[0].history([1.0]))
     assert 1e-10 < min(shares) < 2e-9 and len(shares) < 100

@@ -19,7 +19,7 @@ ROOT = Path(skfem_contact.__file__).parent
 LISTED = re.findall(
     r"`(\w+)`", skfem_contact.__doc__.split("each imports only from those above it:")[1]
 )
-COMMON = ("errors", "arguments", "arrays", "digits", "sealed", "carried", "once", "trees")
+COMMON = ("errors", "arguments", "arrays", "digits", "sealed", "carried", "once", "trees", "entrances")
 ORDER = [name for name in LISTED if name not in (*COMMON, "reference")]
 MODULES = sorted(
     ".".join(path.relative_to(ROOT).with_suffix("").parts)
@@ -145,3 +145,79 @@ def test_what_takes_long_to_import_waits_until_it_is_used():
         for node in parsed(name).body:  # on top, not in functions
             found = node.module if isinstance(node, ast.ImportFrom) else None
             assert not str(found).startswith(late), f"{name}: import it where it is used"
+
+
+# ------------------------------------------------------------------------- what tests take from inside
+
+MOST_PLACES = 20  # inside the library, from which tests import
+TESTS = sorted(Path(__file__).parent.rglob("*.py"))
+LIBRARY = "skfem_contact."
+
+
+def listed():
+    """The places inside the library that docs/entrances.md has, and what tests may take there."""
+    page = (Path(__file__).parents[1] / "docs" / "entrances.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `skfem_contact\.([\w.]+)` \|.*\| (.*) \|$", page, re.M)
+    return {place: set(re.findall(r"`(\w+)`", names)) for place, names in rows}
+
+
+@cache
+def taken():
+    """The places inside the library and the names that tests import from there."""
+    found = {}
+    for path in TESTS:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                pairs = [(alias.name, None) for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                pairs = [(node.module, alias.name) for alias in node.names]
+            else:
+                continue
+            for place, name in pairs:
+                if place.startswith(LIBRARY) and place != f"{LIBRARY}reference":
+                    inside = place.removeprefix(LIBRARY)
+                    whole = f"{inside}.{name}" in MODULES  # the module itself is a place
+                    found.setdefault(f"{inside}.{name}" if whole else inside, set()).add(name)
+    return found
+
+
+def handed_out(package):
+    """The names that a package has for tests and extensions, by module."""
+    tree = ast.parse((ROOT.joinpath(*package.split(".")) / "__init__.py").read_text(encoding="utf-8"))
+    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and len(n.args) == 2]
+    return {
+        module: names.split()
+        for call in calls
+        for module, names in ast.literal_eval(call.args[1]).items()
+    }
+
+
+def test_tests_import_from_few_places_inside_the_library():
+    """A test of behaviour uses public names; every other place is listed with its reason."""
+    assert len(listed()) <= MOST_PLACES
+    assert taken() == listed()
+
+
+def test_tests_name_no_module_in_a_string():
+    """What is replaced for a test is found by package and name, by `internals`."""
+    for path in TESTS:
+        assert (
+            'setattr("skfem_contact' not in path.read_text(encoding="utf-8")
+            or path.name == Path(__file__).name
+        )
+
+
+@pytest.mark.parametrize("package", sorted(p for p in listed() if p not in MODULES))
+def test_a_package_hands_out_what_is_listed(package):
+    """Each name once, from the module that defines it, and none that no test takes."""
+    names = [name for inside in handed_out(package).values() for name in inside]
+    assert sorted(names) == sorted(listed()[package])
+    for module, inside in handed_out(package).items():
+        defined = {getattr(n, "name", None) for n in parsed(f"{package}.{module}").body}
+        defined |= {
+            t.id
+            for n in parsed(f"{package}.{module}").body
+            for t in ast.walk(n)
+            if isinstance(t, ast.Name)
+        }
+        assert set(inside) <= defined, module

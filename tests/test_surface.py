@@ -7,9 +7,8 @@ import pytest
 import scipy.sparse as sp
 import skfem as fem
 
-from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facet_kinds import KINDS
-from skfem_contact.errors import InputError
+from skfem_contact import Body, InputError
+from skfem_contact.bodies import KINDS
 
 
 def facet_shapes(xi, k):

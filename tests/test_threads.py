@@ -14,24 +14,21 @@ import warnings
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
+from scipy.linalg import lapack
 from skfem.models.elasticity import lame_parameters
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import skfem_contact as sc
-from skfem_contact.answers import result as results_module
-from skfem_contact.linalg import dense_factors
-from skfem_contact.linalg.dense_factors import lu
-from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.resources import single_threaded
+from skfem_contact import Direct
+from skfem_contact.linalg import lu, single_threaded
 from skfem_contact.once import Lock, once
-from skfem_contact.problem import points
-from skfem_contact.problem.seam import Workspace
-from skfem_contact.problem.substructure import Substructure
+from skfem_contact.problem import Substructure, Workspace
 
 THREADS = 8
 LOADS = 96
@@ -389,13 +386,13 @@ def test_a_result_is_asked_by_several_threads(monkeypatch):
     counts = dict.fromkeys(("certify", "assess", "uniqueness"), 0)
 
     def counting(name):
-        function = getattr(results_module, name)
+        function = internals.original(f"answers.{name}")
 
         def counted(answer):
             counts[name] += 1
             return function(answer)
 
-        monkeypatch.setattr(results_module, name, counted)
+        internals.replace(monkeypatch, f"answers.{name}", counted)
 
     for name in counts:
         counting(name)
@@ -453,8 +450,13 @@ def test_of_several_threads_one_warns():
 def test_solves_in_turn_hand_on_what_they_remember(monkeypatch):
     """One thread has one memory: the factor of a step serves the next one, as long as the set holds."""
     solver, made = plane(), []
-    factorised = points.factorised
-    monkeypatch.setattr(points, "factorised", lambda *a, **k: made.append(1) or factorised(*a, **k))
+    factorised = internals.original("linalg.factorised")
+
+    def counted(*given, **settings):
+        made.append(1)
+        return factorised(*given, **settings)
+
+    internals.replace(monkeypatch, "linalg.factorised", counted)
     steps = [{"x": {"block": {"top": (0.0, -0.008 - 1e-9 * k)}}} for k in range(20)]
     first, *_ = solver.history(steps)
     for step in steps:  # and so it does where every step is a solve
@@ -605,13 +607,13 @@ def test_lapack_gets_row_exchanges_of_its_own(monkeypatch, columns):
     """
     A = np.random.default_rng(3).standard_normal((6, 6))
     factors, given = lu(A), []
-    dgetrs = dense_factors.lapack.dgetrs
+    dgetrs = lapack.dgetrs
 
     def seen(values, exchanged, b):
         given.append(exchanged)
         return dgetrs(values, exchanged, b)
 
-    monkeypatch.setattr(dense_factors.lapack, "dgetrs", seen)
+    monkeypatch.setattr(lapack, "dgetrs", seen)
     b = np.ones((6, *columns))
     assert_allclose(A @ factors.solve(b), b, rtol=0, atol=1e-12)
     factors.solve(b)

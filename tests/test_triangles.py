@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS
 
 import skfem_contact as sc
-from skfem_contact.bodies.bare import bare_surface
-from skfem_contact.pairing.node import node_to_segment as node_to_face
+from skfem_contact.bodies import bare_surface
+from skfem_contact.pairing import node_to_segment
 
 TIP = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
 SIDES = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
@@ -152,7 +152,7 @@ def test_a_mesh_all_of_whose_nodes_are_led_is_a_surface_of_triangles(seed):
     held = sc.Body(basis, linear_elasticity(), D=np.arange(basis.N), name="die")
     body = block(n=8)
     top = body.surface("top")
-    one, other = node_to_face(top, shape.outline), node_to_face(top, held.surface("all"))
+    one, other = node_to_segment(top, shape.outline), node_to_segment(top, held.surface("all"))
     assert np.array_equal(one.paired, other.paired) and one.paired.any()
     assert np.array_equal(one.facet, other.facet)
     move = (0.003, -0.002, -0.02)

@@ -9,3 +9,25 @@
 * `contact_report`, `report`: all of it printed;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "answer": "answer_of",
+        "contours": "contour",
+        "error.faces": "Net",
+        "fields": "Edges Segments closed_area edge_positions find_edges interpolate",
+        "one_answer": "Form unique_up_to",
+        "pieces": "critical_friction orientation turning_springs",
+        "validity.chords": "bends sagittas tool_sagittas",
+        "validity.deformed_boundaries": "Boundary boundary",
+        "validity.obstacle_overlaps": "pierced",
+        "validity.strain": "strains",
+        "validity.support": "Support",
+        "validity.track": "Rim Track curvatures node_lengths",
+        "validity.unseen": "crossings sharp_edges_of unseen_overlaps",
+        "validity.words": "facet_words",
+    },
+)

@@ -13,3 +13,18 @@
 * `rings`, `quadrics`: the smooth boundaries that nodes lie on;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "assembly": "assembled",
+        "bare": "bare_surface",
+        "facet_kinds": "FacetKind KINDS kind_of",
+        "facets": "twin_edges",
+        "inputs": "SUPPORTED",
+        "kinks": "kink_angles",
+        "normals": "angle_between tangents",
+    },
+)

@@ -12,3 +12,20 @@
 * `checks`: what can be said before solving, of pairings and of axisymmetric bodies;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "discretisation": "carriers pair",
+        "friction_rule": "CheckedLaw FrictionRule steep_words",
+        "loads": "LoadCase Motion",
+        "motions": "RigidMotions null_space rigid_motions",
+        "orthotropic": "combinations duals",
+        "return_map": "Derivatives radial_return unlawful",
+        "rows": "combined_rows tangential_matrix",
+        "state": "LocalState transport",
+        "statics": "escape",
+    },
+)

@@ -13,3 +13,14 @@
   steps: what users hold; `dry_run`: what it says before it solves;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "load_step": "recover_all",
+        "neutral_equilibrium": "nearest",
+        "stepping": "Bisection grown",
+    },
+)

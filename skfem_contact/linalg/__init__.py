@@ -10,3 +10,21 @@
 * `resources`: one BLAS thread for small blocks, and the memory that a factorisation will take;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "amg": "conjugate_gradients hierarchy",
+        "backend": "Backend",
+        "dense_factors": "NoPivot cholesky factorised lu nonnegative_least_squares",
+        "direct": "Dense FromSolver as_linear_solver",
+        "krylov": "Anderson gmres",
+        "multifrontal.factor": "MultifrontalCholesky SurfaceResponse",
+        "multifrontal.fronts": "analyse factor_size find_runs",
+        "multifrontal.ordering": "dissect dissection_order",
+        "resources": "Limits single_threaded",
+        "singular": "NotPositiveDefinite",
+    },
+)

@@ -9,3 +9,18 @@
 * `starts`, `lemke`, `pulled`: where iterations begin, and what is carried at most;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "active_set": "BlockPivoting LOOPS direct fictitious newton",
+        "complementarity": "disagreement friction_of_prescribed_slip law_residual left_over propose violations",
+        "driver": "Stagnation drive",
+        "pulled": "At",
+        "starts": "admissible as_guess natural_state possible_starts starting_values",
+        "step": "Guess Step",
+        "tangent": "linear_conditions stabilise",
+    },
+)

@@ -7,3 +7,13 @@
   flats, along the bends beside them;
 * `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "motion": "read_motion rotation_matrix spin",
+        "obstacle": "Obstacle",
+    },
+)

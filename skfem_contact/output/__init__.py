@@ -7,3 +7,14 @@
 * `plot_bodies`, `plot_contacts`, `plot_histories`, `solids` (in 3-D): pictures with matplotlib;
 * `scene`: pictures in space with PyVista.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "drawing": "arc_length",
+        "solids": "draw_contact",
+        "tools": "Tool",
+    },
+)

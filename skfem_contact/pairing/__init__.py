@@ -16,3 +16,27 @@
 * `diagnosis`: what looks wrong with a pairing, in sentences;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "clipping": "Polygons clip nearest_parts several_sheets signed_areas",
+        "closest": "closest_facets",
+        "corners": "corner_contacts unselected_sides",
+        "diagnosis": "diagnose",
+        "dual": "DualBasis dual_basis node_rows positive_functions",
+        "face_segmentation": "segment",
+        "frames": "plane_moduli",
+        "joints": "rim_points",
+        "mortar": "dual_mortar",
+        "mortar_rows": "least_gaps",
+        "node": "gap_vectors node_to_segment",
+        "pieces": "whole_shares",
+        "projection": "interpolated_normals project",
+        "search": "FacetTree closest_candidates",
+        "supports": "along_supports",
+        "vertices": "Corners",
+    },
+)

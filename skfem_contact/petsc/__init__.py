@@ -12,3 +12,16 @@ stiffness as one that is held elsewhere (skfem_contact/bodies/remote.py).
   options; `body_share`: the same of a body that is condensed;
 * `condensation`: a body condensed over all ranks.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "assembly": "collected numbering",
+        "layout": "Layout bisected directions orthonormal together",
+        "ranks": "csr_of",
+        "share": "Share command_line",
+        "stacked": "StackedStiffness",
+    },
+)

@@ -12,3 +12,21 @@
 * `choice`, `model`: which of these ways is taken; the problem on one pairing, made from the bodies;
 * `thresholds`: numbers, and where they come from.
 """
+
+from skfem_contact.entrances import entrances
+
+__getattr__ = entrances(
+    __name__,
+    {
+        "choice": "Choice",
+        "condensed": "Condensed PointProblem definite_inverse",
+        "full": "FullProblem FullSystem",
+        "iterated": "IteratedBodies IteratedProblem MultigridBodies MultigridProblem",
+        "points": "PointSpace PointsInSeries Reduction",
+        "response": "Conditions Load Resistance Response",
+        "seam": "PosedOn Workspace",
+        "sparse": "SparseSpace",
+        "springs": "least_friction",
+        "substructure": "Substructure",
+    },
+)

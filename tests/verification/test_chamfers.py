@@ -17,9 +17,7 @@ from scenes import elastic
 from unlike_meshes import KINDS, named_sides
 
 import skfem_contact as sc
-from skfem_contact.bodies.facet_kinds import kind_of
-from skfem_contact.bodies.facets import twin_edges
-from skfem_contact.bodies.kinks import kink_angles
+from skfem_contact.bodies import kind_of, kink_angles, twin_edges
 
 # contact ends within a facet of the lower block, this part of the width; .3 to 6 % are measured
 EDGE = 0.07

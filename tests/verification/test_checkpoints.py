@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from sliding_scenes import dragged_block, elastic, rectangle
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 
 
 def same(a, b, tolerance=1e-14):

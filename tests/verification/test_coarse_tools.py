@@ -18,9 +18,7 @@ import skfem as fem
 from scenes import elastic
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.validity.chords import tool_sagittas
-from skfem_contact.answers.validity.obstacle_overlaps import pierced
+from skfem_contact.answers import answer_of, pierced, tool_sagittas
 
 QUAD = fem.ElementVector(fem.ElementQuad1())
 LONG, NOTHING = "over the length of one facet the two sides stand", "presses on nothing"

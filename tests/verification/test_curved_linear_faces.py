@@ -23,8 +23,7 @@ from skfem.models.elasticity import lame_parameters
 from solid_meshes import as_eight_nodes, at, body, cube, elastic, octant_shell, onto_octant
 
 import skfem_contact as sc
-from skfem_contact.pairing.mortar import dual_mortar
-from skfem_contact.pairing.node import node_to_segment as node_to_face
+from skfem_contact.pairing import dual_mortar, node_to_segment
 from skfem_contact.reference import lame_rings
 
 R = 20.0
@@ -255,7 +254,7 @@ def largest_gap(place, n, kinds=("tri3", "quad4"), pair=dual_mortar):
     return np.abs(pairing.gap[pairing.paired]).max()
 
 
-@pytest.mark.parametrize("pair", [dual_mortar, node_to_face])
+@pytest.mark.parametrize("pair", [dual_mortar, node_to_segment])
 @pytest.mark.parametrize("kinds", [("tri3", "tri3"), ("quad4", "tri3"), ("quad4", "quad4")])
 def test_two_meshes_of_one_surface(pair, kinds):
     """Spheres and cylinders are met exactly, and planes stay planes."""
@@ -295,7 +294,7 @@ def test_a_fillet_is_exact_and_its_flats_are_flat():
         )
         return body(mesh, "quad4").surface(facets, name="side")
 
-    for pair in (dual_mortar, node_to_face):
+    for pair in (dual_mortar, node_to_segment):
         pairing = pair(side(8, True), side(6, False))
         assert pairing.paired.all() and np.abs(pairing.gap).max() < 1e-10
 

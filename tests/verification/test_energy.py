@@ -13,7 +13,7 @@ from scipy.sparse import coo_matrix
 from sliding_scenes import rectangle
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 
 # coefficient, stiffness of a spring, overlap, way
 MU, k, P, S = 0.3, 2.0, 0.02, 0.4

@@ -14,11 +14,17 @@ from scipy.spatial.transform import Rotation
 ROOT = Path(__file__).parent.parent.parent
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "benchmarks")]
 import effectivity_solids  # noqa: E402
+import internals  # noqa: E402
 from solid_meshes import at, body, cube, elastic, shuffled  # noqa: E402
+from statuses import OPEN, SLIP, STICK  # noqa: E402
 
 import skfem_contact as sc  # noqa: E402
-from skfem_contact.answers.error.faces import Net, _between, _near_ends, _scatter, _sharp  # noqa: E402
-from skfem_contact.conditions.state import OPEN, SLIP, STICK  # noqa: E402
+from skfem_contact.answers import Net  # noqa: E402
+
+_between = internals.beside(Net, "_between")
+_near_ends = internals.beside(Net, "_near_ends")
+_scatter = internals.beside(Net, "_scatter")
+_sharp = internals.beside(Net, "_sharp")
 
 PROBLEMS = dict(effectivity_solids.problems())
 FEW = "H2 rigid sphere, hexahedra, 4 per radius"

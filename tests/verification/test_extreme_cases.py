@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -13,8 +14,7 @@ from sheared import Sheared
 from test_extremes import EXACT, FLOOR, LINEAR, block_on_floor, even
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.problem.thresholds import DEPENDENT
+from skfem_contact.answers import answer_of
 from skfem_contact.reference import uniform_shear
 
 # -- stiffness, friction, units: more of each, and all at once ------------------------------
@@ -329,7 +329,7 @@ def test_redundant_two_passes(shift, method, linear, refused, monkeypatch):
     options = sc.Options(max_cuts=0)  # a smaller step is as undetermined
     with pytest.raises(sc.InputError, match="pair the same facets, the one from one side"):
         sc.ContactSolver(bodies, contacts, linear=LINEAR[linear], options=options)
-    monkeypatch.setattr("skfem_contact.history.problem_setup.check_passes", lambda *_: None)
+    internals.replace(monkeypatch, "conditions.check_passes", lambda *_: None)
     solver = sc.ContactSolver(bodies, contacts, linear=LINEAR[linear], options=options)
     with refused(sc.NotConverged, match="points still change", either=True) as seen:
         result = solver.solve()
@@ -343,7 +343,8 @@ def test_redundant_two_passes(shift, method, linear, refused, monkeypatch):
     )
     # eps times the condition of the bodies' stiffness; and the inverse on gaps and slips keeps rows up
     # to `DEPENDENT`, whose square it loses of its digits
-    lost = max(shift, 1e-8) if linear == "sparse" else min(max(shift, 1e-8), DEPENDENT**2)
+    dependent = internals.original("problem.DEPENDENT")
+    lost = max(shift, 1e-8) if linear == "sparse" else min(max(shift, 1e-8), dependent**2)
     known = np.finfo(float).eps * condition / lost
     # each of the points of both passes has that error, and they are summed
     known *= sum(len(values.normal_force) for values in result.values)

@@ -15,7 +15,7 @@ from sheared_solids import sheared_pair
 from solid_meshes import KINDS, at, cube, elastic, in_tetrahedra
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 from skfem_contact.reference import (
     cattaneo_mindlin,
     hertz_point,

@@ -10,8 +10,7 @@ from sliding_scenes import QUAD, belt, dragged_block, elastic, rectangle, travel
 
 import skfem_contact as sc
 from skfem_contact import reference
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.pairing.thresholds import EXTENDED
+from skfem_contact.answers import answer_of
 
 MU = 0.3
 DISTANCES = np.linspace(0, 3, 31)  # 20 facets of the track are 2.75 long

@@ -18,12 +18,13 @@ import skfem as fem
 from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
+import internals
 from solid_meshes import KINDS, at, body, cube, elastic, octant_shell
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.thresholds import SAGITTA
-from skfem_contact.answers.validity.chords import bends, sagittas
+from skfem_contact.answers import answer_of, bends, sagittas
+
+SAGITTA = internals.original("answers.SAGITTA")
 
 SIZE = 0.6
 CHORD = np.pi / 18

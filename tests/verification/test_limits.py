@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -10,7 +11,6 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.history.stepper import Stepper
 
 
 def squeezed(n, mu=0.3, approach=0.01, **settings):
@@ -43,13 +43,13 @@ def told(error):
 @pytest.fixture
 def starts(monkeypatch):
     """Where the attempts of all load steps began."""
-    real, seen = Stepper.attempt, []
+    real, seen = internals.original("history.Stepper.attempt"), []
 
     def attempt(self, to, problem, start):
         seen.append(start)
         return real(self, to, problem, start)
 
-    monkeypatch.setattr(Stepper, "attempt", attempt)
+    internals.replace(monkeypatch, "history.Stepper.attempt", attempt)
     return seen
 
 
@@ -191,7 +191,7 @@ def test_the_machine_finds_the_answer(monkeypatch):
     solver, start, pull = squeezed(3)
     known = solver.solve(f=0.94 * pull, start=start)
     alone, begun, _ = squeezed(3)
-    monkeypatch.setattr(Stepper, "starts", ("pulled",))
+    internals.replace(monkeypatch, "history.Stepper.starts", ("pulled",))
     found = alone.solve(f=0.94 * pull, start=begun)
     assert found.converged and found.certificate.worst < 1e-9
     assert_allclose(found.u, known.u, rtol=0, atol=1e-9 * np.abs(known.u).max())

@@ -22,7 +22,7 @@ from skfem.helpers import ddot, sym_grad
 from unlike_meshes import QUADRATIC, rectangle
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 from skfem_contact.reference import ManufacturedSlip
 
 KINDS = ["P1", "Q1", "P2", "Q2", "S2"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -14,11 +15,8 @@ from random_problems import random_scene
 from scenes import elastic
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.one_answer import Form
-from skfem_contact.answers.pieces import orientation
-from skfem_contact.answers.thresholds import CLOSE, SHOWN
-from skfem_contact.problem.points import PointSpace
+from skfem_contact.answers import Form, answer_of, orientation
+from skfem_contact.problem import PointSpace
 from skfem_contact.reference import (
     ONE_NODE_TRIANGLE,
     critical_friction,
@@ -26,6 +24,8 @@ from skfem_contact.reference import (
     taper_force,
     triangle_stiffness,
 )
+
+CLOSE, SHOWN = internals.original("answers.CLOSE"), internals.original("answers.SHOWN")
 
 # a few elements of any Poisson's ratio up to .48: discrete conditions, also where these lock
 pytestmark = pytest.mark.filterwarnings("ignore:.*locks:skfem_contact.ContactWarning")

@@ -9,13 +9,12 @@ import pytest
 import skfem as fem
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
+from statuses import OPEN, SLIP, STICK
 
 import skfem_contact as sc
-from skfem_contact.answers.one_answer import unique_up_to
-from skfem_contact.answers.pieces import critical_friction, orientation, turning_springs
-from skfem_contact.conditions.return_map import radial_return
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.problem.points import PointSpace
+from skfem_contact.answers import critical_friction, orientation, turning_springs, unique_up_to
+from skfem_contact.conditions import radial_return
+from skfem_contact.problem import PointSpace
 
 EXACT = np.inf
 

@@ -18,10 +18,9 @@ from scenes import UPRIGHT, Pose, block_basis, elastic, field, stress_load, weig
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.conditions.discretisation import pair
+from skfem_contact.answers import answer_of
+from skfem_contact.conditions import pair, tangential_matrix
 from skfem_contact.conditions.kinematics import join, kinematics
-from skfem_contact.conditions.rows import tangential_matrix
 
 
 def even(n, start=0.0, length=1.0):

@@ -13,7 +13,7 @@ from scenes import UPRIGHT, Pose, block_basis, elastic, field, stress_load, weig
 from scipy.sparse import diags
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 from skfem_contact.reference import corner_pressures, inclined_block, sliding_wedge_force
 
 EXACT = 1e-10  # round-off of a direct solution on a mesh of this size, with four digits to spare

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from solid_meshes import KINDS, at, cube, elastic, in_tetrahedra, octant_shell, onto_ball, shuffled
 
 import skfem_contact as sc
-from skfem_contact.errors import InputError
+from skfem_contact import InputError
 from skfem_contact.reference import hertz_point
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
@@ -320,7 +320,7 @@ def test_mixed_dimensions_are_refused():
     basis = fem.Basis(plane, fem.ElementVector(fem.ElementQuad1()))
     flat = sc.Body(basis, np.eye(basis.N), name="flat").surface(None)
     with pytest.raises(InputError, match="is 3-D, surface 'flat/surface' 2-D"):
-        from skfem_contact.conditions.discretisation import pair
+        from skfem_contact.conditions import pair
 
         pair(sc.Contact(foot, flat, method="node"))
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
+import rectangles
 import skfem as fem
 from scenes import elastic, plane_stress, pressure_load
 
@@ -17,11 +18,7 @@ from skfem_contact.reference import (
     stacked_blocks_normal_forces,
 )
 
-
-def rectangle(x: np.ndarray, y: np.ndarray, element: object = None) -> fem.CellBasis:
-    """Basis on a rectangle with named sides; full integration for quadratic elements too."""
-    mesh = fem.MeshQuad.init_tensor(np.asarray(x, float), np.asarray(y, float)).with_defaults()
-    return fem.Basis(mesh, fem.ElementVector(element or fem.ElementQuad1()), intorder=4)
+rectangle = partial(rectangles.rectangle, order=4)  # for quadratic elements too
 
 
 def side_load(basis: fem.CellBasis, side: str, traction: tuple[float, float]) -> np.ndarray:
@@ -38,8 +35,8 @@ def cantilever() -> tuple:
     """Two cycles of the tip force to twice the slip force, in steps that hit every kink."""
     exact = layered_cantilever(L=20.0, h=1.0, E=1e5, mu=0.3, p=1.0)
     x, y = np.linspace(0, 20, 41), np.linspace(0, 1, 3)
-    upper = rectangle(x, y, fem.ElementQuad2())
-    lower = rectangle(x, y - 1, fem.ElementQuad2())
+    upper = rectangle(x, y, element=fem.ElementQuad2())
+    lower = rectangle(x, y - 1, element=fem.ElementQuad2())
     form = plane_stress(1e5, 0.0)
     bodies = [sc.Body(b, form, D="left", name=n) for b, n in ((upper, "up"), (lower, "low"))]
     clamp = {"up": side_load(upper, "top", (0.0, -1.0)), "low": side_load(lower, "bottom", (0.0, 1.0))}

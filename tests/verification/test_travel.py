@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from sliding_scenes import dragged_block, elastic, rectangle, travel
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 
 MU = 0.3
 
@@ -245,7 +245,7 @@ def test_a_roller_creeps_before_it_slides():
 
 def test_turns_of_an_obstacle_add_up_whatever_the_centre():
     """A motion is the same one about another centre, and a spin slides by the length of the arc."""
-    from skfem_contact.conditions.loads import Motion
+    from skfem_contact.conditions import Motion
 
     a = Motion(np.array([0.3, -0.2]), 0.7, np.array([1.0, 2.0]))
     b = a.about(np.array([-4.0, 0.5]))

@@ -14,7 +14,7 @@ from solid_meshes import elastic as solid
 from test_energy import energies, spring_sliders
 
 import skfem_contact as sc
-from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers import answer_of
 
 MU = 0.3
 
