@@ -518,7 +518,7 @@ def test_seams_carry_on_both_sides(dim, fine):
     mesh = mesh.with_boundaries({"down": lambda x: x[1] == 0})
     above = body(mesh, element)
     secondary, primary = above.surface("down"), below.surface("up")
-    pairing = pair(secondary, primary)
+    pairing = node_to_segment(secondary, primary)
     left = primary.points[:, 0] < 1e-9
     left &= primary.dofs[:, 0] < np.sort(below.basis.nodal_dofs[:, :first].ravel())[-1] + 1
     share = np.asarray(pairing.primary_weights[:, left].sum(axis=1)).ravel()

@@ -14,7 +14,7 @@ from quick_elasticity import linear_elasticity
 import skfem_contact as sc
 from skfem_contact.conditions import Motion
 from skfem_contact.obstacles import read_motion
-from skfem_contact.output import Tool
+from skfem_contact.output import Tool, outline
 
 LOW, HIGH = np.array([-1.0, -1.0, -1.0]), np.array([1.0, 1.0, 1.0])
 WEDGE = [(0, 0), (1, 2), (-1, 2)]

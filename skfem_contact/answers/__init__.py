@@ -18,7 +18,7 @@ __getattr__ = entrances(
         "answer": "answer_of",
         "contours": "contour",
         "error.faces": "Net",
-        "fields": "Edges Segments closed_area edge_positions find_edges interpolate",
+        "fields": "Segments closed_area edge_positions find_edges interpolate",
         "one_answer": "Form unique_up_to",
         "pieces": "critical_friction orientation turning_springs",
         "validity.chords": "bends sagittas tool_sagittas",

@@ -16,7 +16,8 @@ __getattr__ = entrances(
     __name__,
     {
         "active_set": "BlockPivoting LOOPS direct fictitious newton",
-        "complementarity": "disagreement friction_of_prescribed_slip law_residual left_over propose violations",
+        "complementarity": "disagreement friction_of_prescribed_slip law_residual left_over propose "
+        "violations",
         "driver": "Stagnation drive",
         "pulled": "At",
         "starts": "admissible as_guess natural_state possible_starts starting_values",

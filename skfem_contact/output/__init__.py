@@ -15,6 +15,6 @@ __getattr__ = entrances(
     {
         "drawing": "arc_length",
         "solids": "draw_contact",
-        "tools": "Tool",
+        "tools": "Tool outline",
     },
 )

@@ -18,7 +18,7 @@ from skfem_contact.entrances import entrances
 __getattr__ = entrances(
     __name__,
     {
-        "assembly": "collected numbering",
+        "assembly": "assembled collected numbering",
         "layout": "Layout bisected directions orthonormal together",
         "ranks": "csr_of",
         "share": "Share command_line",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -311,7 +312,7 @@ def test_a_point_at_the_very_end_of_a_track():
     The track goes on by a tenth of a facet of the block. So no pairing is that of its own answer,
     however small the step; the next one takes the point.
     """
-    margin = EXTENDED * 0.25
+    margin = internals.original("pairing.EXTENDED") * 0.25
     drawn = np.array([0.0, 0.12, 0.24, 0.263, 0.2685, 0.275])
     results, beyond = drawn_onto_a_track(*drawn)
     assert [bool(r.status[-1]) for r in results] == [False] * 5 + [True]
