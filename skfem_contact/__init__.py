@@ -23,9 +23,10 @@ The packages stand in the order of the theory, and each imports only from those 
 * `petsc`: linear solvers over MPI ranks, which nothing else knows of.
 
 All of them use `errors`, `arguments` and `arrays` (checks of what users pass), `digits` (what is zero),
-`sealed` (arrays that do not change), `carried` (functions in files and processes), `once` (what threads
-share), `trees` (points near each other) and `entrances` (what tests take from inside a package). Closed
-forms to compare with are in `reference`, which needs none of these.
+`records` (dataclasses that are quick to import), `sealed` (arrays that do not change), `carried`
+(functions in files and processes), `once` (what threads share), `trees` (points near each other) and
+`entrances` (what tests take from inside a package). Closed forms to compare with are in `reference`,
+which needs none of these.
 
 Public are the names that ``dir(skfem_contact)`` shows, see docs/interface.md. Pictures, files and PETSc
 are imported when they are first asked for.

@@ -7,10 +7,11 @@ scikit-fem makes, have none to be found by; they stay behind, and what needs the
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, TypeVar
 
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 
 T = TypeVar("T")
 

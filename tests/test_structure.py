@@ -19,7 +19,18 @@ ROOT = Path(skfem_contact.__file__).parent
 LISTED = re.findall(
     r"`(\w+)`", skfem_contact.__doc__.split("each imports only from those above it:")[1]
 )
-COMMON = ("errors", "arguments", "arrays", "digits", "sealed", "carried", "once", "trees", "entrances")
+COMMON = (
+    "errors",
+    "arguments",
+    "arrays",
+    "digits",
+    "records",
+    "sealed",
+    "carried",
+    "once",
+    "trees",
+    "entrances",
+)
 ORDER = [name for name in LISTED if name not in (*COMMON, "reference")]
 MODULES = sorted(
     ".".join(path.relative_to(ROOT).with_suffix("").parts)

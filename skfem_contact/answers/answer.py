@@ -5,7 +5,7 @@ Users have a `ContactResult`, which holds one and shows what is theirs; `answer_
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +22,7 @@ from skfem_contact.conditions.state import Identity, LocalState, State
 from skfem_contact.loops.step import Record
 from skfem_contact.once import once
 from skfem_contact.problem.response import Conditions
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ terms that cancel in ``K u``, or of the force that strains the softest body by o
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.vectors import cross
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 

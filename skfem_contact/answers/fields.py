@@ -15,7 +15,7 @@ secondary surface that are closed are no edges.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.projection import project
+from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]

@@ -5,7 +5,6 @@ What follows from them is at the top of the module `uniqueness`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -17,6 +16,7 @@ from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, divide, lu
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

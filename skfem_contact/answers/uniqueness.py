@@ -33,8 +33,6 @@ is finer than what it presses, and where supports and friction hold the same nod
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
@@ -52,6 +50,7 @@ from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import SLIP, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.eliminate import eliminate
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -7,7 +7,7 @@ arrays and SciPy sparse matrices.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
@@ -39,6 +39,7 @@ from skfem_contact.bodies.stiffness import Stiffness
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal
 
 Array = NDArray[np.float64]

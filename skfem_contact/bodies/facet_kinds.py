@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal
@@ -16,6 +15,7 @@ from skfem.quadrature import get_quadrature
 from skfem_contact.bodies.thresholds import TAKEN
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

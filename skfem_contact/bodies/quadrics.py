@@ -21,8 +21,6 @@ a curved one those of all its nodes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +29,7 @@ from skfem_contact.bodies.normals import cross, tangents
 from skfem_contact.bodies.rings import around, rings
 from skfem_contact.bodies.thresholds import BOWED, FITS, FITTED, NODES_AT_ONCE, ROUND_OFF
 from skfem_contact.digits import SOLVED
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

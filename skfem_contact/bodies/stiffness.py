@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 from weakref import WeakValueDictionary
 
@@ -12,6 +11,7 @@ from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm
 
 from skfem_contact.bodies.inputs import assembled_stiffness
+from skfem_contact.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

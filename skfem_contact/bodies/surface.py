@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,7 @@ from skfem_contact.bodies.rings import mirrors
 from skfem_contact.bodies.selection import name_of, select_facets
 from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +17,7 @@ from skfem_contact.bodies.linearizable import Linearizable
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.remote import check_whole
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed, sealed_matrix
 
 

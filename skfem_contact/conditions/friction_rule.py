@@ -8,7 +8,6 @@ certificate, the pictures; and the loops, which ask for all points at once by `F
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -32,6 +31,7 @@ from skfem_contact.conditions.return_map import (
 from skfem_contact.conditions.thresholds import BEYOND, DIFFERENCE, NO_AREA, STEEP
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.rows import compliance_scale
 from skfem_contact.conditions.thresholds import STIFFNESS
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

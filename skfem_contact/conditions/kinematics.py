@@ -14,7 +14,7 @@ Gaps and slips that supports prescribe are rows like others: contact has no say 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -45,6 +45,7 @@ from skfem_contact.pairing.control import gap_weights
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.supports import can_move
 from skfem_contact.pairing.vectors import entries
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from skfem_contact.arrays import largest
 from skfem_contact.carried import ByFields
 from skfem_contact.obstacles.motion import rotation_matrix, spin
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ against the rows that contact and friction hold at the moment.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -25,6 +25,7 @@ from skfem_contact.conditions.thresholds import DIGITS, FEW_MODES, NO_WORK, NOT_
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -10,7 +10,7 @@ Slips are taken along axes: unit tangents, scaled where friction has a material 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.supports import held_rows
 from skfem_contact.pairing.thresholds import MOVING_SHARE
 from skfem_contact.pairing.vectors import cross, entries
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

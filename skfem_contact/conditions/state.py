@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 

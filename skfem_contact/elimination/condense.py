@@ -6,7 +6,6 @@ The rows of contacts, for scripts that solve for themselves, are made by `contac
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from skfem_contact.elimination.constraint import prescribed, sparse_matrix
 from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,6 @@ and friction forces* (in Ukrainian), Khmelnytskyi National University, 2014.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,6 +27,7 @@ from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbe
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.elimination.pivoting import FloatArray, IntArray
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -17,7 +17,6 @@ on row j if it contains the pivot of j. Its strong components are the blocks on 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.elimination.thresholds import RANK_TOLERANCE, WELL_CONDITIONED, WORTH_PIVOTING
+from skfem_contact.records import dataclass
 
 IntArray = NDArray[np.integer[Any]]
 FloatArray = NDArray[np.float64]

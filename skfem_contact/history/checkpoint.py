@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -16,6 +16,7 @@ from skfem_contact.arguments import file_path
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.state import Identity, State
 from skfem_contact.errors import InputError, warn
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ arrived, has no equilibrium, or its loop did not converge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from skfem_contact.history.stepping import advance
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.pairing.vertices import Corners
 from skfem_contact.problem.model import EVEN_CLOSED
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Known = Answer | SavedState | None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from operator import mul
 
@@ -20,6 +19,7 @@ from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.history.load_step import Attempt, resisting_slips
 from skfem_contact.history.thresholds import ACROSS, FAINT, TINY, TURNED
 from skfem_contact.problem.model import LinearModel
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

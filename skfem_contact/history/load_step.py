@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
@@ -25,6 +25,7 @@ from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Load, Response, Source
 from skfem_contact.problem.seam import ContactProblem, Workspace
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]

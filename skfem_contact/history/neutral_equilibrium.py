@@ -19,7 +19,7 @@ are the same at each of these places. They are found in three steps, each only w
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ from skfem_contact.history.thresholds import (
 )
 from skfem_contact.linalg.dense_factors import nonnegative_least_squares
 from skfem_contact.problem.model import LinearModel
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,7 @@ from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.once import once
 from skfem_contact.pairing.vectors import cross
 from skfem_contact.problem.seam import Workspace
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from skfem_contact.history.problem_setup import Variants
 from skfem_contact.history.read import StepReader
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,7 @@ from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.starts import REGULARISED
 from skfem_contact.loops.step import Record
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 

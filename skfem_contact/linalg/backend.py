@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,6 +16,7 @@ from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.errors import ContactError, InputError
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import Solve
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

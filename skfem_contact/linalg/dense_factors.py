@@ -16,7 +16,6 @@ last one for Python 3.10, gives answers that are not the least ones, without a w
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +24,7 @@ from scipy.linalg import LinAlgError, lapack
 from skfem_contact.linalg import thresholds
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.linalg.thresholds import NO_PIVOT
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -6,12 +6,12 @@ Anderson's secants accelerate fixed points.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.digits import GIVEN
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Operator = Callable[[Array], Array]

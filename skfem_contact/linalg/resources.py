@@ -5,7 +5,6 @@ Memory: how much a factorisation may take, before anything is known of it, and i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from importlib.machinery import EXTENSION_SUFFIXES
 from threading import Lock, local
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.linalg.thresholds import FACTORS_2D, FACTORS_3D
+from skfem_contact.records import dataclass
 
 # Ends of the names of extension modules, with the version of Python in them: no BLAS is called so.
 MODULES = tuple(suffix for suffix in EXTENSION_SUFFIXES if suffix.count(".") > 1)

@@ -21,7 +21,7 @@ needs is in `STIFFNESS` of `skfem_contact.conditions.thresholds`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -42,6 +42,7 @@ from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.tangent import linear_conditions, stabilise
 from skfem_contact.loops.thresholds import DECREASE, FREE_CHANGES, HALVINGS, NEWTON_ITERATIONS, SETTLED
 from skfem_contact.problem.response import Conditions, Resistance, Response
+from skfem_contact.records import dataclass
 
 Mask = NDArray[np.bool_]
 Array = NDArray[np.float64]

@@ -15,8 +15,6 @@ the loop itself has the last word.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,6 +33,7 @@ from skfem_contact.loops.thresholds import (
     WEAK_SPRINGS,
 )
 from skfem_contact.problem.points import PointSpace
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

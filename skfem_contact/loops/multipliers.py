@@ -17,7 +17,7 @@ beyond its bound slip. Where v holds points together by their normal forces alon
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import MOST_MOVES, NO_STRAIN, ROUNDED, SLOW
 from skfem_contact.problem.response import Response
 from skfem_contact.problem.springs import least_friction
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

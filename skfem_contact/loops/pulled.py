@@ -17,7 +17,7 @@ where the machine has come to d. The share of the step that the bodies then carr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -36,6 +36,7 @@ from skfem_contact.loops.thresholds import FROM_NEAR, IN_SERIES, PEAK_HALVINGS, 
 from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.seam import ContactProblem
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,6 @@ all slip, even if the answer is neither: `stabilise` keeps just so many closed a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,6 +33,7 @@ from skfem_contact.loops.thresholds import (
     ROUNDED,
 )
 from skfem_contact.problem.response import Conditions, odd_round_off
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

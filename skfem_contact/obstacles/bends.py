@@ -8,7 +8,7 @@ would lean by up to the angle of the bend. There normals turn over a narrow stri
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from skfem_contact.bodies.kinks import bends, end_slopes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT, STEEPEST
 from skfem_contact.digits import SOLVED
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_edges
 from skfem_contact.obstacles.obstacle import Faceted, volume
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import Tree
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from skfem_contact.bodies.thresholds import UNSYMMETRIC
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed, sealed_matrix
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ from skfem_contact.obstacles.obstacle import (
     facing,
     location,
 )
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Paired = NDArray[np.bool_]

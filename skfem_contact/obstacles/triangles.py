@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_triangles
 from skfem_contact.obstacles.obstacle import Faceted, volume
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import pairs_within
 

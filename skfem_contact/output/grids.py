@@ -11,7 +11,7 @@ import sys
 import zlib
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ from skfem_contact.output.fields import (
 )
 from skfem_contact.output.tools import tools
 from skfem_contact.output.view import TRUE
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Fields = Stress | Sequence[Stress] | Mapping[str, Stress]

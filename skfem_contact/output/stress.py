@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 from weakref import WeakKeyDictionary
@@ -18,6 +17,7 @@ from skfem_contact.arguments import check_kind, known_keywords, number, numbers,
 from skfem_contact.bodies.body import Body
 from skfem_contact.errors import InputError
 from skfem_contact.output.fields import body_nodes
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 PLANES = ("strain", "stress", "axisymmetric")

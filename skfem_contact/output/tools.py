@@ -7,7 +7,7 @@ has no end, or is much larger than the bodies, is shown around them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import singledispatch
 from itertools import combinations, permutations
 from typing import Any
@@ -24,6 +24,7 @@ from skfem_contact.obstacles.polyline import RigidPolyline
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.obstacles.triangles import RigidSurface
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -7,7 +7,6 @@ node by node.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from skfem_contact.bodies.normals import across, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.smooth import Heights, Place, curved_pairs, heights
 from skfem_contact.pairing.vectors import dot, without_round_off
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

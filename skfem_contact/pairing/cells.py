@@ -21,7 +21,6 @@ matters there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +33,7 @@ from skfem_contact.pairing.clipping import signed_areas
 from skfem_contact.pairing.search import FacetTree, Nodes
 from skfem_contact.pairing.thresholds import FACING, IMAGE_STEPS, MARGIN, SETTLED
 from skfem_contact.pairing.vectors import ragged
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

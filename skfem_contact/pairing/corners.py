@@ -18,7 +18,7 @@ a corner even if the side of the body was not selected. On flat interfaces nothi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.thresholds import COINCIDENT, CROSS, LEAN, SLACK
 from skfem_contact.pairing.vertices import Corners, Met, closest, lean_of, meet
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

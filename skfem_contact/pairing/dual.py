@@ -45,7 +45,6 @@ Bischoff, Comput. Methods Appl. Mech. Engrg 200 (2011) 1317-1332: boundaries.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -54,6 +53,7 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.digits import GIVEN
 from skfem_contact.pairing.thresholds import SHARE_KEPT, WEIGHTS_KEPT, WORST_CONDITION
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

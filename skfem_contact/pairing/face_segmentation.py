@@ -34,7 +34,6 @@ faces in parts.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -62,6 +61,7 @@ from skfem_contact.pairing.clipping import (
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.pieces import Meeting, Pieces
 from skfem_contact.pairing.thresholds import FACING, NEWTON_STEPS, POINTS_AT_ONCE, SQUARED
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +10,7 @@ from skfem_contact.bodies.normals import cross, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.projection import OUT, Feet
 from skfem_contact.pairing.vectors import dot, ragged, turned
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

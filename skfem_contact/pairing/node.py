@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix, identity
@@ -16,6 +14,7 @@ from skfem_contact.pairing.closest import closest_facets, overhang, search_range
 from skfem_contact.pairing.projection import interpolated_normals
 from skfem_contact.pairing.thresholds import COINCIDENT, FACING, KINK
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.records import dataclass
 from skfem_contact.trees import ODD
 
 Array = NDArray[np.float64]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from skfem_contact.pairing.bulges import Bulges, Parts
 from skfem_contact.pairing.dual import positive_functions
 from skfem_contact.pairing.smooth import Place, curved_pairs
 from skfem_contact.pairing.thresholds import NO_WEIGHT
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

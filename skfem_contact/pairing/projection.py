@@ -14,8 +14,6 @@ is interpolated between the averaged normals at corners, which is what keeps it 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +22,7 @@ from skfem_contact.bodies.normals import across, cross, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import LEAST_SLOPE, NEAREST
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -15,7 +15,6 @@ D. Johnson, E. Cohen: Spatialized normal cone hierarchies. Proc. I3D (2001) 129-
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +24,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.thresholds import BULGE, FEW_PAIRS, MARGIN, PAIRS_AT_ONCE
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

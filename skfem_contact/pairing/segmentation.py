@@ -22,7 +22,6 @@ continuous normal field.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -36,6 +35,7 @@ from skfem_contact.pairing.pieces import Meeting, Pieces
 from skfem_contact.pairing.search import FacetTree, Nodes, facet_balls
 from skfem_contact.pairing.thresholds import BISECTION_DONE, FACING, NEWTON_DONE, SLIVER
 from skfem_contact.pairing.vectors import dot, ragged, turned
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -45,7 +45,6 @@ they are straight, not known as well; there it does not move.)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -56,6 +55,7 @@ from skfem_contact.bodies.normals import tangents, unit
 from skfem_contact.bodies.quadrics import corner_weights, principal
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -30,7 +30,7 @@ several interfaces meet.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.pieces import Pieces
 from skfem_contact.pairing.thresholds import MOVING_SHARE, OVERHANG, SHARE_FREE
 from skfem_contact.pairing.vectors import entries
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +13,7 @@ from skfem_contact.pairing.joints import across_edges
 from skfem_contact.pairing.projection import interpolated_normals, project
 from skfem_contact.pairing.thresholds import COINCIDENT, PAIRS_AT_ONCE, SLACK
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -10,13 +10,13 @@ import ctypes
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 

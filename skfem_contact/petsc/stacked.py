@@ -12,7 +12,6 @@ the rows of d alone, DOFs of the contact: rank 0 (`StackedStiffness`) fetches th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from skfem_contact.petsc.layout import Layout, orthonormal, together
 from skfem_contact.petsc.ranks import Ranks, csr_of
 from skfem_contact.petsc.share import Settings
 from skfem_contact.petsc.stiffness import Alive, DistributedStiffness, RankedStiffness, Rows
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[Any]

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import weakref
-from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
@@ -16,6 +15,7 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.remote import RemoteStiffness
 from skfem_contact.errors import InputError
 from skfem_contact.petsc.ranks import Ranks
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]

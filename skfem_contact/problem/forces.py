@@ -23,7 +23,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -40,6 +40,7 @@ from skfem_contact.problem.sparse import DependentRows
 from skfem_contact.problem.springs import point_resistance
 from skfem_contact.problem.thresholds import ROUGHLY, STIFFER, UNHELD
 from skfem_contact.problem.whole import Layers, Whole
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -17,7 +17,7 @@ displacements this is an augmented Lagrangian.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +35,7 @@ from skfem_contact.linalg.dense_factors import (
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SHARE, SPARE, SURPLUS
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

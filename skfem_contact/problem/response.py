@@ -7,7 +7,6 @@ given linear friction law on the rest (`Conditions`), what are the gaps, slips a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.arrays import largest, lengths
 from skfem_contact.problem.thresholds import SKEW
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -5,7 +5,7 @@ The same with springs in series with the points, as `points` has it, is `Displac
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +20,7 @@ from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.errors import ConstraintError
 from skfem_contact.linalg.backend import Stacked
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

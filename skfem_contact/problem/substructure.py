@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -30,6 +30,7 @@ from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.once import Lock, once
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, SAME_LOAD
+from skfem_contact.records import dataclass
 
 logger = logging.getLogger("skfem_contact")
 

@@ -23,7 +23,7 @@ functions matter less: there the faces are cut into linear ones along their node
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -49,6 +49,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.joints import rim_points
+from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]

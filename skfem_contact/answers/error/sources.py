@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import ESTIMATED
 from skfem_contact.digits import SOLVED
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Elements = tuple[NDArray[np.intp], Array]

@@ -9,7 +9,7 @@ overlook is seen here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -26,6 +26,7 @@ from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.vectors import ragged
+from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,6 +15,7 @@ from skfem_contact.bodies.member import Member, Meshed
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.pairing.node import Pairing
+from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]

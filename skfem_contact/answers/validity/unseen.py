@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing, node_to_segment
 from skfem_contact.pairing.thresholds import BEYOND, LEAN, SHARP
 from skfem_contact.pairing.vectors import dot
+from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]

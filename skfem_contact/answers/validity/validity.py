@@ -27,7 +27,7 @@ rest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,7 @@ from skfem_contact.answers.thresholds import (
     WIDTH,
 )
 from skfem_contact.answers.validity.track import Track
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,6 @@ From the pattern alone it is known how large a factorisation will be.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -23,6 +22,7 @@ import numpy as np
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.multifrontal.ordering import dissect, distinct
 from skfem_contact.linalg.thresholds import LEAF, SYMMETRIC_TO
+from skfem_contact.records import dataclass
 
 
 class Entries(NamedTuple):

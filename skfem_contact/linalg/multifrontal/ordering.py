@@ -9,10 +9,11 @@ so that any mesh, element and order of approximation will do.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from skfem_contact.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)
