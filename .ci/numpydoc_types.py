@@ -1,7 +1,12 @@
-"""Types of docstrings in words, ``ndarray, shape (m, d)``, which griffe takes for Python code."""
+"""What griffe is told of this library.
+
+Types of docstrings in words, ``ndarray, shape (m, d)``, which it takes for Python code, and properties
+that are made by `its`, whose words are an argument.
+"""
 
 from __future__ import annotations
 
+import ast
 import re
 from typing import Any
 
@@ -17,6 +22,15 @@ def in_words(annotation: Any) -> str:
     return re.sub(r"shape \((\w+)\)", r"shape (\1,)", text)
 
 
+def words_of(attribute: Any) -> griffe.Docstring | None:
+    """The words that a property is made with, ``gap: Array = its("Positive where open.")``."""
+    made = attribute.value
+    if not isinstance(made, griffe.ExprCall) or str(made.function) != "its":
+        return None
+    attribute.value = None
+    return griffe.Docstring(ast.literal_eval(str(made.arguments[0])), parent=attribute)
+
+
 class NumpydocTypes(griffe.Extension):
     """Gives every parameter, attribute and return value its type in words."""
 
@@ -25,6 +39,8 @@ class NumpydocTypes(griffe.Extension):
         todo: list[Any] = [pkg]
         while todo:
             item = todo.pop()
+            if item.is_attribute:
+                item.docstring = item.docstring or words_of(item)
             for section in item.docstring.parsed if item.docstring else ():
                 for element in section.value if isinstance(section.value, list) else ():
                     annotation = getattr(element, "annotation", None)

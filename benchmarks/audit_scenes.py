@@ -463,6 +463,6 @@ ROWS = (
         ),
     ),
     Row("checkpoints", "after every step", "none", checkpoint, ("history/checkpoint:",)),
-    Row("report", "of every step", "none", report, ("answers/report:",)),
+    Row("report", "of every step", "none", report, ("answers/result:report",)),
     Row("pictures", "one, at the end", "none", pictures, ("output/plot_contacts:", "output/drawing:")),
 )

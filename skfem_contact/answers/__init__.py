@@ -1,12 +1,12 @@
 """What an answer is and what can be said of it.
 
-* `answer`: all numbers of a load step, for the modules of this library; `fields`, `contours`,
-  `values`: those of each contact; `reaction`: forces of supports;
-* `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers,
-  by the `pieces` of the equation, and by a proof that there is only `one_answer`, or other forces;
+* `answer`: all numbers of a load step, for the modules of this library, and forces of supports;
+  `fields`, `values`: those of each contact, between its points and at them;
+* `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers, by
+  the `pieces` of the equation, or a proof that there is only one; other forces;
 * `validity`: whether the model holds; `error`: how far the mesh may be off;
-* `result`, `by_contact`: all of it as users see it, by contacts, and of the one there may be;
-* `contact_report`, `report`: all of it printed;
+* `result`, `by_contact`: all of it as users see it, and printed; by contacts, and of the one there may
+  be;
 * `thresholds`: numbers, and where they come from.
 """
 
@@ -16,11 +16,10 @@ __getattr__ = entrances(
     __name__,
     {
         "answer": "answer_of",
-        "contours": "contour",
         "error.faces": "Net",
-        "fields": "Segments closed_area edge_positions find_edges interpolate",
-        "one_answer": "Form unique_up_to",
+        "fields": "Segments closed_area contour edge_positions find_edges interpolate",
         "pieces": "critical_friction orientation turning_springs",
+        "uniqueness": "Form unique_up_to",
         "validity.chords": "bends sagittas tool_sagittas",
         "validity.deformed_boundaries": "Boundary boundary",
         "validity.obstacle_overlaps": "pierced",

@@ -1,6 +1,7 @@
 """`Answer`: what one load step has come to, as the modules of this library see it.
 
-Users have a `ContactResult`, which holds one and shows what is theirs; `answer_of` takes it out.
+Users have a `ContactResult`, which holds one and shows what is theirs; `answer_of` takes it out. The
+forces of contacts on the DOFs follow from it, and those of supports: what equilibrium misses there.
 """
 
 from __future__ import annotations
@@ -13,12 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.validity.validity import Diagnostics
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.boundaries import boundary_dofs
+from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import Identity, LocalState, State
+from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.once import once
 from skfem_contact.problem.response import Conditions
@@ -146,3 +151,45 @@ def answer_of(result: Any) -> Answer:
     """The answer that a `ContactResult` holds; an answer is its own."""
     found: Answer = result if isinstance(result, Answer) else result._answer
     return found
+
+
+def contact_forces(answer: Answer) -> Array:
+    """Forces of all contacts on the DOFs, ``B_n' lambda - B_t' tau``, shape (n,) [force]."""
+    kin, state = answer.kin, answer.local
+    contact: Array = kin.B_n.T @ state.normal_force
+    if state.tangential_force.any():
+        contact = contact - kin.B_t.T @ state.tangential_force.ravel()
+    return contact
+
+
+def reaction(answer: Answer, body: Member | str, boundary: str | None) -> Array:
+    """Resultant of ``K u - f`` less the contact forces at prescribed DOFs of a body, by component.
+
+    Parameters
+    ----------
+    answer : Answer
+    body : Body, RigidBody or str
+    boundary : str or None
+        Of the body's mesh; None for all of it.
+    """
+    i, span = answer.system.index(body), answer.system.slice(body)
+    own, name = answer.system.bodies[i], answer.system.names[i]
+    where = own.D
+    if boundary is not None and not isinstance(own, Body):
+        raise InputError(f"rigid body {name!r} has no boundary {boundary!r}: its supports are its D")
+    if boundary is not None and isinstance(own, Body):
+        where = np.intersect1d(where, boundary_dofs(own.basis, boundary, f"reaction of body {name!r}"))
+    if not len(where):
+        place = "" if boundary is None else f" on its boundary {boundary!r}"
+        raise InputError(
+            f"body {name!r} has no prescribed DOFs{place}, so no support pushes there. Forces of a "
+            "contact are in result[contact].force."
+        )
+    residual = answer.stiffness[i] @ answer.displacement(body) - answer.case.f[span]
+    residual -= contact_forces(answer)[span]
+    if not isinstance(own, Body):  # force and moment: rotations are lengths in the system, see `scale`
+        supports = np.zeros(own.n)
+        supports[where] = residual[where]
+        return np.asarray(supports * answer.system.scale(own))
+    component = own.dof_component[where]
+    return np.array([residual[where][component == k].sum() for k in range(own.components)])

@@ -26,6 +26,27 @@ from skfem_contact.errors import InputError
 Array = NDArray[np.float64]
 
 
+def its(words: str) -> Any:
+    """A property of the only contact of a result: by its own name, of the type that it is annotated by.
+
+    For type checkers it is the annotation; the reference and `help` show the words.
+    """
+    return _Its(words)
+
+
+class _Its(property):
+    def __init__(self, words: str) -> None:
+        self.words = words
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        def only(result: OfTheContact) -> Any:
+            return getattr(result._only(name), name)
+
+        only.__doc__ = self.words
+        only.__annotations__["return"] = owner.__annotations__[name]
+        super().__init__(only)
+
+
 class OfTheContact(ABC):
     """Properties of the contact itself, for results with one contact.
 
@@ -36,130 +57,55 @@ class OfTheContact(ABC):
     def _only(self, name: str) -> ContactValues:
         """The values of the only contact; `name` is the property that is asked for."""
 
-    @property
-    def points(self) -> Array:
-        """Positions on the undeformed secondary surface, shape (m, d) [length]."""
-        return self._only("points").points
-
-    @property
-    def normal(self) -> Array:
-        """Unit normals from primary to secondary, shape (m, d)."""
-        return self._only("normal").normal
-
-    @property
-    def tangent(self) -> Array:
-        """Unit tangents, shape (m, d-1, d)."""
-        return self._only("tangent").tangent
-
-    @property
-    def area(self) -> Array:
-        """Tributary area of the points, shape (m,) [area]."""
-        return self._only("area").area
-
-    @property
-    def gap(self) -> Array:
-        """Positive where open, ``inf`` where a point has no partner, shape (m,) [length]."""
-        return self._only("gap").gap
-
-    @property
-    def slip(self) -> Array:
-        """Of the secondary relative to the primary, (m, d-1) [length]; see `ContactValues.slip`."""
-        return self._only("slip").slip
-
-    @property
-    def slip_vector(self) -> Array:
-        """The slip in global axes, shape (m, d) [length]; see `ContactValues.slip_vector`."""
-        return self._only("slip_vector").slip_vector
-
-    @property
-    def status(self) -> NDArray[np.intp]:
-        """0 open, 1 stick, 2 slip, shape (m,)."""
-        return self._only("status").status
-
-    @property
-    def pressure(self) -> Array:
-        """Not negative in compression, shape (m,) [stress]; see `ContactValues.pressure`."""
-        return self._only("pressure").pressure
-
-    @property
-    def traction(self) -> Array:
-        """Stress vector on the secondary, in global axes, shape (m, d) [stress]."""
-        return self._only("traction").traction
-
-    @property
-    def friction_stress(self) -> Array:
-        """Friction over tributary area along the tangents, shape (m, d-1) [stress]."""
-        return self._only("friction_stress").friction_stress
-
-    @property
-    def normal_force(self) -> Array:
-        """Compressive force of each point, shape (m,) [force]."""
-        return self._only("normal_force").normal_force
-
-    @property
-    def tangential_force(self) -> Array:
-        """Friction on the secondary along the tangents, shape (m, d-1) [force]."""
-        return self._only("tangential_force").tangential_force
-
-    @property
-    def tangential_force_vector(self) -> Array:
-        """Friction on the secondary in global axes, shape (m, d) [force]."""
-        return self._only("tangential_force_vector").tangential_force_vector
-
-    @property
-    def forces(self) -> Array:
-        """Force on the secondary at each point, in global axes, shape (m, d) [force]."""
-        return self._only("forces").forces
-
-    @property
-    def force(self) -> Array:
-        """Resultant on the secondary body, shape (d,) [force]."""
-        return self._only("force").force
-
-    @property
-    def force_on_primary(self) -> Array:
-        """Resultant on the other side, a body or a rigid obstacle, shape (d,) [force]."""
-        return self._only("force_on_primary").force_on_primary
-
-    @property
-    def moment(self) -> Callable[..., Any]:
-        """``moment(about)`` of the forces on the secondary; see `ContactValues.moment`."""
-        return self._only("moment").moment
-
-    @property
-    def contact_area(self) -> float:
-        """Area in contact, up to the edges between nodes [area]."""
-        return self._only("contact_area").contact_area
-
-    @property
-    def wear_depth(self) -> Array:
-        """Depth worn off so far, shape (m,) [length]; see `Archard`."""
-        return self._only("wear_depth").wear_depth
-
-    @property
-    def worn_volume(self) -> float:
-        """Volume worn off so far [volume]; see `Archard`."""
-        return self._only("worn_volume").worn_volume
-
-    @property
-    def contact_edges(self) -> Array:
-        """Where contact ends, within a facet: points (k, 2), in 3-D segments (s, 2, 3) [length]."""
-        return self._only("contact_edges").contact_edges
-
-    @property
-    def error_estimate(self) -> ErrorEstimate:
-        """Estimated error of pressure and friction, in 3-D a part of it; computed when asked for."""
-        return self._only("error_estimate").error_estimate
-
-    @property
-    def interpolate(self) -> Callable[[ArrayLike, ArrayLike], Array]:
-        """``interpolate(values, points)`` between the points; see `ContactValues.interpolate`."""
-        return self._only("interpolate").interpolate
-
-    @property
-    def integrate(self) -> Callable[[ArrayLike], Any]:
-        """``integrate(values)`` over the points; see `ContactValues.integrate`."""
-        return self._only("integrate").integrate
+    points: Array = its("Positions on the undeformed secondary surface, shape (m, d) [length].")
+    normal: Array = its("Unit normals from primary to secondary, shape (m, d).")
+    tangent: Array = its("Unit tangents, shape (m, d-1, d).")
+    area: Array = its("Tributary area of the points, shape (m,) [area].")
+    gap: Array = its("Positive where open, ``inf`` where a point has no partner, shape (m,) [length].")
+    slip: Array = its(
+        "Of the secondary relative to the primary, (m, d-1) [length]; see `ContactValues.slip`."
+    )
+    slip_vector: Array = its(
+        "The slip in global axes, shape (m, d) [length]; see `ContactValues.slip_vector`."
+    )
+    status: NDArray[np.intp] = its("0 open, 1 stick, 2 slip, shape (m,).")
+    pressure: Array = its(
+        "Not negative in compression, shape (m,) [stress]; see `ContactValues.pressure`."
+    )
+    traction: Array = its("Stress vector on the secondary, in global axes, shape (m, d) [stress].")
+    friction_stress: Array = its(
+        "Friction over tributary area along the tangents, shape (m, d-1) [stress]."
+    )
+    normal_force: Array = its("Compressive force of each point, shape (m,) [force].")
+    tangential_force: Array = its(
+        "Friction on the secondary along the tangents, shape (m, d-1) [force]."
+    )
+    tangential_force_vector: Array = its(
+        "Friction on the secondary in global axes, shape (m, d) [force]."
+    )
+    forces: Array = its("Force on the secondary at each point, in global axes, shape (m, d) [force].")
+    force: Array = its("Resultant on the secondary body, shape (d,) [force].")
+    force_on_primary: Array = its(
+        "Resultant on the other side, a body or a rigid obstacle, shape (d,) [force]."
+    )
+    moment: Callable[..., Any] = its(
+        "``moment(about)`` of the forces on the secondary; see `ContactValues.moment`."
+    )
+    contact_area: float = its("Area in contact, up to the edges between nodes [area].")
+    wear_depth: Array = its("Depth worn off so far, shape (m,) [length]; see `Archard`.")
+    worn_volume: float = its("Volume worn off so far [volume]; see `Archard`.")
+    contact_edges: Array = its(
+        "Where contact ends, within a facet: points (k, 2), in 3-D segments (s, 2, 3) [length]."
+    )
+    error_estimate: ErrorEstimate = its(
+        "Estimated error of pressure and friction, in 3-D a part of it; computed when asked for."
+    )
+    interpolate: Callable[[ArrayLike, ArrayLike], Array] = its(
+        "``interpolate(values, points)`` between the points; see `ContactValues.interpolate`."
+    )
+    integrate: Callable[[ArrayLike], Any] = its(
+        "``integrate(values)`` over the points; see `ContactValues.integrate`."
+    )
 
 
 def values_of(answer: Answer) -> tuple[ContactValues, ...]:

@@ -13,8 +13,7 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.reaction import contact_forces
+from skfem_contact.answers.answer import Answer, contact_forces
 from skfem_contact.answers.thresholds import NO_LOAD, SCALE_FLOOR
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import CheckedLaw

@@ -11,16 +11,36 @@ contact this is within .1 of the distance between nodes, wherever the edge lies.
 
 Where contact ends because the other surface does, the last closed node is the edge. Ends of the
 secondary surface that are closed are no edges.
+
+**In 3-D** it ends along lines on faces. There too ``h = gap**(2/3)`` is a straight function of the
+distance from the edge. At the nodes around the edge it is replaced by what its values at open nodes
+near by say, in the tangent plane of the node, by least squares with weights 1/distance^4: a plane,
+bent along the edge by a parabola, through what lies ahead of the node. Open nodes next to closed
+ones are not among these values if there are enough others: their gaps are so small that they are
+mostly the error of the mesh. So h has a sign on both sides of the edge. It is interpolated linearly
+over triangles, and its zero is the edge: segments across the triangles (marching triangles). On the
+gap of Hertz' contact, the area is found to 2 % with 3 faces to the radius, to 1 % with 6.
+
+Quadratic faces are cut along their nodes, quadrilaterals into the triangles round their centre, so
+that no diagonal is preferred. The edge is looked for between the first open node and halfway from
+the last closed one to the next, where contact ends because the other surface does at the last
+closed node. Where closed nodes have no others behind them, or too few open ones around, it is in
+the middle.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
+from skfem_contact.answers.thresholds import AT_45, NO_GAP, REACH
+from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.projection import project
 from skfem_contact.records import dataclass
@@ -194,3 +214,252 @@ def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:
 def displaced(surface: ContactSurface, points: Array) -> ContactSurface:
     """The surface with its nodes at other positions, for the functions above."""
     return replace(surface, points=points)
+
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Contour:
+    """Where contact ends on faces, and how large it is.
+
+    Attributes
+    ----------
+    segments : ndarray, shape (s, 2, 3)
+        The edge, in pieces in the order of the faces [length].
+    area : float
+        Within it [area].
+    heights : ndarray, shape (m,)
+        Negative inside, see the function `heights`.
+    """
+
+    segments: Array
+    area: float
+    heights: Array
+
+
+def contour(surface: ContactSurface, closed: Mask, gap: Array) -> Contour:
+    """The edge of contact and the area within.
+
+    Parameters
+    ----------
+    surface : ContactSurface
+    closed : ndarray of bool, shape (m,)
+    gap : ndarray, shape (m,)
+        ``inf`` where a point has no partner [length].
+    """
+    corners = surface.kind.triangles
+    h = heights(surface, closed, gap)
+    height = with_centres(surface, h)[:, corners].reshape(-1, 3)
+    x = with_centres(surface, surface.points)[:, corners].reshape(-1, 3, 3)
+    part, segments = _cut(height, x)
+    return Contour(segments, float(part @ triangle_areas(surface, x)), h)
+
+
+def heights(surface: ContactSurface, closed: Mask, gap: Array) -> Array:
+    """``gap**(2/3)`` continued into the contact: negative inside, positive outside, (m,).
+
+    ``inf`` at points without a partner.
+    """
+    beside = neighbours(surface)
+    opened = ~closed & np.isfinite(gap)
+    # where the surfaces touch without a force the gap is round-off, which must not draw an edge
+    gap = np.where(gap > NO_GAP * np.abs(surface.points).max(), gap, 0.0)
+    h = np.where(opened, np.maximum(np.where(opened, gap, 0.0), 0.0) ** (2 / 3), 0.0)
+    last, first = closed & _touched(beside, opened), opened & _touched(beside, closed)
+    behind = closed & ~last & _touched(beside, last)
+    here = np.flatnonzero(last | first | behind)
+    row, node = _around(beside, here)
+    far, known, _ = _continued(surface, here, row, node, opened & ~first, h)
+    near, some, any_ = _continued(surface, here, row, node, opened, h)
+    fit = np.zeros(len(h))
+    fit[here] = np.where(known, far, near)
+    fitted = np.zeros(len(h), dtype=bool)
+    fitted[here] = known | some | any_
+
+    scale = float(h.max(initial=0.0)) or 1.0
+    tiny = COMPUTED * scale
+    out = np.where(closed, -scale, np.where(opened, np.maximum(h, tiny), np.inf))
+    out[first & fitted] = np.maximum(fit[first & fitted], tiny)
+    out[last] = fit[last]
+    # halfway to the first open nodes where nothing better is known
+    mean = _mean_of(beside, np.where(first, out, 0.0), first)
+    lonely = last & ~(fitted & ((fit < 0) | _touched(beside, behind)))
+    out[lonely] = -np.maximum(mean[lonely], tiny)
+    # where the edge is before the last closed node it is less than halfway to the one behind
+    outside = np.where(last, np.maximum(out, 0.0), 0.0)
+    most = _largest_of(beside, outside)
+    out[behind] = np.minimum(np.where(fitted, fit, -scale)[behind], -np.maximum(most[behind], tiny))
+    return out
+
+
+def neighbours(surface: ContactSurface) -> csr_matrix:
+    """Which nodes share a face, each with itself, as a matrix of ones (m, m)."""
+    nf, k = surface.facets.shape
+    entries = np.ones(nf * k), (np.repeat(np.arange(nf), k), surface.facets.ravel())
+    of_faces = csr_matrix(entries, shape=(nf, len(surface.points)))
+    beside = csr_matrix(of_faces.T @ of_faces)
+    beside.data[:] = 1.0
+    return beside
+
+
+def triangle_areas(surface: ContactSurface, x: Array) -> Array:
+    """Areas of the triangles x (t, 3, 3) of all faces, which add up to those of the faces, (t,)."""
+    area = 0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
+    area = area.reshape(len(surface.facets), -1)
+    area = (area * (surface.facet_areas / area.sum(axis=1))[:, None]).ravel()
+    measure = surface.body.measure
+    return area if measure is None else area * measure(x.mean(axis=1).T)
+
+
+def _around(beside: csr_matrix, here: Index) -> tuple[Index, Index]:
+    """Pairs of the place of a node in `here` and of another node near to it."""
+    reached = beside[here]
+    for _ in range(REACH - 1):
+        reached = reached @ beside
+    pairs = csr_matrix(reached).tocoo()
+    others = here[pairs.row] != pairs.col
+    return pairs.row[others], pairs.col[others]
+
+
+def _continued(
+    surface: ContactSurface, here: Index, row: Index, node: Index, sample: Mask, h: Array
+) -> tuple[Array, Mask, Mask]:
+    """What open nodes near by say of h at some nodes; whether enough were ahead, or on any side.
+
+    Parameters
+    ----------
+    here : ndarray of int, shape (k,)
+    row, node : ndarray of int
+        Of `_around`.
+    sample : ndarray of bool, shape (m,)
+        Nodes with a value that counts.
+    """
+    kept = sample[node]
+    row, node = row[kept], node[kept]
+    away = surface.points[node] - surface.points[here][row]
+    square = np.sum(away**2, axis=1)
+    along = np.einsum("pd,pkd->pk", away, tangents(surface.normals[here])[row])
+    size = np.sqrt(square.max(initial=0.0)) or 1.0  # numbers of order one in all units
+    along, weight = along / size, (size**2 / square) ** 2
+    plane = np.column_stack([np.ones(len(row)), along])
+    fit, enough = least_squares(plane, weight, h[node], row, len(here))
+    # only what lies ahead, within 45 degrees: on the far side of a small contact h falls again;
+    # where the edge is round so is h: a parabola along the edge
+    slope = fit[row, 1:]
+    slope /= np.maximum(np.linalg.norm(slope, axis=1), np.finfo(float).tiny)[:, None]
+    ahead = np.einsum("pk,pk->p", along, slope)
+    across = along[:, 0] * slope[:, 1] - along[:, 1] * slope[:, 0]
+    # points of regular faces lie at 45 degrees to the slope: round-off must not choose among them
+    weight = np.where(ahead > AT_45 * np.abs(across), weight, 0.0)
+    straight, some = least_squares(plane, weight, h[node], row, len(here))
+    parabola = np.column_stack([plane, across**2])
+    bent, more = least_squares(parabola, weight, h[node], row, len(here))
+    at = np.where(more, bent[:, 0], np.where(some, straight[:, 0], fit[:, 0]))
+    return at, some, enough
+
+
+def least_squares(terms: Array, weight: Array, values: Array, row: Index, n: int) -> tuple[Array, Mask]:
+    """Coefficients (n, k) by the values of many rows each; whether these determine them, (n,)."""
+    normal = NormalEquations(terms, weight, row, n)
+    return normal.fit(values), normal.enough
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """Least squares of n points, each by many rows, for any values.
+
+    Attributes
+    ----------
+    terms : ndarray, shape (p, k)
+    weight : ndarray, shape (p,)
+    row : ndarray of int, shape (p,)
+        The point that each row belongs to.
+    n : int
+    """
+
+    terms: Array
+    weight: Array
+    row: Index
+    n: int
+
+    @cached_property
+    def _weighted(self) -> Array:
+        return self.weight * self.terms.T  # (k, p)
+
+    @cached_property
+    def _matrices(self) -> Array:
+        k = self.terms.shape[1]
+        A = np.empty((self.n, k, k))
+        for i in range(k):
+            for j in range(i + 1):
+                A[:, i, j] = np.bincount(self.row, self._weighted[i] * self.terms[:, j], self.n)
+                A[:, j, i] = A[:, i, j]
+        return A
+
+    @cached_property
+    def enough(self) -> Mask:
+        """Whether the rows determine the coefficients, (n,)."""
+        A = self._matrices
+        diagonal = np.sqrt(np.maximum(np.einsum("nii->ni", A), np.finfo(float).tiny))
+        # both directions alike: points on a line along one of the axes do not span a plane
+        diagonal[:, 1:3] = np.sqrt(np.mean(diagonal[:, 1:3] ** 2, axis=1, keepdims=True))
+        scaled = A / (diagonal[:, :, None] * diagonal[:, None, :])
+        return np.asarray(np.linalg.eigvalsh(scaled)[:, 0] > GIVEN)
+
+    def fit(self, values: Array) -> Array:
+        """Coefficients (n, k) by values (p,); zero where they are not determined."""
+        b = np.stack([np.bincount(self.row, w * values, self.n) for w in self._weighted], axis=1)
+        out, enough = np.zeros(b.shape), self.enough
+        out[enough] = np.linalg.solve(self._matrices[enough], b[enough, :, None])[..., 0]
+        return out
+
+
+def with_centres(surface: ContactSurface, values: Array) -> Array:
+    """Values at the nodes of each face, and at its centre where that is no node, (nf, k or k + 1, ...).
+
+    The mean of the four nodes nearest to it; none where two or more of these have none.
+    """
+    of_faces = values[surface.facets]
+    if not surface.kind.centreless:
+        return of_faces
+    near = of_faces[:, -4:]
+    known = np.isfinite(near)
+    count = known.sum(axis=1)
+    mean = np.where(known, near, 0.0).sum(axis=1) / np.maximum(count, 1)
+    return np.concatenate([of_faces, np.where(count >= 3, mean, np.inf)[:, None]], axis=1)
+
+
+def _cut(height: Array, x: Array) -> tuple[Array, Array]:
+    """Negative share (t,) of triangles with these heights (t, 3), and the segments where it ends."""
+    inside = height < 0
+    count = inside.sum(axis=1)
+    part = np.where(count == 3, 1.0, 0.0)
+    segments = np.zeros((len(height), 2, 3))
+    for k in range(3):  # the corner that is alone on its side
+        alone = ((count == 1) & inside[:, k]) | ((count == 2) & ~inside[:, k])
+        others = [(k + 1) % 3, (k + 2) % 3]
+        h, tip = height[alone][:, [k]], x[alone][:, k]
+        other = height[alone][:, others]
+        with np.errstate(invalid="ignore"):
+            way = h / (h - other)
+        # the edge is at the closed node where the open one has no partner
+        way = np.where(np.isinf(other), 0.0, np.where(np.isinf(h), 1.0, way))
+        segments[alone] = tip[:, None] + way[..., None] * (x[alone][:, others] - tip[:, None])
+        own = way.prod(axis=1)
+        part[alone] = np.where(count[alone] == 1, own, 1.0 - own)
+    long = np.any(segments[:, 0] != segments[:, 1], axis=1)
+    return part, segments[long]
+
+
+def _touched(beside: csr_matrix, marked: Mask) -> Mask:
+    return np.asarray(beside @ marked.astype(float) > 0)
+
+
+def _mean_of(beside: csr_matrix, values: Array, marked: Mask) -> Array:
+    return np.asarray(beside @ values / np.maximum(beside @ marked.astype(float), 1.0))
+
+
+def _largest_of(beside: csr_matrix, values: Array) -> Array:
+    """The largest of the values, not negative, of each node and those beside it."""
+    return np.asarray(beside.multiply(values).tocsr().max(axis=1).toarray().ravel())

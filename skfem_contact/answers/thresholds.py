@@ -10,13 +10,13 @@ SCALE_FLOOR = 1e-6
 # Without a load, forces below this part of the terms of ``K u`` are what cancelling them leaves.
 NO_LOAD = 1e-10
 
-# -- contact_report ----------------------------------------------
+# -- values ------------------------------------------------------
 
 # Energy that the balance of a step misses, over the energy lost, from which on it is said: the loss of
 # the README's scene, pressed and released, is then wrong by a third of that.
 COARSE = 0.05
 
-# -- contours ----------------------------------------------------
+# -- fields ------------------------------------------------------
 
 # Open nodes up to so many faces away tell where contact ends: two beyond those next to closed ones.
 REACH = 3
@@ -49,7 +49,7 @@ SHARPER = 3.0
 # Pieces of the edge of contact whose middles are nearest, among which the nearest piece is.
 SEGMENTS_NEAR = 6
 
-# -- uniqueness, pieces, one_answer ------------------------------
+# -- uniqueness, pieces ------------------------------------------
 
 # Over the stiffness of a point along the normal: couplings below the first are round-off, and a
 # tangential stiffness below the second is none that the rest of the body would hold the point with.

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.reaction import contact_forces
+from skfem_contact.answers.answer import answer_of, contact_forces
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_kind, known_keywords, members, numbers, shown, suggest
 from skfem_contact.bodies.body import Body

@@ -2,8 +2,8 @@ r"""Error of tractions on faces of solids: at edges, between nodes, and what sca
 
 As on curves (`surface`), with what neighbours tell in the tangent plane.
 
-* *Edges of contact.* Around the edge (`contours`) the nodal field is compared with the square root of
-  the distance from the edge that goes through the values of the second nodes inside.
+* *Edges of contact.* Around the edge (`fields.contour`) the nodal field is compared with the square
+  root of the distance from the edge that goes through the values of the second nodes inside.
 * *Between nodes* with the parabola through a node and those around it, by least squares: on each face
   its difference to its own interpolation.
 * *Ends of stick, ends of the surface*: a node less the plane through its neighbours, where that is much
@@ -30,14 +30,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.answers.contours import (
+from skfem_contact.answers.fields import (
     Contour,
     NormalEquations,
+    displaced,
     triangle_areas,
     with_centres,
 )
-from skfem_contact.answers.contours import contour as contour_of
-from skfem_contact.answers.fields import displaced
+from skfem_contact.answers.fields import contour as contour_of
 from skfem_contact.answers.thresholds import SEGMENTS_NEAR, SHARPER
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.areas import tributary_areas
