@@ -93,13 +93,7 @@ def eliminate(
     k, n = C.shape
     D = prescribed(D, n)
     prefer = None if prefer is None else dof_mask(prefer, n)
-    listed = isinstance(labels, list | tuple) or (isinstance(labels, np.ndarray) and labels.ndim == 1)
-    named = callable(labels) or labels is None or (listed and len(labels) == k)
-    if not named:
-        has = f"has {len(labels)} names" if listed else f"is {shown(labels)}"  # type: ignore[arg-type]
-        raise InputError(f"labels {has} for {k} rows: give one name for each of them.")
-    if not 0.0 <= scale < np.inf:
-        raise InputError(f"scale = {scale}, but it is a length: zero or positive.")
+    _check_labels_and_scale(labels, k, scale)
     u_D = np.zeros(n)
     if x is not None:
         u_D[D] = finite_vector("x", x, n, D)
@@ -145,6 +139,17 @@ def eliminate(
         C=C,
         pivot_inverse=csr32(inverse @ sp.diags(1.0 / size[rows])),
     )
+
+
+def _check_labels_and_scale(labels: Labels, k: int, scale: float) -> None:
+    """Refuse what does not name each of k rows, and a scale that is no length."""
+    if not 0.0 <= scale < np.inf:
+        raise InputError(f"scale = {scale}, but it is a length: zero or positive.")
+    listed = isinstance(labels, list | tuple) or (isinstance(labels, np.ndarray) and labels.ndim == 1)
+    if callable(labels) or labels is None or (listed and len(labels) == k):
+        return
+    has = f"has {len(labels)} names" if listed else f"is {shown(labels)}"
+    raise InputError(f"labels {has} for {k} rows: give one name for each of them.")
 
 
 def _columns(A: sp.csr_matrix, mask: NDArray[np.bool_]) -> tuple[IntArray, sp.csr_matrix]:

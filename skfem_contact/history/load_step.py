@@ -214,6 +214,11 @@ class Attempt:
         return self.outcome.converged and not self.failure
 
     @property
+    def reason(self) -> str:
+        """How it ended, in words."""
+        return self.failure or self.outcome.message
+
+    @property
     def at_limit(self) -> bool:
         """Whether the bodies move on without carrying the load, friction at its bound included."""
         return self.carried is not None and self.carried.limit
@@ -237,6 +242,12 @@ class Advance:
     cuts: int = 0
     substeps: int = 1
     carried: float | None = None
+
+    def came_to(self, attempt: Attempt, done: float, aim: float) -> None:
+        """The last attempt, at the part of the step between two shares of it."""
+        self.attempt = attempt
+        if attempt.carried is not None:
+            self.carried = done + (aim - done) * attempt.carried.share
 
     @property
     def words(self) -> str:

@@ -174,7 +174,7 @@ class StepSolver(ByFields):
         start = found.start
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
-        message = attempt.failure or attempt.outcome.message
+        message = attempt.reason
         if attempt.good:  # with all rounds, attempts and substeps that came before the last one
             message = converged_words(len(way.trace)) + attempt.outcome.note
         case = attempt.case

@@ -98,6 +98,11 @@ class Bisection:
         self.done, self.fails = self.aim, 0
         self.share = min(share, 1.0 - self.done)
 
+    def of(self, step: LoadStep, part: LoadStep) -> LoadStep:
+        """The part of a step that is attempted next, which begins where `part` does."""
+        target = step.before.towards(step.target, self.aim)
+        return replace(part, target=target, share=self.aim - self.done)
+
     def cut(self, travel: float) -> None:
         """Take a smaller part: half of it, or as much as lets no point slide too far."""
         shorter = SHORTER
@@ -129,24 +134,14 @@ def advance(
     while True:
         aim = parts.aim
         if parts.share < 1.0:
-            target = step.before.towards(step.target, aim)
-            part = replace(part, target=target, share=aim - parts.done)
-        try:
-            attempt = attempted(by, part, starts[0])
-        except SingularMatrix:
-            # not of the bodies, if another set of points can be solved for
-            if starts == [REGULARISED]:
-                return so_far
-            if len(starts) == 1:
-                raise
-            starts.pop(0)
-            continue
+            part = parts.of(step, part)
+        attempt = _first_held(by, part, starts)
+        if attempt is None:
+            return so_far
         so_far.trace.extend(attempt.outcome.trace)
         if freed is not None and not attempt.good:
             attempt = replace(freed, carried=attempt.carried)
-        so_far.attempt = attempt
-        if attempt.carried is not None:
-            so_far.carried = parts.done + (aim - parts.done) * attempt.carried.share
+        so_far.came_to(attempt, parts.done, aim)
         limit = attempt.at_limit and not attempt.good  # the rest of the starts has nothing to find
         last = len(starts) == 1 or limit or attempt.failure == RAN_AWAY  # wherever it begins
         lost = not attempt.good and not attempt.stopped and last
@@ -159,19 +154,15 @@ def advance(
                 so_far.energy += attempt.energy
             if aim >= 1.0:
                 return so_far
-            state = attempt.state
-            part = replace(part, state=state, before=part.target, known=state)
-            starts = by.starts_from(state)
+            part = replace(part, state=attempt.state, before=part.target, known=attempt.state)
+            starts = by.starts_from(attempt.state)
             so_far.substeps += 1
             parts.go_on(attempt.travel)
         elif freed is not None:
             return so_far
         elif "pivoting" in starts and left_free(by, attempt):
-            # smaller steps would end there too; the machine says how much of this one is carried
-            rest: tuple[str, ...] = ("pivoting", "pulled")
-            if starts[0] == "pivoting":
-                freed, rest = attempt, ("pulled",)
-            starts = [start for start in starts if start in rest]
+            freed = attempt if starts[0] == "pivoting" else None
+            starts = _where_free(starts)
             if not starts:
                 return so_far
         elif len(starts) > 1 and not (limit or attempt.failure or attempt.stopped):
@@ -184,11 +175,36 @@ def advance(
                 doubt(attempt, True)
             return so_far
         else:
-            parts.cut(attempt.travel)
             so_far.cuts += 1
-            reason = attempt.failure or attempt.outcome.message
-            logger.info("step cut to %.4g of its size: %s", parts.share, reason)
+            parts.cut(attempt.travel)
+            logger.info("step cut to %.4g of its size: %s", parts.share, attempt.reason)
             part, starts = replace(part, known=part.state), by.starts_from(part.state)
+
+
+def _first_held(by: Stepper, part: LoadStep, starts: list[str]) -> Attempt | None:
+    """An attempt from the first of the starts by which bodies are held; those before it are dropped.
+
+    None where nothing is left but bounds that were made to rise steeply, and they are not.
+    """
+    while True:
+        try:
+            return attempted(by, part, starts[0])
+        except SingularMatrix:
+            # not of the bodies, if another set of points can be solved for
+            if starts == [REGULARISED]:
+                return None
+            if len(starts) == 1:
+                raise
+            starts.pop(0)
+
+
+def _where_free(starts: list[str]) -> list[str]:
+    """Where to begin after an attempt that left a motion free.
+
+    Smaller steps would end there too; the machine says how much of this one is carried.
+    """
+    rest = ("pulled",) if starts[0] == "pivoting" else ("pivoting", "pulled")
+    return [start for start in starts if start in rest]
 
 
 def left_free(by: Stepper, attempt: Attempt) -> bool:
