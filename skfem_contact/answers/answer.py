@@ -26,6 +26,7 @@ from skfem_contact.conditions.state import Identity, LocalState, State
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.once import once
+from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Conditions
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
@@ -39,8 +40,12 @@ class Answer:
 
     Attributes
     ----------
-    tangential_stiffness : ndarray, shape (m,)
-        Of sticking points, ``inf`` where they stick exactly [force/length].
+    model : LinearModel
+        What was solved for: bodies, contacts, stiffness, friction laws.
+    mismatch : float
+        How far the pairing is from that of the answer itself.
+    trace : tuple of Record
+        Of all attempts at the load step and its parts.
     factor : float or None
         The number of the load step, where it was one.
     action : ndarray, shape (m, d)
@@ -61,11 +66,8 @@ class Answer:
         What every step tells of the bounds of the model; `validity` has more.
     """
 
-    system: System
-    contacts: tuple[Contact, ...]
-    names: tuple[str, ...]
+    model: LinearModel
     kin: Kinematics
-    stiffness: tuple[Any, ...]
     case: LoadCase
     seen: LoadCase
     state: State
@@ -75,10 +77,8 @@ class Answer:
     mismatch: float
     converged: bool
     message: str
-    iterations: int
     trace: tuple[Record, ...]
     timings: dict[str, float]
-    tangential_stiffness: Array = field(repr=False)
     dissipation_by_contact: Array
     dissipation_before: Array
     residual_by_contact: Array
@@ -102,6 +102,7 @@ class Answer:
     def _seal(self) -> None:
         for part in (self, self.state, self.case, self.conditions):
             seal(part)
+        sealed(self.tangential_stiffness)
         if self.seen is not self.case:
             seal(self.seen)
         if "u" in vars(self):
@@ -116,6 +117,41 @@ class Answer:
         vars(self).update(known)
         self._seal()
         seal(self.kin)  # a pairing that is solved on has been
+
+    @property
+    def system(self) -> System:
+        """The bodies."""
+        return self.model.system
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The contacts, with the laws that this is an answer for."""
+        return self.model.interface.contacts
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the contacts."""
+        return self.model.interface.names
+
+    @property
+    def stiffness(self) -> tuple[Any, ...]:
+        """Of each body."""
+        return self.model.stiffness
+
+    @property
+    def tangential_stiffness(self) -> Array:
+        """Of sticking points, ``inf`` where they stick exactly, (m,) [force/length]."""
+        return self.model.interface.stiffness
+
+    @property
+    def iterations(self) -> int:
+        """Of the load step, with all its attempts and parts."""
+        return len(self.trace)
+
+    @cached_property
+    def measured(self) -> dict[tuple[str, str], float]:
+        """What has been measured of bodies, by kind and name, for all who ask for it."""
+        return {}
 
     @cached_property
     def local(self) -> LocalState:
@@ -143,8 +179,7 @@ class Answer:
     @property
     def identity(self) -> Identity:
         """The bodies and contacts that this is a state of."""
-        known: Identity = self.recover.model.geometry.identity
-        return known
+        return self.model.geometry.identity
 
 
 def answer_of(result: Any) -> Answer:

@@ -163,28 +163,24 @@ class StepSolver(ByFields):
     def _own(self, start: Answer | SavedState) -> bool:
         """Whether a state is of the very bodies and contacts that are solved for here."""
         geometry = self.stepper.model.geometry
-        if isinstance(start, Answer) and start.recover.model.geometry is geometry:
+        if isinstance(start, Answer) and start.model.geometry is geometry:
             return True  # before finding out what tells them from others
         return start.identity is geometry.identity
 
     def _answer(self, found: EquilibriumSearch, seconds: float) -> Answer:
         model, rest, way = self.stepper.model, found.settled, found.advance
-        interface, attempt = model.interface, way.attempt
-        before = np.zeros(len(interface.contacts))
+        attempt = way.attempt
+        before = np.zeros(len(model.interface.contacts))
         start = found.start
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
         message = attempt.reason
         if attempt.good:  # with all rounds, attempts and substeps that came before the last one
             message = converged_words(len(way.trace)) + attempt.outcome.note
-        case = attempt.case
         return Answer(
-            system=model.system,
-            contacts=interface.contacts,
-            names=interface.names,
+            model=model,
             kin=attempt.problem.kin,
-            stiffness=model.stiffness,
-            case=case,
+            case=attempt.case,
             seen=attempt.seen,
             state=attempt.state,
             gap=attempt.local.gap,
@@ -193,10 +189,8 @@ class StepSolver(ByFields):
             mismatch=attempt.mismatch,
             converged=attempt.good,
             message=message + way.words,
-            iterations=len(way.trace),
             trace=tuple(way.trace),
             timings={**model.timings, "loop": seconds},
-            tangential_stiffness=interface.stiffness,
             dissipation_by_contact=way.energy.lost,
             residual_by_contact=way.energy.residual,
             dissipation_before=before,

@@ -22,7 +22,7 @@ from that of the continuous problem, in the L2 norm over the contact, from six s
 The first three and the last are in `surface`, in 3-D the first three in `faces`, the others in `body`.
 An answer is not rated, and its total NaN, where one of them is not known: `chords` of second-order
 faces that stand straight for a curve, `scatter` where all points are near ends of the surface; and
-where a body locks (`validity.strain`), since its answer shows nothing of that error.
+where a body locks (`validity.locking`), since its answer shows nothing of that error.
 
 What no answer shows of itself is not in it: what else curved bodies lose with straight facets, load
 steps too long for a history that depends on the path, the limits of the linear theory.
@@ -41,9 +41,8 @@ from skfem_contact.answers.error.faces import FacesError
 from skfem_contact.answers.error.sources import Elements, ErrorEstimate, ErrorSources
 from skfem_contact.answers.error.surface import Line, chords_error, net, points_across, surface_error
 from skfem_contact.answers.thresholds import LOCKED
-from skfem_contact.answers.validity.locking import lockable, locked_share
+from skfem_contact.answers.validity.locking import lockable, locked
 from skfem_contact.answers.values import ContactValues
-from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import OPEN
@@ -73,7 +72,7 @@ def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str
     sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
     for side in sides:
         name = result.system.names[result.system.index(side.body)]
-        if name in lockable(result) and _locks(result, result.system.solids[name]):
+        if name in lockable(result) and locked(result, name) > LOCKED:
             return f"body {name!r} locks (result.validity), and its answer shows little of that error"
         if side.dim == 3 and _straight(side):
             return (
@@ -86,10 +85,6 @@ def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str
             "node; compare with a finer mesh"
         )
     return ""
-
-
-def _locks(result: Answer, body: Body) -> bool:
-    return locked_share(body, result.displacement(body)) > LOCKED
 
 
 def _estimated(result: Answer, values: ContactValues) -> ErrorEstimate:

@@ -25,7 +25,7 @@ from skfem_contact.answers.validity.deformed_boundaries import (
     between,
     boundary,
 )
-from skfem_contact.answers.validity.locking import lockable, locked_share
+from skfem_contact.answers.validity.locking import lockable, locked
 from skfem_contact.answers.validity.plane_overlaps import PlaneOverlaps
 from skfem_contact.answers.validity.solid_overlaps import SolidOverlaps
 from skfem_contact.answers.validity.strain import leaning, strains
@@ -93,7 +93,7 @@ def assess(result: Answer) -> Validity:
         rotation,
         problems,
         dict(result.diagnostics.leaning),
-        {name: measured.locked(name) for name in measured.lockable},
+        {name: locked(result, name) for name in measured.lockable},
         tuple(key for key in result.diagnostics.beyond if key not in problems),
     )
 
@@ -142,11 +142,6 @@ class Assessment:
         return strains(self.solids[name], self.result.displacement(name))
 
     @_once
-    def locked(self, name: str) -> float:
-        """Share of a body's energy that neighbouring elements take back; see `locking`."""
-        return locked_share(self.solids[name], self.result.displacement(name))
-
-    @_once
     def boundary(self, name: str) -> Boundary:
         """The deformed boundary of a body."""
         return boundary(self.solids[name], self.result.displacement(name))
@@ -164,7 +159,7 @@ class Assessment:
         if rotation > max(LARGE, strain):
             found["rotation"] = rotation_words({name: rotation})
         if name in self.lockable:
-            words = locking_words(name, self.solids[name], self.locked(name))
+            words = locking_words(name, self.solids[name], locked(self.result, name))
             found |= {"locking": words} if words else {}
         return found
 

@@ -70,6 +70,15 @@ def may_lock(body: Body) -> bool:
     return known is not None and known.quotient > STIFF_BULK
 
 
+def locked(result: Answer, name: str) -> float:
+    """The `locked_share` of a body in an answer; measured once, for the validity and the estimate."""
+    key = "locked", name
+    if key not in result.measured:
+        body = result.system.solids[name]
+        result.measured[key] = locked_share(body, result.displacement(name))
+    return result.measured[key]
+
+
 def locked_share(body: Body, u: Array) -> float:
     """Share of the energy that averages over neighbouring elements take away; 0 without energy.
 
