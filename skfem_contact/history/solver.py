@@ -1,41 +1,352 @@
-"""`ContactSolver`: sets the problem up once, then solves load steps and histories."""
+"""`ContactSolver`: sets the problem up once, then solves load steps and histories.
+
+`ProblemSetup` is what it is made of, whatever the loads; `Variants` what makes other solvers of it.
+"""
 
 from __future__ import annotations
 
 import logging
-import weakref
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import field, fields
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.answers.values import status_words
 from skfem_contact.arguments import (
+    check_kind,
     check_switch,
     known_keywords,
     members,
     shown,
     with_known_keywords,
 )
+from skfem_contact.bodies.inputs import Loads
 from skfem_contact.bodies.member import Member
-from skfem_contact.carried import copied
-from skfem_contact.conditions.contact import Contact
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import stack
+from skfem_contact.carried import carried
+from skfem_contact.conditions.checks import check_passes, warn_unfelt_wear
+from skfem_contact.conditions.contact import Contact, number_of
+from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.geometry import Geometry
+from skfem_contact.conditions.interface import contact_names, interface
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.errors import InputError
-from skfem_contact.history.checkpoint import SavedState, load_state, save_state
+from skfem_contact.history.checkpoint import PartialResults, SavedState, load_state, save_state
+from skfem_contact.history.dry_run import Progress, Silent, count, dry_run, line, reached
 from skfem_contact.history.load_step import recover_all
-from skfem_contact.history.problem_setup import Variants
 from skfem_contact.history.read import StepReader
+from skfem_contact.history.solve_step import StepSolver
+from skfem_contact.history.stepper import Stepper
+from skfem_contact.linalg.multifrontal.fronts import FactorSize
+from skfem_contact.linalg.resources import Limits
+from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
-from skfem_contact.records import dataclass
+from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.problem.model import AnyBodies, LinearModel
+from skfem_contact.problem.substructure import Substructure
+from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
+S = TypeVar("S", bound="ProblemSetup")
+
+
+class ProblemSetup:
+    """Bodies, contacts, their pairing, and the linear problem that is put upon them.
+
+    The parameters are those of `ContactSolver`, which is this with loads. What belongs to the pairing
+    is made at once; what follows from the stiffness by `_set_stiffness`, and again for another one.
+    Bodies are condensed when the first load step asks for them.
+
+    Attributes
+    ----------
+    system : System
+    contacts, names : tuple
+    geometry : Geometry
+        The pairing, which `kin` has as rows over the DOFs.
+    interface : Interface
+        Friction laws and glue at the points.
+    linear_model : LinearModel
+    """
+
+    def __init__(
+        self,
+        bodies: Sequence[Member] | Member,
+        contacts: Sequence[Contact] | Contact,
+        loop: str,
+        linear: Any,
+        options: Options | None,
+    ) -> None:
+        start = time.perf_counter()
+        if not isinstance(loop, str) or loop not in LOOPS:
+            raise InputError(f"loop = {loop!r} is not one of {tuple(LOOPS)}.")
+        if options is not None:
+            check_kind(options, Options, "options", "give Options(tolerance=...) and the like")
+        self.options = options or Options()
+        self.loop, self.linear = loop, linear
+        self.system = stack(bodies)
+        usage = "make each by Contact(surface, other, ...)"
+        self.contacts = tuple(members(contacts, Contact, "contacts", usage))
+        self.names = contact_names(self.contacts)
+        check_passes(self.contacts, self.names)
+        warn_unfelt_wear(self.contacts, self.names)
+        self._stiffness, self._own_f = self.system.linearize()
+        for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
+            # refuses what is no body of this solver
+            if isinstance(surface, ContactSurface | RigidBody):
+                self.system.index(surface if isinstance(surface, RigidBody) else surface.body)
+        self.geometry = Geometry(self.system, self.contacts)
+        self.kin = self.geometry.kin
+        self._reader = self._new_reader()
+        self.timings = {"setup": 0.0}
+        self._set_stiffness()
+        self.timings["setup"] = time.perf_counter() - start
+
+    def _set_stiffness(self, reuse: Sequence[Substructure | None] = ()) -> None:
+        """Everything that follows from the stiffness and is cheap; condensation waits until needed."""
+        self.interface = interface(self.contacts, self.kin, self._stiffness, self.loop)
+        self.linear_model = LinearModel(
+            self.geometry,
+            self.interface,
+            self._stiffness,
+            rigid_motions(self.system, self.kin, self._stiffness),
+            self.linear,
+            Limits(self.options.max_dense_bytes, self.options.max_factor_bytes),
+            self.timings,
+            reuse,
+        )
+        self._answering = self._new_step_solver()
+
+    def _copied(self: S) -> S:
+        twin = object.__new__(type(self))
+        vars(twin).update(vars(self))
+        return twin
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "linear": carried(self.linear, "linear")}
+
+    def _new_reader(self) -> StepReader:
+        return StepReader(self.system, self.contacts, self.names, self.geometry, self._own_f)
+
+    def _new_step_solver(self) -> StepSolver:
+        return StepSolver(Stepper(self.linear_model, self.loop, self.options), self._reader)
+
+    @property
+    def model(self) -> AnyBodies:
+        """The linear problem of the bodies without contact; condensed when first asked for."""
+        return self.linear_model.bodies
+
+    def sizes(self) -> dict[str, FactorSize]:
+        """What the factorisation of each body in contact will take, before anything is computed."""
+        return self.linear_model.choice.sizes()
+
+    def __repr__(self) -> str:
+        bodies, contacts = ", ".join(self.system.names), ", ".join(self.names)
+        return f"<ContactSolver: bodies {bodies}; contacts {contacts}; loop {self.loop!r}>"
+
+    def __str__(self) -> str:
+        return dry_run(self)
+
+    def _repr_html_(self) -> str:
+        from html import escape  # for notebooks alone
+
+        return f"<pre>{escape(str(self))}</pre>"
+
+    def prepare(self: S) -> S:
+        """Do now what the first load step would do once: condense the bodies. Returns the solver."""
+        self.linear_model.prepare()
+        return self
+
+
+V = TypeVar("V", bound="Variants")
+
+
+class Variants(ProblemSetup):
+    """The part of a solver that makes others of it."""
+
+    @known_keywords(mu="write friction=Coulomb(mu)")
+    def with_friction(self: V, friction: FrictionLaw | None, contact: Contact | str | None = None) -> V:
+        """A solver for another friction law that shares all that has been computed.
+
+        For parameter studies: pairing and condensation do not depend on the law. The two solvers
+        are independent otherwise; results of one may be the `start` of the other.
+
+        Parameters
+        ----------
+        friction : FrictionLaw or None
+        contact : Contact or str, optional
+            The contact that gets it, itself or by name; by default all but tied ones.
+
+        Notes
+        -----
+        From frictionless to frictional contact or back the contact points keep other DOFs, and the
+        new solver condenses for itself.
+
+        Examples
+        --------
+        A block pulled over a plane, with more and less friction:
+
+        >>> import numpy as np
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> from skfem.models.elasticity import linear_elasticity
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> move = basis.project(lambda x: np.stack([0.2 + 0 * x[0], -0.01 + 0 * x[0]]))
+        >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=move, name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1))
+        >>> rough = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.4))
+        >>> solver = sc.ContactSolver([block], [rough])
+        >>> for mu in (0.1, 0.2):
+        ...     force = solver.with_friction(sc.Coulomb(mu)).solve().force
+        ...     print(f"{-force[0] / force[1]:.9f}")
+        0.100000000
+        0.200000000
+        """
+        chosen = range(len(self.contacts)) if contact is None else [self._position(contact)]
+        contacts = list(self.contacts)
+        for i in chosen:
+            if contact is not None or not contacts[i].tied:
+                contacts[i] = replace(contacts[i], friction=friction)
+        twin = self._copied()
+        twin.contacts = tuple(contacts)
+        twin.geometry = self.geometry.with_laws(contacts)
+        twin.kin = twin.geometry.kin
+        twin._reader = twin._new_reader()
+        twin.timings = {"setup": 0.0}
+        twin.interface = interface(twin.contacts, twin.kin, twin._stiffness, self.loop)
+        twin.linear_model = self.linear_model.with_interface(
+            twin.interface, twin.timings, twin.geometry
+        )
+        twin._answering = twin._new_step_solver()
+        return twin
+
+    @known_keywords()
+    def with_load(self: V, body: Member | str, f: Loads) -> V:
+        """A solver with another own load of one body that shares all that has been computed.
+
+        Parameters
+        ----------
+        body : Body, RigidBody or str
+        f : ndarray (n_body,), LinearForm, or tractions by boundary name
+            The body's own load, see `Body`, of which numeric load steps are multiples [force].
+
+        Raises
+        ------
+        InputError
+            As for `Body`: wrong shapes, NaN.
+        """
+        i = self.system.index(body)
+        own, name = self.system.bodies[i], self.system.names[i]
+        own_f = np.array(self._own_f)
+        own_f[self.system.slice(own)] = own.load(f, f"f of body {name!r}") / self.system.scale(own)
+        twin = self._copied()
+        twin._own_f = sealed(own_f)
+        twin._reader = twin._new_reader()
+        twin._answering = twin._new_step_solver()
+        return twin
+
+    @known_keywords()
+    def with_stiffness(self: V, body: Member | str, K: Any) -> V:
+        """A solver with another stiffness of one body; only that body is condensed again.
+
+        The way in for bodies whose stiffness changes: a Newton loop of the user's own around this
+        solver, with the tangent stiffness and ``f = f_ext - f_int(u) + K u`` of each iterate.
+
+        Parameters
+        ----------
+        body : Body, RigidBody or str
+        K : sparse matrix (n_body, n_body) or BilinearForm
+            [force/length]
+
+        Raises
+        ------
+        InputError
+            As for `Body`: wrong shapes, NaN.
+
+        Examples
+        --------
+        Pressed by the same displacement, a block twice as stiff bears twice the force:
+
+        >>> import numpy as np
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> from skfem.models.elasticity import linear_elasticity
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> down = basis.project(lambda x: np.stack([0 * x[0], -0.01 + 0 * x[0]]))
+        >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", x=down, name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1))
+        >>> solver = sc.ContactSolver([block], [sc.Contact(block.surface("bottom"), floor)])
+        >>> for factor in (1.0, 2.0):
+        ...     result = solver.with_stiffness("block", factor * block.K).solve()
+        ...     print(f"{result.force[1]:.6f}")
+        0.010000
+        0.020000
+        """
+        i = self.system.index(body)
+        own, name = self.system.bodies[i], self.system.names[i]
+        stiffness = list(self._stiffness)
+        stiffness[i] = self.system.scaled(own, own.stiffness(K, f"body {name!r}"))
+        twin = self._copied()
+        twin._stiffness, twin.timings = stiffness, {"setup": 0.0}
+        twin._set_stiffness(
+            [None if k == i else part for k, part in enumerate(self.linear_model.substructures)]
+        )
+        return twin
+
+    @known_keywords()
+    def update(self, body: Member | str, *, K: Any = None, f: Loads | None = None) -> None:
+        """Replace the stiffness or the load of one body in this solver itself.
+
+        What `with_load` and `with_stiffness` do, which leave the solver as it is and are to be
+        preferred. Results that it has returned stay as they are, and good to go on from; a history
+        that is under way takes the new stiffness, and the new load from the next step on that is a
+        number. Where several threads use this solver, it changes under all of them: take the others.
+
+        Parameters
+        ----------
+        body : Body, RigidBody or str
+        K : sparse matrix (n_body, n_body) or BilinearForm, optional
+            [force/length]
+        f : ndarray (n_body,), LinearForm, or tractions by boundary name, optional
+            The body's own load from now on, see `Body` [force].
+
+        Raises
+        ------
+        InputError
+            As for `Body`: wrong shapes, NaN.
+        """
+        self.system.index(body)  # refuses what is none
+        twin = self
+        if f is not None:
+            twin = twin.with_load(body, f)
+        if K is not None:
+            twin = twin.with_stiffness(body, K)
+        self.__dict__.update(vars(twin))
+
+    def _position(self, contact: Contact | str) -> int:
+        if isinstance(contact, str) and contact in self.names:
+            return self.names.index(contact)
+        i = number_of(contact, self.contacts)
+        if i is not None:
+            return i
+        known = ", ".join(map(repr, self.names))
+        raise InputError(
+            f"contact = {contact!r} is not one of this solver: it has {known}. Pass the name, or "
+            "the object the solver was made with."
+        )
+
+
 logger = logging.getLogger("skfem_contact")
 
 
@@ -329,123 +640,3 @@ class ContactSolver(Variants):
         results = members(results, ContactResult, "results", "give results of this solver")
         recover_all([answer_of(r) for r in results])
         return [r.u for r in results]
-
-
-class Progress:
-    """A bar of tqdm; the time that is left is that of the steps behind, in the mean.
-
-    Parameters
-    ----------
-    steps : iterable
-        With a length there is an estimate.
-    prepare : callable
-        What is done once, before the first step: it is no step, and not counted in the estimate.
-    """
-
-    def __init__(self, steps: Any, prepare: Callable[[], object]) -> None:
-        try:
-            from tqdm.auto import tqdm
-        except ImportError:
-            raise InputError(
-                "progress=True needs tqdm, which is not installed: "
-                "pip install 'skfem-contact[progress]'"
-            ) from None
-        total = count(steps)
-        # smoothing=0: the mean of all steps, since the last is no better guess for the rest
-        self.bar = tqdm(total=total, unit="step", smoothing=0, desc="condensing the bodies")
-        try:
-            prepare()
-        except BaseException:
-            self.bar.close()
-            raise
-        self.bar.set_description("load steps", refresh=False)
-        self.bar.reset(total=total)
-
-    def shows(self, answer: Answer) -> None:
-        """One step more."""
-        self.bar.set_postfix_str(words(answer), refresh=False)
-        self.bar.update()
-
-    def close(self) -> None:
-        """The bar stays as it is."""
-        self.bar.close()
-
-
-class Silent:
-    """In place of a bar."""
-
-    def shows(self, answer: Answer) -> None:
-        """Nothing."""
-
-    def close(self) -> None:
-        """Nothing."""
-
-
-def count(steps: Any) -> int | None:
-    """How many steps there are, where that is known."""
-    try:
-        return len(steps)
-    except TypeError:  # a generator; or what is no list of steps, which is refused where it is read
-        return None
-
-
-def words(answer: Answer) -> str:
-    """The load and how it was found."""
-    load = "" if answer.factor is None else f"load factor {answer.factor:g}, "
-    return f"{load}{answer.iterations} iteration{'s' if answer.iterations != 1 else ''}"
-
-
-def line(number: int, total: int | None, answer: Answer) -> str:
-    """A line of the log: which step, how it ended, and what every contact does."""
-    of = "" if total is None else f" of {total}"
-    load = "" if answer.factor is None else f", load factor {answer.factor:g}"
-    contacts = (f"{values.name}: {status_words(values)}" for values in ContactResult(answer))
-    return "; ".join([f"step {number}{of}{load}: {answer.message}", *contacts])
-
-
-def reached(number: int, total: int | None) -> str:
-    """For an exception that ends a history: how far it came, and where that is."""
-    of = "" if total is None else f" of {total}"
-    steps = "step was" if number == 1 else "steps were"
-    return (
-        f"{number}{of} load {steps} finished before: their results are in `.results` of this exception "
-        "(sys.last_value.results in an interactive session)"
-    )
-
-
-NONE = np.zeros(0)
-
-
-@dataclass(eq=False)
-class PartialResults:
-    """Results of one history, in their order."""
-
-    _light: list[tuple[Answer, StepReader]] = field(default_factory=list)
-    _alive: list[weakref.ref[ContactResult]] = field(default_factory=list)
-
-    def add(self, result: ContactResult, reader: StepReader) -> None:
-        """Keep a result; `reader` knows the loads that a number stands for."""
-        answer = answer_of(result)
-        light = copied(answer) if answer.factor is None else _with_loads(answer, NONE, NONE)
-        self._light.append((light, reader))
-        self._alive.append(weakref.ref(result))
-
-    def all(self) -> tuple[ContactResult, ...]:
-        """The results themselves where they are still held by somebody, and equal ones elsewhere."""
-        found = []
-        for (light, reader), alive in zip(self._light, self._alive, strict=True):
-            result = alive()
-            if result is None:
-                if light.factor is not None:
-                    loads = reader.read(light.factor, light.case)
-                    light = _with_loads(light, loads.f, loads.x)
-                result = ContactResult(light)
-            found.append(result)
-        return tuple(found)
-
-
-def _with_loads(answer: Answer, f: Array, x: Array) -> Answer:
-    """The same answer with other vectors of loads, and without what it remembers."""
-    case = copied(answer.case, f=f, x=x)
-    seen = case if answer.seen is answer.case else copied(answer.seen, f=f, x=x)
-    return copied(answer, case=case, seen=seen, recover=copied(answer.recover, case=case))
