@@ -46,8 +46,7 @@ from skfem_contact.history.solve_step import StepSolver
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
 from skfem_contact.linalg.resources import Limits
-from skfem_contact.loops.active_set import LOOPS
-from skfem_contact.loops.driver import Options
+from skfem_contact.loops.driver import LOOPS, Options
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.problem.model import AnyBodies, LinearModel

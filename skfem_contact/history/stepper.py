@@ -21,9 +21,8 @@ from skfem_contact.history.grip import pins
 from skfem_contact.history.load_step import Attempt, LoadStep, rough_at_rest
 from skfem_contact.history.thresholds import NAMED, NOISE
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.complementarity import friction_of_prescribed_slip
-from skfem_contact.loops.driver import Options, Outcome, drive
+from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
 from skfem_contact.loops.starts import (
     DENSE,

@@ -2,10 +2,10 @@
 
 * `step`: what loops are given and return;
 * `complementarity`: how points change, where supports prescribe slips too, and how far a state is off;
-* `tangent`: the linear conditions of an iteration, and the points that hold a body in it;
-* `active_set`: the three loops, each by its name and limits, and how far they go at a time;
+* `active_set`, `initial_stress`: the loops, how far they go at a time, the linear conditions of an
+  iteration, and the points that hold a body in it;
 * `multipliers`: springs that lose their strain, where forces are not unique;
-* `driver`: what counts, logs and stops them;
+* `driver`: the loops by name and limits, and what counts, logs and stops them;
 * `starts`, `lemke`, `pulled`: where iterations begin, and what is carried at most;
 * `thresholds`: numbers, and where they come from.
 """
@@ -15,13 +15,13 @@ from skfem_contact.entrances import entrances
 __getattr__ = entrances(
     __name__,
     {
-        "active_set": "BlockPivoting LOOPS direct fictitious newton",
+        "active_set": "BlockPivoting direct linear_conditions newton stabilise",
         "complementarity": "disagreement friction_of_prescribed_slip law_residual left_over propose "
         "violations",
-        "driver": "Stagnation drive",
+        "driver": "LOOPS Stagnation drive",
+        "initial_stress": "fictitious",
         "pulled": "At",
         "starts": "admissible as_guess natural_state possible_starts starting_values",
         "step": "Guess Step",
-        "tangent": "linear_conditions stabilise",
     },
 )

@@ -1,4 +1,4 @@
-"""The driver of a nonlinear loop: it counts, logs, stops and says why."""
+"""The loops by name, and their driver: it counts, logs, stops and says why."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from skfem_contact.arguments import number, with_known_keywords
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.active_set import direct, newton
+from skfem_contact.loops.initial_stress import fictitious
 from skfem_contact.loops.step import Guess, Iterate, Record, Step
+from skfem_contact.loops.thresholds import NEWTON_ITERATIONS
 
 logger = logging.getLogger("skfem_contact")
 
@@ -244,3 +247,30 @@ def _record(number: int, step: Step, iterate: Iterate) -> Record:
         iterate.residual,
         iterate.note,
     )
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A loop and its limits.
+
+    Attributes
+    ----------
+    iterates : callable
+        ``iterates(step, guess, tolerance)``, the generator.
+    most : int
+        Iterations that an attempt may take where `Options` do not say.
+    patience : int or None
+        Iterations without progress after which an attempt is given up.
+    """
+
+    iterates: Callable[[Step, Guess, float], Iterator[Iterate]]
+    most: int
+    patience: int | None
+
+
+LOOPS = {
+    "newton": Loop(newton, NEWTON_ITERATIONS, 30),
+    "direct": Loop(direct, 150, 30),
+    # its convergence is linear: it creeps, but to halve the violation so rarely leads nowhere
+    "fictitious": Loop(fictitious, 2000, 300),
+}
