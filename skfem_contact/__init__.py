@@ -8,6 +8,20 @@ A scikit-fem script has bases, a stiffness and a load; five lines more and its b
     result = sc.ContactSolver([block, punch], [contact]).solve()
     print(result)
 
+From the solver to the law of friction a load step passes, in this order::
+
+    history/solver            ContactSolver.solve      reads the loads
+    history/solve_step        StepSolver.solve         makes an answer, looks at it, warns
+    history/equilibrium       EquilibriumSearch.find   where bodies are held, or why there is no answer
+    history/stepping          advance                  parts of the step, each on its own pairing
+    history/stepper           Stepper.attempt          one attempt, on one pairing, from one start
+    loops/driver              drive                    counts iterations, and stops them
+    loops/multipliers         through_springs          once more, while springs of points have a strain
+    loops/active_set          newton                   solves for a set of points, and corrects it
+    loops/complementarity     propose                  what the answer asks every point to change to
+    conditions/friction_rule  FrictionRule             bounds and forces of all laws
+    conditions/return_map     radial_return            the force within its bound
+
 The packages stand in the order of the theory, and each imports only from those above it:
 
 * `bodies`: what the user gives;

@@ -10,8 +10,10 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+import skfem as fem
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact
 
@@ -156,6 +158,37 @@ def test_what_takes_long_to_import_waits_until_it_is_used():
         for node in parsed(name).body:  # on top, not in functions
             found = node.module if isinstance(node, ast.ImportFrom) else None
             assert not str(found).startswith(late), f"{name}: import it where it is used"
+
+
+def test_the_way_of_a_load_step_is_as_it_is_told():
+    """The modules that the docstring of the package lists call each other, in its order."""
+    told = re.findall(r"^    (\w+/\w+) ", skfem_contact.__doc__, re.M)
+    way = [str(ROOT / f"{name}.py") for name in told]
+    mesh = fem.MeshHex().refined(1).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    move = {"top": (0.002, -0.01, 0.0)}
+    block = skfem_contact.Body(basis, linear_elasticity(), D="top", x=move, name="block")
+    floor, rough = skfem_contact.RigidPlane((0, 0, 0), (0, 1, 0)), skfem_contact.Coulomb(0.3)
+    solver = skfem_contact.ContactSolver(
+        block, skfem_contact.Contact(block.surface("bottom"), floor, friction=rough)
+    )
+    passed = set()
+
+    def called(frame, event, _):
+        if event == "call" and frame.f_code.co_filename == way[-1]:
+            outer = []
+            while frame is not None:
+                outer.append(frame.f_code.co_filename)
+                frame = frame.f_back
+            passed.add(tuple(dict.fromkeys(name for name in reversed(outer) if name in way)))
+
+    before = sys.getprofile()
+    sys.setprofile(called)
+    try:
+        solver.solve()
+    finally:
+        sys.setprofile(before)
+    assert tuple(way) in passed
 
 
 # ------------------------------------------------------------------------- what tests take from inside
