@@ -40,8 +40,6 @@ from scipy.sparse import csr_matrix, vstack
 from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.one_answer import unique_up_to
-from skfem_contact.answers.pieces import critical_friction, orientation, turning_springs
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.friction_rule import CheckedLaw
@@ -49,7 +47,6 @@ from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import SLIP, STICK
 from skfem_contact.digits import SOLVED
-from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -125,6 +122,9 @@ def uniqueness(result: Answer) -> Uniqueness | None:
         None where it is not computed: on the sparse route, with contact rows that depend on each
         other, and where the answer leaves a motion free.
     """
+    from skfem_contact.answers.one_answer import unique_up_to
+    from skfem_contact.answers.pieces import critical_friction, orientation, turning_springs
+
     found = result.recover.space(result.kin)
     if found is None:
         return None
@@ -192,6 +192,8 @@ def undetermined(answer: Answer) -> tuple[str, ...]:
     """
     if not answer.springs:
         return ()
+    from skfem_contact.elimination.eliminate import eliminate
+
     rows, points = _rows(answer)
     redundant = eliminate(rows, np.zeros(len(points))).redundant
     _, group = connected_components(abs(rows) @ abs(rows).T, directed=False)

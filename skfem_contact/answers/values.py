@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.answers.contours import Contour, contour
-from skfem_contact.answers.error.sources import ErrorEstimate
 from skfem_contact.answers.fields import closed_area, displaced, edge_positions, interpolate
 from skfem_contact.arguments import numbers
 from skfem_contact.bodies.surface import ContactSurface
@@ -19,6 +17,10 @@ from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
+
+if TYPE_CHECKING:
+    from skfem_contact.answers.contours import Contour
+    from skfem_contact.answers.error.sources import ErrorEstimate
 
 Array = NDArray[np.float64]
 
@@ -261,6 +263,8 @@ class ContactValues:
     @cached_property
     def _contour(self) -> Contour:
         """The edge of contact on faces."""
+        from skfem_contact.answers.contours import contour  # only solids have them
+
         return contour(self._placed, self.status != OPEN, self.gap)
 
     @cached_property

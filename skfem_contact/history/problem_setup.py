@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import contact_names, interface
 from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.errors import InputError
-from skfem_contact.history.dry_run import dry_run
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.solve_step import StepSolver
 from skfem_contact.history.stepper import Stepper
@@ -31,9 +30,12 @@ from skfem_contact.linalg.resources import Limits
 from skfem_contact.loops.active_set import LOOPS
 from skfem_contact.loops.driver import Options
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.problem.model import AnyBodies, LinearModel
+from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.substructure import Substructure
 from skfem_contact.sealed import sealed
+
+if TYPE_CHECKING:
+    from skfem_contact.problem.model import AnyBodies
 
 S = TypeVar("S", bound="ProblemSetup")
 
@@ -132,6 +134,8 @@ class ProblemSetup:
         return f"<ContactSolver: bodies {bodies}; contacts {contacts}; loop {self.loop!r}>"
 
     def __str__(self) -> str:
+        from skfem_contact.history.dry_run import dry_run  # not needed for a solution
+
         return dry_run(self)
 
     def _repr_html_(self) -> str:

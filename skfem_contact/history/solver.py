@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,13 +27,15 @@ from skfem_contact.carried import copied
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.errors import InputError
-from skfem_contact.history.checkpoint import SavedState, load_state, save_state
 from skfem_contact.history.load_step import recover_all
 from skfem_contact.history.problem_setup import Variants
 from skfem_contact.history.read import StepReader
 from skfem_contact.loops.driver import Options
 from skfem_contact.loops.step import Record
 from skfem_contact.records import dataclass
+
+if TYPE_CHECKING:
+    from skfem_contact.history.checkpoint import SavedState
 
 Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
@@ -283,6 +285,8 @@ class ContactSolver(Variants):
         known = self._answering.known(result, "result")
         if known is None:
             raise InputError("result is None; give what solve(...) returned")
+        from skfem_contact.history.checkpoint import save_state
+
         return save_state(path, known)
 
     def _begin(self, start: Answer | SavedState | None) -> LoadCase:
@@ -314,6 +318,8 @@ class ContactSolver(Variants):
             for result in solver.history(rest_of_the_steps, start=start):
                 ...
         """
+        from skfem_contact.history.checkpoint import load_state
+
         return load_state(path, self.geometry.identity)
 
     def recover(self, results: Iterable[ContactResult]) -> list[Array]:

@@ -22,7 +22,6 @@ from skfem_contact.bodies.facets import seen_from_outside
 from skfem_contact.bodies.nodes import facet_nodes, node_dofs
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
-from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.vectors import ragged
@@ -360,6 +359,8 @@ def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) 
 
 def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:
     """Distances, normals and partners of `Obstacle.distance`, of a level set to first order."""
+    from skfem_contact.obstacles.level_set import LevelSet
+
     if not isinstance(obstacle, LevelSet):
         return obstacle.distance(surface)
     return obstacle.first_order(surface)
