@@ -152,7 +152,7 @@ def dual_mortar(
     handed = np.zeros(len(paired), dtype=bool)
     if supports is not None:
         handed[secondary.facets[supports.rank != FREE]] = True
-    miss, nearest = overhang(secondary, primary, paired | handed, reach)
+    miss, nearest = overhang(secondary, primary, paired, handed, reach)
     nominal = np.bincount(secondary.facets.ravel(), whole.ravel(), len(paired))
     return Pairing(
         points=secondary.points,

@@ -128,9 +128,9 @@ class Boundary:
     def distance(self, points: Array) -> Array:
         """Distances of points from the boundary, shape (p,) [length]."""
         tree, radius = self._tree
-        nearest, first = tree.query(points)
+        first = tree.nearest(points)
         bound = _to_simplices(points, self.corners[first])
-        out = np.minimum(bound, nearest)
+        out = np.minimum(bound, np.linalg.norm(points - tree.points[first], axis=1))
         candidates = tree.query_ball_point(points, bound + radius)
         count = np.array([len(found) for found in candidates], dtype=np.intp)
         for some in np.array_split(np.arange(len(points)), 1 + count.sum() // PAIRS_AT_ONCE):
@@ -311,7 +311,7 @@ def between(
         depth = other.depth(points)
         points, depth = points[depth > noise], depth[depth > noise]
         if len(points) and added[paired].any():
-            depth = depth - added[paired][Tree(nodes[paired]).query(points)[1]]
+            depth = depth - added[paired][Tree(nodes[paired]).nearest(points)]
         if np.max(depth, initial=0.0) > deepest:
             deepest, place, side = float(depth.max()), points[np.argmax(depth)], k
     lonely = primary.depth(nodes[~paired]) > max(chords, noise)
