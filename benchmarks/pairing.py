@@ -1,17 +1,20 @@
 """Times the pairing of large surfaces of solids beside one assembly of their bodies.
 
-    python benchmarks/pairing.py [--quick] [--only NAME ...] [--write]
+    python benchmarks/pairing.py [--quick] [--only NAME ...] [--beside CHECKOUT] [--write]
 
 Two square plates of one layer of elements lie on each other, the upper one turned, so that its faces
 cut those of the lower one into polygons of three to eight corners. As in `run.py`, every measurement is
 a process of its own with one BLAS thread, and the times are CPU seconds, medians of three (with 100 000
-points, where the assembly of a million DOFs takes two minutes, of one).
+points, where the assembly of a million DOFs takes two minutes, of one). With `--beside` the library of
+another checkout pairs in turn with this one, and the ratios are printed.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
+from importlib import import_module
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -33,7 +36,6 @@ from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.conditions.discretisation import pair
-from skfem_contact.pairing.face_segmentation import segment
 
 HEIGHT, ANGLE = 0.1, 0.1  # of a plate of side 1; between the plates [rad]
 OVERHANG = 1.3  # side of the upper plate
@@ -67,6 +69,10 @@ CASES = [
     Case("P1, cut", "P1", "mortar", 36, 32),
     Case("P2, curved, cut", "P2", "mortar", 18, 16, curved=True),
     Case("Q2, curved, cut", "Q2", "mortar", 30, 26, curved=True),
+    Case("P1, curved, cut", "P1", "mortar", 36, 32, curved=True),
+    Case("Q2, curved, nodes", "Q2", "node", 30, 26, curved=True),
+    Case("P2, curved, nodes", "P2", "node", 30, 26, curved=True),
+    Case("P1, curved, nodes", "P1", "node", 60, 52, curved=True),
     Case("Q1, nodes", "Q1", "node", 316, 280, rounds=1),
     Case("Q1, curved, nodes", "Q1", "node", 316, 280, curved=True, rounds=1),
 ]
@@ -106,7 +112,7 @@ def pairing(case: Case) -> dict[str, Any]:
     surfaces = clock("surfaces", lambda: (lower.surface("top"), upper.surface("bottom")))
     contact = sc.Contact(*surfaces, method=case.method)
     found = clock("pairing", lambda: pair(contact))
-    pieces = len(segment(*surfaces).e) if case.method == "mortar" else 0
+    pieces = cut_pairs(surfaces) if case.method == "mortar" else 0
     sums = [np.asarray(W.sum(axis=1)) for W in (found.secondary_weights, found.primary_weights)]
     return {
         **clock.stages,
@@ -117,6 +123,15 @@ def pairing(case: Case) -> dict[str, Any]:
         "gap": float(np.abs(found.gap[found.paired]).max()),
         "translation": float(np.abs(sums[0] - sums[1]).max()),  # gaps made by moving all alike
     }
+
+
+def cut_pairs(surfaces: tuple[Any, Any]) -> int:
+    """The number of polygons that faces of both sides have in common."""
+    try:
+        from skfem_contact.pairing.face_segmentation import segment
+    except ImportError:  # with `--beside`: earlier versions have it elsewhere
+        segment = import_module("skfem_contact.pairing.faces.segmentation").segment
+    return len(segment(*surfaces).e)
 
 
 def worker(name: str) -> dict[str, Any]:
@@ -143,8 +158,20 @@ def table(rows: list[dict[str, Any]]) -> str:
     return listed(rows, COLUMNS)
 
 
+def compared(name: str, here: list[dict[str, Any]], there: list[dict[str, Any]]) -> str:
+    """Times of surfaces and pairing over those of the other checkout, medians and smallest."""
+    failed = [run["failed"] for run in [*here, *there] if "failed" in run]
+    if failed:
+        return f"{name}: not compared, {failed[0]}"
+    ours, theirs = ([run["surfaces"] + run["pairing"] for run in runs] for runs in (here, there))
+    shares = median(ours) / median(theirs), min(ours) / min(theirs)
+    return f"{name}: {shares[0]:.2f} (smallest {shares[1]:.2f}) of the other checkout's"
+
+
 def main() -> None:
-    args = command_line(__doc__).parse_args()
+    parser = command_line(__doc__)
+    parser.add_argument("--beside", metavar="CHECKOUT", help="measure its library in turn with this")
+    args = parser.parse_args()
     if args.worker:
         answer(lambda: worker(args.worker[1]))
         return
@@ -152,12 +179,18 @@ def main() -> None:
     path = RESULTS / ("pairing_quick.json" if args.quick else "pairing.json")
     rows = stored(path)
     for case in chosen:
-        runs = [measure("pairing", case, script=__file__) for _ in range(case.rounds)]
+        runs, others = [], []
+        for _ in range(case.rounds):
+            runs.append(measure("pairing", case, script=__file__))
+            if args.beside:
+                others.append(measure("pairing", case, args.beside, script=__file__))
         good = [r for r in runs if "failed" not in r]
         rows[case.name] = {"case": case.name} | (middle(good) if good else runs[-1])
         rows[case.name] |= {"machine": machine()}
         path.write_text(json.dumps({"rows": list(rows.values())}, indent=1) + "\n", encoding="utf-8")
         print(table([rows[case.name]]).splitlines()[-1], flush=True)
+        if args.beside:
+            print(compared(case.name, runs, others), flush=True)
     known = [case.name for case in (CASES if not args.quick else [QUICK])]
     record = [rows[name] for name in known if name in rows]
     print(table(record))

@@ -2,17 +2,21 @@
 
 That of the standard library writes source text for each method of each class, and compiles it: with a
 hundred classes that was half of the time in which this library is imported. Here all classes share one
-constructor. `fields`, `field` and `replace` of the standard library work as ever. Classes that users
-make, whose signatures are read, are the standard library's own.
+constructor, and the standard library describes the fields of a class, which takes as long again, when
+`fields` or `replace` first ask for them. They and `field` work as ever. Classes that users make, whose
+signatures are read, are the standard library's own.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from threading import RLock
 from typing import TYPE_CHECKING, Any, TypeVar
 
 T = TypeVar("T")
+
+FOUND = RLock()  # held while a class is described, which asks for its bases
 
 if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass  # for type checkers it is that
@@ -46,10 +50,14 @@ else:
 
         def made(cls: type[T]) -> type[T]:
             has_hash = "__hash__" in vars(cls)
-            dataclasses.dataclass(init=False, repr=False, eq=False, match_args=False)(cls)
-            fields = dataclasses.fields(cls)
+            if _plain(cls):
+                for known in ("__dataclass_fields__", "__dataclass_params__"):
+                    setattr(cls, known, _Later(cls, known))
+                names, values, makers = *_annotated(cls), {}
+            else:
+                names, values, makers = _described(cls)
             if init:
-                cls.__init__ = _constructor(fields, hasattr(cls, "__post_init__"))
+                cls.__init__ = _constructor(names, values, makers, hasattr(cls, "__post_init__"))
             if repr and "__repr__" not in vars(cls):
                 cls.__repr__ = _printed
             if eq:
@@ -62,12 +70,60 @@ else:
         return made if given is None else made(given)
 
 
-def _constructor(fields: tuple[dataclasses.Field[Any], ...], post: bool) -> Callable[..., None]:
-    """The constructor of all instances with these fields, which they have in this order."""
+class _Later:
+    """Stands where the standard library keeps what it knows of a class, until one asks for it."""
+
+    def __init__(self, cls: type[Any], name: str) -> None:
+        self.cls, self.name = cls, name
+
+    def __get__(self, instance: Any, owner: type[Any]) -> Any:
+        with FOUND:
+            if vars(self.cls)[self.name] is self:  # else another thread has found it
+                dataclasses.dataclass(init=False, repr=False, eq=False, match_args=False)(self.cls)
+        return vars(self.cls)[self.name]
+
+
+def _above(cls: type[Any]) -> list[type[Any]]:
+    """A class after the dataclasses that it inherits from, in the order of their fields."""
+    return [*(base for base in cls.__mro__[:0:-1] if "__dataclass_fields__" in vars(base)), cls]
+
+
+def _plain(cls: type[Any]) -> bool:
+    """Whether names and values in the bodies of the classes are all there is to the fields."""
+    *bases, own = _above(cls)
+    if not all(isinstance(vars(base)["__dataclass_fields__"], _Later) for base in bases):
+        return False
+    return not any(isinstance(value, dataclasses.Field) for value in vars(own).values())
+
+
+def _annotated(cls: type[Any]) -> tuple[tuple[str, ...], dict[str, Any]]:
+    """Names of the fields and values of those that have one, as they stand in the classes."""
+    names: dict[str, None] = {}
+    values: dict[str, Any] = {}
+    for each in _above(cls):
+        own = vars(each)
+        for name, kind in each.__annotations__.items():
+            if "ClassVar" not in kind:  # annotations are text, by `from __future__ import annotations`
+                names[name] = None
+                if name in own:
+                    values[name] = own[name]
+    return tuple(names), values
+
+
+def _described(cls: type[Any]) -> tuple[tuple[str, ...], dict[str, Any], dict[str, Any]]:
+    """Names, values and functions that make values, as the standard library finds them."""
+    dataclasses.dataclass(init=False, repr=False, eq=False, match_args=False)(cls)
+    fields, missing = dataclasses.fields(cls), dataclasses.MISSING
     names = tuple(f.name for f in fields if f.init)
-    missing = dataclasses.MISSING
     values = {f.name: f.default for f in fields if f.default is not missing}
     makers = {f.name: f.default_factory for f in fields if f.default_factory is not missing}
+    return names, values, makers
+
+
+def _constructor(
+    names: tuple[str, ...], values: dict[str, Any], makers: dict[str, Any], post: bool
+) -> Callable[..., None]:
+    """The constructor of all instances with these fields, which they have in this order."""
 
     def __init__(self: Any, *args: Any, **given: Any) -> None:
         own = vars(self)

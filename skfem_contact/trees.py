@@ -6,6 +6,7 @@ same: where points are equally far, so that it is the tree's order that decides,
 
 from __future__ import annotations
 
+import sys
 from functools import cached_property
 from typing import Any
 
@@ -19,9 +20,12 @@ Index = NDArray[np.intp]
 #: A direction that no mesh has rows along, so that points of a grid have different places on it.
 ODD = np.array([0.5410, 0.6180, 0.5704])
 
-# Pairs of points up to which all are compared: from some 20 000 on a tree is made and asked in less. A
-# little more, as its import is paid back by no fewer than a thousand searches.
+# Pairs of points up to which all are compared: from some 20 000 on a tree is made and asked in less.
 FEW_PAIRS = 25_000
+
+# Pairs compared in larger searches before the tree is imported for the next one: they have taken
+# as long as the import, .09 s, by then. Whatever comes, no more than twice the least is spent.
+WORTH_IMPORT = 10_000_000
 
 # Pairs that are compared at a time, so that their distances stay in the cache.
 BLOCK = 16_384
@@ -39,6 +43,8 @@ class Tree:
     [1]
     """
 
+    compared = 0  # pairs in larger searches without a tree, in this process so far
+
     def __init__(self, points: ArrayLike) -> None:
         self.points = np.ascontiguousarray(points, dtype=np.float64)
 
@@ -48,7 +54,13 @@ class Tree:
         return scipy.spatial.cKDTree(self.points)
 
     def _few(self, points: Array) -> bool:
-        return len(self.points) > 0 and len(self.points) * len(points) <= FEW_PAIRS
+        pairs = len(self.points) * len(points)
+        if len(self.points) == 0 or pairs <= FEW_PAIRS:
+            return len(self.points) > 0
+        if "scipy.spatial" in sys.modules or Tree.compared + pairs > WORTH_IMPORT:
+            return False
+        Tree.compared += pairs
+        return True
 
     def distances(self, points: ArrayLike) -> Array:
         """Of other points (p, d) from the nearest of the points, (p,)."""
@@ -81,6 +93,18 @@ class Tree:
             return distance, index.astype(np.intp, copy=False)
         distance, index = np.sqrt(found[0]), found[1]
         return (distance[:, 0], index[:, 0]) if isinstance(k, int) and k == 1 else (distance, index)
+
+    def nearest(self, points: ArrayLike) -> Index:
+        """Numbers of the nearest of the points, (p,); of some that are equally far any one.
+
+        >>> Tree([(0.0, 0.0), (1.0, 0.0)]).nearest([(0.5, 0.0)]).shape
+        (1,)
+        """
+        at = np.asarray(points, dtype=np.float64)
+        if not self._few(at):
+            return np.asarray(self._large.query(at)[1], dtype=np.intp)
+        first = [self._squares(at[some]).argmin(axis=1) for some in self._blocks(at)]
+        return np.concatenate([np.zeros(0, dtype=np.intp), *first])
 
     def _nearest(self, at: Array, k: int, ordered: bool) -> tuple[Array, Index] | None:
         """Squared distances and numbers of the k nearest; None where SciPy's tree has to say it."""

@@ -176,6 +176,7 @@ STORED: list[tuple[str, str, str, Table]] = [  # page, module, stored run, the t
     ("paper.md", "run", "history", lambda run, found: run.table(found["rows"], run.SHORT)),
     ("docs/performance.md", "solids", "solids", lambda run, found: run.table(found["rows"])),
     ("README.md", "solids", "solids", lambda run, found: run.table(found["rows"], run.SHORT)),
+    ("docs/performance.md", "whole_jobs", "whole_jobs", lambda run, found: run.table(found["rows"])),
     ("docs/performance.md", "pairing", "pairing", lambda run, found: run.table(found["rows"])),
     ("docs/performance.md", "iterations", "iterations", lambda run, found: run.table(found)),
     ("docs/sliding.md", "sliding", "sliding", lambda run, found: run.table(found)),
@@ -273,6 +274,30 @@ def test_plates_that_fit_are_paired_whole(run: Any, method: str) -> None:
     assert (measured["pieces"] > 36) == (method == "mortar")
     failed = pairing.table([{"case": "large", "failed": "MemoryError"}])
     assert "| large | failed: MemoryError |" in failed
+
+
+def test_whole_jobs_are_done_in_processes_of_their_own(run: Any) -> None:
+    """The quick ones beside the same library: near their closed forms, and the same answers."""
+    import whole_jobs
+
+    for job in whole_jobs.QUICK:
+        row = whole_jobs.run(job, beside=str(ROOT))
+        assert "failed" not in row["history"] and row["apart"] == 0.0
+        # 8 elements per fine half width: its edge is located within one; else round-off
+        assert (row["history"]["error"] or 0.0) < (0.05 if "Hertz" in job.name else 1e-9)
+        assert sum(row["history"][part] for part in whole_jobs.PARTS) <= row["history"]["job"] + 1e-6
+    failed = {"case": "large", "history": {"failed": "MemoryError"}}
+    assert "| large | failed: MemoryError |" in whole_jobs.table([failed])
+
+
+def test_two_checkouts_pair_in_turn(run: Any) -> None:
+    """3 s and 6 s in the middle, 2 s and 5 s at the least; what failed is named."""
+    import pairing
+
+    here = [{"surfaces": 1.0, "pairing": seconds} for seconds in (1.0, 2.0, 8.0)]
+    there = [{"surfaces": 1.0, "pairing": seconds} for seconds in (4.0, 5.0, 6.0)]
+    assert pairing.compared("P1", here, there).startswith("P1: 0.50 (smallest 0.40)")
+    assert "not compared, no" in pairing.compared("P1", here, [{"failed": "no"}])
 
 
 def test_reports_are_timed_with_the_uniqueness_of_their_answers(run: Any, solids: Any) -> None:

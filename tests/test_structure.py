@@ -191,6 +191,54 @@ def test_the_way_of_a_load_step_is_as_it_is_told():
     assert tuple(way) in passed
 
 
+def test_a_plain_scene_imports_what_it_needs():
+    """A first solution and its print wait for nothing that other jobs need; garbage is looked for."""
+    program = """
+import gc
+import sys
+import skfem as fem
+import skfem_contact as sc
+from skfem.models.elasticity import linear_elasticity
+
+mesh = fem.MeshQuad().refined(2).with_defaults()
+upper = sc.Body.from_mesh(
+    mesh.translated((0.0, 1.0)), fem.ElementVector(fem.ElementQuad1()), linear_elasticity(),
+    D="top", x={"top": (0.0, -0.01)}, name="upper",
+)
+lower = sc.Body.from_mesh(
+    mesh, fem.ElementVector(fem.ElementQuad1()), linear_elasticity(), D="bottom", name="lower"
+)
+contact = sc.Contact(upper.surface("bottom"), lower.surface("top"), friction=sc.Coulomb(0.3))
+result = sc.ContactSolver([upper, lower], [contact]).solve()
+print(len(str(result)) > 100, gc.isenabled())
+print(*[name.removeprefix("skfem_contact.") for name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    said, loaded = done.stdout.splitlines()
+    assert said == "True True"
+    needless = {
+        "answers.error.estimate",
+        "answers.pieces",
+        "elimination.eliminate",
+        "history.checkpoint",
+        "history.dry_run",
+        "history.neutral_equilibrium",
+        "linalg.amg",
+        "loops.lemke",
+        "obstacles.level_set",
+        "obstacles.shapes",
+        "obstacles.triangles",
+        "output",
+        "pairing.face_segmentation",
+        "problem.iterated",
+        "problem.sparse",
+        "reference",
+        "scipy.optimize",
+        "scipy.spatial",
+    }
+    assert not needless & set(loaded.split())
+
+
 # ------------------------------------------------------------------------- what tests take from inside
 
 MOST_PLACES = 20  # inside the library, from which tests import

@@ -95,6 +95,17 @@ def test_trees_are_for_many_points_or_for_ties() -> None:
     assert asked(two)
 
 
+def test_a_tree_is_imported_when_it_pays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten searches among a million pairs take as long as the import; the eleventh takes a tree."""
+    monkeypatch.delitem(sys.modules, "scipy.spatial")
+    monkeypatch.setattr(Tree, "compared", 0)
+    points = np.random.default_rng(0).random((1000, 2))
+    for search in range(11):
+        tree = Tree(points)
+        np.testing.assert_array_equal(tree.nearest(points), np.arange(1000))
+        assert asked(tree) == (search == 10)
+
+
 def test_positions_that_are_no_numbers_are_refused() -> None:
     """As SciPy's trees do it, before a number goes on into a pairing."""
     with pytest.raises(ValueError, match="finite"):

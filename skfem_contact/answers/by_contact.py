@@ -8,20 +8,21 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.error.estimate import estimate
-from skfem_contact.answers.error.sources import ErrorEstimate
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import suggest
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.interface import can_carry
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.errors import InputError
+
+if TYPE_CHECKING:
+    from skfem_contact.answers.error.sources import ErrorEstimate
 
 Array = NDArray[np.float64]
 
@@ -140,9 +141,15 @@ def _values(answer: Answer, i: int, part: slice) -> ContactValues:
         energy_residual=float(answer.residual_by_contact[i]),
         wear_depth=state.wear[part][heir],
         worn_volume=float(state.worn[part].sum()),
-        assess=partial(estimate, answer),
+        assess=partial(_estimate, answer),
         slips=partial(_slip, answer, i, part),
     )
+
+
+def _estimate(answer: Answer, values: ContactValues) -> ErrorEstimate:
+    from skfem_contact.answers.error.estimate import estimate  # most results are never asked for it
+
+    return estimate(answer, values)
 
 
 def _smooth(answer: Answer, i: int, part: slice) -> NDArray[np.bool_]:

@@ -61,7 +61,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.pieces import critical_friction, orientation, turning_springs
 from skfem_contact.answers.thresholds import CLOSE, FEW, LEAST_FRICTION, SHARES, SHOWN
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, Tresca
@@ -70,7 +69,6 @@ from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import SLIP, STICK
 from skfem_contact.digits import SOLVED
-from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.linalg.dense_factors import cholesky, divide
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
@@ -149,6 +147,8 @@ def uniqueness(result: Answer) -> Uniqueness | None:
         None where it is not computed: on the sparse route, with contact rows that depend on each
         other, and where the answer leaves a motion free.
     """
+    from skfem_contact.answers.pieces import critical_friction, orientation, turning_springs
+
     found = result.recover.space(result.kin)
     if found is None:
         return None
@@ -216,6 +216,8 @@ def undetermined(answer: Answer) -> tuple[str, ...]:
     """
     if not answer.springs:
         return ()
+    from skfem_contact.elimination.eliminate import eliminate
+
     rows, points = _rows(answer)
     redundant = eliminate(rows, np.zeros(len(points))).redundant
     _, group = connected_components(abs(rows) @ abs(rows).T, directed=False)

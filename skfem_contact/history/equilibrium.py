@@ -7,6 +7,7 @@ arrived, has no equilibrium, or its loop did not converge.
 from __future__ import annotations
 
 from dataclasses import field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,8 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
 from skfem_contact.conditions.statics import drives, escape
 from skfem_contact.errors import NoEquilibrium, NotConverged
-from skfem_contact.history.checkpoint import SavedState
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, rough_at_rest
-from skfem_contact.history.neutral_equilibrium import NeutralEquilibrium, Rest
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import advance
 from skfem_contact.linalg.singular import SingularMatrix
@@ -29,8 +28,13 @@ from skfem_contact.pairing.vertices import Corners
 from skfem_contact.problem.model import EVEN_CLOSED
 from skfem_contact.records import dataclass
 
+if TYPE_CHECKING:
+    from skfem_contact.history.checkpoint import SavedState
+    from skfem_contact.history.neutral_equilibrium import Rest
+
+    Known = Answer | SavedState | None
+
 Array = NDArray[np.float64]
-Known = Answer | SavedState | None
 
 CAN_CARRY = "with the forces that contact can carry"
 
@@ -233,6 +237,8 @@ class EquilibriumSearch:
         return self._judged()
 
     def _settle(self, last: bool) -> Rest | None:
+        from skfem_contact.history.neutral_equilibrium import NeutralEquilibrium  # needed by few
+
         u_last = np.zeros(self.stepper.model.system.n) if self.start is None else self.start.u
         return NeutralEquilibrium(self.stepper, self.step, u_last).settle(last)
 

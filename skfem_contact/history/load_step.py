@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,6 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, SLIP, LocalState, State
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.driver import Outcome
-from skfem_contact.loops.pulled import Carried
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.model import LinearModel
@@ -27,6 +26,9 @@ from skfem_contact.problem.response import Load, Response, Source
 from skfem_contact.problem.seam import ContactProblem, Workspace
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
+
+if TYPE_CHECKING:
+    from skfem_contact.loops.pulled import Carried
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

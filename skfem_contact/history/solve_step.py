@@ -13,7 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,7 @@ from skfem_contact.conditions.checks import check_loads
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, warn
-from skfem_contact.history.checkpoint import SavedState
-from skfem_contact.history.equilibrium import EquilibriumSearch, Known
+from skfem_contact.history.equilibrium import EquilibriumSearch
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import Attempt, LoadStep, Recovery
 from skfem_contact.history.read import StepReader
@@ -46,6 +45,10 @@ from skfem_contact.once import once
 from skfem_contact.pairing.vectors import cross
 from skfem_contact.problem.seam import Workspace
 from skfem_contact.records import dataclass
+
+if TYPE_CHECKING:
+    from skfem_contact.history.checkpoint import SavedState
+    from skfem_contact.history.equilibrium import Known
 
 Array = NDArray[np.float64]
 
@@ -142,6 +145,8 @@ class StepSolver(ByFields):
         """The state of a result or a file; one of other bodies and contacts is refused."""
         if given is None:
             return None
+        from skfem_contact.history.checkpoint import SavedState
+
         usage = "give what solve(...) returned, or load_state(...)"
         check_kind(given, (ContactResult, SavedState), what, usage)
         start = given if isinstance(given, SavedState) else answer_of(given)

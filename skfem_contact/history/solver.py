@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,8 +38,6 @@ from skfem_contact.conditions.interface import contact_names, interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.errors import InputError
-from skfem_contact.history.checkpoint import PartialResults, SavedState, load_state, save_state
-from skfem_contact.history.dry_run import Progress, Silent, count, dry_run, line, reached
 from skfem_contact.history.load_step import recover_all
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.solve_step import StepSolver
@@ -49,9 +47,13 @@ from skfem_contact.linalg.resources import Limits
 from skfem_contact.loops.driver import LOOPS, Options
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.problem.model import AnyBodies, LinearModel
+from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.substructure import Substructure
 from skfem_contact.sealed import sealed
+
+if TYPE_CHECKING:
+    from skfem_contact.history.checkpoint import SavedState
+    from skfem_contact.problem.model import AnyBodies
 
 Array = NDArray[np.float64]
 S = TypeVar("S", bound="ProblemSetup")
@@ -151,6 +153,8 @@ class ProblemSetup:
         return f"<ContactSolver: bodies {bodies}; contacts {contacts}; loop {self.loop!r}>"
 
     def __str__(self) -> str:
+        from skfem_contact.history.dry_run import dry_run  # not needed for a solution
+
         return dry_run(self)
 
     def _repr_html_(self) -> str:
@@ -538,6 +542,9 @@ class ContactSolver(Variants):
             raise InputError(
                 f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
             )
+        from skfem_contact.history.checkpoint import PartialResults
+        from skfem_contact.history.dry_run import Progress, Silent, count, line, reached
+
         yielded, total = PartialResults(), count(steps)
         shown_as = Progress(steps, self.prepare) if progress else Silent()
         try:
@@ -593,6 +600,8 @@ class ContactSolver(Variants):
         known = self._answering.known(result, "result")
         if known is None:
             raise InputError("result is None; give what solve(...) returned")
+        from skfem_contact.history.checkpoint import save_state
+
         return save_state(path, known)
 
     def _begin(self, start: Answer | SavedState | None) -> LoadCase:
@@ -624,6 +633,8 @@ class ContactSolver(Variants):
             for result in solver.history(rest_of_the_steps, start=start):
                 ...
         """
+        from skfem_contact.history.checkpoint import load_state
+
         return load_state(path, self.geometry.identity)
 
     def recover(self, results: Iterable[ContactResult]) -> list[Array]:

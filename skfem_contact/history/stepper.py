@@ -15,7 +15,6 @@ from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.conditions.statics import balanced
-from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.grip import pins
 from skfem_contact.history.load_step import Attempt, LoadStep, rough_at_rest
@@ -152,6 +151,8 @@ class Stepper(ByFields):
         self, collision: Collision, problem: ContactProblem, seen: LoadCase
     ) -> ConstraintError:
         """The error for points that can not all be closed, or glued, whatever carries them."""
+        from skfem_contact.elimination.eliminate import eliminate
+
         kin, labels = problem.kin, np.array(self.model.labels, dtype=object)
         glued = collision.slips.ravel()
         names = [*labels[collision.points], *np.repeat(labels, kin.tangents)[glued]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,13 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.remote import RemoteStiffness, check_whole
-from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.errors import ContactError, InputError
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import Solve
 from skfem_contact.records import dataclass
+
+if TYPE_CHECKING:
+    from skfem_contact.elimination.constraint import AffineConstraint
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

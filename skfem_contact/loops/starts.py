@@ -33,7 +33,6 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
-from skfem_contact.loops.lemke import lemke_guess
 from skfem_contact.loops.pulled import Carried, after, pulled
 from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.loops.thresholds import (
@@ -147,6 +146,8 @@ def starting_values(
     if start == "newton":
         return Start(*_by_newton(guess, step, tolerance))
     if start == "pivoting":
+        from skfem_contact.loops.lemke import lemke_guess  # few steps come to this start
+
         pivoted = lemke_guess(dense, guess)
         if pivoted is not None:
             return Start(*_by_newton(pivoted, step, tolerance)) if loop == "direct" else Start(pivoted)

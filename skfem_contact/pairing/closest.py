@@ -279,7 +279,7 @@ def signed_distances(surface: ContactSurface, points: Array) -> Array:
     Baerentzen, H. Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243-253. Beyond the ends of an open
     curve nothing is inside.
     """
-    guess = np.asarray(Tree(surface.points[surface.facets].mean(axis=1)).query(points)[1])
+    guess = Tree(surface.points[surface.facets].mean(axis=1)).nearest(points)
     bound = sizes(points - project(surface, guess, points).foot)
 
     def in_reach(point: Index, nodes: Nodes) -> Mask:

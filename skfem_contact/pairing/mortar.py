@@ -37,7 +37,6 @@ from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import bulged
-from skfem_contact.pairing.face_segmentation import segment as segment_faces
 from skfem_contact.pairing.mortar_rows import (
     divided,
     facet_bases,
@@ -153,7 +152,7 @@ def dual_mortar(
     handed = np.zeros(len(paired), dtype=bool)
     if supports is not None:
         handed[secondary.facets[supports.rank != FREE]] = True
-    miss, nearest = overhang(secondary, primary, paired | handed, reach)
+    miss, nearest = overhang(secondary, primary, paired, handed, reach)
     nominal = np.bincount(secondary.facets.ravel(), whole.ravel(), len(paired))
     return Pairing(
         points=secondary.points,
@@ -182,4 +181,8 @@ def _segment(secondary: ContactSurface, primary: ContactSurface, reach: float | 
             f"Mortar contact between '{secondary.label}' in {secondary.dim}-D and '{primary.label}' in "
             f"{primary.dim}-D: both are curves, or both are faces of solids."
         )
-    return (segment_curves if secondary.dim == 2 else segment_faces)(secondary, primary, reach)
+    if secondary.dim == 2:
+        return segment_curves(secondary, primary, reach)
+    from skfem_contact.pairing.face_segmentation import segment as segment_faces
+
+    return segment_faces(secondary, primary, reach)

@@ -239,21 +239,31 @@ def overhang(
     secondary: ContactSurface,
     primary: ContactSurface,
     paired: NDArray[np.bool_],
+    handed: NDArray[np.bool_],
     reach: float | None,
 ) -> tuple[Array, Index]:
-    """How far points are beside the primary, across their normal [length], and of which facet."""
+    """How far points without a partner are beside the primary, across their normal [length].
+
+    And of which of its facets; -1 for those that are beside none, and where there is a partner. Points
+    that handed their multiplier on miss nothing.
+    """
+    miss, facet = np.zeros(len(paired)), np.full(len(paired), -1)
+    lonely = np.flatnonzero(~paired)
+    if len(lonely) == 0:
+        return miss, facet
     outside, inside = search_range(secondary, primary, reach)
-    _, nearest = Tree(primary.points).query(secondary.points)
-    away = primary.points[nearest] - secondary.points
-    normal = secondary.normals
+    points, normal = secondary.points[lonely], secondary.normals[lonely]
+    _, nearest = Tree(primary.points).query(points)
+    away = primary.points[nearest] - points
     along = np.sum(away * normal, axis=1)
     across = np.linalg.norm(away - along[:, None] * normal, axis=1)
     facing = np.sum(normal * primary.normals[nearest], axis=1) < 0
     beside = facing & (along <= outside) & (along >= -inside)
     facet_of = np.empty(len(primary.points), dtype=np.intp)
     facet_of[primary.facets] = np.arange(len(primary.facets))[:, None]
-    miss = np.select([paired, beside], [0.0, across], np.inf)
-    return miss, np.where(beside, facet_of[nearest], -1)
+    miss[lonely] = np.select([handed[lonely], beside], [0.0, across], np.inf)
+    facet[lonely] = np.where(beside, facet_of[nearest], -1)
+    return miss, facet
 
 
 def least_gaps(pieces: Pieces, acts: Mask, smooth: Array | None = None) -> Array | None:

@@ -13,13 +13,11 @@ from scipy.sparse import csr_matrix
 from skfem_contact.bodies.remote import check_whole
 from skfem_contact.bodies.system import System
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.amg import AMG
 from skfem_contact.linalg.direct import Direct, as_linear_solver
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
 from skfem_contact.linalg.resources import Limits, factor_bound, written_bytes
 from skfem_contact.problem.condensed import dense_bytes
 from skfem_contact.problem.substructure import Substructure, wanted_of
-from skfem_contact.problem.whole import WholeBody
 
 Index = NDArray[np.intp]
 
@@ -84,6 +82,8 @@ class Choice:
         if not self.by_memory:
             if isinstance(self.linear, str):
                 return self.linear
+            from skfem_contact.linalg.amg import AMG  # few choose it
+
             return "multigrid" if isinstance(self.linear, AMG) else "full"
         if isinstance(self.linear, str) and self.factor_bytes > self.limits.factors:
             return "multigrid"
@@ -146,7 +146,11 @@ class Choice:
     def backend(self) -> Any:
         """What factorises the bodies, or solves where nothing is factorised beforehand."""
         if isinstance(self.linear, str):
-            return AMG() if self.route == "multigrid" else Direct()
+            if self.route != "multigrid":
+                return Direct()
+            from skfem_contact.linalg.amg import AMG
+
+            return AMG()
         return self.linear
 
     def sizes(self) -> dict[str, FactorSize]:
@@ -156,7 +160,11 @@ class Choice:
                 f"{self.linear!r} factorises the bodies, and how large that will be it does not say in "
                 "advance; linear='auto' does."
             )
-        return self._sizes(WholeBody if self.route == "iterated" else Substructure)
+        if self.route != "iterated":
+            return self._sizes(Substructure)
+        from skfem_contact.problem.whole import WholeBody
+
+        return self._sizes(WholeBody)
 
     def _sizes(self, kind: type[Substructure]) -> dict[str, FactorSize]:
         check_whole(self.stiffness, "a factorisation, and its size, needs all of it")

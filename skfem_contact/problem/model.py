@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,16 +25,18 @@ from skfem_contact.once import Lock
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
 from skfem_contact.problem.condensed import Condensed
-from skfem_contact.problem.full import FullSystem
-from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
 from skfem_contact.problem.seam import Bodies, ContactProblem, PosedOn
 from skfem_contact.problem.substructure import Substructure, firmness
 from skfem_contact.problem.thresholds import MOST_TWINS
-from skfem_contact.problem.whole import Whole
 from skfem_contact.sealed import seal
 
+if TYPE_CHECKING:
+    from skfem_contact.problem.full import FullSystem
+    from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
+
+    AnyBodies = Condensed | IteratedBodies | MultigridBodies | FullSystem
+
 Array = NDArray[np.float64]
-AnyBodies = Condensed | IteratedBodies | MultigridBodies | FullSystem
 
 EVEN_CLOSED = "even with every contact point closed"
 
@@ -197,6 +199,10 @@ class LinearModel:
         parts = self.system, self.stiffness, self._wanted, self._reuse
         if route == "condensed":
             return Condensed(*parts, self.choice.backend)
+        # the other routes are for few and large problems
+        from skfem_contact.problem.full import FullSystem
+        from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
+
         if route == "iterated":
             return IteratedBodies(*parts, self.choice.backend)
         if route == "multigrid":
@@ -211,11 +217,8 @@ class LinearModel:
     @property
     def substructures(self) -> list[Substructure | None]:
         """The bodies as condensed so far; empty where they are not."""
-        return (
-            list(self._bodies.substructures)
-            if isinstance(self._bodies, Condensed | Whole)
-            else list(self._reuse)
-        )
+        # those of the condensed and of the iterated route
+        return list(getattr(self._bodies, "substructures", self._reuse))
 
     @cached_property
     def choice(self) -> Choice:

@@ -29,7 +29,6 @@ from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import COMPUTED
-from skfem_contact.elimination.eliminate import eliminate
 from skfem_contact.problem.response import Resistance
 from skfem_contact.problem.thresholds import GIVE, ROWS_AT_ONCE
 
@@ -98,6 +97,8 @@ def least_friction(
     >>> of.tolist(), np.round(forces, 12).tolist()
     ([0, 1], [3.0, 0.0])
     """
+    from skfem_contact.elimination.eliminate import eliminate
+
     found = eliminate(rows, np.zeros(len(force)))
     more, kept = found.redundant, found.rows_kept
     follow = (rows[more][:, found.dependent] @ found.pivot_inverse).tocoo()

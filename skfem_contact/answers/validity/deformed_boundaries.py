@@ -22,7 +22,6 @@ from skfem_contact.bodies.facets import seen_from_outside
 from skfem_contact.bodies.nodes import facet_nodes, node_dofs
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
-from skfem_contact.obstacles.level_set import LevelSet
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.vectors import ragged
@@ -129,9 +128,9 @@ class Boundary:
     def distance(self, points: Array) -> Array:
         """Distances of points from the boundary, shape (p,) [length]."""
         tree, radius = self._tree
-        nearest, first = tree.query(points)
+        first = tree.nearest(points)
         bound = _to_simplices(points, self.corners[first])
-        out = np.minimum(bound, nearest)
+        out = np.minimum(bound, np.linalg.norm(points - tree.points[first], axis=1))
         candidates = tree.query_ball_point(points, bound + radius)
         count = np.array([len(found) for found in candidates], dtype=np.intp)
         for some in np.array_split(np.arange(len(points)), 1 + count.sum() // PAIRS_AT_ONCE):
@@ -312,7 +311,7 @@ def between(
         depth = other.depth(points)
         points, depth = points[depth > noise], depth[depth > noise]
         if len(points) and added[paired].any():
-            depth = depth - added[paired][Tree(nodes[paired]).query(points)[1]]
+            depth = depth - added[paired][Tree(nodes[paired]).nearest(points)]
         if np.max(depth, initial=0.0) > deepest:
             deepest, place, side = float(depth.max()), points[np.argmax(depth)], k
     lonely = primary.depth(nodes[~paired]) > max(chords, noise)
@@ -360,6 +359,8 @@ def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) 
 
 def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:
     """Distances, normals and partners of `Obstacle.distance`, of a level set to first order."""
+    from skfem_contact.obstacles.level_set import LevelSet
+
     if not isinstance(obstacle, LevelSet):
         return obstacle.distance(surface)
     return obstacle.first_order(surface)

@@ -101,7 +101,7 @@ class PlaneOverlaps:
                 continue
             depth = boundary.distance(points)
             if added.any():
-                depth = depth - added[Tree(nodes[0]).query(points)[1]]
+                depth = depth - added[Tree(nodes[0]).nearest(points)]
             deepest = max(deepest, float(depth.max()))
         return deepest if deepest > SOLVED * self.system.extent else 0.0
 

@@ -258,7 +258,7 @@ class SolidPair:
         ):
             node, face, depth = nodes_in_faces(other, own, *pair, least)
             if added.any() and len(node):
-                nearest = Tree(secondary.points).query(own.points[node])[1]
+                nearest = Tree(secondary.points).nearest(own.points[node])
                 depth = depth - added[nearest]
             between = np.flatnonzero((depth > least + chords[face]) & (depth <= most + chords[face]))
             alone = falls_away(meshed, node[between], other.facet_normals[face[between]], approach)
@@ -279,7 +279,7 @@ class SolidPair:
         # what touches has been moved aside by no more than the approach, twice what is allowed
         depth, place, across = crossings(one, other, apart=least / STANDING)
         if added.any() and len(depth):
-            depth = depth - added[Tree(points[0]).query(place)[1]]
+            depth = depth - added[Tree(points[0]).nearest(place)]
         if not len(depth):
             return None
         i, count = int(np.argmax(depth)), int(np.count_nonzero(depth > least))

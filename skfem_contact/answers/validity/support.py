@@ -165,7 +165,7 @@ class Extrapolation:
         self.support = Support.of(side.body, int(self.part.start), known)
         self.beside = known_nodes[:0]
         if len(known_nodes):
-            nearest = Tree(side.points[known_nodes]).query(side.points[self.nodes])[1]
+            nearest = Tree(side.points[known_nodes]).nearest(side.points[self.nodes])
             self.beside = known_nodes[nearest]
 
     def filled(self, u: Array) -> Array:

@@ -25,7 +25,6 @@ from skfem_contact.conditions.rows import as_motion
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
-from skfem_contact.obstacles.shapes import RigidPlane
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
@@ -274,6 +273,8 @@ class Track:
         tool: tuple[Motion, Array] | None,
     ) -> dict[str, Any]:
         """Against the obstacle itself, where it and the points are now."""
+        from skfem_contact.obstacles.shapes import RigidPlane
+
         assert isinstance(self.primary, Obstacle)
         motion, carried = tool or (case.motion[i], np.zeros((1, 1)))
         obstacle = shape_of(self.primary)
