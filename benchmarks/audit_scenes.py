@@ -462,7 +462,13 @@ ROWS = (
             "problem/condensed:recover",
         ),
     ),
-    Row("checkpoints", "after every step", "none", checkpoint, ("history/checkpoint:",)),
+    Row(
+        "checkpoints",
+        "after every step",
+        "none",
+        checkpoint,
+        ("history/checkpoint:save_state", "history/checkpoint:_write"),
+    ),
     Row("report", "of every step", "none", report, ("answers/result:report",)),
     Row("pictures", "one, at the end", "none", pictures, ("output/plot_contacts:", "output/drawing:")),
 )

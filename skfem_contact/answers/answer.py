@@ -41,7 +41,9 @@ class Answer:
     Attributes
     ----------
     model : LinearModel
-        What was solved for: bodies, contacts, stiffness, friction laws.
+        What was solved for: bodies, pairing, stiffness.
+    contacts : tuple of Contact
+        With the laws that the answer is judged by; a test may judge it by others.
     mismatch : float
         How far the pairing is from that of the answer itself.
     trace : tuple of Record
@@ -67,6 +69,7 @@ class Answer:
     """
 
     model: LinearModel
+    contacts: tuple[Contact, ...]
     kin: Kinematics
     case: LoadCase
     seen: LoadCase
@@ -122,11 +125,6 @@ class Answer:
     def system(self) -> System:
         """The bodies."""
         return self.model.system
-
-    @property
-    def contacts(self) -> tuple[Contact, ...]:
-        """The contacts, with the laws that this is an answer for."""
-        return self.model.interface.contacts
 
     @property
     def names(self) -> tuple[str, ...]:

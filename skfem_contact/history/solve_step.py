@@ -184,6 +184,7 @@ class StepSolver(ByFields):
             message = converged_words(len(way.trace)) + attempt.outcome.note
         return Answer(
             model=model,
+            contacts=model.interface.contacts,
             kin=attempt.problem.kin,
             case=attempt.case,
             seen=attempt.seen,
