@@ -32,7 +32,21 @@ def ahead(v: Array, normal: Array) -> Array:
 
 def turned(v: Array) -> Array:
     """Vectors turned by +90 degrees: outward normals become the direction of travel."""
-    return np.stack([-v[..., 1], v[..., 0]], axis=-1)
+    out = np.empty_like(v)
+    np.negative(v[..., 1], out=out[..., 0])
+    out[..., 1] = v[..., 0]
+    return out
+
+
+def summed(place: Index, values: Array, count: int) -> Array:
+    """Sums of values (..., j) by their places (...), in their order, shape (count, j).
+
+    >>> summed(np.array([1, 1]), np.array([[1.0, 2.0], [3.0, 4.0]]), 2).tolist()
+    [[0.0, 0.0], [4.0, 6.0]]
+    """
+    j = values.shape[-1]
+    cell = place[..., None] * j + np.arange(j)
+    return np.bincount(cell.ravel(), values.ravel(), count * j).reshape(count, j)
 
 
 def ragged(start: Index, count: Index) -> Index:
