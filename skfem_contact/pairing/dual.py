@@ -129,6 +129,8 @@ def dual_basis(
     least, most = np.linalg.eigvalsh(mass)[:, [0, -1]].T
     left = np.flatnonzero(several & (least > most / WORST_CONDITION))
     for choices in ([kept], edges):
+        if not len(left):
+            break
         size = share[left] + GIVEN * total[left]
         A_left, S_left, good = _least(kind, mass[left], share[left], size, [c[left] for c in choices])
         A[left[good]], S[left[good]] = A_left[good], S_left[good]

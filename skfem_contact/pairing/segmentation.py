@@ -219,10 +219,11 @@ def _project(kind: FacetKind, nodes: Array, normals: Array, y: Array) -> Array:
         return dot(away, along), slope
 
     everyone = np.arange(len(y))
-    before = lateral(np.zeros(len(y)), everyone)[0] <= 0
-    behind = lateral(np.ones(len(y)), everyone)[0] >= 0
+    first, last = (lateral(np.full(len(y), end), everyone)[0] for end in (0.0, 1.0))
+    before, behind = first <= 0, last >= 0
     xi = np.select([before & behind, before, behind], [np.nan, 0.0, 1.0], 0.5)
     at = np.flatnonzero(~before & ~behind)
+    xi[at] = first[at] / (first[at] - last[at])  # a secant: on straight facets it is all but there
     low, high = np.zeros(len(at)), np.ones(len(at))
     for _ in range(60):  # a bisection alone is at round-off by then; Newton mostly after 3
         now = xi[at]

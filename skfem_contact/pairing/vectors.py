@@ -65,7 +65,7 @@ def entries(weights: csr_matrix) -> tuple[Index, Index, Array]:
     >>> [part.tolist() for part in entries(csr_matrix([[0.0, 2.0], [3.0, 4.0]]))]
     [[0, 1, 1], [1, 0, 1], [2.0, 3.0, 4.0]]
     """
-    W = csr_matrix(weights)
+    W = weights if type(weights) is csr_matrix else csr_matrix(weights)  # SciPy's copy takes long
     return np.repeat(np.arange(W.shape[0]), np.diff(W.indptr)), W.indices, W.data
 
 

@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
+# Cosine of the turn beyond which it is measured: less than that of any corner, round-off included.
+BENDS = CORNER + SOLVED
+
 
 @dataclass(frozen=True, eq=False)
 class Corners:
@@ -47,12 +50,15 @@ class Corners:
     def of(cls, surface: ContactSurface) -> Corners:
         """Find the sharp corners, and ends of any angle; none on a line of symmetry."""
         after = surface.neighbours[:, 1]
-        angle = np.arctan2(surface.own_normals[..., 1], surface.own_normals[..., 0])
-        bend = _wrap(angle[after, 0] - angle[:, 1])
-        inner = np.flatnonzero((after >= 0) & (bend > 0) & (np.cos(bend) < CORNER))
+        own = surface.own_normals
+        # angles only where the surface bends at all
+        inner = np.flatnonzero((after >= 0) & (dot(own[:, 1], own[:, 0].take(after, axis=0)) < BENDS))
+        bend = _wrap(_direction(own[after[inner], 0]) - _direction(own[inner, 1]))
+        sharp = (bend > 0) & (np.cos(bend) < CORNER)
+        inner, bend = inner[sharp], bend[sharp]
         f, side = np.nonzero((surface.neighbours < 0) & (surface.end_turns > 0))
         turn = surface.end_turns[f, side]
-        first = np.where(side == 1, angle[f, 1], angle[f, 0] - turn)
+        first = _direction(own[f, side]) - np.where(side == 1, 0.0, turn)
         # a node that may not leave the line that the surface ends at lies on a line of symmetry
         other = np.where(side == 1, first + turn, first)
         held = surface.held[surface.facets[f, side]]
@@ -63,8 +69,8 @@ class Corners:
         covered = np.concatenate([np.ones((len(inner), 2), bool), np.stack([side == 1, side == 0], 1)])
         return cls(
             node=node,
-            first=np.concatenate([angle[inner, 1], first]),
-            turn=np.concatenate([bend[inner], turn]),
+            first=np.concatenate([_direction(own[inner, 1]), first]),
+            turn=np.concatenate([bend, turn]),
             covered=covered,
             facet=np.concatenate([inner, f]),
         )
@@ -170,12 +176,16 @@ def _candidates(points: Array, surface: ContactSurface) -> tuple[Index, Index]:
 
 def lean_of(corners: Corners, corner: Index, other: ContactSurface, facet: Index) -> Array:
     """Angle from the beginning of a corner's cone to the opposite of a facet's normal [rad]."""
-    normal = other.facet_normals[facet]
-    return _wrap(np.arctan2(-normal[:, 1], -normal[:, 0]) - corners.first[corner])
+    return _wrap(_direction(-other.facet_normals[facet]) - corners.first[corner])
 
 
 def some(met: Met, chosen: Index | Mask) -> Met:
     return Met(*(getattr(met, name)[chosen] for name in ("corner", "facet", "shape", "normal", "gap")))
+
+
+def _direction(vectors: Array) -> Array:
+    """Angles of plane vectors (n, 2), (n,) [rad]."""
+    return np.asarray(np.arctan2(vectors[:, 1], vectors[:, 0]))
 
 
 def _wrap(angle: Array) -> Array:

@@ -92,6 +92,7 @@ class Condensed:
         self.kept_spans = slices(np.cumsum([0, *map(len, kept)]))
         self.P = block_diagonal([part.springs for part in self.substructures])
         self._split: dict[str, tuple[Array, list[Array]]] = {}
+        self._along: tuple[list[int], Array, Array] | None = None
 
     @cached_property
     def anchor_rows(self) -> csr_matrix:
@@ -133,10 +134,17 @@ class Condensed:
         parts = zip(self.substructures, self.spans, strict=True)
         return np.concatenate([part.load(f[span], x[span]) for part, span in parts])
 
-    def along(self, components: Sequence[Components]) -> Array:
-        """Loads on the contact DOFs that have one component, of all that there are, (n_c, k)."""
-        parts = zip(self.substructures, components, strict=True)
-        return block_diagonal([part.along(own) for part, own in parts])
+    def along(self, components: Sequence[Components]) -> tuple[Array, Array]:
+        """Loads on the contact DOFs that have one component, of all that there are, (n_c, k).
+
+        And the displacements of the contact DOFs under them: the same on every pairing.
+        """
+        counts, known = [len(c) for pair in components for c in pair], self._along
+        if known is None or known[0] != counts:
+            parts = zip(self.substructures, components, strict=True)
+            force = block_diagonal([part.along(own) for part, own in parts])
+            known = self._along = counts, force, self.flexibility(force)
+        return known[1:]
 
     def contact_dofs(self, source: Source) -> Array:
         """Displacements of the contact DOFs, (n_c,) or (n_c, r)."""
@@ -248,18 +256,19 @@ class PointProblem(OnContactDofs[Condensed]):
             known = [c for pair in whole for c in pair]
             counts = [len(c) for c in known]
             if counts != self._counts:
-                self._counts, self._follows = counts, self._following(self.bodies.along(whole))
+                self._counts, self._follows = counts, self._following(*self.bodies.along(whole))
             found = self._follows.dot(np.concatenate(known))
         else:
-            found = self._following(self.bodies.load(case.f, case.x))
+            force = self.bodies.load(case.f, case.x)
+            found = self._following(force, self.bodies.flexibility(force))
         force, rest = found[: self.q], len(found) - len(self.bodies.columns)
         gap0, slip0 = self.constant(case)
         return Load(force, gap0, slip0, found[rest:], components, found[self.q : rest])
 
-    def _following(self, f_c: Array) -> Array:
-        """From loads on the contact DOFs, (n_c,) or (n_c, r): forces on gaps and slips, and changes
-        of gaps, slips and anchors; then the loads themselves."""
-        moved = self.G @ self.bodies.flexibility(f_c)
+    def _following(self, f_c: Array, u_c: Array) -> Array:
+        """From loads on the contact DOFs, (n_c,) or (n_c, r), and the displacements under them: forces on
+        gaps and slips, and changes of gaps, slips and anchors; then the loads themselves."""
+        moved = self.G @ u_c
         # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
         force = self.space.S @ moved[: self.q] - self.A_zq @ self.rigid.solve(moved[self.q :])
         return np.concatenate([force, moved, f_c])

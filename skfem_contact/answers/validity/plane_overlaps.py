@@ -72,14 +72,18 @@ class PlaneOverlaps:
         found = {}
         for i in self.looked:
             added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
-            depth = self._deepest(i, parts, np.nan_to_num(added))
             # the bound of `ContactValidity.excess`, with what is known of the approach
-            if depth > self.chords[i] + OVERLAP * drifts[i].approach:
+            bound = self.chords[i] + OVERLAP * drifts[i].approach
+            depth = self._deepest(i, parts, np.nan_to_num(added), bound)
+            if depth > bound:
                 found[i] = depth
         return found
 
-    def _deepest(self, i: int, parts: dict[int, Array], added: Array) -> float:
-        """How deep points of each surface lie in the other body, less what the user `added` (m,)."""
+    def _deepest(self, i: int, parts: dict[int, Array], added: Array, bound: float) -> float:
+        """How deep points of each surface lie in the other body, less what the user `added` (m,).
+
+        Exact where it is more than a bound.
+        """
         sides = _sides(self.contacts[i])
         numbers = [self.system.index(side.body) for side in sides]
         nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
@@ -99,7 +103,7 @@ class PlaneOverlaps:
             points = points[boundary.inside(points)]
             if not len(points):
                 continue
-            depth = boundary.distance(points)
+            depth = boundary.distance(points, bound + float(np.min(added, initial=0.0)))
             if added.any():
                 depth = depth - added[Tree(nodes[0]).query(points)[1]]
             deepest = max(deepest, float(depth.max()))
