@@ -27,7 +27,7 @@ from skfem_contact.pairing.node import gap_vectors
 from skfem_contact.pairing.pieces import Moments, Pieces
 from skfem_contact.pairing.supports import MET, Supports, without_multiplier
 from skfem_contact.pairing.thresholds import KINK, SAME_NORMAL, SHARE_KEPT, SPREAD
-from skfem_contact.pairing.vectors import dot, entries, summed, without_round_off
+from skfem_contact.pairing.vectors import assembled, dot, entries, summed, without_round_off
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def secondary_matrix(
     data = ((S * share[:, None, :]).reshape(-1, k) @ rows).reshape(S.shape)
     facet, i, j = np.nonzero((S.reshape(-1, k) @ np.abs(rows)).reshape(S.shape))
     at = surface.facets[facet, i], surface.facets[facet, j]
-    D = csr_matrix((data[facet, i, j], at), shape=(m, m))
+    D = assembled(at, data[facet, i, j], (m, m))
     part = data.sum(axis=2)
     area = np.asarray(np.bincount(surface.facets.ravel(), part.ravel(), m), dtype=float)
     total = summed(surface.facets, part[:, :, None] * surface.facet_node_normals, m)
@@ -117,7 +117,7 @@ def primary_matrix(
     row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
     col = np.broadcast_to(primary.facets[f][:, None, :], data.shape)
     shape = (len(secondary.points), len(primary.points))
-    M = csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=shape)
+    M = assembled((row.ravel(), col.ravel()), data.ravel(), shape)
     return M, main_facets(secondary, primary, e, f, moments.cross.sum(axis=2))
 
 

@@ -169,7 +169,10 @@ class FacetTree:
             item, node = np.repeat(item, 2), np.stack([2 * node, 2 * node + 1], axis=1).ravel()
             there = node < len(levels[level - 1].radius)
             item, node = item[there], node[there]
-            pieces = max(1, -(-len(item) // PAIRS_AT_ONCE))
+            if len(item) <= PAIRS_AT_ONCE:
+                stack.append((level - 1, item, node))
+                continue
+            pieces = -(-len(item) // PAIRS_AT_ONCE)
             stack.extend(
                 (level - 1, i, n)
                 for i, n in zip(np.array_split(item, pieces), np.array_split(node, pieces), strict=True)

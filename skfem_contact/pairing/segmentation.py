@@ -274,7 +274,8 @@ def _meet(x: Array, normal: Array, nodes: Array) -> Array:
     surd = rising * np.sqrt(np.maximum(b**2 - 4 * a * c0, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         eta = np.where(b * surd > 0, -2 * c0 / (b + surd), (surd - b) / (2 * a))
-    return np.nan_to_num(eta, nan=0.5)
+    eta[np.isnan(eta)] = 0.5
+    return eta
 
 
 def _looks_at(primary: ContactSurface, points: Meeting) -> Mask:

@@ -69,6 +69,27 @@ def entries(weights: csr_matrix) -> tuple[Index, Index, Array]:
     return np.repeat(np.arange(W.shape[0]), np.diff(W.indptr)), W.indices, W.data
 
 
+def assembled(place: tuple[Index, Index], values: Array, shape: tuple[int, int]) -> csr_matrix:
+    """The matrix of entries at rows and columns, summed where one is met again; zeros are kept.
+
+    What SciPy makes of them, in half its time for the few entries of a contact.
+
+    >>> print(assembled((np.array([1, 0, 1]), np.array([2, 0, 2])), np.ones(3), (2, 3)).toarray())
+    [[1. 0. 0.]
+     [0. 0. 2.]]
+    """
+    row, column = place
+    cell = np.asarray(row, dtype=np.int64) * shape[1] + column
+    order = np.argsort(cell, kind="stable")
+    cell = cell.take(order)
+    first = np.flatnonzero(np.diff(cell, prepend=-1))
+    row, column = np.divmod(cell.take(first), shape[1])
+    start = np.searchsorted(row, np.arange(shape[0] + 1))
+    values = np.add.reduceat(values.take(order), first) if len(first) else np.zeros(0)
+    index = np.int32 if max(*shape, len(first)) <= np.iinfo(np.int32).max else np.int64
+    return csr_matrix((values, column.astype(index), start.astype(index)), shape=shape)
+
+
 def cross(a: Array, b: Array) -> Array:
     """Vector products (m, d) x (m, d): shape (m, 3) in space, in the plane the one number, (m, 1).
 

@@ -99,14 +99,16 @@ def meet(
 
     With `only_overlaps` those alone that lie in the other body by more than they touch it.
     """
+    lowest = np.where(corners.covered[:, 0], tilt, -SLACK)
+    highest = corners.turn - np.where(corners.covered[:, 1], tilt, -SLACK)
+    lean = lean_of(corners, np.arange(len(corners.node))[:, None], other, np.arange(len(other.facets)))
+    leans = (lean > lowest[:, None]) & (lean < highest[:, None])
+    if not leans.any():  # as on flat interfaces
+        return nothing(own.dim)
     met = closest(corners, own, other, limits, only_overlaps)
     if not len(met.corner):
         return met
-    corner = met.corner
-    lean = lean_of(corners, corner, other, met.facet)
-    lowest = np.where(corners.covered[corner, 0], tilt[corner], -SLACK)
-    highest = corners.turn[corner] - np.where(corners.covered[corner, 1], tilt[corner], -SLACK)
-    met = some(met, (lean > lowest) & (lean < highest))
+    met = some(met, leans[met.corner, met.facet])
     _, first = np.unique(met.corner, return_index=True)
     met = some(met, first)
     return some(met, met.gap < -COINCIDENT * other.lengths[met.facet]) if only_overlaps else met
@@ -127,7 +129,7 @@ def closest(
         corner, facet = corner[apart], facet[apart]
     x = own.points[corners.node[corner]]
     if only_overlaps and _all_outside(x, other, facet):
-        return Met(corner[:0], facet[:0], np.zeros((0, 2)), np.zeros((0, own.dim)), np.zeros(0))
+        return nothing(own.dim)
     feet = project(other, facet, x)
     apart, normal = x - feet.foot, interpolated_normals(other, facet, feet.xi)
     gap, distance = dot(apart, normal), sizes(apart)
@@ -177,6 +179,12 @@ def _candidates(points: Array, surface: ContactSurface) -> tuple[Index, Index]:
 def lean_of(corners: Corners, corner: Index, other: ContactSurface, facet: Index) -> Array:
     """Angle from the beginning of a corner's cone to the opposite of a facet's normal [rad]."""
     return _wrap(_direction(-other.facet_normals[facet]) - corners.first[corner])
+
+
+def nothing(d: int) -> Met:
+    """No corner that meets anything, in d dimensions."""
+    none = np.zeros(0, dtype=np.intp)
+    return Met(none, none, np.zeros((0, 2)), np.zeros((0, d)), np.zeros(0))
 
 
 def some(met: Met, chosen: Index | Mask) -> Met:
