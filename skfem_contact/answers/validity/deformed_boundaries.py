@@ -126,20 +126,18 @@ class Boundary:
         middle = self.corners.mean(axis=1)
         return Tree(middle), float(np.linalg.norm(self.corners - middle[:, None], axis=2).max())
 
-    def distance(self, points: Array, beyond: float = 0.0) -> Array:
-        """Distances of points from the boundary, exact where they are `beyond` a length, (p,) [length].
+    def beside(self, points: Array, length: float) -> Mask:
+        """Which points one simplex alone shows to be no farther from the boundary, shape (p,)."""
+        tree, _ = self._tree
+        nearest, first = tree.query(points)
+        return np.asarray(np.minimum(_to_simplices(points, self.corners[first]), nearest) <= length)
 
-        Of others it is enough that they are not: one simplex shows it.
-        """
+    def distance(self, points: Array) -> Array:
+        """Distances of points from the boundary, shape (p,) [length]."""
         tree, radius = self._tree
         nearest, first = tree.query(points)
         bound = _to_simplices(points, self.corners[first])
         out = np.minimum(bound, nearest)
-        far = np.flatnonzero(out > beyond)
-        if len(far) < len(points):
-            if len(far):
-                out[far] = self.distance(points[far])
-            return out
         candidates = tree.query_ball_point(points, bound + radius)
         count = np.array([len(found) for found in candidates], dtype=np.intp)
         for some in np.array_split(np.arange(len(points)), 1 + count.sum() // PAIRS_AT_ONCE):

@@ -82,7 +82,7 @@ class PlaneOverlaps:
     def _deepest(self, i: int, parts: dict[int, Array], added: Array, bound: float) -> float:
         """How deep points of each surface lie in the other body, less what the user `added` (m,).
 
-        Exact where it is more than a bound.
+        Zero where that is no more than a bound.
         """
         sides = _sides(self.contacts[i])
         numbers = [self.system.index(side.body) for side in sides]
@@ -100,10 +100,12 @@ class PlaneOverlaps:
             if not len(points):
                 continue
             boundary = body.at(places)
+            # in contact nearly all are next to it, and neither how deep nor whether inside matters
+            points = points[~boundary.beside(points, bound + float(np.min(added, initial=0.0)))]
             points = points[boundary.inside(points)]
             if not len(points):
                 continue
-            depth = boundary.distance(points, bound + float(np.min(added, initial=0.0)))
+            depth = boundary.distance(points)
             if added.any():
                 depth = depth - added[Tree(nodes[0]).query(points)[1]]
             deepest = max(deepest, float(depth.max()))
