@@ -253,7 +253,7 @@ def _quadrature(kind: FacetKind, degree: int) -> tuple[Array, Array]:
 
 
 def _on_line(t: Array, k: int) -> tuple[Array, Array]:
-    """Shape functions of lines and their derivatives, written out: in a quarter of the element's time."""
+    """Shape functions of lines and their derivatives, written out: a quarter of the element's time."""
     if k == 2:
         N, slopes = np.empty((*t.shape, 2)), np.empty((*t.shape, 2, 1))
         np.subtract(1, t, out=N[..., 0])

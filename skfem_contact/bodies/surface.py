@@ -157,7 +157,7 @@ class ContactSurface:
         """Nodes with prescribed DOFs, of a scalar field too, shape (m,)."""
         if self.undeformed is not None:
             return self.undeformed.held_nodes
-        return np.isin(self.dofs, self.body.D).any(axis=1)
+        return np.asarray(np.isin(self.dofs, self.body.D).any(axis=1))
 
     def moved(self, u: np.ndarray) -> ContactSurface:
         """Return the surface displaced: same nodes, facets and areas, new positions and normals.

@@ -264,7 +264,7 @@ class Geometry:
         Without the other DOFs, whose rows stay what they are: of many bodies they are nearly all.
         """
         place, value = self._places[B.indices], B.data * np.repeat(forces.ravel(), np.diff(B.indptr))
-        return np.bincount(place, value, len(self.surface_dofs) + 1)[:-1]
+        return np.asarray(np.bincount(place, value, len(self.surface_dofs) + 1)[:-1], dtype=np.float64)
 
     @cached_property
     def _places(self) -> NDArray[np.intp]:

@@ -169,7 +169,10 @@ def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_mat
     """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
     row, column, value = entries(matrix)
     keep = paired[row]
-    row, start = row[keep], np.concatenate([[0], np.cumsum(np.where(paired, np.diff(matrix.indptr), 0))])
+    row, start = (
+        row[keep],
+        np.concatenate([[0], np.cumsum(np.where(paired, np.diff(matrix.indptr), 0))]),
+    )
     return csr_matrix((value[keep] / by[row], column[keep], start), shape=matrix.shape)
 
 

@@ -108,9 +108,7 @@ class FacetTree:
     order: Index | None
 
     @classmethod
-    def build(
-        cls, surface: ContactSurface, count: int | None = None, cones: bool = True
-    ) -> FacetTree:
+    def build(cls, surface: ContactSurface, count: int | None = None, cones: bool = True) -> FacetTree:
         """Build the hierarchy over the facets of a surface, as high as `count` items need it.
 
         Where all nodes of a level can be asked about every item at once, levels above save nothing.

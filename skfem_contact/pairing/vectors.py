@@ -46,7 +46,8 @@ def summed(place: Index, values: Array, count: int) -> Array:
     """
     j = values.shape[-1]
     cell = place[..., None] * j + np.arange(j)
-    return np.bincount(cell.ravel(), values.ravel(), count * j).reshape(count, j)
+    total = np.bincount(cell.ravel(), values.ravel(), count * j)
+    return np.asarray(total.reshape(count, j), dtype=np.float64)
 
 
 def ragged(start: Index, count: Index) -> Index:
