@@ -273,8 +273,10 @@ class PointProblem(OnContactDofs[Condensed]):
         return Load(force, gap0, slip0, found[rest:], components, found[self.q : rest])
 
     def _following(self, f_c: Array, u_c: Array) -> Array:
-        """From loads on the contact DOFs, (n_c,) or (n_c, r), and what they move these by: forces on gaps
-        and slips, and changes of gaps, slips and anchors; then the loads themselves."""
+        """Forces on gaps and slips, and changes of gaps, slips and anchors; then the loads themselves.
+
+        From loads on the contact DOFs, (n_c,) or (n_c, r), and the displacements that follow from them.
+        """
         moved = self.G @ u_c
         # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
         force = self.space.S @ moved[: self.q] - self.A_zq @ self.rigid.solve(moved[self.q :])
