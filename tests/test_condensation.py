@@ -11,12 +11,14 @@ import pytest
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
+from scipy.sparse import csr_matrix
 from skfem.models.elasticity import lame_parameters
 from statuses import OPEN, STICK
 
 import skfem_contact as sc
 from skfem_contact.answers import answer_of
 from skfem_contact.problem import Conditions, FullProblem, IteratedProblem, PointProblem, Substructure
+from skfem_contact.problem.condensed import delassus_compliance
 
 MESH = {"Q1": (fem.MeshQuad, fem.ElementQuad1), "P1": (fem.MeshTri, fem.ElementTriP1)}
 
@@ -368,3 +370,16 @@ def test_anchors_hold_a_body_in_all_directions():
     part = Substructure(sc.Body(basis, K), K.tocsr(), np.setdiff1d(np.arange(basis.N), edge))
     values = np.linalg.eigvalsh(part.S + part.springs @ part.springs.T)
     assert values[0] > 1e-4 * values[-1]
+
+
+def test_compliance_of_rows_that_touch_few_columns_or_all():
+    """What is left out of the flexibility is what no row touches."""
+    rng = np.random.default_rng(5)
+    for touched in (slice(40, 50), slice(0, 60)):
+        F = rng.normal(size=(60, 60))
+        F += F.T
+        G = np.zeros((7, 60))
+        G[:, touched] = rng.normal(size=G[:, touched].shape)
+        W = np.ones((7, 7))
+        delassus_compliance(W, csr_matrix(G), F)
+        assert_allclose(W, 1 + G @ F @ G.T, rtol=0, atol=1e-12)

@@ -78,3 +78,18 @@ def test_samples_of_a_box_are_those_of_all_that_lie_in_it() -> None:
     some = everywhere[np.all(everywhere <= 0.5, axis=1)]
     np.testing.assert_array_equal(hull.samples(box), some)
     assert 0 < len(some) < len(everywhere)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 1.0])
+def test_points_beside_the_boundary_are_no_farther_than_said(share: float) -> None:
+    """One simplex may leave some out, and says of none that is farther that it is near."""
+    rng = np.random.default_rng(3)
+    corners = ball(rng, 1)
+    hull, at = Boundary(corners), corners.reshape(-1, 3)
+    points = rng.uniform(at.min(axis=0), at.max(axis=0), (200, 3))
+    distance = hull.distance(points)
+    length = share * distance.max()
+    near = hull.beside(points, length)
+    assert np.all(distance[near] <= length)
+    assert near.any() == (share > 0)
+    assert not hull.beside(np.zeros((0, 3)), length).size

@@ -106,8 +106,8 @@ def test_closest_facets_are_those_of_an_exhaustive_search(seed, angle, quadratic
     pairing = node_to_segment(secondary, primary)
     m, nf = len(pairing.gap), len(primary.facets)
     point, facet = np.divmod(np.arange(m * nf), nf)
-    feet = project(primary, facet, secondary.points[point])
-    foot, over = feet.foot, feet.over
+    found = project(primary, facet, secondary.points[point])
+    foot, over = found.foot, found.over
     distance = np.linalg.norm(foot - secondary.points[point], axis=1)
     faces = np.sum(secondary.normals[point] * primary.facet_normals[facet], axis=1) < -FACING
     above = faces & (over == 0)  # an inner stationary point, whatever the neighbours are

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -16,6 +16,7 @@ from skfem_contact.bodies.thresholds import TAKEN
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
+from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -241,14 +242,24 @@ class FacetKind:
 
     def quadrature(self, degree: int | None = None) -> tuple[Array, Array]:
         """Gauss points (q, d-1) and weights (q,), for polynomials up to `degree` at least."""
-        points, weights = get_quadrature(self.element, self.degree if degree is None else degree)
-        return np.ascontiguousarray(points.T), weights
+        return _quadrature(self, self.degree if degree is None else degree)
+
+
+@lru_cache
+def _quadrature(kind: FacetKind, degree: int) -> tuple[Array, Array]:
+    """Points and weights: once for all surfaces, as the eigenvalues that they come from take long."""
+    points, weights = get_quadrature(kind.element, degree)
+    return sealed(np.ascontiguousarray(points.T)), sealed(weights)
 
 
 def _on_line(t: Array, k: int) -> tuple[Array, Array]:
-    """Shape functions of lines and their derivatives, written out: in half the element's time."""
+    """Shape functions of lines and their derivatives, written out: a quarter of the element's time."""
     if k == 2:
-        return np.stack([1 - t, t], -1), np.stack([-np.ones_like(t), np.ones_like(t)], -1)[..., None]
+        N, slopes = np.empty((*t.shape, 2)), np.empty((*t.shape, 2, 1))
+        np.subtract(1, t, out=N[..., 0])
+        N[..., 1] = t
+        slopes[..., 0, 0], slopes[..., 1, 0] = -1.0, 1.0
+        return N, slopes
     N = np.stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)], -1)
     return N, np.stack([4 * t - 3, 4 * t - 1, 4 - 8 * t], -1)[..., None]
 

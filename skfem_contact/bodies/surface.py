@@ -136,6 +136,8 @@ class ContactSurface:
     @cached_property
     def kind(self) -> FacetKind:
         """Nodes and shape functions of the facets."""
+        if self.undeformed is not None:
+            return self.undeformed.kind
         return kind_of(self.dim, self.facets.shape[1])
 
     @property
@@ -146,7 +148,16 @@ class ContactSurface:
     @cached_property
     def held(self) -> np.ndarray:
         """Which components of each node are prescribed, shape (m, d)."""
+        if self.undeformed is not None:
+            return self.undeformed.held
         return held_components(self.body, self.dofs)
+
+    @cached_property
+    def held_nodes(self) -> np.ndarray:
+        """Nodes with prescribed DOFs, of a scalar field too, shape (m,)."""
+        if self.undeformed is not None:
+            return self.undeformed.held_nodes
+        return np.asarray(np.isin(self.dofs, self.body.D).any(axis=1))
 
     def moved(self, u: np.ndarray) -> ContactSurface:
         """Return the surface displaced: same nodes, facets and areas, new positions and normals.
@@ -156,7 +167,8 @@ class ContactSurface:
         u : ndarray, shape (n,)
             Displacement of the body [length].
         """
-        u = numbers(u, f"the displacement of surface {self.label!r}", "give the body's vector")
+        what, usage = f"the displacement of surface {self.label!r}", "give the body's vector"
+        u = numbers(u, what, usage, copy=False)
         if self.dofs.shape[1] != self.dim:
             raise InputError(f"surface {self.label!r} belongs to a scalar field, it can not move")
         if u.shape != (self.body.n,):
@@ -207,6 +219,8 @@ class ContactSurface:
     @cached_property
     def neighbours(self) -> np.ndarray:
         """Facets before and after each line, (nf, 2), or across each edge of a face, (nf, c); or -1."""
+        if self.undeformed is not None:
+            return self.undeformed.neighbours
         return self.twins // self.kind.corners
 
     @cached_property

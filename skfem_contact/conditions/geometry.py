@@ -249,16 +249,29 @@ class Geometry:
         if judged.any():
             judged &= ~prescribed_rows(new.B_n, self.system.D)
         gap = np.where(judged, _wrong_gaps(new, closed), 0.0)
-        change = (new.B_n - old.B_n).T @ state.normal_force
+        normal = state.normal_force
+        change = self._on_surfaces(new.B_n, normal) - self._on_surfaces(old.B_n, normal)
         if state.tangential_force.any():
             before, after = _along_both(old, new, state.tangential_force)
-            if after is before:
-                change = change - (new.B_t - old.B_t).T @ before.ravel()
-            else:
-                change = change - (new.B_t.T @ after.ravel() - old.B_t.T @ before.ravel())
+            change -= self._on_surfaces(new.B_t, after) - self._on_surfaces(old.B_t, before)
         scale = np.max(np.abs(state.normal_force), initial=0.0)
         moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
         return float(np.maximum(np.max(gap, initial=0.0) / self.system.extent, moved))
+
+    def _on_surfaces(self, B: csr_matrix, forces: Array) -> Array:
+        """Forces along rows as those on the DOFs of surfaces that slide far, ``B' forces``.
+
+        Without the other DOFs, whose rows stay what they are: of many bodies they are nearly all.
+        """
+        place, value = self._places[B.indices], B.data * np.repeat(forces.ravel(), np.diff(B.indptr))
+        return np.asarray(np.bincount(place, value, len(self.surface_dofs) + 1)[:-1], dtype=np.float64)
+
+    @cached_property
+    def _places(self) -> NDArray[np.intp]:
+        """Of each DOF among `surface_dofs`; one more for all others, (n,)."""
+        place = np.full(self.system.n, len(self.surface_dofs))
+        place[self.surface_dofs] = np.arange(len(self.surface_dofs))
+        return place
 
     def least_settled(self, old: Kinematics, new: Kinematics, state: LocalState) -> int:
         """The point that makes most of the `mismatch`: by its gap, or by where its force goes."""

@@ -369,7 +369,8 @@ def prescribed_tangents(kin: Kinematics, D: NDArray[np.intp]) -> Mask:
 
 def _on_free(B: csr_matrix, D: NDArray[np.intp]) -> Array:
     """Sum of the sizes of the entries of each row that are at DOFs which are not prescribed."""
-    free = np.ones(B.shape[1])
-    free[D] = 0.0
+    held = np.zeros(B.shape[1], dtype=bool)
+    held[D] = True
     row, column, value = entries(B)
-    return np.asarray(np.bincount(row, np.abs(value) * free[column], B.shape[0]), dtype=float)
+    size = np.where(held[column], 0.0, np.abs(value))
+    return np.asarray(np.bincount(row, size, B.shape[0]), dtype=float)

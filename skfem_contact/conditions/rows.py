@@ -24,7 +24,7 @@ from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.supports import held_rows
 from skfem_contact.pairing.thresholds import MOVING_SHARE
-from skfem_contact.pairing.vectors import cross, entries
+from skfem_contact.pairing.vectors import assembled, cross, entries
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -195,8 +195,7 @@ class Sides:
         if self.lever is not None:
             found.append(self.lever.entries(direction, paired, held))
         data, rows, columns = (np.concatenate(part) for part in zip(*found, strict=True))
-        spread = csr_matrix((data, (rows, columns)), shape=(len(paired), system.n))
-        spread.sum_duplicates()
+        spread = assembled((rows, columns), data, (len(paired), system.n))
         spread.eliminate_zeros()
         return spread
 

@@ -330,7 +330,7 @@ def cells_along_normals(
         return (across <= (radius[e] + far * lean[e]) * (1 + MARGIN)) & (near <= reach)
 
     count = len(secondary.facet)
-    found = list(FacetTree.build(surface, count).descend(count, seen))
+    found = list(FacetTree.build(surface, count, cones=False).descend(count, seen))
     e, face = (np.concatenate(column) for column in zip(*found, strict=True))
     # all cells of a face
     order = np.argsort(primary.facet, kind="stable")

@@ -285,7 +285,7 @@ def signed_distances(surface: ContactSurface, points: Array) -> Array:
     def in_reach(point: Index, nodes: Nodes) -> Mask:
         return np.asarray(sizes(points[point] - nodes.centre) - nodes.radius <= bound[point])
 
-    found = FacetTree.build(surface, len(points)).descend(len(points), in_reach)
+    found = FacetTree.build(surface, len(points), cones=False).descend(len(points), in_reach)
     point, facet = (np.concatenate(column) for column in zip(*found, strict=True))
     feet = project(surface, facet, points[point])
     distance = sizes(points[point] - feet.foot)

@@ -129,6 +129,8 @@ def dual_basis(
     least, most = np.linalg.eigvalsh(mass)[:, [0, -1]].T
     left = np.flatnonzero(several & (least > most / WORST_CONDITION))
     for choices in ([kept], edges):
+        if not len(left):
+            break
         size = share[left] + GIVEN * total[left]
         A_left, S_left, good = _least(kind, mass[left], share[left], size, [c[left] for c in choices])
         A[left[good]], S[left[good]] = A_left[good], S_left[good]
@@ -170,7 +172,7 @@ def _with_weights(kind: FacetKind, mass: Array, share: Array, kept: Mask) -> tup
     S = np.where(several[:, None, None], _handed(kind, share, kept), 0.0)
     inverse = np.linalg.inv(np.where(several[:, None, None], B @ mass @ B.T, np.eye(kind.nodes)))
     A = S @ (share[:, :, None] * inverse) @ B
-    square = mass.sum(axis=(1, 2))[:, None] * np.einsum("fij,fjk,fik->fi", A, mass, A)
+    square = mass.sum(axis=(1, 2))[:, None] * np.einsum("fij,fij->fi", A @ mass, A)
     integral = np.where(kept, np.einsum("fij,fj->fi", S, share), 1.0)
     weights = np.sqrt(np.maximum(square, 0.0)) / np.where(integral > 0, integral, np.nan)
     return A, S, np.where(kept, np.nan_to_num(weights, nan=np.inf), 0.0).max(axis=1)

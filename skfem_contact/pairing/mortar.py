@@ -138,7 +138,7 @@ def dual_mortar(
     D, area, normal = secondary_matrix(secondary, basis.share, owner)
     M, facet = primary_matrix(secondary, primary, moments, basis.A)
     of_secondary, of_primary = mortar_normals(secondary, primary, moments, basis.A, normal)
-    M = M + exchange
+    M = M if exchange is None else M + exchange
     paired = (area > 0) & ~shared_nodes(secondary, primary)
     sums = np.asarray(M.sum(axis=1), dtype=float).ravel()
     W_s, W_m = weights = divided(D, area, paired), divided(M, sums, paired)
@@ -149,10 +149,12 @@ def dual_mortar(
     change, smooth, bulge = bulged(secondary, primary, parts, apart, basis.A, normal, (sums, paired))
     least = least_gaps(pieces, np.asarray(basis.A.any(axis=2)), nearest_parts)
     gap = weighted_gaps(secondary, primary, normal, weights, change, least)
-    handed = np.zeros(len(paired), dtype=bool)
+    lonely = np.flatnonzero(~paired)
+    beside, nearest = overhang(secondary, primary, lonely, reach)
+    miss = np.zeros(len(paired))
+    miss[lonely], facet[lonely] = beside, nearest
     if supports is not None:
-        handed[secondary.facets[supports.rank != FREE]] = True
-    miss, nearest = overhang(secondary, primary, paired, handed, reach)
+        miss[secondary.facets[supports.rank != FREE]] = 0.0  # handed to others
     nominal = np.bincount(secondary.facets.ravel(), whole.ravel(), len(paired))
     return Pairing(
         points=secondary.points,
@@ -164,7 +166,7 @@ def dual_mortar(
         primary_weights=W_m,
         paired=paired,
         miss=miss,
-        facet=np.where(paired, facet, nearest),
+        facet=facet,
         secondary_normal=of_secondary,
         primary_normal=of_primary,
         primary_bulge=bulge,

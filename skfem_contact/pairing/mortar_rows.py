@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.normals import angle_between, unit
 from skfem_contact.bodies.surface import ContactSurface
@@ -27,7 +27,7 @@ from skfem_contact.pairing.node import gap_vectors
 from skfem_contact.pairing.pieces import Moments, Pieces
 from skfem_contact.pairing.supports import MET, Supports, without_multiplier
 from skfem_contact.pairing.thresholds import KINK, SAME_NORMAL, SHARE_KEPT, SPREAD
-from skfem_contact.pairing.vectors import dot, without_round_off
+from skfem_contact.pairing.vectors import assembled, dot, entries, summed, without_round_off
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
@@ -58,14 +58,14 @@ def facet_bases(
 
 def own_rows(
     secondary: ContactSurface, primary: ContactSurface, supports: Supports | None, basis: DualBasis
-) -> tuple[Array, csr_matrix]:
-    """S of the rows of the secondary, and what rule 2 of `supports` changes in ``M``.
+) -> tuple[Array, csr_matrix | None]:
+    """S of the rows of the secondary, and what rule 2 of `supports` changes in ``M``, if anything.
 
     Nodes held on both sides get their share back, with a row of node-to-segment contact.
     """
     shape = (len(secondary.points), len(primary.points))
     if supports is None:
-        return basis.S, csr_matrix(shape)
+        return basis.S, None
     nodes, owner = secondary.facets[supports.facet], basis.S.copy()
     S, share = basis.S[supports.facet], basis.share[supports.facet]
     own = np.einsum("hii->hi", S)
@@ -101,11 +101,10 @@ def secondary_matrix(
     data = ((S * share[:, None, :]).reshape(-1, k) @ rows).reshape(S.shape)
     facet, i, j = np.nonzero((S.reshape(-1, k) @ np.abs(rows)).reshape(S.shape))
     at = surface.facets[facet, i], surface.facets[facet, j]
-    D = csr_matrix((data[facet, i, j], at), shape=(m, m))
+    D = assembled(at, data[facet, i, j], (m, m))
     part = data.sum(axis=2)
     area = np.asarray(np.bincount(surface.facets.ravel(), part.ravel(), m), dtype=float)
-    total = np.zeros_like(surface.points)
-    np.add.at(total, surface.facets, part[:, :, None] * surface.facet_node_normals)
+    total = summed(surface.facets, part[:, :, None] * surface.facet_node_normals, m)
     return D, area, -node_directions(surface, total, area)
 
 
@@ -118,7 +117,7 @@ def primary_matrix(
     row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
     col = np.broadcast_to(primary.facets[f][:, None, :], data.shape)
     shape = (len(secondary.points), len(primary.points))
-    M = csr_matrix((data.ravel(), (row.ravel(), col.ravel())), shape=shape)
+    M = assembled((row.ravel(), col.ravel()), data.ravel(), shape)
     return M, main_facets(secondary, primary, e, f, moments.cross.sum(axis=2))
 
 
@@ -145,8 +144,7 @@ def mortar_normals(
     of_secondary, of_primary : ndarray, shape (m, d)
     """
     node, field = secondary.facets[moments.e], primary.facet_node_normals[moments.f]
-    total = np.zeros_like(own)
-    np.add.at(total, node, A[moments.e] @ moments.cross @ field)
+    total = summed(node, A[moments.e] @ moments.cross @ field, len(own))
     length = np.linalg.norm(total, axis=1, keepdims=True)
     there = length > SOLVED * length.max(initial=0.0)
     of_primary = np.where(there, total / np.where(there, length, 1.0), own)
@@ -169,12 +167,13 @@ def mortar_normals(
 
 def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:
     """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
-    rows = matrix.tocoo()
-    keep = paired[rows.row]
-    row, col = rows.row[keep], rows.col[keep]
-    out = csr_matrix((rows.data[keep] / by[row], (row, col)), shape=matrix.shape)
-    out.sum_duplicates()
-    return out
+    row, column, value = entries(matrix)
+    keep = paired[row]
+    row, start = (
+        row[keep],
+        np.concatenate([[0], np.cumsum(np.where(paired, np.diff(matrix.indptr), 0))]),
+    )
+    return csr_matrix((value[keep] / by[row], column[keep], start), shape=matrix.shape)
 
 
 def shared_nodes(secondary: ContactSurface, primary: ContactSurface) -> NDArray[np.bool_]:
@@ -197,12 +196,13 @@ def main_facets(
     part : ndarray, shape (p, k)
         Weights of the nodes of facet e over what it has in common with f.
     """
-    shape = (len(secondary.points), len(primary.facets))
-    node, opposite = secondary.facets[e].ravel(), np.repeat(f, part.shape[1])
-    parts = coo_matrix((part.ravel(), (node, opposite)), shape=shape).tocsr().tocoo()
-    facet = np.full(shape[0], -1)
-    order = np.argsort(parts.data, kind="stable")  # the last written is the largest
-    facet[parts.row[order]] = parts.col[order]
+    m, nf = len(secondary.points), len(primary.facets)
+    place = secondary.facets[e].ravel() * nf + np.repeat(f, part.shape[1])
+    pair, which = np.unique(place, return_inverse=True)
+    weight = np.bincount(which, part.ravel())
+    facet = np.full(m, -1)
+    pair = pair[np.argsort(weight, kind="stable")]  # the last written is the largest
+    facet[pair // nf] = pair % nf
     return facet
 
 
@@ -238,21 +238,14 @@ def weighted_gaps(
 def overhang(
     secondary: ContactSurface,
     primary: ContactSurface,
-    paired: NDArray[np.bool_],
-    handed: NDArray[np.bool_],
+    some: Index,
     reach: float | None,
 ) -> tuple[Array, Index]:
-    """How far points without a partner are beside the primary, across their normal [length].
-
-    And of which of its facets; -1 for those that are beside none, and where there is a partner. Points
-    that handed their multiplier on miss nothing.
-    """
-    miss, facet = np.zeros(len(paired)), np.full(len(paired), -1)
-    lonely = np.flatnonzero(~paired)
-    if len(lonely) == 0:
-        return miss, facet
+    """How far some points are beside the primary, across their normal [length], and of which facet."""
+    if not len(some):  # as usual
+        return np.zeros(0), some
     outside, inside = search_range(secondary, primary, reach)
-    points, normal = secondary.points[lonely], secondary.normals[lonely]
+    points, normal = secondary.points[some], secondary.normals[some]
     _, nearest = Tree(primary.points).query(points)
     away = primary.points[nearest] - points
     along = np.sum(away * normal, axis=1)
@@ -261,9 +254,7 @@ def overhang(
     beside = facing & (along <= outside) & (along >= -inside)
     facet_of = np.empty(len(primary.points), dtype=np.intp)
     facet_of[primary.facets] = np.arange(len(primary.facets))[:, None]
-    miss[lonely] = np.select([handed[lonely], beside], [0.0, across], np.inf)
-    facet[lonely] = np.where(beside, facet_of[nearest], -1)
-    return miss, facet
+    return np.where(beside, across, np.inf), np.where(beside, facet_of[nearest], -1)
 
 
 def least_gaps(pieces: Pieces, acts: Mask, smooth: Array | None = None) -> Array | None:

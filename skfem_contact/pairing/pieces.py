@@ -11,7 +11,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.normals import unit
 from skfem_contact.bodies.surface import ContactSurface
@@ -19,6 +18,7 @@ from skfem_contact.pairing.bulges import Bulges, Parts
 from skfem_contact.pairing.dual import positive_functions
 from skfem_contact.pairing.smooth import Place, curved_pairs
 from skfem_contact.pairing.thresholds import NO_WEIGHT
+from skfem_contact.pairing.vectors import summed
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -148,14 +148,10 @@ class Moments:
         p, k_other = len(e), pieces.primary.facets.shape[1]
         own, across = np.zeros((p, k * k)), np.zeros((p, k * k_other))
         for piece, points, weight in pieces.points():
-            add = csr_matrix(
-                (np.ones(len(piece)), (piece, np.arange(len(piece)))), shape=(p, len(piece))
-            )
             weighted = np.swapaxes(points.N * weight[..., None], 1, 2)
-            own += add @ (weighted @ points.N).reshape(len(piece), k * k)
-            across += add @ (weighted @ points.M).reshape(len(piece), k * k_other)
-        of_facet = csr_matrix((np.ones(p), (e, np.arange(p))), shape=(nf, p))
-        whole = np.asarray(of_facet @ own).reshape(nf, k, k)
+            own += summed(piece, (weighted @ points.N).reshape(len(piece), k * k), p)
+            across += summed(piece, (weighted @ points.M).reshape(len(piece), k * k_other), p)
+        whole = summed(e, own, nf).reshape(nf, k, k)
         return cls(e, f, whole, own.reshape(p, k, k), across.reshape(p, k, k_other))
 
 

@@ -66,14 +66,14 @@ def closest_candidates(
         return found
 
     def in_cone(point: Index, nodes: Nodes, sight: Array, distance: Array) -> Mask:
-        near = distance - nodes.radius
+        near, (axis, spread) = distance - nodes.radius, nodes.cones
         # the directions in which the ball is seen; everywhere from within
         parallax = np.arcsin(np.minimum(nodes.radius / np.maximum(distance, nodes.radius), 1.0))
-        turn = _turns(_directions(sight), nodes.axis)
-        limit = nodes.spread + parallax + MARGIN
+        turn = _turns(_directions(sight), axis)
+        limit = spread + parallax + MARGIN
         in_front = (turn <= limit) & (near <= outside)
         behind = (np.pi - turn <= limit) & (near <= inside)
-        faces = _turns(opposite[point], nodes.axis) <= nodes.spread + facing + MARGIN
+        faces = _turns(opposite[point], axis) <= spread + facing + MARGIN
         return faces & ((near <= 0) | in_front | behind)
 
     return tree.descend(len(points), in_sight)
@@ -83,21 +83,21 @@ def closest_candidates(
 class Nodes:
     """Nodes of the tree: balls around their facets, and cones of directions.
 
-    The closest points of the facets look along directions within `spread` of `axis` [rad], or exactly
-    opposite. ``centre`` is (n, d), `radius` and `spread` are (n,). Axes are angles (n,) in the plane,
-    in half the time of vectors, and unit vectors (n, 3) in space.
+    ``centre`` is (n, d), `radius` (n,). `cones` are axes and spreads: the closest points of the facets
+    look along directions within the spread (n,) of the axis [rad], or exactly opposite. Axes are angles
+    (n,) in the plane, in half the time of vectors, and unit vectors (n, 3) in space. A tree of balls
+    alone has no cones.
     """
 
     centre: Array
     radius: Array
-    axis: Array
-    spread: Array
+    cones: tuple[Array, ...] = ()
 
     def at(self, node: Index) -> Nodes:
         """These nodes, in this order."""
         # `take` gathers rows in a tenth of the time of an index
-        parts = (self.centre, self.radius, self.axis, self.spread)
-        return Nodes(*(part.take(node, axis=0) for part in parts))
+        cones = tuple(part.take(node, axis=0) for part in self.cones)
+        return Nodes(self.centre.take(node, axis=0), self.radius.take(node), cones)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,25 +108,31 @@ class FacetTree:
     order: Index | None
 
     @classmethod
-    def build(cls, surface: ContactSurface, count: int | None = None) -> FacetTree:
+    def build(cls, surface: ContactSurface, count: int | None = None, cones: bool = True) -> FacetTree:
         """Build the hierarchy over the facets of a surface, as high as `count` items need it.
 
         Where all nodes of a level can be asked about every item at once, levels above save nothing.
+        Without `cones` it knows of balls alone.
         """
         few = 1 if count is None else FEW_PAIRS / max(count, 1)
         lower, upper = _boxes(surface)
-        axis, spread, order = _directions(surface.facet_normals), _spreads(surface), None
+        order = None
+        seen: tuple[Array, ...] = ()
+        if cones:
+            seen = _directions(surface.facet_normals), _spreads(surface)
         if surface.dim == 3 and len(lower) > few:
             order = bisected(0.5 * (lower + upper))
-            lower, upper, axis, spread = (part[order] for part in (lower, upper, axis, spread))
-        levels = [Nodes(*_balls(lower, upper), axis, spread)]
+            lower, upper = lower[order], upper[order]
+            seen = tuple(part[order] for part in seen)
+        levels = [Nodes(*_balls(lower, upper), seen)]
         while len(lower) > max(few, 1):
             left = np.arange(0, len(lower), 2)
             right = np.minimum(left + 1, len(lower) - 1)
             lower = np.minimum(lower[left], lower[right])
             upper = np.maximum(upper[left], upper[right])
-            axis, spread = _merge(axis[left], spread[left], axis[right], spread[right])
-            levels.append(Nodes(*_balls(lower, upper), axis, spread))
+            if cones:
+                seen = _merge(*(part[some] for some in (left, right) for part in seen))
+            levels.append(Nodes(*_balls(lower, upper), seen))
         return cls(tuple(levels), order)
 
     def descend(
@@ -161,7 +167,10 @@ class FacetTree:
             item, node = np.repeat(item, 2), np.stack([2 * node, 2 * node + 1], axis=1).ravel()
             there = node < len(levels[level - 1].radius)
             item, node = item[there], node[there]
-            pieces = max(1, -(-len(item) // PAIRS_AT_ONCE))
+            if len(item) <= PAIRS_AT_ONCE:
+                stack.append((level - 1, item, node))
+                continue
+            pieces = -(-len(item) // PAIRS_AT_ONCE)
             stack.extend(
                 (level - 1, i, n)
                 for i, n in zip(np.array_split(item, pieces), np.array_split(node, pieces), strict=True)

@@ -128,17 +128,21 @@ def _candidates(
         Secondary and primary facets, ordered by both.
     """
     centre, radius = facet_balls(secondary)
-    ends = secondary.points[secondary.facets[:, :2]]
     along = turned(secondary.facet_node_normals[:, :2])
-    along = along / np.linalg.norm(along, axis=2, keepdims=True)
+    along /= sizes(along)[..., None]
+    # by the corner of a facet (2 e, 2 e + 1): where it is along its line of sight
+    along = along.reshape(-1, 2)
+    place = dot(secondary.points.take(secondary.facets[:, :2].ravel(), axis=0), along)
 
     def in_strip(e: Index, nodes: Nodes) -> Mask:
-        past_start = dot(nodes.centre - ends[e, 0], along[e, 0]) >= -nodes.radius
-        before_end = dot(nodes.centre - ends[e, 1], along[e, 1]) <= nodes.radius
-        distance = np.linalg.norm(nodes.centre - centre[e], axis=1)
+        start, end = 2 * e, 2 * e + 1
+        past_start = dot(nodes.centre, along.take(start, axis=0)) - place[start] >= -nodes.radius
+        before_end = dot(nodes.centre, along.take(end, axis=0)) - place[end] <= nodes.radius
+        distance = sizes(nodes.centre - centre.take(e, axis=0))
         return past_start & before_end & (distance <= reach + radius[e] + nodes.radius)
 
-    found = FacetTree.build(primary, len(secondary.facets)).descend(len(secondary.facets), in_strip)
+    tree = FacetTree.build(primary, len(secondary.facets), cones=False)
+    found = tree.descend(len(secondary.facets), in_strip)
     e, f = (np.concatenate(column) for column in zip(*found, strict=True))
     order = np.lexsort((f, e))
     return e[order], f[order]
@@ -170,9 +174,10 @@ def _segments(
     """Non-overlapping intervals ``(e, f, start, stop)`` of secondary facets under primary ones."""
     nodes = secondary.points[secondary.facets[e]]
     normals = secondary.facet_node_normals[e]
-    at_ends = np.moveaxis(primary.points[primary.facets[f, :2]], 1, 0)
-    ends = [_project(secondary.kind, nodes, normals, end) for end in at_ends]
-    start, stop = np.minimum(*ends), np.maximum(*ends)
+    first, last = (primary.points.take(node, axis=0) for node in primary.facets[f, :2].T)
+    both = (np.concatenate(pair) for pair in ((nodes, nodes), (normals, normals), (first, last)))
+    ends = _project(secondary.kind, *both).reshape(2, -1)
+    start, stop = ends.min(axis=0), ends.max(axis=0)  # a nan where either is
     found = stop - start > SLIVER  # False for nan
     e, f, start, stop = e[found], f[found], start[found], stop[found]
     # cut every interval at the ends of all intervals of the same secondary facet
@@ -214,10 +219,11 @@ def _project(kind: FacetKind, nodes: Array, normals: Array, y: Array) -> Array:
         return dot(away, along), slope
 
     everyone = np.arange(len(y))
-    before = lateral(np.zeros(len(y)), everyone)[0] <= 0
-    behind = lateral(np.ones(len(y)), everyone)[0] >= 0
+    first, last = (lateral(np.full(len(y), end), everyone)[0] for end in (0.0, 1.0))
+    before, behind = first <= 0, last >= 0
     xi = np.select([before & behind, before, behind], [np.nan, 0.0, 1.0], 0.5)
     at = np.flatnonzero(~before & ~behind)
+    xi[at] = first[at] / (first[at] - last[at])  # a secant: on straight facets it is all but there
     low, high = np.zeros(len(at)), np.ones(len(at))
     for _ in range(60):  # a bisection alone is at round-off by then; Newton mostly after 3
         now = xi[at]
@@ -268,7 +274,8 @@ def _meet(x: Array, normal: Array, nodes: Array) -> Array:
     surd = rising * np.sqrt(np.maximum(b**2 - 4 * a * c0, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         eta = np.where(b * surd > 0, -2 * c0 / (b + surd), (surd - b) / (2 * a))
-    return np.nan_to_num(eta, nan=0.5)
+    eta[np.isnan(eta)] = 0.5
+    return eta
 
 
 def _looks_at(primary: ContactSurface, points: Meeting) -> Mask:

@@ -80,10 +80,10 @@ class Supports:
 def find_supports(pieces: Pieces) -> Supports | None:
     """The held nodes of an interface; None where there are none."""
     secondary, primary = pieces.secondary, pieces.primary
+    if not secondary.held_nodes.any():
+        return None
     fixed: Mask = np.asarray(np.isin(secondary.dofs, secondary.body.D), dtype=bool)
     some: Mask = np.asarray(fixed.any(axis=1))
-    if not some.any():
-        return None
     met = np.unique(pieces.facets[0])
     facet = met[some[secondary.facets[met]].any(axis=1)]
     if not len(facet):

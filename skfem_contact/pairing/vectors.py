@@ -32,7 +32,22 @@ def ahead(v: Array, normal: Array) -> Array:
 
 def turned(v: Array) -> Array:
     """Vectors turned by +90 degrees: outward normals become the direction of travel."""
-    return np.stack([-v[..., 1], v[..., 0]], axis=-1)
+    out = np.empty_like(v)
+    np.negative(v[..., 1], out=out[..., 0])
+    out[..., 1] = v[..., 0]
+    return out
+
+
+def summed(place: Index, values: Array, count: int) -> Array:
+    """Sums of values (..., j) by their places (...), in their order, shape (count, j).
+
+    >>> summed(np.array([1, 1]), np.array([[1.0, 2.0], [3.0, 4.0]]), 2).tolist()
+    [[0.0, 0.0], [4.0, 6.0]]
+    """
+    j = values.shape[-1]
+    cell = place[..., None] * j + np.arange(j)
+    total = np.bincount(cell.ravel(), values.ravel(), count * j)
+    return np.asarray(total.reshape(count, j), dtype=np.float64)
 
 
 def ragged(start: Index, count: Index) -> Index:
@@ -51,8 +66,29 @@ def entries(weights: csr_matrix) -> tuple[Index, Index, Array]:
     >>> [part.tolist() for part in entries(csr_matrix([[0.0, 2.0], [3.0, 4.0]]))]
     [[0, 1, 1], [1, 0, 1], [2.0, 3.0, 4.0]]
     """
-    W = csr_matrix(weights)
+    W = weights if type(weights) is csr_matrix else csr_matrix(weights)  # SciPy's copy takes long
     return np.repeat(np.arange(W.shape[0]), np.diff(W.indptr)), W.indices, W.data
+
+
+def assembled(place: tuple[Index, Index], values: Array, shape: tuple[int, int]) -> csr_matrix:
+    """The matrix of entries at rows and columns, summed where one is met again; zeros are kept.
+
+    What SciPy makes of them, in half its time for the few entries of a contact.
+
+    >>> print(assembled((np.array([1, 0, 1]), np.array([2, 0, 2])), np.ones(3), (2, 3)).toarray())
+    [[1. 0. 0.]
+     [0. 0. 2.]]
+    """
+    row, column = place
+    cell = np.asarray(row, dtype=np.int64) * shape[1] + column
+    order = np.argsort(cell, kind="stable")
+    cell = cell.take(order)
+    first = np.flatnonzero(np.diff(cell, prepend=-1))
+    row, column = np.divmod(cell.take(first), shape[1])
+    start = np.searchsorted(row, np.arange(shape[0] + 1))
+    values = np.add.reduceat(values.take(order), first) if len(first) else np.zeros(0)
+    index = np.int32 if max(*shape, len(first)) <= np.iinfo(np.int32).max else np.int64
+    return csr_matrix((values, column.astype(index), start.astype(index)), shape=shape)
 
 
 def cross(a: Array, b: Array) -> Array:

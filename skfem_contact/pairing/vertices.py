@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
+# Cosine of the turn beyond which it is measured: less than that of any corner, round-off included.
+BENDS = CORNER + SOLVED
+
 
 @dataclass(frozen=True, eq=False)
 class Corners:
@@ -47,12 +50,15 @@ class Corners:
     def of(cls, surface: ContactSurface) -> Corners:
         """Find the sharp corners, and ends of any angle; none on a line of symmetry."""
         after = surface.neighbours[:, 1]
-        angle = np.arctan2(surface.own_normals[..., 1], surface.own_normals[..., 0])
-        bend = _wrap(angle[after, 0] - angle[:, 1])
-        inner = np.flatnonzero((after >= 0) & (bend > 0) & (np.cos(bend) < CORNER))
+        own = surface.own_normals
+        # angles only where the surface bends at all
+        inner = np.flatnonzero((after >= 0) & (dot(own[:, 1], own[:, 0].take(after, axis=0)) < BENDS))
+        bend = _wrap(_direction(own[after[inner], 0]) - _direction(own[inner, 1]))
+        sharp = (bend > 0) & (np.cos(bend) < CORNER)
+        inner, bend = inner[sharp], bend[sharp]
         f, side = np.nonzero((surface.neighbours < 0) & (surface.end_turns > 0))
         turn = surface.end_turns[f, side]
-        first = np.where(side == 1, angle[f, 1], angle[f, 0] - turn)
+        first = _direction(own[f, side]) - np.where(side == 1, 0.0, turn)
         # a node that may not leave the line that the surface ends at lies on a line of symmetry
         other = np.where(side == 1, first + turn, first)
         held = surface.held[surface.facets[f, side]]
@@ -63,8 +69,8 @@ class Corners:
         covered = np.concatenate([np.ones((len(inner), 2), bool), np.stack([side == 1, side == 0], 1)])
         return cls(
             node=node,
-            first=np.concatenate([angle[inner, 1], first]),
-            turn=np.concatenate([bend[inner], turn]),
+            first=np.concatenate([_direction(own[inner, 1]), first]),
+            turn=np.concatenate([bend, turn]),
             covered=covered,
             facet=np.concatenate([inner, f]),
         )
@@ -93,14 +99,16 @@ def meet(
 
     With `only_overlaps` those alone that lie in the other body by more than they touch it.
     """
+    lowest = np.where(corners.covered[:, 0], tilt, -SLACK)
+    highest = corners.turn - np.where(corners.covered[:, 1], tilt, -SLACK)
+    lean = lean_of(corners, np.arange(len(corners.node))[:, None], other, np.arange(len(other.facets)))
+    leans = (lean > lowest[:, None]) & (lean < highest[:, None])
+    if not leans.any():  # as on flat interfaces
+        return nothing(own.dim)
     met = closest(corners, own, other, limits, only_overlaps)
     if not len(met.corner):
         return met
-    corner = met.corner
-    lean = lean_of(corners, corner, other, met.facet)
-    lowest = np.where(corners.covered[corner, 0], tilt[corner], -SLACK)
-    highest = corners.turn[corner] - np.where(corners.covered[corner, 1], tilt[corner], -SLACK)
-    met = some(met, (lean > lowest) & (lean < highest))
+    met = some(met, leans[met.corner, met.facet])
     _, first = np.unique(met.corner, return_index=True)
     met = some(met, first)
     return some(met, met.gap < -COINCIDENT * other.lengths[met.facet]) if only_overlaps else met
@@ -121,7 +129,7 @@ def closest(
         corner, facet = corner[apart], facet[apart]
     x = own.points[corners.node[corner]]
     if only_overlaps and _all_outside(x, other, facet):
-        return Met(corner[:0], facet[:0], np.zeros((0, 2)), np.zeros((0, own.dim)), np.zeros(0))
+        return nothing(own.dim)
     feet = project(other, facet, x)
     apart, normal = x - feet.foot, interpolated_normals(other, facet, feet.xi)
     gap, distance = dot(apart, normal), sizes(apart)
@@ -170,12 +178,22 @@ def _candidates(points: Array, surface: ContactSurface) -> tuple[Index, Index]:
 
 def lean_of(corners: Corners, corner: Index, other: ContactSurface, facet: Index) -> Array:
     """Angle from the beginning of a corner's cone to the opposite of a facet's normal [rad]."""
-    normal = other.facet_normals[facet]
-    return _wrap(np.arctan2(-normal[:, 1], -normal[:, 0]) - corners.first[corner])
+    return _wrap(_direction(-other.facet_normals[facet]) - corners.first[corner])
+
+
+def nothing(d: int) -> Met:
+    """No corner that meets anything, in d dimensions."""
+    none = np.zeros(0, dtype=np.intp)
+    return Met(none, none, np.zeros((0, 2)), np.zeros((0, d)), np.zeros(0))
 
 
 def some(met: Met, chosen: Index | Mask) -> Met:
     return Met(*(getattr(met, name)[chosen] for name in ("corner", "facet", "shape", "normal", "gap")))
+
+
+def _direction(vectors: Array) -> Array:
+    """Angles of plane vectors (n, 2), (n,) [rad]."""
+    return np.asarray(np.arctan2(vectors[:, 1], vectors[:, 0]))
 
 
 def _wrap(angle: Array) -> Array:

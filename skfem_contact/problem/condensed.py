@@ -21,7 +21,7 @@ size is known before (`dense_bytes`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -33,7 +33,7 @@ from scipy.sparse import csr_matrix, diags
 from skfem_contact.arrays import block_diagonal
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.rows import columns_of, stacked_rows
+from skfem_contact.conditions.rows import columns_of, stacked_rows, with_columns
 from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.dense_factors import (
     DenseFactors,
@@ -92,6 +92,7 @@ class Condensed:
         self.kept_spans = slices(np.cumsum([0, *map(len, kept)]))
         self.P = block_diagonal([part.springs for part in self.substructures])
         self._split: dict[str, tuple[Array, list[Array]]] = {}
+        self._along: tuple[list[int], Array, Array] | None = None
 
     @cached_property
     def anchor_rows(self) -> csr_matrix:
@@ -116,6 +117,13 @@ class Condensed:
         ]
         return np.concatenate(pieces, axis=1)
 
+    def compliance(self, G: csr_matrix) -> Array:
+        """``G F G'`` for sparse rows over the contact DOFs, (r, n_c) -> (r, r)."""
+        W = np.zeros((G.shape[0], G.shape[0]))
+        for part, span in zip(self.substructures, self.kept_spans, strict=True):
+            delassus_compliance(W, columns_of(G, span), part.flexibility)
+        return W
+
     def components(self, f: Array, x: Array) -> tuple[Components | None, ...]:
         """What `recover` wants to know of loads: of each body, see `Substructure.components`."""
         parts = zip(self.substructures, self._parts("f", f), self._parts("x", x), strict=True)
@@ -133,10 +141,17 @@ class Condensed:
         parts = zip(self.substructures, self.spans, strict=True)
         return np.concatenate([part.load(f[span], x[span]) for part, span in parts])
 
-    def along(self, components: Sequence[Components]) -> Array:
-        """Loads on the contact DOFs that have one component, of all that there are, (n_c, k)."""
-        parts = zip(self.substructures, components, strict=True)
-        return block_diagonal([part.along(own) for part, own in parts])
+    def along(self, components: Sequence[Components]) -> tuple[Array, Array]:
+        """Loads on the contact DOFs that have one component, of all that there are, (n_c, k).
+
+        And the displacements of the contact DOFs under them: the same on every pairing.
+        """
+        counts, known = [len(c) for pair in components for c in pair], self._along
+        if known is None or known[0] != counts:
+            parts = zip(self.substructures, components, strict=True)
+            force = block_diagonal([part.along(own) for part, own in parts])
+            known = self._along = counts, force, self.flexibility(force)
+        return known[1:]
 
     def contact_dofs(self, source: Source) -> Array:
         """Displacements of the contact DOFs, (n_c,) or (n_c, r)."""
@@ -197,7 +212,7 @@ class PointProblem(OnContactDofs[Condensed]):
         self.q = q = B.shape[0]
         self.springs: Array | None = None
         try:
-            W = delassus_compliance(G, bodies.row_flexibility)
+            W = bodies.compliance(G)
             stable = all(part.definite for part in bodies.substructures)
             A = definite_inverse(W) if stable else indefinite_inverse(W)
         except LinAlgError:  # rows that depend on each other: corners, chains, tools that are held
@@ -222,7 +237,7 @@ class PointProblem(OnContactDofs[Condensed]):
         rows, slips, bodies = self.rows, self.slips, self.bodies
         self.springs = spring_compliance(rows, slips, lambda B: B.multiply(B) @ bodies.softness)
         self._give = self._on_rows(self.springs, self.springs[:, None])
-        W = delassus_compliance(self.G, bodies.row_flexibility)
+        W = bodies.compliance(self.G)
         W[np.diag_indices(self.q)] += self._give
         return definite_inverse(W, refuses=False)
 
@@ -248,18 +263,21 @@ class PointProblem(OnContactDofs[Condensed]):
             known = [c for pair in whole for c in pair]
             counts = [len(c) for c in known]
             if counts != self._counts:
-                self._counts, self._follows = counts, self._following(self.bodies.along(whole))
+                self._counts, self._follows = counts, self._following(*self.bodies.along(whole))
             found = self._follows.dot(np.concatenate(known))
         else:
-            found = self._following(self.bodies.load(case.f, case.x))
+            force = self.bodies.load(case.f, case.x)
+            found = self._following(force, self.bodies.flexibility(force))
         force, rest = found[: self.q], len(found) - len(self.bodies.columns)
         gap0, slip0 = self.constant(case)
         return Load(force, gap0, slip0, found[rest:], components, found[self.q : rest])
 
-    def _following(self, f_c: Array) -> Array:
-        """From loads on the contact DOFs, (n_c,) or (n_c, r): forces on gaps and slips, and changes
-        of gaps, slips and anchors; then the loads themselves."""
-        moved = self.G @ self.bodies.flexibility(f_c)
+    def _following(self, f_c: Array, u_c: Array) -> Array:
+        """Forces on gaps and slips, and changes of gaps, slips and anchors; then the loads themselves.
+
+        From loads on the contact DOFs, (n_c,) or (n_c, r), and the displacements that follow from them.
+        """
+        moved = self.G @ u_c
         # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
         force = self.space.S @ moved[: self.q] - self.A_zq @ self.rigid.solve(moved[self.q :])
         return np.concatenate([force, moved, f_c])
@@ -320,20 +338,27 @@ def dense_bytes(kept: Sequence[int], rows: int) -> int:
     return sum(8 * int(n) ** 2 for n in kept) + int(thresholds.PER_ROWS * 8 * rows**2)
 
 
-def delassus_compliance(G: csr_matrix, times_flexibility: Callable[[csr_matrix], Array]) -> Array:
-    """``G F G'``, by blocks of rows.
+def delassus_compliance(W: Array, G: csr_matrix, F: Array) -> None:
+    """Add ``G F G'`` of one body to W, by blocks of rows.
+
+    What slides over a long surface touches few of its DOFs: the rest of F is left out where that is
+    most of it.
 
     Parameters
     ----------
-    G : csr_matrix, shape (r, n_c)
-    times_flexibility : callable
-        Some of these rows times F.
+    W : ndarray, shape (r, r)
+    G : csr_matrix, shape (r, n)
+    F : ndarray, shape (n, n)
     """
-    W = np.empty((G.shape[0], G.shape[0]))
+    touched = np.zeros(len(F), dtype=bool)
+    touched[G.indices] = True
+    some = np.flatnonzero(touched)
+    if 2 * len(some) < len(F):
+        place = np.cumsum(touched) - 1
+        G, F = with_columns(G, place, len(some)), F[np.ix_(some, some)]
     for rows in blocks(len(W)):
-        some = G[rows] if rows.stop - rows.start < len(W) else G
-        W[:, rows] = G @ times_flexibility(some).T
-    return W
+        part = G[rows] if rows.stop - rows.start < len(W) else G
+        W[:, rows] += G @ (part @ F).T
 
 
 def indefinite_inverse(W: Array) -> Array:

@@ -266,7 +266,17 @@ class OnContactDofs(Posed, Generic[B]):
         self.bodies: B = bodies
         self.slips = bool(on.slipping.any())
         self.rows = without_columns(on.kin, bodies.columns)
-        self.prescribed = without_columns(on.kin, bodies.system.D)
+
+    @cached_property
+    def prescribed(self) -> Kinematics | None:
+        """The rows on prescribed DOFs; None where supports do not reach into the contact."""
+        system = self.bodies.system
+        held = np.zeros(system.n, dtype=bool)
+        held[system.D] = True
+        rows = [self.kin.B_n, self.kin.B_t] if self.slips else [self.kin.B_n]
+        if not any(held[B.indices].any() for B in rows):
+            return None
+        return without_columns(self.kin, system.D)
 
     @cached_property
     def onto_dofs(self) -> tuple[csc_matrix, csc_matrix]:
@@ -294,11 +304,14 @@ class OnContactDofs(Posed, Generic[B]):
     def constant(self, case: LoadCase) -> tuple[Array, Array]:
         """Initial gaps and slips with what prescribed displacements add."""
         gap0, slip0 = case.gap0, case.slip0
-        if self.prescribed.B_n.nnz:  # only where supports reach into the contact
-            gap0 = gap0 + self.prescribed.B_n @ case.x[self.bodies.system.D]
-        if self.slips and self.prescribed.B_t.nnz:
-            moved = self.prescribed.B_t @ case.x[self.bodies.system.D]
-            slip0 = slip0 + moved.reshape(slip0.shape)
+        known = self.prescribed
+        if known is None:
+            return gap0, slip0
+        x = case.x[self.bodies.system.D]
+        if known.B_n.nnz:
+            gap0 = gap0 + known.B_n @ x
+        if self.slips and known.B_t.nnz:
+            slip0 = slip0 + (known.B_t @ x).reshape(slip0.shape)
         return gap0, slip0
 
     def surface(self, source: Source, case: LoadCase) -> Array:

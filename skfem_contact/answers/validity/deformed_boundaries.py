@@ -125,6 +125,12 @@ class Boundary:
         middle = self.corners.mean(axis=1)
         return Tree(middle), float(np.linalg.norm(self.corners - middle[:, None], axis=2).max())
 
+    def beside(self, points: Array, length: float) -> Mask:
+        """Which points one simplex alone shows to be no farther from the boundary, shape (p,)."""
+        tree, _ = self._tree
+        nearest, first = tree.query(points)
+        return np.asarray(np.minimum(_to_simplices(points, self.corners[first]), nearest) <= length)
+
     def distance(self, points: Array) -> Array:
         """Distances of points from the boundary, shape (p,) [length]."""
         tree, radius = self._tree

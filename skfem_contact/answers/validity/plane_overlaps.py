@@ -72,14 +72,18 @@ class PlaneOverlaps:
         found = {}
         for i in self.looked:
             added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
-            depth = self._deepest(i, parts, np.nan_to_num(added))
             # the bound of `ContactValidity.excess`, with what is known of the approach
-            if depth > self.chords[i] + OVERLAP * drifts[i].approach:
+            bound = self.chords[i] + OVERLAP * drifts[i].approach
+            depth = self._deepest(i, parts, np.nan_to_num(added), bound)
+            if depth > bound:
                 found[i] = depth
         return found
 
-    def _deepest(self, i: int, parts: dict[int, Array], added: Array) -> float:
-        """How deep points of each surface lie in the other body, less what the user `added` (m,)."""
+    def _deepest(self, i: int, parts: dict[int, Array], added: Array, bound: float) -> float:
+        """How deep points of each surface lie in the other body, less what the user `added` (m,).
+
+        Zero where that is no more than a bound.
+        """
         sides = _sides(self.contacts[i])
         numbers = [self.system.index(side.body) for side in sides]
         nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
@@ -96,6 +100,8 @@ class PlaneOverlaps:
             if not len(points):
                 continue
             boundary = body.at(places)
+            # in contact nearly all are next to it, and neither how deep nor whether inside matters
+            points = points[~boundary.beside(points, bound + float(np.min(added, initial=0.0)))]
             points = points[boundary.inside(points)]
             if not len(points):
                 continue
