@@ -17,8 +17,14 @@ from statuses import OPEN, STICK
 
 import skfem_contact as sc
 from skfem_contact.answers import answer_of
-from skfem_contact.problem import Conditions, FullProblem, IteratedProblem, PointProblem, Substructure
-from skfem_contact.problem.condensed import delassus_compliance
+from skfem_contact.problem import (
+    Conditions,
+    FullProblem,
+    IteratedProblem,
+    PointProblem,
+    Substructure,
+    delassus_compliance,
+)
 
 MESH = {"Q1": (fem.MeshQuad, fem.ElementQuad1), "P1": (fem.MeshTri, fem.ElementTriP1)}
 

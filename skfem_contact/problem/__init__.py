@@ -19,7 +19,7 @@ __getattr__ = entrances(
     __name__,
     {
         "choice": "Choice",
-        "condensed": "Condensed PointProblem definite_inverse",
+        "condensed": "Condensed PointProblem definite_inverse delassus_compliance",
         "full": "FullProblem FullSystem",
         "iterated": "IteratedBodies IteratedProblem MultigridBodies MultigridProblem",
         "points": "PointSpace PointsInSeries Reduction",
