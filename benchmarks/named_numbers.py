@@ -54,6 +54,30 @@ class Number:
         return f"{parts[1]}.{self.name}"
 
 
+# What decides nothing in the answer: how much is worked on or kept at a time, what is drawn and said, and
+# names of kinds that happen to be numbers.
+TIME = {
+    *"FEW_PAIRS BLOCK LEAF MOST_TWINS MOST_DIRECTIONS KEPT_BESIDE PER_ROWS FACTORS_2D FACTORS_3D".split(),
+    *"SPARE FEWEST FEW_MODES FEW SOON LATER PATIENT RECOVERED_AT_ONCE LAYERS".split(),
+    *"problem.SHARE problem.SURPLUS petsc.SURPLUS petsc.AGAIN".split(),
+}
+WORDS = {"NAMED", "NOT_NAMED", "MOST_ROWS", "elimination.SHOWN"}
+KINDS = set("OPEN STICK SLIP AFFINE PART SKEW FREE HELD MET SOLUTION ELIMINATED FORMAT".split())
+DATA = {"GAUSS", "NONE", "NO_ROW", "TRUE", "MIRRORED", "WIDTHS", "ROUNDING"}
+
+
+def use(number: Number) -> str:
+    """What a number is for: it decides, or it is one of time and memory, words, kinds or data."""
+    mine = {number.name, number.key}
+    if (mine & KINDS and number.key != "problem.SKEW") or mine & DATA:
+        return "kind or constant"
+    if mine & TIME or "_AT_ONCE" in number.name:
+        return "time and memory"
+    if mine & WORDS or number.key.startswith("output."):
+        return "words and pictures"
+    return "decides"
+
+
 # -- what there is --------------------------------------------------------------------------------
 
 
@@ -108,7 +132,9 @@ def functions(code: types.CodeType) -> Iterator[types.CodeType]:
 def named_numbers() -> list[Number]:
     """All of them, with the functions that use them by their name."""
     found: dict[tuple[str, str], Number] = {}
-    sources = {file: file.read_text(encoding="utf-8") for file in sorted((ROOT / PACKAGE).rglob("*.py"))}
+    sources = {
+        file: file.read_text(encoding="utf-8") for file in sorted((ROOT / PACKAGE).rglob("*.py"))
+    }
     for file, source in sources.items():
         module = ".".join(file.relative_to(ROOT).with_suffix("").parts)
         for name, expression, line in assigned(ast.parse(source)):
@@ -124,7 +150,9 @@ def named_numbers() -> list[Number]:
                 inside = f"{module.rpartition('.')[0]}.thresholds"  # thresholds.NAME
                 owner = found.get(known.get(name, (inside, name)))
                 if owner:
-                    owner.users.add((str(file.relative_to(ROOT)), function.co_firstlineno, function.co_name))
+                    owner.users.add(
+                        (str(file.relative_to(ROOT)), function.co_firstlineno, function.co_name)
+                    )
     return list(found.values())
 
 
@@ -146,7 +174,9 @@ class Reach:
 
     def __init__(self, wanted: set[Function], seconds: float) -> None:
         # by file and line, as lambdas and comprehensions have one name
-        self.wanted = {(str(ROOT / file), line, name): f"{file}:{line}:{name}" for file, line, name in wanted}
+        self.wanted = {
+            (str(ROOT / file), line, name): f"{file}:{line}:{name}" for file, line, name in wanted
+        }
         self.tests: dict[str, tuple[float, list[str]]] = {}
         self.until = time.process_time() + seconds
 
@@ -191,7 +221,19 @@ def reach(files: list[str], seconds: float) -> None:
         if pid == 0:
             os.environ.get("LOUD") or quiet()
             plugin = Reach(wanted, seconds)
-            pytest.main([file, "-q", "-p", "no:cacheprovider", "-p", "no:faulthandler", "-W", "ignore::pytest.PytestAssertRewriteWarning"], plugins=[plugin])
+            pytest.main(
+                [
+                    file,
+                    "-q",
+                    "-p",
+                    "no:cacheprovider",
+                    "-p",
+                    "no:faulthandler",
+                    "-W",
+                    "ignore::pytest.PytestAssertRewriteWarning",
+                ],
+                plugins=[plugin],
+            )
             kept.write_text(json.dumps(plugin.tests), encoding="utf-8")
             os._exit(0)
         os.waitpid(pid, 0)
@@ -261,10 +303,10 @@ def from_there(module: types.ModuleType, home: str) -> set[str]:
 
 def chosen(number: Number, tests: dict[str, tuple[float, list[str]]], seconds: float) -> list[str]:
     """Tests that reach the number, of each file the quickest first, of which all take so many seconds."""
-    users = {f"{file}:{line}:{name}" for file, line, name in number.users}
+    users = {(file, name) for file, _, name in number.users}  # lines may have moved since
     rows = defaultdict(list)
     for test, (took, reached) in tests.items():
-        if users & set(reached):
+        if any((at.split(":")[0], at.split(":")[2]) in users for at in reached):
             rows[test.partition("::")[0]].append((took, test))
     ranked = sorted((place, *entry) for row in rows.values() for place, entry in enumerate(sorted(row)))
     found, total = [], 0.0
@@ -281,7 +323,12 @@ class Changes:
     def __init__(self, numbers: list[Number], seconds: float, part: int, parts: int) -> None:
         self.numbers, self.seconds = numbers[part::parts], seconds
         self.kept = REACHED / f"changes-{part}.json"
-        self.tests = {t: v for f in REACHED.glob("tests+*.json") if f.stat().st_size for t, v in json.loads(f.read_text()).items()}
+        self.tests = {
+            t: v
+            for f in REACHED.glob("tests+*.json")
+            if f.stat().st_size
+            for t, v in json.loads(f.read_text()).items()
+        }
 
     def pytest_runtestloop(self, session: Any) -> bool:
         """All numbers in turn; what is found is stored on the way."""
@@ -333,19 +380,29 @@ def change(numbers: list[Number], seconds: float, part: int, parts: int) -> None
     import_all()
     plugin = Changes(numbers, seconds, part, parts)
     files = sorted({test.partition("::")[0] for test in plugin.tests})
-    pytest.main([*files, "-q", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"], plugins=[plugin])
+    pytest.main(
+        [*files, "-q", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"],
+        plugins=[plugin],
+    )
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--reach", nargs="*")
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--only", nargs="*", help="package.NAME, or package")
     parser.add_argument("--part", type=int, nargs=2, default=(0, 1), help="which of how many processes")
     given = parser.parse_args()
     if given.reach is not None:
-        reach(given.reach or [str(f.relative_to(ROOT)) for f in sorted((ROOT / "tests").glob("test_*.py"))], given.seconds)
+        reach(
+            given.reach
+            or [str(f.relative_to(ROOT)) for f in sorted((ROOT / "tests").glob("test_*.py"))],
+            given.seconds,
+        )
     else:
-        wanted = given.only or []
-        every = [n for n in named_numbers() if not wanted or n.key in wanted or n.key.partition(".")[0] in wanted]
-        change(every, given.seconds, *given.part)
+        every = [number for number in named_numbers() if use(number) == "decides"]
+        order = given.only or ["all"]
+        some = [n for w in order for n in every if w in ("all", n.key, n.key.partition(".")[0])]
+        change(some, given.seconds, *given.part)

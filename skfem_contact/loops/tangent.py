@@ -24,14 +24,9 @@ from skfem_contact.arrays import lengths
 from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
-from skfem_contact.digits import GIVEN
+from skfem_contact.digits import DECIMALS, GIVEN
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import (
-    BETWEEN,
-    DIGITS_ALIKE,
-    FIRMLY,
-    ROUNDED,
-)
+from skfem_contact.loops.thresholds import BETWEEN, FIRMLY, ROUNDED
 from skfem_contact.problem.response import Conditions, odd_round_off
 from skfem_contact.records import dataclass
 
@@ -198,7 +193,7 @@ def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> NDArray[np.
     `known`: what values are uncertain by, however small they are.
     """
     chosen = np.flatnonzero(mask & step.paired)
-    largest = max(float(np.max(np.abs(value[chosen]), initial=0.0)), known * 10**DIGITS_ALIKE)
+    largest = max(float(np.max(np.abs(value[chosen]), initial=0.0)), known * 10**DECIMALS)
     share = value[chosen] / largest if largest > 0 else value[chosen]
-    alike = np.floor(share * 10.0**DIGITS_ALIKE + BETWEEN)
+    alike = np.floor(share * 10.0**DECIMALS + BETWEEN)
     return chosen[np.lexsort((step.rank[chosen], alike))]

@@ -30,10 +30,11 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.pieces import Meeting, Pieces
 from skfem_contact.pairing.search import FacetTree, Nodes, facet_balls
-from skfem_contact.pairing.thresholds import BISECTION_DONE, FACING, NEWTON_DONE, SLIVER
+from skfem_contact.pairing.thresholds import BISECTION_DONE, FACING
 from skfem_contact.pairing.vectors import dot, ragged, turned
 from skfem_contact.records import dataclass
 
@@ -173,7 +174,7 @@ def _segments(
     at_ends = np.moveaxis(primary.points[primary.facets[f, :2]], 1, 0)
     ends = [_project(secondary.kind, nodes, normals, end) for end in at_ends]
     start, stop = np.minimum(*ends), np.maximum(*ends)
-    found = stop - start > SLIVER  # False for nan
+    found = stop - start > SOLVED  # False for nan
     e, f, start, stop = e[found], f[found], start[found], stop[found]
     # cut every interval at the ends of all intervals of the same secondary facet
     facet, cut = np.concatenate([e, e]), np.concatenate([start, stop])
@@ -194,7 +195,7 @@ def _segments(
     chosen = np.zeros(len(closest), dtype=bool)
     chosen[closest] = first
     near = (gap <= limits[0]) & (gap >= -limits[1])
-    valid = chosen & (stop - start > SLIVER) & facing & near
+    valid = chosen & (stop - start > SOLVED) & facing & near
     return e[valid], f[valid], start[valid], stop[valid]
 
 
@@ -228,7 +229,7 @@ def _project(kind: FacetKind, nodes: Array, normals: Array, y: Array) -> Array:
         new = np.where(newton, new, 0.5 * (low + high))
         xi[at] = new
         # Newton squares its error; to wait until nothing moves is to watch round-off
-        moving = np.abs(new - now) > np.where(newton, NEWTON_DONE, BISECTION_DONE)
+        moving = np.abs(new - now) > np.where(newton, SOLVED, BISECTION_DONE)
         at, low, high = at[moving], low[moving], high[moving]
         if not len(at):
             break
