@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import gc
 import importlib
 import json
 import os
@@ -314,7 +315,7 @@ def chosen(number: Number, tests: dict[str, tuple[float, list[str]]], seconds: f
         if total + took <= seconds:
             total += took
             found.append(test)
-    return found
+    return sorted(found)
 
 
 class Changes:
@@ -333,8 +334,10 @@ class Changes:
     def pytest_runtestloop(self, session: Any) -> bool:
         """All numbers in turn; what is found is stored on the way."""
         items = {item.nodeid: item for item in session.items}
-        tests = {name: value for name, value in self.tests.items() if name in items}
+        tests = {n: v for n, v in self.tests.items() if n in items and "test_threads" not in n}
         found: dict[str, Any] = json.loads(self.kept.read_text()) if self.kept.exists() else {}
+        gc.collect()
+        gc.freeze()  # what tests collect is then small
         for number in self.numbers:
             names = chosen(number, tests, self.seconds)
             row = found.setdefault(number.key, {})

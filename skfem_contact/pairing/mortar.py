@@ -35,7 +35,6 @@ from numpy.typing import NDArray
 
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import bulged
 from skfem_contact.pairing.face_segmentation import segment as segment_faces
@@ -55,6 +54,7 @@ from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.pieces import Moments, Pieces, bulges_of, whole_shares
 from skfem_contact.pairing.segmentation import segment as segment_curves
 from skfem_contact.pairing.supports import FREE, find_supports, slip_rows
+from skfem_contact.pairing.thresholds import NO_WEIGHT
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -144,7 +144,7 @@ def dual_mortar(
     sums = np.asarray(M.sum(axis=1), dtype=float).ravel()
     W_s, W_m = weights = divided(D, area, paired), divided(M, sums, paired)
     for W in weights:
-        W.data[np.abs(W.data) < COMPUTED] = 0.0
+        W.data[np.abs(W.data) < NO_WEIGHT] = 0.0
     W_m.eliminate_zeros()  # those of the secondary name the heirs
     parts, apart, nearest_parts = bulges_of(pieces, moments)
     change, smooth, bulge = bulged(secondary, primary, parts, apart, basis.A, normal, (sums, paired))

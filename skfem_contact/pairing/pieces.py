@@ -15,10 +15,10 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.normals import unit
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.bulges import Bulges, Parts
 from skfem_contact.pairing.dual import positive_functions
 from skfem_contact.pairing.smooth import Place, curved_pairs
+from skfem_contact.pairing.thresholds import NO_WEIGHT
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -175,7 +175,7 @@ def whole_shares(surface: ContactSurface) -> Array:
         area = area * surface.body.measure(np.moveaxis(np.tensordot(N, nodes, (1, 1)), -1, 0))
     tests = N @ positive_functions(kind).T
     whole, plain = area.T @ tests, np.outer(area.sum(axis=0), positive_functions(kind) @ kind.shares)
-    return np.asarray(np.where(whole > COMPUTED * plain, whole, plain))
+    return np.asarray(np.where(whole > NO_WEIGHT * plain, whole, plain))
 
 
 def bulges_of(pieces: Pieces, moments: Moments) -> tuple[Parts, tuple[Index, Array], Array]:

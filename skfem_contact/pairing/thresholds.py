@@ -97,6 +97,11 @@ NO_NORMAL = 1e-3
 # not that of an elastic body there.
 ALONG = 0.5
 
+# -- mortar ------------------------------------------------------
+
+# Weights of a row (their sum is 1) below this are round-off of biorthogonality.
+NO_WEIGHT = 1e-14
+
 # -- search ------------------------------------------------------
 
 # Pairs (item, node of the tree) worked on at once; bounds the memory at some 100 bytes for each.
