@@ -1,12 +1,12 @@
 """The named numbers of the library, each doubled and halved: which test notices it?
 
-    python benchmarks/named_numbers.py --reach [FILE ...]    which tests reach the functions with numbers
-    python benchmarks/named_numbers.py [--only NAME ...] [--seconds S]    double and halve, quickest tests first
-    python benchmarks/named_numbers.py --write               docs/numbers.md from what is stored
+    python benchmarks/named_numbers.py --reach [FILE ...]   which tests reach functions with numbers
+    python benchmarks/named_numbers.py [--only NAME ...]    double and halve, quickest tests first
+    python benchmarks/named_numbers.py --write              docs/numbers.md from what is stored
 
-A number is a name in capitals to which a module assigns a number (or several of them). It is replaced in
-every module that has it, and what modules compute from it when they are imported is computed anew. Tests
-run in a fork of a process that has imported all of the library, until one fails or the time is up.
+A number is a name in capitals to which a module assigns a number (or several of them). It is replaced
+in every module that has it, and what modules compute from it when they are imported is computed anew.
+Tests run in a fork of a process that has imported the library, until one fails or the time is up.
 Stores `benchmarks/results/named_numbers.json`; which tests reach a function is kept in a file of the
 system's temporary directory, as it is large and soon made again. Needs `os.fork`.
 """
@@ -55,23 +55,33 @@ class Number:
         return f"{parts[1]}.{self.name}"
 
 
-# What decides nothing in the answer: how much is worked on or kept at a time, what is drawn and said, and
-# names of kinds that happen to be numbers.
+# What decides nothing in the answer: how much is worked on or kept at a time, what is drawn and said,
+# and constants of formulas and of other programs.
 TIME = {
-    *"FEW_PAIRS BLOCK LEAF MOST_TWINS MOST_DIRECTIONS KEPT_BESIDE PER_ROWS FACTORS_2D FACTORS_3D".split(),
-    *"SPARE FEWEST FEW_MODES FEW SOON LATER PATIENT RECOVERED_AT_ONCE LAYERS".split(),
-    *"problem.SHARE problem.SURPLUS petsc.SURPLUS petsc.AGAIN".split(),
+    *("FEW_PAIRS", "BLOCK", "LEAF", "MOST_TWINS", "MOST_DIRECTIONS", "KEPT_BESIDE", "PER_ROWS"),
+    *("FACTORS_2D", "FACTORS_3D", "SPARE", "FEWEST", "FEW_MODES", "FEW", "SOON", "LATER", "PATIENT"),
+    *("LAYERS", "problem.SHARE", "problem.SURPLUS", "petsc.SURPLUS", "petsc.AGAIN"),
 }
 WORDS = {"NAMED", "NOT_NAMED", "MOST_ROWS", "elimination.SHOWN"}
-KINDS = set("OPEN STICK SLIP AFFINE PART SKEW FREE HELD MET SOLUTION ELIMINATED FORMAT".split())
-DATA = {"GAUSS", "NONE", "NO_ROW", "TRUE", "MIRRORED", "WIDTHS", "ROUNDING"}
+CONSTANTS = {
+    "SOLUTION",
+    "ELIMINATED",
+    "FORMAT",
+    "GAUSS",
+    "NONE",
+    "NO_ROW",
+    "TRUE",
+    "MIRRORED",
+    "WIDTHS",
+    "ROUNDING",
+}
 
 
 def use(number: Number) -> str:
-    """What a number is for: it decides, or it is one of time and memory, words, kinds or data."""
+    """What a number is for: it decides, or it is one of time and memory, of words, or a constant."""
     mine = {number.name, number.key}
-    if (mine & KINDS and number.key != "problem.SKEW") or mine & DATA:
-        return "kind or constant"
+    if mine & CONSTANTS:
+        return "constant"
     if mine & TIME or "_AT_ONCE" in number.name:
         return "time and memory"
     if mine & WORDS or number.key.startswith("output."):
@@ -171,7 +181,7 @@ def imported(tree: ast.Module) -> dict[str, tuple[str, str]]:
 
 
 class Reach:
-    """A plugin of pytest that notes the functions with numbers which each test reaches, and its time."""
+    """A plugin of pytest that notes the functions with numbers that each test reaches, and its time."""
 
     def __init__(self, wanted: set[Function], seconds: float) -> None:
         # by file and line, as lambdas and comprehensions have one name
@@ -263,18 +273,18 @@ def quiet() -> None:
 
 
 def changed(expression: str, value: Any, factor: float) -> Any:
-    """Another value: of `1 - x` it is x that is doubled or halved; of several, all; and whole ones stay whole."""
+    """Another value: of `1 - x` it is x that changes; of several, all; and whole ones stay whole."""
     if isinstance(value, tuple):
         return tuple(changed("", entry, factor) for entry in value)
     if isinstance(value, int):
         return int(value * factor)
-    if expression.startswith("1 - ") or expression.startswith("1.0 - "):
+    if expression.startswith(("1 - ", "1.0 - ")):
         return 1.0 - factor * (1.0 - value)
     return value * factor
 
 
 def replace(number: Number, factor: float) -> None:
-    """The other value in all modules that have the number, tests included, and in what follows from it."""
+    """The other value in all modules that have the number, tests included, and what follows from it."""
     old = vars(sys.modules[number.module])[number.name]
     put(number.module, number.name, changed(number.value, old, factor))
 
@@ -303,7 +313,7 @@ def from_there(module: types.ModuleType, home: str) -> set[str]:
 
 
 def chosen(number: Number, tests: dict[str, tuple[float, list[str]]], seconds: float) -> list[str]:
-    """Tests that reach the number, of each file the quickest first, of which all take so many seconds."""
+    """Tests that reach the number, of each file the quickest first, for so many seconds in all."""
     users = {(file, name) for file, _, name in number.users}  # lines may have moved since
     rows = defaultdict(list)
     for test, (took, reached) in tests.items():
@@ -319,7 +329,7 @@ def chosen(number: Number, tests: dict[str, tuple[float, list[str]]], seconds: f
 
 
 class Changes:
-    """A plugin of pytest that runs, for each number, the tests that reach it, in a fork that changes it."""
+    """A plugin of pytest that runs for each number the tests that reach it, in forks that change it."""
 
     def __init__(self, numbers: list[Number], seconds: float, part: int, parts: int) -> None:
         self.numbers, self.seconds = numbers[part::parts], seconds
@@ -349,7 +359,7 @@ class Changes:
         return True
 
     def forked(self, number: Number, factor: float, items: list[Any]) -> str | None:
-        """The first test that fails in a fork with the changed number, "time" if it does not end, or None."""
+        """The first test that fails in a fork with the changed number, "time" if none ends, or None."""
         read, write = os.pipe()
         pid = os.fork()
         if pid == 0:
@@ -389,6 +399,57 @@ def change(numbers: list[Number], seconds: float, part: int, parts: int) -> None
     )
 
 
+# -- the list -------------------------------------------------------------------------------------
+
+
+def store() -> None:
+    """Puts what all processes found into the file of the repository, and drops names that are gone."""
+    known = {number.key for number in named_numbers()}
+    found = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
+    for part in sorted(REACHED.glob("changes-*.json")):
+        for key, row in json.loads(part.read_text(encoding="utf-8")).items():
+            found[key] = {**found.get(key, {}), **{k: v for k, v in row.items() if v is not None}}
+    found = {key: found[key] for key in sorted(known & set(found))}
+    STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+def noticed(row: dict[str, Any] | None) -> str:
+    """The words of the list about who notices a change."""
+    if not row or not row.get("tests"):
+        return "not asked"
+    told = []
+    for factor in FACTORS:
+        test = str(row.get(factor) or "none")
+        told.append("no end" if test == "time" else test.removeprefix("tests/").partition("[")[0])
+    return told[0] if told[0] == told[1] else f"{told[0]}; {told[1]}"
+
+
+def page() -> str:
+    """The page of developers with all numbers."""
+    stored = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
+    rows = defaultdict(list)
+    for number in sorted(named_numbers(), key=lambda n: (n.key.partition(".")[0], n.name)):
+        who = noticed(stored.get(number.key)) if use(number) == "decides" else f"({use(number)})"
+        cells = (number.name, number.value, number.reason, who)
+        line = " | ".join(cell.replace("|", "\\|").replace("*", "\\*") for cell in cells)
+        rows[number.key.partition(".")[0]].append(f"| {line} |")
+    found = [HEAD]
+    for package, lines in rows.items():
+        head = ["| name | value | reason | test that fails: doubled; halved |", "|---|---|---|---|"]
+        found += [f"## {package}", "\n".join([*head, *lines])]
+    return "\n\n".join(found) + "\n"
+
+
+HEAD = """# Named numbers
+
+Every name of the library to which a module assigns a number, with the comment above it. A number that
+decides is doubled and halved by `benchmarks/named_numbers.py`: the last column has the first of the
+tests asked that fails then. "none" means that none of those asked does (the quickest, a few seconds for
+each number), "not asked" that it has not been tried. Numbers that trade time for memory, those of words
+and pictures, and constants decide nothing in the answer. This page is made by
+`python benchmarks/named_numbers.py --write`."""
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -397,8 +458,12 @@ if __name__ == "__main__":
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--only", nargs="*", help="package.NAME, or package")
     parser.add_argument("--part", type=int, nargs=2, default=(0, 1), help="which of how many processes")
+    parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
-    if given.reach is not None:
+    if given.write:
+        store()
+        (ROOT / "docs" / "numbers.md").write_text(page(), encoding="utf-8")
+    elif given.reach is not None:
         reach(
             given.reach
             or [str(f.relative_to(ROOT)) for f in sorted((ROOT / "tests").glob("test_*.py"))],
