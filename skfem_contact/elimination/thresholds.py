@@ -12,8 +12,7 @@ SHOWN = 4
 # An entry counts as a pivot if it is at least this part of the largest one: the coefficients of T
 # are quotients by the pivot, so that a looser rule would cost more than one digit and spoil the
 # condition of T'KT; a stricter one would leave the secondary side already at a normal 80 degrees
-# off the only free direction, and couple rows for no gain. A node moves along a direction if its free
-# components are this part of it at least.
+# off the only free direction, and couple rows for no gain.
 WORTH_PIVOTING = 0.1
 
 # Proposed pivots of a block are taken as they are if its smallest singular value exceeds this

@@ -121,6 +121,10 @@ BISECTION_DONE = 1e-15
 
 # -- supports ----------------------------------------------------
 
+# A node moves along a direction if its free components are this part of it at least, as in
+# `pivoting`: at a roller this is a direction 84 degrees off the free one.
+SHARE_FREE = 0.1
+
 # A surface moves at a point if nodes that move have this part of the weights there. To close a gap by
 # less is to tear the body: a node next to a clamped one, with a fifth of the weight, by five times
 # the gap, and the force is 30 times too large.
