@@ -1,12 +1,13 @@
 """The named numbers of the library, each doubled and halved: which test notices it?
 
     python benchmarks/named_numbers.py --reach [FILE ...]   which tests reach functions with numbers
-    python benchmarks/named_numbers.py [--only NAME ...]    double and halve, quickest tests first
+    python benchmarks/named_numbers.py [--only NAME ...] [--tests FILE ...]    double and halve
     python benchmarks/named_numbers.py --write              docs/numbers.md from what is stored
 
 A number is a name in capitals to which a module assigns a number (or several of them). It is replaced
 in every module that has it, and what modules compute from it when they are imported is computed anew.
-Tests run in a fork of a process that has imported the library, until one fails or the time is up.
+Tests run in a fork of a process that has imported the library, until one fails or the time is up:
+those of some files, or the quickest that reach the number.
 Stores `benchmarks/results/named_numbers.json`; which tests reach a function is kept in a file of the
 system's temporary directory, as it is large and soon made again. Needs `os.fork`.
 """
@@ -331,7 +332,10 @@ def chosen(number: Number, tests: dict[str, tuple[float, list[str]]], seconds: f
 class Changes:
     """A plugin of pytest that runs for each number the tests that reach it, in forks that change it."""
 
-    def __init__(self, numbers: list[Number], seconds: float, part: int, parts: int) -> None:
+    def __init__(
+        self, numbers: list[Number], seconds: float, part: int, parts: int, files: list[str]
+    ) -> None:
+        self.files = files  # all of whose tests are asked, whatever they reach
         self.numbers, self.seconds = numbers[part::parts], seconds
         self.kept = REACHED / f"changes-{part}.json"
         self.tests = {
@@ -349,7 +353,7 @@ class Changes:
         gc.collect()
         gc.freeze()  # what tests collect is then small
         for number in self.numbers:
-            names = chosen(number, tests, self.seconds)
+            names = list(items) if self.files else chosen(number, tests, self.seconds)
             row = found.setdefault(number.key, {})
             for factor in FACTORS:
                 if names and not row.get(factor):
@@ -386,13 +390,13 @@ def first_failure(items: list[Any]) -> str | None:
     return None
 
 
-def change(numbers: list[Number], seconds: float, part: int, parts: int) -> None:
+def change(numbers: list[Number], seconds: float, part: int, parts: int, files: list[str]) -> None:
     """Collects all tests once, and changes numbers in forks."""
     import pytest
 
     import_all()
-    plugin = Changes(numbers, seconds, part, parts)
-    files = sorted({test.partition("::")[0] for test in plugin.tests})
+    plugin = Changes(numbers, seconds, part, parts, files)
+    files = files or sorted({test.partition("::")[0] for test in plugin.tests})
     pytest.main(
         [*files, "-q", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"],
         plugins=[plugin],
@@ -457,6 +461,7 @@ if __name__ == "__main__":
     parser.add_argument("--reach", nargs="*")
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--only", nargs="*", help="package.NAME, or package")
+    parser.add_argument("--tests", nargs="*", default=[], help="files of tests to ask, and no others")
     parser.add_argument("--part", type=int, nargs=2, default=(0, 1), help="which of how many processes")
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
@@ -473,4 +478,4 @@ if __name__ == "__main__":
         every = [number for number in named_numbers() if use(number) == "decides"]
         order = given.only or ["all"]
         some = [n for w in order for n in every if w in ("all", n.key, n.key.partition(".")[0])]
-        change(some, given.seconds, *given.part)
+        change(some, given.seconds, *given.part, given.tests)
