@@ -141,8 +141,8 @@ def functions(code: types.CodeType) -> Iterator[types.CodeType]:
             yield from functions(part)
 
 
-def named_numbers() -> list[Number]:
-    """All of them, with the functions that use them by their name."""
+def named_numbers(used: bool = True) -> list[Number]:
+    """All of them, with the functions that use them by their name where that is asked for."""
     found: dict[tuple[str, str], Number] = {}
     sources = {
         file: file.read_text(encoding="utf-8") for file in sorted((ROOT / PACKAGE).rglob("*.py"))
@@ -153,7 +153,7 @@ def named_numbers() -> list[Number]:
             if is_number(expression):
                 reason = comment_above(source.splitlines(), line)
                 found[module, name] = Number(module, name, ast.unparse(expression), reason)
-    for file, source in sources.items():
+    for file, source in sources.items() if used else ():
         module = ".".join(file.relative_to(ROOT).with_suffix("").parts)
         known = imported(ast.parse(source)) | {n: (module, n) for m, n in found if m == module}
         code = compile(source, str(file), "exec")
@@ -408,7 +408,7 @@ def change(numbers: list[Number], seconds: float, part: int, parts: int, files: 
 
 def store() -> None:
     """Puts what all processes found into the file of the repository, and drops names that are gone."""
-    known = {number.key for number in named_numbers()}
+    known = {number.key for number in named_numbers(used=False)}
     found = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
     for part in sorted(REACHED.glob("changes-*.json")):
         for key, row in json.loads(part.read_text(encoding="utf-8")).items():
@@ -432,7 +432,7 @@ def page() -> str:
     """The page of developers with all numbers."""
     stored = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
     rows = defaultdict(list)
-    for number in sorted(named_numbers(), key=lambda n: (n.key.partition(".")[0], n.name)):
+    for number in sorted(named_numbers(used=False), key=lambda n: (n.key.partition(".")[0], n.name)):
         who = noticed(stored.get(number.key)) if use(number) == "decides" else f"({use(number)})"
         cells = (number.name, number.value, number.reason, who)
         line = " | ".join(cell.replace("|", "\\|").replace("*", "\\*") for cell in cells)

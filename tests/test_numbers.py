@@ -5,6 +5,8 @@ Most numbers are noticed by the tests of what they are for; `benchmarks/named_nu
 
 from __future__ import annotations
 
+import importlib
+from pathlib import Path
 from types import SimpleNamespace
 
 import internals
@@ -145,3 +147,14 @@ def test_a_side_that_bends_has_no_kink(share, kinks):
         np.count_nonzero(turns_of(share * turn, share * turn, turn, share * turn, share * turn))
         == kinks
     )
+
+
+# -- the list --------------------------------------------------------------------------------------
+
+
+def test_the_list_is_that_of_the_library(monkeypatch):
+    """docs/numbers.md; else write it anew by `python benchmarks/named_numbers.py --write`."""
+    root = Path(__file__).parents[1]
+    monkeypatch.syspath_prepend(str(root / "benchmarks"))
+    made = importlib.import_module("named_numbers").page()
+    assert made == (root / "docs" / "numbers.md").read_text(encoding="utf-8")
