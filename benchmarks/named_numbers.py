@@ -114,7 +114,7 @@ def assigned(tree: ast.Module) -> Iterator[tuple[str, ast.expr, int]]:
         elif isinstance(node, ast.Assign):
             target, value = node.targets[0], node.value
             several = isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)
-            pairs = list(zip(target.elts, value.elts, strict=True)) if several else [(target, value)]  # type: ignore[attr-defined]
+            pairs = list(zip(target.elts, value.elts, strict=True)) if several else [(target, value)]  # type: ignore
         else:
             continue
         for name, expression in pairs:
@@ -231,7 +231,7 @@ def reach(files: list[str], seconds: float) -> None:
         kept.touch()
         pid = os.fork()
         if pid == 0:
-            os.environ.get("LOUD") or quiet()
+            quiet()
             plugin = Reach(wanted, seconds)
             pytest.main(
                 [
@@ -368,7 +368,7 @@ class Changes:
         pid = os.fork()
         if pid == 0:
             os.close(read)
-            os.environ.get("LOUD") or quiet()
+            quiet()
             signal.setitimer(signal.ITIMER_PROF, 20.0 + 3 * self.seconds)
             replace(number, factor)
             os.write(write, (first_failure(items) or "").encode())
@@ -478,4 +478,4 @@ if __name__ == "__main__":
         every = [number for number in named_numbers() if use(number) == "decides"]
         order = given.only or ["all"]
         some = [n for w in order for n in every if w in ("all", n.key, n.key.partition(".")[0])]
-        change(some, given.seconds, *given.part, given.tests)
+        change(some, given.seconds, given.part[0], given.part[1], given.tests)
