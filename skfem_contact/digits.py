@@ -14,3 +14,7 @@ SOLVED = 1e-9
 
 #: Of what is computed from given numbers by some sums and products.
 COMPUTED = 1e-12
+
+#: Decimals to which numbers of order one are told apart (weights of a row, above all): those of
+#: `SOLVED`. What symmetry makes alike differs in its last digits, and no choice may hang on those.
+DECIMALS = 9

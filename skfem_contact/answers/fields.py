@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.answers.thresholds import AT_45, NO_GAP, REACH
+from skfem_contact.answers.thresholds import REACH
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
@@ -264,7 +264,7 @@ def heights(surface: ContactSurface, closed: Mask, gap: Array) -> Array:
     beside = neighbours(surface)
     opened = ~closed & np.isfinite(gap)
     # where the surfaces touch without a force the gap is round-off, which must not draw an edge
-    gap = np.where(gap > NO_GAP * np.abs(surface.points).max(), gap, 0.0)
+    gap = np.where(gap > COMPUTED * np.abs(surface.points).max(), gap, 0.0)
     h = np.where(opened, np.maximum(np.where(opened, gap, 0.0), 0.0) ** (2 / 3), 0.0)
     last, first = closed & _touched(beside, opened), opened & _touched(beside, closed)
     behind = closed & ~last & _touched(beside, last)
@@ -351,7 +351,7 @@ def _continued(
     ahead = np.einsum("pk,pk->p", along, slope)
     across = along[:, 0] * slope[:, 1] - along[:, 1] * slope[:, 0]
     # points of regular faces lie at 45 degrees to the slope: round-off must not choose among them
-    weight = np.where(ahead > AT_45 * np.abs(across), weight, 0.0)
+    weight = np.where(ahead > (1.0 - GIVEN) * np.abs(across), weight, 0.0)
     straight, some = least_squares(plane, weight, h[node], row, len(here))
     parabola = np.column_stack([plane, across**2])
     bent, more = least_squares(parabola, weight, h[node], row, len(here))

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
-from skfem_contact.answers.thresholds import AS_STUCK, DIRECTIONS, NO_COUPLING, NO_SIGN, NOT_HELD
+from skfem_contact.answers.thresholds import AS_STUCK, DIRECTIONS
 from skfem_contact.conditions.state import OPEN, SLIP
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, divide, lu
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
@@ -129,7 +130,7 @@ def orientation(
     except LinAlgError:
         return 0
     # where pieces of opposite signs meet, round-off would tell of answers that there are not
-    least = NO_SIGN * np.max(factors.diagonal, initial=1.0)
+    least = COMPUTED * np.max(factors.diagonal, initial=1.0)
     return factors.sign if np.all(factors.diagonal > least) else 0
 
 
@@ -211,8 +212,8 @@ def _over(K: Array, k: Array) -> Array:
 
 def _least(K: Array, k: Array, over: Array, scale: Array) -> Array:
     """The critical coefficient; infinite without coupling, or where nothing but this point holds."""
-    held = np.linalg.eigvalsh(K)[:, 0] > NOT_HELD * scale
-    clear = held & (np.linalg.norm(k, axis=1) > NO_COUPLING * scale)
+    held = np.linalg.eigvalsh(K)[:, 0] > SOLVED * scale
+    clear = held & (np.linalg.norm(k, axis=1) > COMPUTED * scale)
     found = 1.0 / np.linalg.norm(over[clear], axis=1)
     if k.shape[1] == 2:  # at any of many directions it is sufficient: the least of them, nearly
         angle = np.pi * np.arange(DIRECTIONS) / DIRECTIONS

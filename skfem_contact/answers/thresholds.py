@@ -21,12 +21,6 @@ COARSE = 0.05
 # Open nodes up to so many faces away tell where contact ends: two beyond those next to closed ones.
 REACH = 3
 
-# Tangent of 45 degrees, less round-off: what lies at exactly this angle counts as ahead.
-AT_45 = 1.0 - 1e-6
-
-# Gaps below this part of the largest coordinate are round-off of positions and displacements.
-NO_GAP = 1e-13
-
 # -- error.body --------------------------------------------------
 
 # Elements beyond so many half widths of contact count for less than a percent.
@@ -50,14 +44,6 @@ SHARPER = 3.0
 SEGMENTS_NEAR = 6
 
 # -- uniqueness, pieces ------------------------------------------
-
-# Over the stiffness of a point along the normal: couplings below the first are round-off, and a
-# tangential stiffness below the second is none that the rest of the body would hold the point with.
-NO_COUPLING, NOT_HELD = 1e-12, 1e-9
-
-# Of a matrix that had ones on its diagonal before friction came in: where a pivot is below this part of
-# the largest one, or of one, its determinant has no sign but that of round-off.
-NO_SIGN = 1e-11
 
 # Directions of friction in half a turn that are tried in 3-D: the least coefficient to four digits.
 DIRECTIONS = 720
@@ -84,9 +70,6 @@ FURTHER, FALLING = 1e-6, 1e-3
 
 # -- validity.chords ---------------------------------------------
 
-# Normals that differ by less are those of one plane: round-off of coordinates far from the origin.
-FLAT = 1e-6
-
 # Of the parabola's height: a middle node that stands this high makes two facets of a quadratic one.
 CURVED = 0.5
 
@@ -95,29 +78,23 @@ CURVED = 0.5
 # the edges of a triangle of 10:1 .14.
 TWIST = 0.1
 
+# -- validity ----------------------------------------------------
+
+# What may be off without a word, relative to what it is a part of, so that forces are 10 % off: slip
+# over the width of the contact, where that is more than a facet (moments); the angle between the normal
+# that is used and the true one [rad]; the error of gaps over the elastic approach of the bodies; force
+# of points beyond the end of the primary over that of the contact; strain or rotation, of which linear
+# elasticity leaves out the square; what moments of second order change of the motion of a tool.
+A_TENTH = 0.1
+
 # -- validity.validity: `Drift` ----------------------------------
 
 # Slip over a facet of the primary: below one the mesh does not resolve where a force acts.
 FACETS = 1.0
 
-# Slip over the width of the contact, where that is more than a facet: moments are 10 % off.
-WIDTH = 0.1
-
-# Angle between the normal that is used and the true one [rad]: forces are 10 % off their direction.
-TILT = 0.1
-
-# Error of gaps over the elastic approach of the bodies: forces are 10 % off.
-GAP = 0.1
-
 # Height of curves over one facet, over the elastic approach: forces are up to 15 % off by mortar and
 # 23 % node by node, half of that in general (`chords`); on balls, by 21 % with either.
 SAGITTA = 0.2
-
-# Force of points beyond the end of the primary over that of the contact: 10 % presses on nothing.
-BEYOND = 0.1
-
-# Strain or rotation of 10 %: linear elasticity leaves out its square, and its effect on forces.
-LARGE = 0.1
 
 # Of a bound, from which on a step measures strains and rotations. Mean pressure over modulus and
 # approach over extent are .8 times the strain where the energy is, or more, and .9 of the turn of a
@@ -129,9 +106,6 @@ PRESSED, SUSPECTED = 0.5, 0.25
 # where a load has been taken back. Curves that mortar fits leave 1e-11; a centimetre of steel is
 # pressed in by 4e-9 of its height under its own weight.
 NO_APPROACH = 1e-10
-
-# Of what moments of second order change of the motion of a tool, over that motion.
-SECOND_ORDER = 0.1
 
 # -- validity.deformed_boundaries -----------------------------------------
 

@@ -11,7 +11,7 @@ from skfem_contact.bodies.areas import area_elements
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
 from skfem_contact.bodies.normals import across, sizes
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.thresholds import NO_EXTENT, SAME_FACET
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.trees import pairs_within
 
@@ -134,7 +134,7 @@ def check_facets(
     middle = corners.mean(axis=1)
     side = sizes(corners - corners[:, np.arange(kind.corners) - 1])
     # coordinates carry 16 digits of the mesh's extent; anything near that has no direction
-    small = NO_EXTENT * np.abs(mesh.doflocs - mesh.doflocs.mean(axis=1, keepdims=True)).max()
+    small = COMPUTED * np.abs(mesh.doflocs - mesh.doflocs.mean(axis=1, keepdims=True)).max()
     none, folded = side.min(axis=1) <= small, np.zeros(0, dtype=bool)
     if kind.dim == 2:
         area = area_elements(points, facets, kind, np.vstack([kind.locations, kind.middle]))
@@ -155,7 +155,7 @@ def check_facets(
             "looks into the body. Usually an element is turned inside out, or middle nodes are far off "
             "the middles of their edges; correct the mesh"
         )
-    pairs = pairs_within(middle, max(small, SAME_FACET * side.min()))
+    pairs = pairs_within(middle, max(small, GIVEN * side.min()))
     if len(pairs):
         i, j = pairs[0]
         raise InputError(

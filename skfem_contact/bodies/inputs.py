@@ -17,7 +17,7 @@ from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbe
 from skfem_contact.bodies.assembly import Assembled, assembled
 from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
 from skfem_contact.bodies.remote import RemoteStiffness
-from skfem_contact.bodies.thresholds import SYMMETRIC, UNSYMMETRIC
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, warn
 from skfem_contact.sealed import sealed_matrix
 
@@ -183,13 +183,13 @@ def _checked(K: Any, basis: Any, whose: str, own: bool = False, symmetric: bool 
     scale = np.abs(matrix.data).max(initial=0.0)
     difference = _less_its_transpose(matrix)
     largest = np.abs(difference.data).max(initial=0.0)
-    if largest > UNSYMMETRIC * scale:
+    if largest > GIVEN * scale:
         raise InputError(
             f"K of {whose} is not symmetric: the largest entry of K - K' is {largest:.3g}, of K "
             f"{scale:.3g}. Boundary conditions imposed by skfem.enforce do that: pass the plain "
             "K, and D"
         )
-    if largest > SYMMETRIC * scale:
+    if largest > COMPUTED * scale:
         matrix = csr32(matrix - 0.5 * difference)
     return sealed_matrix(matrix)
 

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import cross, tangents
 from skfem_contact.bodies.rings import around, rings
-from skfem_contact.bodies.thresholds import BOWED, FITS, FITTED, NODES_AT_ONCE, ROUND_OFF
-from skfem_contact.digits import SOLVED
+from skfem_contact.bodies.thresholds import BOWED, FITS, FITTED, NODES_AT_ONCE
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ class Quadrics:
         away, there = rings(points, around(facets, kind, bowed, m), ~ends, mirrored, chosen)
         rise = np.abs(np.einsum("qrd,qd->qr", away, normals[chosen])).max(axis=1, initial=0.0)
         size = np.abs(away).max(axis=(1, 2), initial=0.0)
-        some = np.flatnonzero(rise > ROUND_OFF * size)
+        some = np.flatnonzero(rise > COMPUTED * size)
         for first in range(0, len(some), NODES_AT_ONCE):
             part = some[first : first + NODES_AT_ONCE]
             at = chosen[part]
@@ -220,7 +220,7 @@ def _eliminated(A: Array, b: Array) -> tuple[Array, Array]:
     """Solutions (u, q) of small positive definite systems (u, u, q), and their least pivots (q,)."""
     A, x, u = A.copy(), b.copy(), len(b)
     for j in range(u):
-        A[j, j] += ROUND_OFF
+        A[j, j] += COMPUTED
         A[j + 1 :, j] /= A[j, j]
         A[j + 1 :, j + 1 :] -= A[j + 1 :, None, j] * A[None, j, j + 1 :]
         x[j + 1 :] -= A[j + 1 :, j] * x[j]

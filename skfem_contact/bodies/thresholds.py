@@ -4,12 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-# -- inputs ------------------------------------------------------
-
-# An entry of K - K' above this fraction of the largest entry of K is not round-off of assembly, which
-# is 1e-7 in single precision; below the other one nothing that factorises K sees it.
-UNSYMMETRIC, SYMMETRIC = 1e-6, 1e-13
-
 # -- assembly, quadrature ----------------------------------------
 
 # Gradients of shape functions that are evaluated at once: a small part of what the stiffness of a
@@ -56,9 +50,6 @@ FITS, FITTED = 12, 1e-14
 # Nodes fitted at once: some 2 kB for each, which stay in the cache of a processor.
 NODES_AT_ONCE = 1 << 11
 
-# What is this small against the size of a facet (or against one, of unit vectors) is none.
-ROUND_OFF = 1e-12
-
 # A surface ends on a plane of symmetry if its normal has none across it there: continued in proportion
 # to the distance, this part of its change over the last facet at most. On an arc of 45 degrees a facet
 # it is .08; a surface that ends askew by a tenth of the turn of a facet is taken for a mirrored one.
@@ -68,10 +59,6 @@ FADES = 0.1
 BOWED = 1e-4
 
 # -- body, facets, projection -------------------------------------
-
-# Coordinates carry 16 digits of the mesh's extent: what is smaller than this part of it has no
-# direction. And middles of facets closer than this part of the shortest one are the same facet's.
-NO_EXTENT, SAME_FACET = 1e-12, 1e-9
 
 # Newton steps to the nearest point of a parabola end at this change of its coordinate, of which 1 is
 # the whole facet; and the least curvature of the distance, over that of a chord, that they believe.

@@ -23,7 +23,7 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics, prescribed_rows
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.thresholds import BRIDGED, HUGE, NO_OVERLAP
+from skfem_contact.conditions.thresholds import BRIDGED, HUGE
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import ConstraintError, InputError, warn
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -209,7 +209,7 @@ def check_loads(
         x = np.zeros(system.n)
         x[system.D] = case.x[system.D]
         gap = np.where(fixed, np.where(fixed, case.gap0, 0.0) + kin.B_n @ x, np.inf)
-        small = NO_OVERLAP * max(system.extent, float(np.max(np.abs(x), initial=0.0)))
+        small = SOLVED * max(system.extent, float(np.max(np.abs(x), initial=0.0)))
     for contact, name, part in zip(
         interface.contacts, interface.names, interface.point_slices, strict=True
     ):

@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.thresholds import DIGITS_OF_WEIGHTS, NO_AREA
+from skfem_contact.digits import COMPUTED, DECIMALS
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -162,7 +162,7 @@ def _idle_points(surface: ContactSurface, area: Array) -> NDArray[np.bool_]:
     """Points whose shape function has integral zero, shape (m,)."""
     middle = np.zeros(len(surface.points))
     np.maximum.at(middle, surface.facets, area[surface.facets].max(axis=1)[:, None])
-    return np.asarray(area <= NO_AREA * middle)
+    return np.asarray(area <= COMPUTED * middle)
 
 
 def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
@@ -181,7 +181,7 @@ def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
     row, col, weight = entries(pairing.secondary_weights)
     lent = ~pairing.paired[col] & (row != col)
     row, col, weight = row[lent], col[lent], weight[lent]
-    order = np.lexsort((-pairing.gap[row], np.round(weight, DIGITS_OF_WEIGHTS)))
+    order = np.lexsort((-pairing.gap[row], np.round(weight, DECIMALS)))
     # of those written to one place the last stays, with the largest weight
     heir[col[order]] = row[order]
     return heir

@@ -28,7 +28,7 @@ from skfem_contact.conditions.return_map import (
     radial_return,
     unlawful,
 )
-from skfem_contact.conditions.thresholds import BEYOND, DIFFERENCE, NO_AREA, STEEP
+from skfem_contact.conditions.thresholds import BEYOND, DIFFERENCE, STEEP
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
@@ -197,7 +197,7 @@ class CheckedLaw(ByFields):
     def _answer(self, method: Callable[..., Any], *given: Array) -> tuple[Any, Mask]:
         """What the law makes of forces, areas and slips; and points without area, which carry none."""
         *forces, area, slip = given
-        idle = area <= NO_AREA * np.max(area, initial=0.0)
+        idle = area <= COMPUTED * np.max(area, initial=0.0)
         # the law's own copies, as it may work in place; divisions by zero are found by their result
         asked = *(force.copy() for force in forces), np.where(idle, 1.0, area), slip.copy()
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

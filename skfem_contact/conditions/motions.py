@@ -21,8 +21,8 @@ from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.thresholds import DIGITS, FEW_MODES, NO_WORK, NOT_NAMED, RESISTS
-from skfem_contact.digits import GIVEN
+from skfem_contact.conditions.thresholds import FEW_MODES, NO_WORK, NOT_NAMED, RESISTS
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
@@ -302,7 +302,7 @@ def _held(products: Array, least: float) -> bool:
     """
     squares = np.linalg.eigvalsh(products) if len(products) > 1 else products.ravel()
     smallest, largest = float(squares[0]), float(squares[-1])
-    return smallest > (2 * least) ** 2 * max(1.0, largest) + DIGITS * largest
+    return smallest > (2 * least) ** 2 * max(1.0, largest) + COMPUTED * largest
 
 
 def motion_words(modes: Array, names: tuple[str, ...], u: Array) -> str:

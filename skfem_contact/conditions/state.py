@@ -32,7 +32,7 @@ from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 
-OPEN, STICK, SLIP = 0, 1, 2
+OPEN, STICK, SLIP = range(3)
 STATUS = ("open", "stick", "slip")
 
 

@@ -22,7 +22,7 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import LocalState
-from skfem_contact.conditions.thresholds import CARRIED, DIRECTIONS, FEASIBLE, LEFT_ACROSS, LEFT_ALONG
+from skfem_contact.conditions.thresholds import CARRIED, DIRECTIONS, FEASIBLE, LEFT_ALONG
 from skfem_contact.digits import SOLVED
 
 Array = NDArray[np.float64]
@@ -143,13 +143,13 @@ def balanced(
     left = np.abs(left)
     # along a motion that nothing pushes there is only the round-off of what acts across it; the largest
     # displacement of each motion is one. Nearly always the rest need not be looked at
-    if largest(left) <= LEFT_ACROSS * float(np.abs(force).sum()):
+    if largest(left) <= SOLVED * float(np.abs(force).sum()):
         return True
     parts = [(motions.normal, force), (motions.modes, f)]
     if rubs:
         parts.append((motions.tangential.reshape(-1, motions.k), friction))
     across = sum(float(np.abs(values).sum()) for _, values in parts)
     size = sum(np.abs(rows).T @ np.abs(values) for rows, values in parts)
-    least = np.maximum(LEFT_ALONG * size, max(LEFT_ACROSS * across, noise * len(f)))
+    least = np.maximum(LEFT_ALONG * size, max(SOLVED * across, noise * len(f)))
     least = np.maximum(least, min(carried, CARRIED * across))
     return bool(np.all(left <= least))

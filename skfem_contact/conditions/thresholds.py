@@ -4,28 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-# -- checked_law -------------------------------------------------
-
-# Points with less than this share of the largest area have none: they carry nothing, and a law of the
-# pressure has no value there. (A quadratic facet on the axis of symmetry has such an end.)
-NO_AREA = 1e-10
-
 # -- checks ------------------------------------------------------
-
-# Overlaps below this fraction of the bodies' extent are round-off of coordinates and values.
-NO_OVERLAP = 1e-10
 
 # An overlap of this share of a body is no interference fit: small strains end long before.
 HUGE = 0.1
 
 # Gaps that differ by this share of a body are no layer of glue, and none is an inexactness of a mesh.
 BRIDGED = 0.3
-
-# -- discretisation ----------------------------------------------
-
-# Digits after the point by which weights of a row (their sum is 1) differ: like ones, as those of
-# matching or symmetric meshes, differ in their last digits, and no choice may hang on those.
-DIGITS_OF_WEIGHTS = 9
 
 # -- friction ----------------------------------------------------
 
@@ -68,9 +53,6 @@ RESISTS = 1e-9
 # space, which take less than the rows' own matrix.
 FEW_MODES = 12
 
-# Round-off of squares of singular values, over the largest of them.
-DIGITS = 1e-12
-
 # -- orthotropic -------------------------------------------------
 
 # Least ratio of two coefficients of friction. Rows of slips are multiplied by it, and have to stay far
@@ -94,9 +76,6 @@ DIRECTIONS = 32
 # What may be left of the forces along a free motion: they balance to the digits of the contact problem,
 # 1e-8 with moduli 1e6 apart, and where a body ran away nothing of them does.
 LEFT_ALONG = 1e-4
-
-# And of forces across a motion, where moduli are 1e6 apart: their round-off along it.
-LEFT_ACROSS = 1e-10
 
 # Where supports move, stiff bodies move with them, and the round-off of their forces may be more: it is
 # excused up to this share of the forces across a motion.

@@ -19,9 +19,9 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.interface import point_labels, secondary_dofs
 from skfem_contact.conditions.kinematics import join, kinematics
+from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.constraint import prescribed, sparse_matrix
 from skfem_contact.elimination.eliminate import eliminate
-from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 
@@ -128,7 +128,7 @@ class _Modes:
     def __call__(self, z: NDArray[Any]) -> NDArray[Any]:
         mode: NDArray[Any] = self.T @ z
         if np.iscomplexobj(mode) and not np.issubdtype(self.dtype, np.complexfloating):
-            if np.abs(mode.imag).max() > AGREEMENT * np.abs(mode).max():
+            if np.abs(mode.imag).max() > SOLVED * np.abs(mode).max():
                 raise InputError(
                     "An eigenmode of a real system came out complex. If K and M are symmetric (a"
                     " multiple eigenvalue, split by round-off), pass"

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 # -- eliminate ---------------------------------------------------
 
-# Rows agree if they do so to this part of the largest of |b| + |C||x| (rows scaled to a largest
-# coefficient of one): that is how exactly redundant rows are known to be redundant.
-AGREEMENT = 1e-10
-
 # How many rows, and of each how many that it contradicts, a message names.
 SHOWN = 4
 
@@ -18,11 +14,6 @@ SHOWN = 4
 # condition of T'KT; a stricter one would leave the secondary side already at a normal 80 degrees
 # off the only free direction, and couple rows for no gain.
 WORTH_PIVOTING = 0.1
-
-# Rows are scaled to a largest coefficient of one. What is left of a row after elimination counts
-# as nothing below this: round-off of coordinates (1e-16) and of normals computed from small
-# facets (1e-16 * size / facet) is far below, angles between surfaces that mean anything above.
-RANK_TOLERANCE = 1e-10
 
 # Proposed pivots of a block are taken as they are if its smallest singular value exceeds this
 # (three digits lost at most); otherwise the block chooses again.

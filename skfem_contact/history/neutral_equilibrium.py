@@ -33,17 +33,7 @@ from skfem_contact.history.grip import force_terms, pins, weak_springs
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import advance
-from skfem_contact.history.thresholds import (
-    ARRIVED,
-    FALLS,
-    FEW_CUTS,
-    FIRM,
-    NO_REACTION,
-    ROUNDS,
-    TOUCH,
-    TURNED,
-    WEAK,
-)
+from skfem_contact.history.thresholds import FALLS, FEW_CUTS, FIRM, NO_REACTION, ROUNDS, TURNED, WEAK
 from skfem_contact.linalg.dense_factors import nonnegative_least_squares
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.records import dataclass
@@ -104,7 +94,7 @@ def nearest_place(
         return None
     gap = attempt.local.gap.copy()
     gap[open_] += A @ y
-    if np.min(gap[open_], initial=0.0) < -TOUCH * max(motions.system.extent, np.max(np.abs(u_last))):
+    if np.min(gap[open_], initial=0.0) < -SOLVED * max(motions.system.extent, np.max(np.abs(u_last))):
         return None
     local, shift = attempt.local, Q @ y
     slip = local.slip
@@ -225,7 +215,7 @@ class NeutralEquilibrium:
             pull = float(reaction / largest) if reaction > max(NO_REACTION * largest, floor) else 0.0
             way.attempt = self._without_pull(attempt)
             rest, away = Rest(way, free, recover, pull), float(np.max(np.abs(left)))
-            if away <= ARRIVED * np.max(np.abs(u)):
+            if away <= SOLVED * np.max(np.abs(u)):
                 return best if pull and best else rest
             if pull == 0.0 and away < nearest_left:
                 best, nearest_left = replace(rest, why=NEAR), away
@@ -259,8 +249,8 @@ class NeutralEquilibrium:
                 return None
             size = max(self.model.system.extent, np.max(np.abs(u)))
             if (
-                np.min(gap[seen], initial=0.0) >= -TOUCH * size
-                and np.max(np.abs(Q @ y)) <= TOUCH * size
+                np.min(gap[seen], initial=0.0) >= -SOLVED * size
+                and np.max(np.abs(Q @ y)) <= SOLVED * size
             ):
                 way.attempt = self._without_pull(attempt)
                 return Rest(way, free, recover)

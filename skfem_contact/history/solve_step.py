@@ -26,14 +26,14 @@ from skfem_contact.arguments import check_kind
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.checks import check_loads
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, warn
 from skfem_contact.history.equilibrium import EquilibriumSearch
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import Attempt, LoadStep, Recovery
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.stepper import Stepper
-from skfem_contact.history.thresholds import HARDLY_MOVES, PRESSED, SAME_COORDINATES
+from skfem_contact.history.thresholds import HARDLY_MOVES, PRESSED
 from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import SingularMatrix
@@ -274,7 +274,7 @@ def second_order(attempt: Attempt) -> dict[str, float]:
         part = system.slice(body)
         ways = [_sway(body, v[part], arm / system.extent, along) for v in (u, change)]
         least = HARDLY_MOVES * float(np.linalg.norm(u[part][: body.dim]))
-        least = max(least, SAME_COORDINATES * system.extent)
+        least = max(least, COMPUTED * system.extent)
         shares[system.names[system.index(body)]] = ways[1] / max(ways[0], least, np.finfo(float).tiny)
     return shares
 

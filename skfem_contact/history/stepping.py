@@ -35,7 +35,7 @@ from skfem_contact.arrays import lengths
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
-from skfem_contact.digits import GIVEN, SOLVED
+from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, nothing
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
 from skfem_contact.history.thresholds import (
@@ -48,7 +48,6 @@ from skfem_contact.history.thresholds import (
     LONGER,
     PLAIN,
     SHORTER,
-    WEAR_DIGITS,
     WEAR_ROUNDS,
 )
 from skfem_contact.linalg.dense_factors import cholesky
@@ -249,7 +248,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
             # where pressures have become zero how far the step is too long is not known
             far = share if relief is not None else max(share, FAR_TOO_LONG)
             return replace(attempt, failure=words, travel=max(attempt.travel, far))
-        if left <= max(GIVEN * size, WEAR_DIGITS * float(np.linalg.norm(depth))):
+        if left <= max(GIVEN * size, COMPUTED * float(np.linalg.norm(depth))):
             local = replace(attempt.local, wear=last.wear + grown, worn=last.worn + volume)
             return replace(attempt, local=local, travel=max(attempt.travel, share))
         before, start = left, "warm"

@@ -41,9 +41,6 @@ ANSWERED, ANSWERED_BY_SECANTS = 1.0, 0.3
 # What a step is shortened by where pressures have become zero: how far it is too long is not known.
 FAR_TOO_LONG = 4.0
 
-# What a round may still change of the depth worn, where next to nothing wears off in the step:
-# round-off of gaps.
-WEAR_DIGITS = 1e-13
 WEAR_ROUNDS = 20
 
 # -- stepper -----------------------------------------------------
@@ -62,10 +59,6 @@ HARDLY_MOVES = 0.01
 
 # Contact force on a tool over the sum of its parts, from which on it has a direction.
 PRESSED = 0.1
-
-# Motion of a body over the extent of all that is round-off of coordinates: on points that supports
-# hold, where nothing gives way.
-SAME_COORDINATES = 1e-13
 
 # -- grip, neutral_equilibrium -----------------------------------
 
@@ -99,13 +92,9 @@ TURNED = 1e-2
 # largest displacement, that count as none: the digits of the contact problem with moduli 1e6 apart,
 # and two more, as the way is no difference of forces.
 NO_REACTION = 1e-8
-ARRIVED = 1e-10
 
 # Each round of moving the held DOFs gains the strain's digits: exact motions take two.
 ROUNDS = 8
 
 # What is found at rest moves little: no more cuts of the step than one.
 FEW_CUTS = 1
-
-# Overlap over the extent of the bodies that counts as none.
-TOUCH = 1e-11

@@ -46,7 +46,7 @@ from skfem_contact.arrays import lengths
 from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
-from skfem_contact.digits import GIVEN
+from skfem_contact.digits import DECIMALS, GIVEN
 from skfem_contact.loops.complementarity import (
     all_left,
     disagreement,
@@ -60,7 +60,6 @@ from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import (
     BETWEEN,
     DECREASE,
-    DIGITS_ALIKE,
     FIRMLY,
     HALVINGS,
     ROUNDED,
@@ -402,7 +401,7 @@ def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> NDArray[np.
     `known`: what values are uncertain by, however small they are.
     """
     chosen = np.flatnonzero(mask & step.paired)
-    largest = max(float(np.max(np.abs(value[chosen]), initial=0.0)), known * 10**DIGITS_ALIKE)
+    largest = max(float(np.max(np.abs(value[chosen]), initial=0.0)), known * 10**DECIMALS)
     share = value[chosen] / largest if largest > 0 else value[chosen]
-    alike = np.floor(share * 10.0**DIGITS_ALIKE + BETWEEN)
+    alike = np.floor(share * 10.0**DECIMALS + BETWEEN)
     return chosen[np.lexsort((step.rank[chosen], alike))]

@@ -32,13 +32,9 @@ from numpy.typing import NDArray
 from skfem_contact.arrays import largest, lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
-from skfem_contact.digits import COMPUTED
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import (
-    NEARLY_STUCK,
-    ROUND_OFF,
-    SOLVED_SLIP,
-)
+from skfem_contact.loops.thresholds import ROUND_OFF, SOLVED_SLIP
 from skfem_contact.problem.response import Resistance, Response
 
 Array = NDArray[np.float64]
@@ -104,7 +100,8 @@ def slipping_in_space(
     smooth = smooth_points(step, force_scale, response.slip)
     keep = was_slip & (smooth | (size <= nothing))
     direction = np.where(keep[:, None], current.direction, unit)
-    reach = np.where(bound > 0, np.maximum(size, bound / NEARLY_STUCK), BEYOND)
+    # across its direction a slipping point has bound / (reach - bound) of its stiffness: 1e6 at most
+    reach = np.where(bound > 0, np.maximum(size, bound / (1 - GIVEN)), BEYOND)
     return slips | smooth, direction, reach
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.digits import GIVEN
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.active_set import stabilise
 from skfem_contact.loops.complementarity import (
@@ -16,7 +17,7 @@ from skfem_contact.loops.complementarity import (
 )
 from skfem_contact.loops.multipliers import through_springs
 from skfem_contact.loops.step import Guess, Iterate, Step
-from skfem_contact.loops.thresholds import FREE_CHANGES, SETTLED
+from skfem_contact.loops.thresholds import FREE_CHANGES
 from skfem_contact.problem.response import Conditions
 
 Array = NDArray[np.float64]
@@ -79,7 +80,7 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
             held=held.motion if held is not None and kept else None,
         )
         image = np.where(elastic[:, None], mapped - trial, 0.0)
-        if wrong.any() and (free_changes > 0 or residual <= SETTLED):
+        if wrong.any() and (free_changes > 0 or residual <= GIVEN):
             free_changes -= 1
             mixing = Anderson(depth=7)  # another set is another fixed-point problem
             excess = image

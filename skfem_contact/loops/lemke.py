@@ -19,15 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.loops.thresholds import (
-    EQUAL_PART,
     EQUAL_RATIO,
     MOST_POINTS,
     NO_EIGENVALUE,
-    NO_STIFFNESS,
     PIVOT,
-    RAY,
     SWEEPS,
     TIED_RATIO,
     WEAK_SPRINGS,
@@ -80,7 +78,7 @@ def lemke(M: Array, q: Array) -> Array | None:
         enter = leave + n if leave < n else leave - n
         blocking = _blocking_row(table, basis, enter, n, scale)
         if blocking is None:  # a ray; with z0 = 0 up to round-off it is a solution all the same
-            if table[np.flatnonzero(basis == 2 * n)[0], -1] > RAY * scale:
+            if table[np.flatnonzero(basis == 2 * n)[0], -1] > SOLVED * scale:
                 return None
             break
         row = blocking
@@ -97,7 +95,7 @@ def _blocking_row(table: Array, basis: Index, enter: int, n: int, scale: float) 
     if len(rows) == 0:
         return None
     ratio = np.maximum(table[rows, -1], 0.0) / column[rows]
-    least = ratio.min() * (1 + EQUAL_PART) + EQUAL_RATIO * scale
+    least = ratio.min() * (1 + SOLVED) + EQUAL_RATIO * scale
     artificial = rows[(basis[rows] == 2 * n) & (ratio <= least)]
     if len(artificial):
         return int(artificial[0])
@@ -215,7 +213,7 @@ def _compliance(S: Array, weak: float) -> Array:
     diagonal = np.abs(np.diag(S))
     largest = np.max(diagonal, initial=0.0) or 1.0
     # a point whose motion costs nothing, on a body that turns freely, is scaled like the others
-    size = np.sqrt(np.where(diagonal > NO_STIFFNESS * largest, diagonal, largest))
+    size = np.sqrt(np.where(diagonal > COMPUTED * largest, diagonal, largest))
     values, vectors = np.linalg.eigh(S / np.outer(size, size))
     # a body that moves freely as a whole has round-off of either sign alone; the unit is the scaled one
     most = np.max(values, initial=0.0) or 1.0

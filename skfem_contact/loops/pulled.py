@@ -32,7 +32,7 @@ from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.complementarity import propose
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.step import Guess, Record, Step
-from skfem_contact.loops.thresholds import FROM_NEAR, IN_SERIES, PEAK_HALVINGS, ROUND_OFF
+from skfem_contact.loops.thresholds import FROM_NEAR, HALVINGS, IN_SERIES, ROUND_OFF
 from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.seam import ContactProblem
@@ -197,7 +197,7 @@ class Pull:
 
     def all_of_it(self, low: At, high: At) -> Outcome | None:
         """The answer between a state that carries too little and one that carries enough."""
-        for _ in range(PEAK_HALVINGS):
+        for _ in range(HALVINGS):
             found = self.answer(high.guess)
             if found is not None or high.share <= 1.0 + self.tolerance:
                 return found
@@ -210,7 +210,7 @@ class Pull:
 
     def peak(self, low: At, top: At, high: At) -> At:
         """The state that carries most, near one that carries more than those before and after it."""
-        for _ in range(PEAK_HALVINGS):
+        for _ in range(HALVINGS):
             before = top.pull - low.pull > high.pull - top.pull  # the longer side
             at = self.to(0.5 * (top.pull + (low if before else high).pull), top.guess)
             if at is None:

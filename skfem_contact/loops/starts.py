@@ -30,6 +30,7 @@ from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
+from skfem_contact.digits import GIVEN
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
@@ -39,7 +40,6 @@ from skfem_contact.loops.thresholds import (
     EASED,
     EASED_AFTER,
     FROM_NEAR,
-    FULL_BOUND,
     IN_SERIES,
     MOST_IN_SERIES,
     MOST_POINTS,
@@ -346,6 +346,6 @@ def from_regularised(step: Step, guess: Guess, tolerance: float) -> tuple[Guess,
         guess, status, there = found, outcome.iterate.status, outcome.iterate.response
         full = step.friction.bound(there.normal_force, there.slip)
         bound = steep.friction.bound(there.normal_force, there.slip)
-        partly = (status == SLIP) & (bound < FULL_BOUND * full)
+        partly = (status == SLIP) & (bound < (1 - GIVEN) * full)
         shares = np.where(partly, bound / np.where(partly, full, 1.0), 0.0)
     return guess, shares

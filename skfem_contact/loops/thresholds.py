@@ -24,9 +24,9 @@ SWEEPS = 5
 # -- active_set --------------------------------------------------
 
 # In the loop `fictitious` points open and close freely so often; after that only once the friction of
-# the present set has settled to this share of the largest force, or a point could open and close
-# for ever because of friction forces that lag behind.
-FREE_CHANGES, SETTLED = 12, 1e-6
+# the present set has settled (to `GIVEN` of the largest force), or a point could open and close for
+# ever because of friction forces that lag behind.
+FREE_CHANGES = 12
 
 # -- starts ------------------------------------------------------
 
@@ -49,17 +49,8 @@ IN_SERIES, FROM_NEAR, NEAR, MOST_IN_SERIES, TOO_SOFT = 25, 8, 0.1, 600, 1e4
 # Solves at most until springs have come to rest: moves, and GMRES where rows nearly depend on others.
 MOST_MOVES = 40
 
-# Strain of a spring over the extent of the surfaces that contradictory rows do not leave, but
-# coordinates: rows agree as they do in the elimination of constraints.
-NO_STRAIN = 1e-10
-
 # Share of the last change of forces beyond which the next one shows that rows contradict each other.
 SLOW = 0.5
-
-# -- pulled ------------------------------------------------------
-
-# How often the way around the largest share, or around the whole load, is halved: four digits.
-PEAK_HALVINGS = 10
 
 # -- complementarity ---------------------------------------------
 
@@ -67,21 +58,14 @@ PEAK_HALVINGS = 10
 # Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
 ROUND_OFF = 1e-11
 
-# Digits to which two points are told apart: fewer than round-off leaves of any number, so that points
-# which symmetry makes alike are so in whatever order they are numbered.
-DIGITS_ALIKE = 9
-
-# Where in a unit of the last of these digits one number begins and the other ends: at no fraction that
-# meshes have. At a half it is at 2^-10, among others, and round-off tells equal points apart.
+# Where in a unit of the last of `DECIMALS` by which points are told apart one number begins and the
+# other ends: at no fraction that meshes have. At a half it is at 2^-10, among others, and round-off
+# tells equal points apart.
 BETWEEN = (3 - 5**0.5) / 2
 
 # Round-off of a gap over the coordinates that it is a difference of: some units in the last place of
 # each, as a pairing interpolates and a body that has moved adds its displacements.
 ROUNDED = 2e-14
-
-# Share of its trial force that the bound of a slipping point is at most taken for: the stiffness across
-# its direction is share / (1 - share) of the point's own, and 1e6 of it leaves ten digits.
-NEARLY_STUCK = 1 - 1e-6
 
 # A set of points that holds a body by less than this is none that can be solved for: stiffnesses are
 # squares of it, and those have sixteen digits.
@@ -95,7 +79,7 @@ NEWTON_ITERATIONS = 80
 # -- active_set --------------------------------------------------
 
 # Armijo's rule: the decrease that is asked for over that of the linear model, and how often a step is
-# halved for it.
+# halved for it; as often as the way to the largest share of a load (`pulled`): three digits.
 DECREASE, HALVINGS = 1e-4, 10
 
 # -- lemke (the tableau, whose entries are of order one after scaling) ---
@@ -103,21 +87,15 @@ DECREASE, HALVINGS = 1e-4, 10
 # Entries of a column, over its largest, that are pivots; round-off of up to 4 m steps is below.
 PIVOT = 1e-11
 
-# The artificial variable at a ray: below this it is zero, and the ray is a solution.
-RAY = 1e-9
-
 # Ratios that are equal, over the right-hand side: for the artificial variable, which may leave as soon
-# as it is one of the smallest (and of them as a part of the ratio), and for all others.
-EQUAL_RATIO, EQUAL_PART, TIED_RATIO = 1e-11, 1e-9, 1e-13
+# as it is one of the smallest, and for all others.
+EQUAL_RATIO, TIED_RATIO = 1e-11, 1e-13
 
-# Diagonal entries, and eigenvalues of the scaled matrix, over the largest, that are round-off.
-NO_STIFFNESS, NO_EIGENVALUE = 1e-12, 1e-14
+# Eigenvalues of the scaled matrix, over the largest, that are round-off.
+NO_EIGENVALUE = 1e-14
 
 # -- starts ------------------------------------------------------
 
 # Friction over the normal force where bounds that jump are made to rise: pressures on the rise are a
 # thousandth of the bound, and where an answer is found from there, a hundred thousandth.
 RISES = (1e3, 1e5)
-
-# Share of its bound from which on a point has all of it, but for the tolerance of the loop.
-FULL_BOUND = 1 - 1e-6

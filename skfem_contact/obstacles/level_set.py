@@ -13,6 +13,7 @@ from skfem_contact.arguments import check_name, numbers, with_known_keywords
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import MotionLike, rigid_motion
 from skfem_contact.obstacles.obstacle import Obstacle, facing
@@ -25,10 +26,10 @@ DIFFERENCES = (1e-5, 1e-4)
 #: An angle [rad] between a gradient and central differences, which have some nine digits, that no
 #: round-off explains; it moves a normal by as much. Curvature tells one-sided quotients apart by 1e-5.
 OFF = 1e-3
-#: Newton's steps end with one shorter than the first, over the size of the surface: they square the
-#: error. A point is then on the surface to the second, a distance over the size, and closest to the
-#: third: central differences give normals with some nine digits.
-SETTLED, ON_SURFACE, STATIONARY = 1e-12, 1e-9, 1e-7
+#: Newton's steps end with one shorter than `COMPUTED`, over the size of the surface: they square the
+#: error. A point is then on the surface to `SOLVED`, a distance over the size, and closest to this:
+#: central differences give normals with some nine digits.
+STATIONARY = 1e-7
 
 
 @with_known_keywords()
@@ -197,10 +198,10 @@ class LevelSet(Obstacle):
             y = y - shorter[:, None] * step[:, :d]
             multiplier = multiplier - shorter * step[:, d]
             gradient = self._gradient(y, size)
-            if length.max() <= SETTLED * size:
+            if length.max() <= COMPUTED * size:
                 break
         steep = np.linalg.norm(gradient, axis=1)
-        on_surface = np.abs(self._value(y)) <= ON_SURFACE * size * steep
+        on_surface = np.abs(self._value(y)) <= SOLVED * size * steep
         across = y - x + multiplier[:, None] * gradient
         stationary = np.linalg.norm(across, axis=1) <= STATIONARY * (
             size + np.linalg.norm(y - x, axis=1)

@@ -22,7 +22,7 @@ from skfem_contact.bodies.inputs import csr32
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.rigid_modes import motion_names
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import UNSYMMETRIC
+from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -331,10 +331,10 @@ def springs_of(K: Any, n: int, what: str) -> csr_matrix:
     # each entry against the two springs that it couples: forces and moments have other units
     diagonal = np.diag(matrix)
     scale = np.sqrt(np.abs(np.outer(diagonal, diagonal)))
-    if np.any(np.abs(matrix - matrix.T) > UNSYMMETRIC * scale):
+    if np.any(np.abs(matrix - matrix.T) > GIVEN * scale):
         raise InputError(f"{what} is not symmetric; {usage}")
     root = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    if np.linalg.eigvalsh(matrix / np.outer(root, root))[0] < -UNSYMMETRIC:
+    if np.linalg.eigvalsh(matrix / np.outer(root, root))[0] < -GIVEN:
         raise InputError(f"{what} pushes along some motion: springs have a stiffness >= 0")
     return sealed_matrix(csr32(csr_matrix(0.5 * (matrix + matrix.T))))
 

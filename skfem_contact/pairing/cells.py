@@ -31,7 +31,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.pairing.clipping import signed_areas
 from skfem_contact.pairing.search import FacetTree, Nodes
-from skfem_contact.pairing.thresholds import FACING, IMAGE_STEPS, MARGIN, SETTLED
+from skfem_contact.pairing.thresholds import FACING, MARGIN, NEWTON_STEPS, SETTLED
 from skfem_contact.pairing.vectors import ragged
 from skfem_contact.records import dataclass
 
@@ -44,7 +44,7 @@ SADDLE = np.array([1.0, -1.0, 1.0, -1.0])
 
 
 # Shapes of cells; of a pair the larger counts.
-AFFINE, PART, SKEW = 0, 1, 2
+AFFINE, PART, SKEW = range(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ class Cells:
         size = np.sqrt(self.areas[cell])
         bent = self.kind.corners == 4 and np.abs(more).max(initial=0.0) > COMPUTED
         alpha, X = H, Y
-        for _ in range(IMAGE_STEPS):
+        for _ in range(NEWTON_STEPS):
             field = at_zero
             if bent:
                 inside = np.clip(

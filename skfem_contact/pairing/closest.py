@@ -15,7 +15,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.pairing.joints import Joints, across_edges
 from skfem_contact.pairing.projection import Feet, interpolated_normals, project
 from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
-from skfem_contact.pairing.thresholds import ASIDE, COINCIDENT, EXTENDED, FACING
+from skfem_contact.pairing.thresholds import COINCIDENT, EXTENDED, FACING
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
@@ -212,7 +212,7 @@ class Side:
             mirror = primary.mirror_edges[facet, edge]
             across = np.where(mirror, np.abs(apart), 0.0).max(axis=1)
             ended = mirror.any(axis=1) & (across <= COINCIDENT * size)
-            aside = np.clip(height * _slopes(primary.end_turns[facet, edge]), 0.0, ASIDE * size)
+            aside = np.clip(height * _slopes(primary.end_turns[facet, edge]), 0.0, EXTENDED * size)
             ended |= (aside > 0) & (feet.over <= aside + COINCIDENT * size)
             good |= (twin < 0) & ended
         return good

@@ -231,8 +231,7 @@ def weighted_gaps(
         gap += change
     if least is not None:
         gap = np.maximum(gap, least)
-    curved = np.zeros(len(gap), dtype=bool) if change is None else change != 0
-    return without_round_off(gap, secondary, primary, curved)
+    return without_round_off(gap, secondary, primary)
 
 
 def overhang(

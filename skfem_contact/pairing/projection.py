@@ -21,6 +21,8 @@ from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
 from skfem_contact.bodies.normals import across, cross, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import LEAST_SLOPE, NEAREST
+from skfem_contact.digits import SOLVED
+from skfem_contact.pairing.thresholds import SETTLED
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 
@@ -31,8 +33,6 @@ Index = NDArray[np.intp]
 OUT = np.array([-1.0, 1.0, 0.0])
 #: Newton steps at most; warped faces take five, and what lies beyond centres of curvature more.
 STEPS = 30
-#: Change of reference coordinates at which they are known, and by which a point is on an edge.
-KNOWN, ON_EDGE = 1e-13, 1e-9
 #: Round-off of distances, below which a step has not led away: of themselves, and of coordinates.
 SAME_DISTANCE, SAME_PLACE = 5e-15, 1e-15
 #: Of the squared length element, the least curvature of the model: beyond a centre of curvature the
@@ -190,7 +190,7 @@ def _closest(kind: FacetKind, nodes: Array, points: Array) -> Array:
         curved = np.einsum("pkij,pkd->pijd", kind.second(at), x) if bent is None else _some(bent, on)
         step[on] = _model_minimum(kind, at, apart, along, curved) - at
         xi[on] += step[on]
-        moved = np.abs(step[left]).max(axis=1) > KNOWN
+        moved = np.abs(step[left]).max(axis=1) > SETTLED
         left = left[moved]
         if kind.straight or not len(left):
             break
@@ -206,7 +206,7 @@ def _lattice(kind: FacetKind, parts: int) -> Array:
     """Reference coordinates all over a face, its edges cut into some parts."""
     t = np.linspace(0.0, 1.0, parts + 1)
     xi = np.stack(np.meshgrid(t, t), axis=-1).reshape(-1, 2)
-    return xi[xi.sum(axis=1) <= 1 + KNOWN] if kind.triangle else xi
+    return xi[xi.sum(axis=1) <= 1 + SETTLED] if kind.triangle else xi
 
 
 def _model_minimum(kind: FacetKind, xi: Array, apart: Array, along: Array, curved: Array) -> Array:
@@ -260,7 +260,7 @@ def _beyond(kind: FacetKind, xi: Array) -> Array:
 def _places(kind: FacetKind, xi: Array) -> Index:
     """-1 inside, i on edge i, c + i at the corner from which edge i starts."""
     c = kind.corners
-    on = _beyond(kind, xi) > -ON_EDGE
+    on = _beyond(kind, xi) > -SOLVED
     edge = np.where(on.any(axis=1), np.argmax(on, axis=1), -1)
     corner = on & np.roll(on, 1, axis=1)
     return np.where(corner.any(axis=1), c + np.argmax(corner, axis=1), edge)

@@ -30,10 +30,11 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.pieces import Meeting, Pieces
 from skfem_contact.pairing.search import FacetTree, Nodes, facet_balls
-from skfem_contact.pairing.thresholds import BISECTION_DONE, FACING, NEWTON_DONE, SLIVER
+from skfem_contact.pairing.thresholds import BISECTION_DONE, FACING
 from skfem_contact.pairing.vectors import dot, ragged, turned
 from skfem_contact.records import dataclass
 
@@ -178,7 +179,7 @@ def _segments(
     both = (np.concatenate(pair) for pair in ((nodes, nodes), (normals, normals), (first, last)))
     ends = _project(secondary.kind, *both).reshape(2, -1)
     start, stop = ends.min(axis=0), ends.max(axis=0)  # a nan where either is
-    found = stop - start > SLIVER  # False for nan
+    found = stop - start > SOLVED  # False for nan
     e, f, start, stop = e[found], f[found], start[found], stop[found]
     # cut every interval at the ends of all intervals of the same secondary facet
     facet, cut = np.concatenate([e, e]), np.concatenate([start, stop])
@@ -199,7 +200,7 @@ def _segments(
     chosen = np.zeros(len(closest), dtype=bool)
     chosen[closest] = first
     near = (gap <= limits[0]) & (gap >= -limits[1])
-    valid = chosen & (stop - start > SLIVER) & facing & near
+    valid = chosen & (stop - start > SOLVED) & facing & near
     return e[valid], f[valid], start[valid], stop[valid]
 
 
@@ -234,7 +235,7 @@ def _project(kind: FacetKind, nodes: Array, normals: Array, y: Array) -> Array:
         new = np.where(newton, new, 0.5 * (low + high))
         xi[at] = new
         # Newton squares its error; to wait until nothing moves is to watch round-off
-        moving = np.abs(new - now) > np.where(newton, NEWTON_DONE, BISECTION_DONE)
+        moving = np.abs(new - now) > np.where(newton, SOLVED, BISECTION_DONE)
         at, low, high = at[moving], low[moving], high[moving]
         if not len(at):
             break

@@ -49,7 +49,7 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 # What a node may do on a facet; the largest of these on the facet have no multiplier.
-FREE, HELD, MET = 0, 1, 2
+FREE, HELD, MET = range(3)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,12 +18,10 @@ FACING = 0.1
 COINCIDENT = 1e-6
 
 # Up to this part of a facet the sloping side of a body at the end of a surface decides what is above
-# the end; what lies farther beyond it is another part of the boundary.
-ASIDE = 0.1
-
-# With finite sliding surfaces go on by this part of a facet beyond where they end, as "extension zones"
-# of contact codes do: ends that are flush in the mesh slip past each other by strains, a hundredth of a
-# facet at most, and a block that slides off has lost its last point a tenth of a facet later.
+# the end; what lies farther beyond it is another part of the boundary. With finite sliding surfaces go
+# on by this part of a facet beyond where they end, as "extension zones" of contact codes do: ends that
+# are flush in the mesh slip past each other by strains, a hundredth of a facet at most, and a block
+# that slides off has lost its last point a tenth of a facet later.
 EXTENDED = 0.1
 
 # -- corners -----------------------------------------------------
@@ -80,9 +78,6 @@ SPREAD = float(np.arccos(CORNER))
 # faces to the circle (`bodies.thresholds.STEEPEST`), also just that and round-off.
 SHARP = float(np.pi / 8 * (1 + 1e-6))
 
-# By which part of its length two edges that touch may do so beyond the end of one.
-BEYOND = 0.25
-
 # -- search of quadratic faces ------------------------------------
 
 # By which part of its box, and of the turn of its normals at the nodes, a quadratic face may go beyond
@@ -120,12 +115,9 @@ MARGIN = 1e-5
 
 # -- segmentation ------------------------------------------------
 
-# Images of points on curved facets: the change of their coordinate at which Newton's steps end, which
-# square the error, and bisection, which does not.
-NEWTON_DONE, BISECTION_DONE = 1e-9, 1e-15
-
-# Pieces shorter than this fraction of a facet are round-off of coinciding ends; left out.
-SLIVER = 1e-10
+# Images of points on curved facets: the change of their coordinate at which bisection ends. Newton's
+# steps, which square the error, end at `SOLVED`.
+BISECTION_DONE = 1e-15
 
 # -- supports ----------------------------------------------------
 
@@ -138,19 +130,22 @@ SHARE_FREE = 0.1
 # the gap, and the force is 30 times too large.
 MOVING_SHARE = 0.5
 
-# The primary lies opposite to a node if it ends no farther from it than this part of a facet.
+# The primary lies opposite to a node if it ends no farther from it than this part of a facet; and by
+# this part of its length two edges that touch may do so beyond the end of one.
 OVERHANG = 0.25
 
 # -- cells -------------------------------------------------------
 
-# Steps to the image of a point along interpolated normals, and the change, in sizes of a cell, at which
-# they end: each step gains the square of the angle between the normals of a cell, two digits and more.
-IMAGE_STEPS, SETTLED = 12, 1e-13
+# Change of coordinates, in sizes of a cell or face, at which steps to the image of a point along
+# interpolated normals end, and those to the closest point: each step of the first gains the square of
+# the angle between the normals of a cell, two digits and more.
+SETTLED = 1e-13
 
 # -- face_segmentation -------------------------------------------
 
-# Newton steps on a curved face, and the change of its coordinates at which they end: they square
-# the error, so that what is left after such a change is round-off.
+# Newton steps on a curved face or to an image along normals, and the change, on a face, of its
+# coordinates at which they end: they square the error, so that what is left after such a change is
+# round-off.
 NEWTON_STEPS, SQUARED = 12, 1e-7
 
 # Quadrature points worked on at once: some 500 bytes for each.

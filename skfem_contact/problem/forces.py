@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.digits import SOLVED
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.krylov import Iterated, gmres
 from skfem_contact.linalg.singular import SingularMatrix
@@ -38,7 +39,7 @@ from skfem_contact.problem.response import Conditions, Load, Resistance, Respons
 from skfem_contact.problem.seam import OnContactDofs, PosedOn
 from skfem_contact.problem.sparse import DependentRows
 from skfem_contact.problem.springs import point_resistance
-from skfem_contact.problem.thresholds import ROUGHLY, STIFFER, UNHELD
+from skfem_contact.problem.thresholds import ROUGHLY, STIFFER
 from skfem_contact.problem.whole import Layers, Whole
 from skfem_contact.records import dataclass
 
@@ -308,7 +309,7 @@ class HeldForces(ABC):
         k = len(self._back)
         left = self.P.T @ problem.FP - np.eye(k)
         self._rigid = lu(left - self._back @ self._forces.T if k else left)
-        if not self._rigid.even(UNHELD):
+        if not self._rigid.even(SOLVED):
             raise SingularMatrix("the points that are closed do not hold the bodies")
 
     # What is left, at most, of the residual of the iterate before.

@@ -29,6 +29,7 @@ from scipy.sparse import csr_matrix, diags
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.digits import SOLVED
 from skfem_contact.linalg.amg import AMG, Hierarchy, conjugate_gradients, hierarchy, not_within
 from skfem_contact.once import once
 from skfem_contact.problem.forces import HeldForces, OnForces, could_not
@@ -37,14 +38,7 @@ from skfem_contact.problem.response import Conditions, Load, Response, Source
 from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.sparse import DependentRows
 from skfem_contact.problem.substructure import Substructure
-from skfem_contact.problem.thresholds import (
-    ANCHORED,
-    CLOSER,
-    ITERATED,
-    MOST_PRODUCTS,
-    ROUNDING,
-    STAGNANT,
-)
+from skfem_contact.problem.thresholds import CLOSER, ITERATED, MOST_PRODUCTS, ROUNDING
 from skfem_contact.problem.whole import Whole, WholeBody
 
 Array = NDArray[np.float64]
@@ -131,7 +125,7 @@ class _Forces(HeldForces):
         begin = np.append(p[rows] / self.scale, q)
         found = self.iterated(b, begin, ITERATED * size, MOST_PRODUCTS)
         logger.debug("contact forces: %d products, residual %.1e", found.iterations, found.residual)
-        if not (self.rough or found.residual <= STAGNANT * size):
+        if not (self.rough or found.residual <= SOLVED * size):
             raise could_not("the motion by loads", found.residual / size, found.iterations)
         return self._forces_of(found.x)
 
@@ -232,7 +226,7 @@ class MultigridBodies(Whole):
             if f[span].any():
                 own = part.K_free, f[span], part.grids.cycle
                 u[span] = conjugate_gradients(
-                    *own, ANCHORED, settings.max_iterations, to_round_off=True
+                    *own, ITERATED, settings.max_iterations, to_round_off=True
                 )
         return u[self.place]
 

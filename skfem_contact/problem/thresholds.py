@@ -19,12 +19,10 @@ DEPENDENT = 1e-3
 
 # -- iterated ----------------------------------------------------
 
-# Residual over the motion by loads to which forces are iterated: round-off of the factors. Above the
-# second there is no answer. A solve takes 15 to 30 products, up to 60 where most points slip.
-ITERATED, STAGNANT, MOST_PRODUCTS = 1e-13, 1e-9, 400
-
-# Pivot over the largest one below which held rows leave a motion of a body free.
-UNHELD = 1e-10
+# Residual over the motion by loads to which forces are iterated, and that by springs on anchors:
+# round-off of the factors. Above `SOLVED` there is no answer. A solve takes 15 to 30 products, up to 60
+# where most points slip.
+ITERATED, MOST_PRODUCTS = 1e-13, 400
 
 # -- whole -------------------------------------------------------
 
@@ -39,10 +37,6 @@ LAYERS = 4
 ROUGHLY = 1e-3
 
 # -- iterated ----------------------------------------------------
-
-# Residual to which the springs on the anchors are known: whether a body is held shows in what is left
-# where they are taken away.
-ANCHORED = 1e-13
 
 # Share of the residual that a solve leaves at most of that of the iteration before.
 CLOSER = 0.1
@@ -72,7 +66,7 @@ KEPT_BESIDE = 64_000_000
 # -- response ----------------------------------------------------
 
 # Difference of a point's spring from its transpose, over its largest entry, that is round-off: springs
-# across a direction are inverted from matrices with a condition of up to 1e6 (`loops.NEARLY_STUCK`).
+# across a direction are inverted from matrices with a condition of up to 1e6 (`slipping_in_space`).
 SKEW = 1e-9
 
 # -- springs -----------------------------------------------------

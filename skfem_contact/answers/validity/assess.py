@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import LARGE
+from skfem_contact.answers.thresholds import A_TENTH
 from skfem_contact.answers.validity.chords import chord_height, drawn_off
 from skfem_contact.answers.validity.deformed_boundaries import (
     Boundary,
@@ -154,9 +154,9 @@ class Assessment:
         """
         found = {}
         strain, _, rotation = self.strains(name)
-        if strain > LARGE:
+        if strain > A_TENTH:
             found["strain"] = strain_words(name, strain)
-        if rotation > max(LARGE, strain):
+        if rotation > max(A_TENTH, strain):
             found["rotation"] = rotation_words({name: rotation})
         if name in self.lockable:
             words = locking_words(name, self.solids[name], locked(self.result, name))

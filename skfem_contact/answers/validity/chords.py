@@ -38,12 +38,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import CURVED, FLAT, PIECES, TWIST
+from skfem_contact.answers.thresholds import CURVED, PIECES, TWIST
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.kinks import end_slopes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import ALIKE, STEEPEST
-from skfem_contact.digits import COMPUTED
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.thresholds import FACING
 from skfem_contact.pairing.vectors import dot
 
@@ -318,4 +318,4 @@ def _rises(along: Array, across: Array, first: Array, last: Array) -> tuple[Arra
     )
     least, most = np.minimum(np.abs(start), np.abs(end)), np.maximum(np.abs(start), np.abs(end))
     curve = (start * end > 0) & (most <= STEEPEST) & (least >= ALIKE * most)
-    return np.where(curve, (start + end) * length, 0.0), ~curve & (most > FLAT)
+    return np.where(curve, (start + end) * length, 0.0), ~curve & (most > GIVEN)

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import GAP, SAGITTA, TILT
+from skfem_contact.answers.thresholds import A_TENTH, SAGITTA
 from skfem_contact.answers.validity.chords import bends, kinked_faces
 from skfem_contact.answers.validity.deformed_boundaries import signed_distance
 from skfem_contact.answers.validity.unseen import past_ends, unseen_overlaps
@@ -231,7 +231,7 @@ def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
     size = LARGER * float(np.median(secondary.lengths))
     corners = outline.facet_node_normals[:, : outline.kind.corners]
     off = np.linalg.norm(corners - outline.facet_normals[:, None], axis=2).max(axis=1)
-    return kinked_faces(outline) & (off > TILT) & (outline.lengths > size)
+    return kinked_faces(outline) & (off > A_TENTH) & (outline.lengths > size)
 
 
 def leaning_words(
@@ -263,7 +263,7 @@ def leaning_words(
     facet = np.where(on_flat, pairing.facet, 0)
     off = (pairing.normal - outline.facet_normals[facet]) * (force * on_flat)[:, None]
     lean = float(np.linalg.norm(off.sum(axis=0)) / force.sum())
-    if lean <= TILT:
+    if lean <= A_TENTH:
         return ""
     return (
         f"normals of {contact.primary.label!r} lean by {lean:.2g} rad in the mean from those of its "
@@ -296,7 +296,7 @@ def past_words(
     paired = np.isfinite(gap[part])
     if paired.all() or case.interference[part].any():
         return ""
-    least = max(GAP * approach, COMPUTED * float(np.abs(one.points).max()))
+    least = max(A_TENTH * approach, COMPUTED * float(np.abs(one.points).max()))
     at, end = (side.moved(u[geometry.system.slice(side.body)]) for side in (one, other))
     found = past_ends(at, end, paired, least)
     if found is None:

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import ALONE, CHORDS, STANDING, TILT
+from skfem_contact.answers.thresholds import A_TENTH, ALONE, CHORDS, STANDING
 from skfem_contact.answers.validity.chords import heights
 from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
@@ -165,7 +165,7 @@ class SolidOverlaps:
         if apart.min() > side.lengths.max():
             return False
         along = abs(float(result.kin.normal[part][nearest] @ found.across))
-        return bool(along < np.cos(3 * TILT))  # edges lean with the strains of their bodies
+        return bool(along < np.cos(3 * A_TENTH))  # edges lean with the strains of their bodies
 
     def _look(
         self, i: int, parts: Sequence[Array], case: LoadCase, tracks: Sequence[Track], approach: float

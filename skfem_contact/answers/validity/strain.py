@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import SECOND_ORDER
+from skfem_contact.answers.thresholds import A_TENTH
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.quadrature import (
     chunks,
@@ -142,7 +142,7 @@ def _angle(x: Array, y: Array) -> float:
 
 def leaning(shares: dict[str, float]) -> dict[tuple[str, str], str]:
     """What moments of second order change of rigid bodies' motion, beyond its bound, in words."""
-    far = {name: share for name, share in shares.items() if share > SECOND_ORDER}
+    far = {name: share for name, share in shares.items() if share > A_TENTH}
     return {("second order", name): leaning_words({name: share}) for name, share in far.items()}
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.facets import area_vectors, seen_from_outside, twin_edges
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing, node_to_segment
-from skfem_contact.pairing.thresholds import BEYOND, LEAN, SHARP
+from skfem_contact.pairing.thresholds import LEAN, OVERHANG, SHARP
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
@@ -229,7 +229,7 @@ def crossings(one: Edges, other: Edges, apart: float = 0.0) -> tuple[Array, Arra
     t = dot(np.cross(away, first), up) / square
     beyond = np.maximum(np.abs(s - 0.5), np.abs(t - 0.5)) - 0.5
     # where an edge goes on in the next one, bent, two may pass both crossings by
-    seen &= beyond <= (BEYOND if apart > 0 else 0.0)
+    seen &= beyond <= (OVERHANG if apart > 0 else 0.0)
     depth = -dot(away, across)
     depth = np.where(beyond > 0, np.minimum(depth, 0.0), depth)
     seen &= (depth > -apart) & (depth < np.minimum(one.room[i], other.room[j]))

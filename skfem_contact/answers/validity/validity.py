@@ -32,18 +32,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import (
-    BEYOND,
-    FACETS,
-    GAP,
-    LARGE,
-    LOCKED,
-    OVERLAP,
-    SAGITTA,
-    SECOND_ORDER,
-    TILT,
-    WIDTH,
-)
+from skfem_contact.answers.thresholds import A_TENTH, FACETS, LOCKED, OVERLAP, SAGITTA
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.records import dataclass
 
@@ -150,18 +139,18 @@ class Drift:
     @property
     def slides_far(self) -> bool:
         """Whether points have left the facets and the zone that they are held against."""
-        return self.facets > FACETS and self.widths > WIDTH
+        return self.facets > FACETS and self.widths > A_TENTH
 
     @property
     def small_sliding_holds(self) -> bool:
         """Whether small sliding is a good model at this answer."""
-        off = self.tilt > TILT or self.off_arc > TILT or self.gap_share > GAP
+        off = self.tilt > A_TENTH or self.off_arc > A_TENTH or self.gap_share > A_TENTH
         return not (self.slides_far or self.passes_end or off)
 
     @property
     def passes_end(self) -> bool:
         """Whether much of the force acts beyond the end; the mesh resolves whole shares of points."""
-        return self.beyond > 0 and self.beyond_share > BEYOND
+        return self.beyond > 0 and self.beyond_share > A_TENTH
 
 
 @dataclass(frozen=True)
@@ -375,13 +364,13 @@ class Validity:
         found = [0.0]
         for part in self.contacts.values():
             drift = part.drift
-            found += [min(drift.facets / FACETS, drift.widths / WIDTH), drift.tilt / TILT]
-            found += [drift.off_arc / TILT, drift.gap_share / GAP, part.excess]
+            found += [min(drift.facets / FACETS, drift.widths / A_TENTH), drift.tilt / A_TENTH]
+            found += [drift.off_arc / A_TENTH, drift.gap_share / A_TENTH, part.excess]
             found.append(drift.sagitta_share / SAGITTA)
-        found += [strain / LARGE for strain in self.strain.values()]
-        found += [turn / LARGE for name, turn in self.rotation.items() if turn > self.strain[name]]
+        found += [strain / A_TENTH for strain in self.strain.values()]
+        found += [turn / A_TENTH for name, turn in self.rotation.items() if turn > self.strain[name]]
         found += [share / LOCKED for share in self.locking.values()]
-        found += [share / SECOND_ORDER for share in self.second_order.values()]
+        found += [share / A_TENTH for share in self.second_order.values()]
         return float(np.nanmax(found))
 
     def __str__(self) -> str:
@@ -391,7 +380,7 @@ class Validity:
         for name, strain in self.strain.items():
             lines.append(
                 f"  {name}: strain {strain:.2g} where its energy is, rotation "
-                f"{self.rotation[name]:.2g} (up to {LARGE:g})"
+                f"{self.rotation[name]:.2g} (up to {A_TENTH:g})"
             )
         for name, share in self.locking.items():
             lines.append(
@@ -401,7 +390,7 @@ class Validity:
         for name, share in self.second_order.items():
             lines.append(
                 f"  {name}: moments of second order would change its motion by {100 * share:.2g} % "
-                f"(up to {100 * SECOND_ORDER:g} %)"
+                f"(up to {100 * A_TENTH:g} %)"
             )
         return "\n".join(lines)
 
@@ -411,16 +400,16 @@ def _contact_lines(part: ContactValidity) -> list[str]:
     if drift.slip:
         words.append(
             f"slip {drift.slip:.3g}, {drift.facets:.2g} facets and {drift.widths:.2g} widths "
-            f"(up to {FACETS:g} or {WIDTH:g})"
+            f"(up to {FACETS:g} or {A_TENTH:g})"
         )
         words.append(
-            f"normals off by {drift.tilt:.2g} (up to {TILT:g}), gaps by {100 * drift.gap_share:.2g} % "
-            f"of the elastic approach (up to {100 * GAP:g} %)"
+            f"normals off by {drift.tilt:.2g} (up to {A_TENTH:g}), gaps by {100 * drift.gap_share:.2g} "
+            f"% of the elastic approach (up to {100 * A_TENTH:g} %)"
         )
     if drift.off_arc:
         words.append(
             f"chords of the obstacle's turn {100 * drift.off_arc:.2g} % off their arcs (up to "
-            f"{100 * TILT:g} %)"
+            f"{100 * A_TENTH:g} %)"
         )
     if not np.isnan(part.overlap):
         unseen = f", {part.unseen} points without partner" if part.unseen else ""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import LARGE, PRESSED, SUSPECTED
+from skfem_contact.answers.thresholds import A_TENTH, PRESSED, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
 from skfem_contact.answers.validity.locking import lockable
@@ -243,10 +243,10 @@ class Watch:
                 size[name] = max(strain, drift.strain), max(approach, drift.approach)
         for name, (strain, approach) in size.items():
             turn, stretch = abs(known.turns.get(name, 0.0)), known.stretches.get(name, 0.0)
-            strained = strain > PRESSED * LARGE or stretch > SUSPECTED * LARGE
+            strained = strain > PRESSED * A_TENTH or stretch > SUSPECTED * A_TENTH
             beyond = {
                 "strain": strained,
-                "rotation": strained or turn > SUSPECTED * LARGE,
+                "rotation": strained or turn > SUSPECTED * A_TENTH,
                 "locking": name in may_lock,
             }
             kinds = {kind for kind in beyond if beyond[kind] and (kind, name) not in known.issued}

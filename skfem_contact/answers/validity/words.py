@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skfem_contact.answers.thresholds import GAP, LOCKED, TILT
+from skfem_contact.answers.thresholds import A_TENTH, LOCKED
 from skfem_contact.answers.validity.deformed_boundaries import Meeting
 from skfem_contact.answers.validity.validity import ContactValidity, Drift, HiddenOverlap
 from skfem_contact.bodies.body import Body
@@ -31,15 +31,15 @@ def sliding_words(drift: Drift) -> str:
             f"{100 * drift.beyond_share:.3g} % of the normal force acts beyond the end of the primary "
             f"surface (slip {drift.slip:.3g}, {drift.facets:.3g} facets)"
         )
-    if drift.tilt > TILT:
+    if drift.tilt > A_TENTH:
         found.append(f"normals are off by up to {drift.tilt:.3g} rad, and so are the forces")
-    if drift.off_arc > TILT:
+    if drift.off_arc > A_TENTH:
         found.append(
             "the obstacle has turned, and slip, which is taken along the chord to where it has come, "
             f"is {100 * drift.off_arc:.3g} % off the arc that has passed under the points: friction "
             "points the wrong way"
         )
-    if drift.gap_share > GAP:
+    if drift.gap_share > A_TENTH:
         found.append(
             f"gaps are wrong by up to {drift.gap_error:.3g}, {100 * drift.gap_share:.3g} % of the "
             f"elastic approach of {drift.approach:.3g}, and forces by as much"

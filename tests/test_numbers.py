@@ -1,0 +1,160 @@
+"""Named numbers that decide, each on the least scene that shows it: doubled or halved, a test fails.
+
+Most numbers are noticed by the tests of what they are for; `benchmarks/named_numbers.py` asks which.
+"""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from types import SimpleNamespace
+
+import internals
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+from scipy.sparse import csr_matrix
+from scipy.sparse.linalg import spsolve
+
+import skfem_contact as sc
+from skfem_contact.bodies import kind_of, kink_angles
+from skfem_contact.conditions import steep_words
+from skfem_contact.linalg import as_linear_solver
+from skfem_contact.problem import Conditions, Response
+
+rested, size_words = internals.original("loops.rested"), internals.original("history._size_words")
+
+
+def springs_that_keep(share):
+    """A step whose springs keep shares of their forces from a solve to the next; and its solves."""
+    share = np.asarray(share, dtype=float)
+    m, solved = len(share), []
+
+    def solve(conditions, forces):
+        solved.append(forces)
+        none = np.zeros((m, 0))
+        return Response(np.zeros(m), none, 1.0 + share * forces, none, np.zeros(0))
+
+    problem = SimpleNamespace(springs=np.ones(m), solve=solve, at_forces=lambda load, n, t: n)
+    load = SimpleNamespace(gap0=np.ones(m), slip0=np.zeros((m, 0)))
+    points = np.column_stack([np.arange(m), np.zeros(m)])
+    motions = SimpleNamespace(kin=SimpleNamespace(points=points))
+    step = SimpleNamespace(problem=problem, load=load, motions=motions, paired=np.ones(m, dtype=bool))
+    none, closed = np.zeros((m, 0)), np.ones(m, dtype=bool)
+    conditions = Conditions(closed, closed, none, np.zeros((m, 0, 0)), none, none)
+    iterate = SimpleNamespace(conditions=conditions, direction=none)
+    return step, iterate, solved
+
+
+@pytest.mark.parametrize("share", [[0.4, 0.35, 0.1], [0.75, 0.7, 0.1]], ids=["plain", "gmres"])
+def test_springs_come_to_rest(share):
+    """Plain solves do it where half of a change is gone each time (MOST_MOVES); else GMRES (SLOW)."""
+    step, iterate, solved = springs_that_keep(share)
+    found = rested(step, iterate)
+    assert_allclose(found.response.normal_force, 1 / (1 - np.asarray(share)), rtol=2e-9)
+    assert not found.strained
+    assert len(solved) < 30
+
+
+def test_springs_that_lose_half_are_left_to_themselves():
+    """GMRES would take a solve for each kind of point and more: it is for rows that are slow (SLOW)."""
+    share = np.linspace(0.1, 0.4, 40)
+    step, iterate, solved = springs_that_keep(share)
+    found = rested(step, iterate)
+    plain = [p for p in solved if np.ptp(p) == 0]
+    assert len(plain) == 2  # the first two have equal forces; GMRES begins again from none
+    assert_allclose(found.response.normal_force, 1 / (1 - share), rtol=2e-9)
+
+
+# -- bounds that are told to users, or decide what is told -----------------------------------------
+
+
+def test_steep_friction_is_said_beyond_that_of_materials():
+    """Rubber on rock has 3 to 4: five is said (STEEP)."""
+    assert steep_words(sc.Coulomb(4.5)) == ""
+    assert steep_words(sc.Coulomb(5.5)).startswith("up to 79.7 degrees")
+
+
+@pytest.mark.parametrize(("scale", "said"), [(200.0, 0), (400.0, 1)])
+def test_bodies_in_other_units_are_said(scale, said):
+    """A bolt beside a bridge may be meant; metres beside millimetres are more (UNLIKE)."""
+    mesh = fem.MeshQuad()
+    sizes = {"small": mesh, "large": mesh.scaled(scale)}
+    solids = {n: SimpleNamespace(basis=SimpleNamespace(mesh=m)) for n, m in sizes.items()}
+    solver = SimpleNamespace(system=SimpleNamespace(solids=solids), contacts=())
+    assert len(size_words(solver)) == said
+
+
+def test_coefficients_a_thousand_times_apart_are_refused():
+    """As `OrthotropicCoulomb` promises (SMOOTHEST)."""
+    sc.OrthotropicCoulomb((1.0, 1.5e-3), (1, 0, 0))
+    with pytest.raises(sc.InputError, match="more than 1000 times"):
+        sc.OrthotropicCoulomb((1.0, 0.7e-3), (1, 0, 0))
+
+
+@pytest.mark.parametrize(("turned", "refused"), [(0.7e-3, False), (1.5e-3, True)])
+def test_gradients_may_be_off_by_a_thousandth(turned, refused):
+    """Of their direction: a table that is interpolated is, a wrong formula is off by more (OFF)."""
+    gradient = lambda x: np.array([np.full_like(x[0], np.sin(turned)), np.full_like(x[0], 1.0)])  # noqa: E731
+    plane = sc.LevelSet(lambda x: x[1], gradient=gradient)
+    points = np.array([[0.0, 0.0], [1.0, 0.1]])
+    if refused:
+        with pytest.raises(sc.InputError, match="is not that of its function"):
+            plane._check_gradient(points, 1.0)
+    else:
+        plane._check_gradient(points, 1.0)
+
+
+@pytest.mark.parametrize(("left", "refused"), [(0.7e-4, False), (1.5e-4, True)])
+def test_solvers_may_leave_a_ten_thousandth(left, refused):
+    """Of the load: conjugate gradients at a loose tolerance do; failures leave more (ACCEPTED)."""
+    factors = as_linear_solver(lambda A, b: (1 - left) * spsolve(A.tocsc(), b))
+    solve = factors.factorize(csr_matrix(np.diag([2.0, 3.0]))).solve
+    if refused:
+        with pytest.raises(sc.LinearSolveError, match="as residual"):
+            solve(np.array([1.0, 2.0]))
+    else:
+        solve(np.array([1.0, 2.0]))
+
+
+# -- kinks of a boundary ---------------------------------------------------------------------------
+
+
+def turns_of(*turns):
+    """The kinks of a line in the plane that turns by these angles at its inner nodes."""
+    angle = np.cumsum([0.0, *turns])
+    points = np.vstack(
+        [[0.0, 0.0], np.cumsum(np.column_stack([-np.cos(angle), np.sin(angle)]), axis=0)]
+    )
+    facets = np.column_stack([np.arange(len(angle)), np.arange(1, len(angle) + 1)])
+    twins = np.array([[2 * i - 1, 2 * i + 2] for i in range(len(angle))])
+    twins[-1, 1] = -1
+    return kink_angles(points, facets, kind_of(2, 2), twins)[2:-2]
+
+
+@pytest.mark.parametrize(("turn", "kinks"), [(0.7e-3, 0), (1.5e-3, 1)])
+def test_a_turn_of_a_thousandth_is_a_kink(turn, kinks):
+    """Less makes gaps wrong by less than a ten thousandth of a facet (BENT)."""
+    assert np.count_nonzero(turns_of(0, 0, turn, 0, 0)) == kinks
+
+
+@pytest.mark.parametrize(("share", "kinks"), [(0.015, 1), (0.03, 0)])
+def test_a_side_that_bends_has_no_kink(share, kinks):
+    """A straight one turns by round-off of files, a curve by a few per cent of the rest (STRAIGHT)."""
+    turn = 0.1
+    assert (
+        np.count_nonzero(turns_of(share * turn, share * turn, turn, share * turn, share * turn))
+        == kinks
+    )
+
+
+# -- the list --------------------------------------------------------------------------------------
+
+
+def test_the_list_is_that_of_the_library(monkeypatch):
+    """docs/numbers.md; else write it anew by `python benchmarks/named_numbers.py --write`."""
+    root = Path(__file__).parents[1]
+    monkeypatch.syspath_prepend(str(root / "benchmarks"))
+    made = importlib.import_module("named_numbers").page()
+    assert made == (root / "docs" / "numbers.md").read_text(encoding="utf-8")
