@@ -46,11 +46,13 @@ def gmres(
     tolerance: float,
     most: int,
     restart: int = 100,
-    share: float = 1.0,
+    closer: float = 1.0,
+    roughly: float = 0.0,
 ) -> Iterated:
     """Solve ``A x = b`` until ``|b - A x|`` is below a tolerance, which is absolute.
 
-    And, with a share below one, no more than that of what it is to begin with.
+    And is no more than the share `closer` of what it is to begin with. The share `roughly` of that is
+    enough in any case.
 
     It ends after `most` iterations, or where a restart no longer halves the residual: what is left is
     for the caller to judge.
@@ -64,7 +66,7 @@ def gmres(
     """
     r = b - product(x)
     size, iterations = float(np.linalg.norm(r)), 0
-    tolerance = min(tolerance, share * size) if share < 1.0 else tolerance
+    tolerance = max(min(tolerance, closer * size), roughly * size)
     while size > tolerance and iterations < most:
         correction, spent = _cycle(product, precondition, r, tolerance, min(restart, most - iterations))
         iterations += spent
@@ -85,6 +87,7 @@ def _cycle(
     """The correction that leaves least of a residual, from a Krylov space of some directions."""
     size = float(np.linalg.norm(r))
     V = np.empty((most + 1, len(r)))
+    Z = np.empty((most, len(r)))
     V[0] = r / size
     H = np.zeros((most + 1, most))
     left = np.zeros(most + 1)  # the residual in the coordinates of the rotated space
@@ -92,7 +95,8 @@ def _cycle(
     turns: list[tuple[float, float]] = []
     count = 0
     for k in range(most):
-        w = product(precondition(V[k]))
+        Z[k] = precondition(V[k])  # kept, as what they add up to would cost one more
+        w = product(Z[k])
         for _ in range(2):  # once more, as the first pass leaves round-off of what it has taken away
             along = V[: k + 1] @ w
             w = w - along @ V[: k + 1]
@@ -114,7 +118,7 @@ def _cycle(
     weights = np.zeros(count)
     for i in range(count - 1, -1, -1):
         weights[i] = (left[i] - H[i, i + 1 : count] @ weights[i + 1 :]) / H[i, i]
-    return precondition(weights @ V[:count]) if count else np.zeros_like(r), count
+    return weights @ Z[:count], count
 
 
 class Anderson:

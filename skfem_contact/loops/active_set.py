@@ -92,7 +92,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
         if held is not None:
             current = replace(current, status=status)
         conditions = linear_conditions(step, current, coupled)
-        if step.turns and held is None and not settled:
+        if held is None and not settled:
             conditions = replace(conditions, rough=True)
         response = step.problem.solve(conditions, step.load)
         proposal = propose(step, current, response)
@@ -117,7 +117,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             nearer=pace.nearer,
         )
         current = pace.advance(step, current, proposal, changing, response)
-        settled = step.turns and not np.count_nonzero(changing)
+        settled = not np.count_nonzero(changing)
 
 
 @dataclass

@@ -312,8 +312,8 @@ class HeldForces(ABC):
         if not self._rigid.even(SOLVED):
             raise SingularMatrix("the points that are closed do not hold the bodies")
 
-    # What is left, at most, of the residual of the iterate before.
-    at_least = 1.0
+    # Share of the residual of the iterate before that may be left.
+    closer = 1.0
 
     @abstractmethod
     def _product(self, x: Array) -> Array:
@@ -325,8 +325,8 @@ class HeldForces(ABC):
 
     def iterated(self, b: Array, begin: Array, tolerance: float, most: int) -> Iterated:
         """Unknowns by GMRES, from some to begin with; counted."""
-        goal, share = (np.inf, ROUGHLY) if self.rough else (tolerance, self.at_least)
-        found = gmres(self._product, b, self._precondition, begin, goal, most, share=share)
+        given = self._product, b, self._precondition, begin, tolerance, most
+        found = gmres(*given, closer=self.closer, roughly=ROUGHLY if self.rough else 0.0)
         self._counts.append(found.iterations)
         self.rough = self.rough and found.enough and found.residual > tolerance
         return found

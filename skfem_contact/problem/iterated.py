@@ -290,7 +290,7 @@ class _Fields(HeldForces):
     loop asks: every solve comes closer than the one before.
     """
 
-    at_least = CLOSER
+    closer = CLOSER
 
     def __init__(self, problem: MultigridProblem, conditions: Conditions, load: Load) -> None:
         super().__init__(problem, conditions, load)

@@ -38,7 +38,7 @@ class Conditions:
         [force/length]
     rough : bool
         Whether an answer on the way will do: where linear problems are iterated, one that leaves a
-        thousandth of what is wrong with the iterate before.
+        hundredth of what is wrong with the iterate before.
     """
 
     closed: Mask

@@ -31,10 +31,10 @@ LAYERS = 4
 
 # -- forces ------------------------------------------------------
 
-# What an answer on the way leaves of the residual: points change by much more than a thousandth from
-# one of Newton's iterations to the next, and what is left is taken up there. An increment takes half as
-# long as with all digits in all iterations; with a tenth of it, or ten times, as long as with this.
-ROUGHLY = 1e-3
+# What an answer on the way may leave of the residual: points change by more than a hundredth from one
+# of Newton's iterations to the next, and what is left is taken up there. An increment takes half as
+# long as with all digits in all iterations; with a third of it, or three times, as long as with this.
+ROUGHLY = 1e-2
 
 # -- iterated ----------------------------------------------------
 
