@@ -181,10 +181,11 @@ def factorised(A: Array, symmetric: bool) -> DenseFactors:
     raise SingularMatrix("the matrix of the contact problem is singular")
 
 
-def blocks(count: int) -> Iterator[slice]:
+def blocks(count: int, at_once: int | None = None) -> Iterator[slice]:
     """Rows that are worked on at once; a matrix that is not large is one block."""
-    for begin in range(0, count, thresholds.ROWS_AT_ONCE):
-        yield slice(begin, min(begin + thresholds.ROWS_AT_ONCE, count))
+    at_once = at_once or thresholds.ROWS_AT_ONCE
+    for begin in range(0, count, at_once):
+        yield slice(begin, min(begin + at_once, count))
 
 
 def symmetrise(A: Array) -> None:
