@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import internals
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import LinAlgError
+from scipy.sparse import csr_matrix
 
 from skfem_contact.linalg import cholesky, lu
 from skfem_contact.problem import (
@@ -265,6 +267,18 @@ def test_what_is_left_out_has_to_be_stable(space: PointSpace) -> None:
         assert_allclose(found, z, rtol=0, atol=1e-9 * abs(z).max())
         residual = S @ z - here.force
         assert_allclose(residual[10:m], 0.0, atol=1e-9 * abs(z).max())
+
+
+def test_rows_are_independent_where_a_sparse_bound_shows_it(monkeypatch) -> None:
+    """By ``W >= G diag(least) G'``; rows that depend on each other are never taken for others."""
+    internals.replace(monkeypatch, "problem.KEPT_BESIDE", 0)
+    rows, soft = (np.arange(2), np.full((2, 0), -1)), np.array([1.0, 2.0, 3.0])
+    for last, independent in (([0.0, 1.0, 1.0], True), ([1.0, 1.0, 1e-9], False)):
+        G = csr_matrix([[1.0, 1.0, 0.0], last])
+        W = (G @ np.diag(soft)) @ G.T.toarray()
+        assert Compliance(W, *rows, 2).independent(G, 0.5 * soft) is independent
+        assert not Compliance(W, *rows, 2, stable=False).independent(G, soft)
+        assert not Compliance(W, *rows, 2).independent(G, None)
 
 
 def test_rows_that_depend_on_each_other_are_refused_unless_springs_part_them() -> None:

@@ -231,7 +231,9 @@ class Zone:
         found = self.space.unknowns(conditions, load, key)
         response, z = self.space.response(conditions, load, found), found.z
         z0, q0 = self._loads.moved(load)
-        q = self._rigid.solve(self._A_qq @ q0 - self._A_zq.T @ (z - z0))
+        q = q0  # none, as a rule
+        if len(q):
+            q = self._rigid.solve(self._A_qq @ q0 - self._A_zq.T @ (z - z0))
         if self.left:
             assert load.moved is not None
             full = np.zeros(len(self.rows) + len(self.rest) + 1)  # the last for rows of -1
@@ -240,7 +242,7 @@ class Zone:
             left, z = self._dropped, full[:-1]
             response.gap[left] += full[self._normal[left]]
             response.slip[left] += full[self._tangential[left]]
-        response.solution = np.append(z, q)
+        response.solution = np.append(z, q) if len(q) else z
         return response
 
 
@@ -259,7 +261,10 @@ class _Loads:
         if last is None or last[0] is not load:
             # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
             z0, q0 = self.moved(load)
-            last = self._last = load, self._S.dot(z0) - self._A_zq @ self._rigid.solve(q0)
+            h = self._S.dot(z0)
+            if len(q0):
+                h -= self._A_zq @ self._rigid.solve(q0)
+            last = self._last = load, h
         return last[1]
 
     def moved(self, load: Load) -> tuple[Array, Array]:
