@@ -14,9 +14,9 @@ that carry no force; taking the springs away again is exact: with ``G = [B; P']`
 and q is eliminated. What is left is the stiffness against relative displacements of the points,
 singular exactly where free motion is.
 
-With many points, the dense matrix ``(G F G')^-1`` of the rows of gaps, slips and anchors is most of the
-memory that a solver takes. So it is formed by blocks of rows, changed in place from then on, and its
-size is known before (`dense_bytes`).
+With many points, the dense matrix ``G F G'`` is most of the memory that a solver takes. It is formed by
+blocks and inverted only on rows of points that may close (`zone`); its size is known before
+(`dense_bytes`).
 """
 
 from __future__ import annotations
