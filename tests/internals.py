@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import sys
 from functools import reduce
+from importlib import import_module
+from pkgutil import walk_packages
 from typing import Any
 
 import pytest
@@ -17,11 +19,13 @@ LIBRARY = "skfem_contact."
 
 
 def modules_with(package: str, name: str) -> list[Any]:
-    """The imported modules that have what goes by a name in one of the packages."""
+    """The modules that have what goes by a name in one of the packages, of which all are imported."""
+    for found in walk_packages(import_module(LIBRARY + package).__path__, f"{LIBRARY}{package}."):
+        import_module(found.name)
     known = {at: m for at, m in sys.modules.items() if at.startswith(LIBRARY) and name in vars(m)}
     known = {at: m for at, m in known.items() if not hasattr(m, "__path__")}  # a package has modules
     own = [vars(m)[name] for at, m in known.items() if at.startswith(f"{LIBRARY}{package}.")]
-    assert own, f"no module of {package} that is imported has {name}"
+    assert own, f"no module of {package} has {name}"
     assert all(one is own[0] for one in own), f"{name} is several things in {package}"
     return [module for module in known.values() if vars(module)[name] is own[0]]
 

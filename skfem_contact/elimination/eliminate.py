@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import known_keywords, shown
 from skfem_contact.bodies.inputs import csr32
-from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.constraint import (
     AffineConstraint,
     checked_rows,
@@ -28,7 +27,7 @@ from skfem_contact.elimination.constraint import (
     prescribed,
 )
 from skfem_contact.elimination.pivoting import FloatArray, IntArray, find_pivots, row_maximum
-from skfem_contact.elimination.thresholds import SHOWN
+from skfem_contact.elimination.thresholds import AGREEMENT, SHOWN
 from skfem_contact.errors import ConstraintError, InputError
 
 Labels = Sequence[str] | Callable[[int], str] | None
@@ -116,7 +115,7 @@ def eliminate(
         combination = sp.csr_matrix(A[redundant][:, pivots.columns] @ inverse)
         excess = rhs[redundant] - combination @ rhs[rows]
         weight = 1.0 + np.asarray(abs(combination).sum(axis=1)).ravel()
-        wrong = np.abs(excess) > SOLVED * weight * max(float(magnitude.max()), scale)
+        wrong = np.abs(excess) > AGREEMENT * weight * max(float(magnitude.max()), scale)
         if wrong.any():
             asked, row = b[redundant][wrong], redundant[wrong]
             made = asked - (excess * size[redundant])[wrong]
@@ -218,7 +217,7 @@ def _contradiction(
         part = combination[i]
         weight = np.abs(part.data)
         # what elimination left as round-off is no contribution
-        others = np.sort(kept[part.indices[weight > SOLVED * weight.max(initial=0.0)]])
+        others = np.sort(kept[part.indices[weight > AGREEMENT * weight.max(initial=0.0)]])
         involved += [row, *others]
         by = ", ".join(name(int(j)) for j in others[:SHOWN])
         by += f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""

@@ -24,8 +24,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.digits import SOLVED
-from skfem_contact.elimination.thresholds import WELL_CONDITIONED, WORTH_PIVOTING
+from skfem_contact.elimination.thresholds import AGREEMENT, WELL_CONDITIONED, WORTH_PIVOTING
 from skfem_contact.records import dataclass
 
 IntArray = NDArray[np.integer[Any]]
@@ -127,7 +126,7 @@ def _best_entries(A: sp.csr_matrix, prefer: NDArray[np.bool_] | None) -> IntArra
     best = np.flatnonzero(score == row_maximum(A, score)[row])
     pivot = np.full(A.shape[0], -1)
     pivot[row[best[::-1]]] = A.indices[best[::-1]]  # reversed: of equals, the first stays
-    pivot[largest <= SOLVED] = -1
+    pivot[largest <= AGREEMENT] = -1
     return pivot
 
 
@@ -237,7 +236,7 @@ def _complete_pivoting(blocks: FloatArray, rank: IntArray) -> IntArray:
     for _ in range(size):
         entry = np.abs(rest[work])
         top = entry.max(axis=(1, 2))
-        work, entry, top = (v[top > SOLVED] for v in (work, entry, top))
+        work, entry, top = (v[top > AGREEMENT] for v in (work, entry, top))
         if len(work) == 0:
             break
         entry /= top[:, None, None]

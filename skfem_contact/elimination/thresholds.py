@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+# Rows agree if they do so to this part of the largest of |b| + |C||x| (rows scaled to a largest
+# coefficient of one): that is how exactly redundant rows are known to be redundant; and what is left of
+# a row after elimination counts as nothing below it. Round-off of coordinates (1e-16) and of normals
+# computed from small facets (1e-16 * size / facet) is far below, angles that mean anything above.
+AGREEMENT = 1e-10
+
 # -- eliminate ---------------------------------------------------
 
 # How many rows, and of each how many that it contradicts, a message names.

@@ -28,6 +28,7 @@ from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.complementarity import propose
@@ -185,7 +186,7 @@ def _lost(step: Step, iterate: Iterate, change: Array, slow: bool) -> bool:
     """
     assert step.problem.springs is not None
     strain = size_of(step.problem.springs[:, None] * change)
-    known = SOLVED * _extent(step) if slow else _round_off(step, iterate.response)
+    known = AGREEMENT * _extent(step) if slow else _round_off(step, iterate.response)
     return strain <= known or size_of(change) <= SOLVED * iterate.response.largest_force
 
 
@@ -231,7 +232,7 @@ def rested(step: Step, iterate: Iterate) -> Rested:
     if grows:
         p = p - count * change
     response = replace(last, normal_force=p[:, 0], tangential_force=p[:, 1:])
-    return Rested(response, change, grows and strain > SOLVED * _extent(step))
+    return Rested(response, change, grows and strain > AGREEMENT * _extent(step))
 
 
 def _by_gmres(
@@ -262,7 +263,7 @@ def _check(step: Step, growth: Array) -> None:
     assert step.problem.springs is not None
     strain = step.problem.springs[:, None] * growth
     normal, tangential, most = strain[:, 0], strain[:, 1:], size_of(strain)
-    if most <= SOLVED * _extent(step):
+    if most <= AGREEMENT * _extent(step):
         return
     unglued = np.where(step.tied[:, None], 0.0, tangential)
     pulled = np.where(step.bilateral, 0.0, normal) < -GIVEN * most

@@ -15,7 +15,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.pairing.joints import Joints, across_edges
 from skfem_contact.pairing.projection import Feet, interpolated_normals, project
 from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
-from skfem_contact.pairing.thresholds import COINCIDENT, EXTENDED, FACING
+from skfem_contact.pairing.thresholds import COINCIDENT, EXTENDED, FACING, LEAN
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
@@ -160,16 +160,22 @@ class Side:
         feet = project(primary, facet, x)
         apart = x - feet.foot
         distance = sizes(apart)
-        height = dot(apart, interpolated_normals(primary, facet, feet.xi))
+        normal = interpolated_normals(primary, facet, feet.xi)
+        height = dot(apart, normal)
         good = np.where(height >= 0, distance <= self.outside, distance <= self.inside)
         beyond = np.flatnonzero(good & (feet.over > COINCIDENT * primary.lengths[facet]))
         if len(beyond):
-            some = facet[beyond], feet.some(beyond), apart[beyond], height[beyond]
-            good[beyond] = self._at_rims(*some) | self._in_the_margin(*some)
+            rims, some = feet.some(beyond), facet[beyond]
+            good[beyond] = self._at_rims(some, rims, apart[beyond], height[beyond])
+            flush = dot(secondary.normals[point[beyond]], normal[beyond]) <= -np.cos(LEAN)
+            good[beyond] |= flush & self._in_the_margin(some, rims, height[beyond])
         return point[good], facet[good], feet.xi[good], distance[good]
 
-    def _in_the_margin(self, facet: Index, feet: Feet, apart: Array, height: Array) -> Mask:
-        """Whether points just beyond an end or a sharp edge are in the margin there, and no deeper."""
+    def _in_the_margin(self, facet: Index, feet: Feet, height: Array) -> Mask:
+        """Whether points just beyond an end or a sharp edge are in the margin there, and no deeper.
+
+        Where a surface leans over the end, its vertex carries (`corners`).
+        """
         primary, c = self.primary, self.primary.kind.corners
         ends, local = (primary.twins < 0) | primary.sharp_edges, feet.place % self.primary.kind.corners
         # two edges meet at a corner, the one that starts there and the one before it
