@@ -1,38 +1,25 @@
-"""Dataclasses that take no time to import: `dataclass` for the values that pass between modules.
+"""Dataclasses made when they are first needed: `dataclass` for values that pass between modules.
 
-That of the standard library writes source text for each method of each class, and compiles it: with a
-hundred classes that was half of the time in which this library is imported. Here all classes share one
-constructor, and the standard library describes the fields of a class, which takes as long again, when
-`fields` or `replace` first ask for them. They and `field` work as ever. Classes that users make, whose
-signatures are read, are the standard library's own.
+The standard library writes source text for the methods of each dataclass, and compiles it. For all
+classes of this library that took half of the time in which it is imported, and a job uses half of
+them. So it is asked for a class when the first instance is made, or somebody asks for its fields.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from threading import RLock
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
-T = TypeVar("T")
+from skfem_contact.once import Lock
 
-FOUND = RLock()  # held while a class is described, which asks for its bases
+MAKING = Lock()
 
 if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass  # for type checkers it is that
 else:
 
-    def dataclass(
-        given: type[T] | None = None,
-        *,
-        init: bool = True,
-        repr: bool = True,
-        eq: bool = True,
-        frozen: bool = False,
-    ) -> type[T] | Callable[[type[T]], type[T]]:
-        """Make a class with annotated fields one whose instances are made of values for them.
-
-        The parameters are those of the standard library's `dataclass`.
+    def dataclass(given: type[Any] | None = None, **parameters: Any) -> Any:
+        """The `dataclass` of the standard library, later.
 
         Examples
         --------
@@ -48,121 +35,63 @@ else:
         dataclasses.FrozenInstanceError: cannot assign to field 'x'
         """
 
-        def made(cls: type[T]) -> type[T]:
-            has_hash = "__hash__" in vars(cls)
-            if _plain(cls):
-                for known in ("__dataclass_fields__", "__dataclass_params__"):
-                    setattr(cls, known, _Later(cls, known))
-                names, values, makers = *_annotated(cls), {}
-            else:
-                names, values, makers = _described(cls)
-            if init:
-                cls.__init__ = _constructor(names, values, makers, hasattr(cls, "__post_init__"))
-            if repr and "__repr__" not in vars(cls):
-                cls.__repr__ = _printed
-            if eq:
-                cls.__eq__ = _equal
-                cls.__hash__ = (cls.__hash__ if has_hash else _hash) if frozen else None
-            if frozen:
+        def waits(cls: type[Any]) -> type[Any]:
+            later = _Later(cls, parameters)
+            for name in later.names():
+                setattr(cls, name, _Stub(later, name))
+            if parameters.get("frozen", False):
                 cls.__setattr__, cls.__delattr__ = _refuse_set, _refuse_delete
             return cls
 
-        return made if given is None else made(given)
+        return waits if given is None else waits(given)
+
+
+FIELDS, REFUSES = "__dataclass_fields__", ("__setattr__", "__delattr__")
 
 
 class _Later:
-    """Stands where the standard library keeps what it knows of a class, until one asks for it."""
+    """A class whose methods are not made yet."""
 
-    def __init__(self, cls: type[Any], name: str) -> None:
-        self.cls, self.name = cls, name
+    def __init__(self, cls: type[Any], parameters: dict[str, Any]) -> None:
+        self.cls, self.parameters = cls, parameters
+
+    def names(self) -> list[str]:
+        """Those of methods and fields that have to be made."""
+        wanted = {"__repr__": "repr", "__eq__": "eq", "__init__": "init"}
+        made = [name for name, why in wanted.items() if self.parameters.get(why, True)]
+        if self.parameters.get("eq", True) and self.parameters.get("frozen", False):
+            made.insert(0, "__hash__")
+        return [FIELDS, *(name for name in made if name not in vars(self.cls))]
+
+    def make(self) -> None:
+        """Let the standard library make them, on a twin: other threads see all of them, or none."""
+        with MAKING:
+            own = dict(vars(self.cls))
+            stubs = [name for name, value in own.items() if isinstance(value, _Stub)]
+            if not stubs:
+                return
+            left = {*stubs, *REFUSES, "__dict__", "__weakref__"}
+            body = {name: value for name, value in own.items() if name not in left}
+            metaclass: Any = type(self.cls)
+            twin = metaclass(self.cls.__name__, self.cls.__bases__, body)
+            made = vars(dataclasses.dataclass(**self.parameters)(twin))
+            for name, value in own.items():
+                if isinstance(value, dataclasses.Field):  # defaults stand in the class
+                    setattr(self.cls, name, made[name]) if name in made else delattr(self.cls, name)
+            self.cls.__dataclass_params__ = made["__dataclass_params__"]
+            for name in stubs:  # the constructor last, for which threads wait here
+                setattr(self.cls, name, made[name])
+
+
+class _Stub:
+    """A method or the fields of a class, which are made when they are asked for."""
+
+    def __init__(self, later: _Later, name: str) -> None:
+        self.later, self.name = later, name
 
     def __get__(self, instance: Any, owner: type[Any]) -> Any:
-        with FOUND:
-            if vars(self.cls)[self.name] is self:  # else another thread has found it
-                dataclasses.dataclass(init=False, repr=False, eq=False, match_args=False)(self.cls)
-        return vars(self.cls)[self.name]
-
-
-def _above(cls: type[Any]) -> list[type[Any]]:
-    """A class after the dataclasses that it inherits from, in the order of their fields."""
-    return [*(base for base in cls.__mro__[:0:-1] if "__dataclass_fields__" in vars(base)), cls]
-
-
-def _plain(cls: type[Any]) -> bool:
-    """Whether names and values in the bodies of the classes are all there is to the fields."""
-    *bases, own = _above(cls)
-    if not all(isinstance(vars(base)["__dataclass_fields__"], _Later) for base in bases):
-        return False
-    return not any(isinstance(value, dataclasses.Field) for value in vars(own).values())
-
-
-def _annotated(cls: type[Any]) -> tuple[tuple[str, ...], dict[str, Any]]:
-    """Names of the fields and values of those that have one, as they stand in the classes."""
-    names: dict[str, None] = {}
-    values: dict[str, Any] = {}
-    for each in _above(cls):
-        own = vars(each)
-        for name, kind in each.__annotations__.items():
-            if "ClassVar" not in kind:  # annotations are text, by `from __future__ import annotations`
-                names[name] = None
-                if name in own:
-                    values[name] = own[name]
-    return tuple(names), values
-
-
-def _described(cls: type[Any]) -> tuple[tuple[str, ...], dict[str, Any], dict[str, Any]]:
-    """Names, values and functions that make values, as the standard library finds them."""
-    dataclasses.dataclass(init=False, repr=False, eq=False, match_args=False)(cls)
-    fields, missing = dataclasses.fields(cls), dataclasses.MISSING
-    names = tuple(f.name for f in fields if f.init)
-    values = {f.name: f.default for f in fields if f.default is not missing}
-    makers = {f.name: f.default_factory for f in fields if f.default_factory is not missing}
-    return names, values, makers
-
-
-def _constructor(
-    names: tuple[str, ...], values: dict[str, Any], makers: dict[str, Any], post: bool
-) -> Callable[..., None]:
-    """The constructor of all instances with these fields, which they have in this order."""
-
-    def __init__(self: Any, *args: Any, **given: Any) -> None:
-        own = vars(self)
-        own.update(zip(names, args, strict=False))
-        for name in names[len(args) :]:
-            if name in given:
-                own[name] = given.pop(name)
-            elif name in values:
-                own[name] = values[name]
-            elif name in makers:
-                own[name] = makers[name]()
-            else:
-                raise TypeError(f"{type(self).__name__}() misses the argument {name!r}")
-        if given or len(args) > len(names):
-            raise TypeError(f"{type(self).__name__}() takes {', '.join(names)}, and nothing else")
-        if post:
-            self.__post_init__()
-
-    return __init__
-
-
-def _printed(self: Any) -> str:
-    shown = [f"{f.name}={getattr(self, f.name)!r}" for f in dataclasses.fields(self) if f.repr]
-    return f"{type(self).__qualname__}({', '.join(shown)})"
-
-
-def _compared(self: Any) -> tuple[Any, ...]:
-    return tuple(getattr(self, f.name) for f in dataclasses.fields(self) if f.compare)
-
-
-def _equal(self: Any, other: object) -> Any:
-    if other.__class__ is not self.__class__:
-        return NotImplemented
-    return _compared(self) == _compared(other)
-
-
-def _hash(self: Any) -> int:
-    own = (f for f in dataclasses.fields(self) if (f.compare if f.hash is None else f.hash))
-    return hash(tuple(getattr(self, f.name) for f in own))
+        self.later.make()
+        return getattr(owner if instance is None else instance, self.name)
 
 
 def _refuse_set(self: Any, name: str, value: Any) -> None:
