@@ -91,9 +91,8 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
         status, held = stabilise(step, current, coupled)
         if held is not None:
             current = replace(current, status=status)
-        conditions = linear_conditions(step, current, coupled)
-        if held is None and not settled:
-            conditions = replace(conditions, rough=True)
+        rough = held is None and not settled
+        conditions = linear_conditions(step, current, coupled, rough)
         response = step.problem.solve(conditions, step.load)
         proposal = propose(step, current, response)
         if step.turns:
@@ -242,7 +241,7 @@ def _mean(a: Array, b: Array, share: float) -> Array:
     return a + share * (b - a)
 
 
-def linear_conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
+def linear_conditions(step: Step, current: Guess, coupled: bool, rough: bool = False) -> Conditions:
     """What a set of statuses asks of every point.
 
     Parameters
@@ -251,6 +250,8 @@ def linear_conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
     current : Guess
     coupled : bool
         Whether friction follows the normal force within the linear solve, or its limit lags.
+    rough : bool
+        Whether an answer with fewer digits will do on the way.
     """
     closed = current.status != OPEN
     slips = (current.status == SLIP) & step.frictional
@@ -266,7 +267,7 @@ def linear_conditions(step: Step, current: Guess, coupled: bool) -> Conditions:
     if elastic is not None and np.count_nonzero(elastic):
         offset[elastic] = step.last.tangential_force[elastic]
         spring[elastic] = step.stiffness[elastic, None, None] * np.eye(t)
-    return Conditions(closed, stick, step.last.slip, spring, offset, coupling)
+    return Conditions(closed, stick, step.last.slip, spring, offset, coupling, rough)
 
 
 def _follows(step: Step, current: Guess, slips: Mask) -> Mask:

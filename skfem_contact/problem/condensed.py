@@ -279,7 +279,8 @@ class PointProblem(OnContactDofs[Condensed]):
         else:
             force = self.bodies.load(case.f, case.x)
             found = self._following(force, self.bodies.flexibility(force))
-        moved, prescribed = np.split(found, [len(self.compliance.W)])
+        rows = len(self.compliance.W)
+        moved, prescribed = found[:rows], found[rows:]
         return Load(np.zeros(0), *self.constant(case), prescribed, components, moved)
 
     def _following(self, f_c: Array, u_c: Array) -> Array:
