@@ -46,7 +46,8 @@ else:
         return waits if given is None else waits(given)
 
 
-FIELDS, REFUSES = "__dataclass_fields__", ("__setattr__", "__delattr__")
+KNOWN = "__dataclass_fields__", "__dataclass_params__"
+REFUSES = "__setattr__", "__delattr__"
 
 
 class _Later:
@@ -61,7 +62,7 @@ class _Later:
         made = [name for name, why in wanted.items() if self.parameters.get(why, True)]
         if self.parameters.get("eq", True) and self.parameters.get("frozen", False):
             made.insert(0, "__hash__")
-        return [FIELDS, *(name for name in made if name not in vars(self.cls))]
+        return [*KNOWN, *(name for name in made if name not in vars(self.cls))]
 
     def make(self) -> None:
         """Let the standard library make them, on a twin: other threads see all of them, or none."""
@@ -78,7 +79,6 @@ class _Later:
             for name, value in own.items():
                 if isinstance(value, dataclasses.Field):  # defaults stand in the class
                     setattr(self.cls, name, made[name]) if name in made else delattr(self.cls, name)
-            self.cls.__dataclass_params__ = made["__dataclass_params__"]
             for name in stubs:  # the constructor last, for which threads wait here
                 setattr(self.cls, name, made[name])
 
