@@ -213,17 +213,16 @@ class Layer:
     def __init__(self, part: WholeBody) -> None:
         K, columns = part.K, part.columns
         self.diagonal = K.diagonal()[columns]
-        # springs on anchors count where these touch: without them the layer would follow a rigid motion
-        springs = np.zeros(K.shape[0])
-        springs[part.anchors] = np.diag(part.springs) ** 2
-        K = csr_matrix(K + diags(springs))
         inside = np.zeros(K.shape[0])
         inside[columns] = 1.0
         for _ in range(LAYERS):
             inside = (abs(K) @ inside > 0).astype(float)
         inside[part.body.D] = inside[columns] = 0.0
         layer = np.flatnonzero(inside)
-        self._K_cc = csr_matrix(K[columns][:, columns])
+        # springs on anchors count where these touch: without them the layer would follow a rigid motion
+        springs = np.zeros(len(columns))
+        springs[np.searchsorted(columns, part.anchors)] = np.diag(part.springs) ** 2
+        self._K_cc = csr_matrix(K[columns][:, columns] + diags(springs))
         self._K_cl = csr_matrix(K[columns][:, layer])
         K_ll = csr_matrix(K[layer][:, layer])
         factor = MultifrontalCholesky(K_ll, part.body.dof_points[layer])
