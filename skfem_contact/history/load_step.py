@@ -304,7 +304,7 @@ class Recovery:
             components=load.components,
             case=attempt.case,
             moved=moved,
-            unknowns=problem.unknowns,
+            unknowns=0 if problem.points is None else len(problem.points.S),
             shift=shift,
         )
 

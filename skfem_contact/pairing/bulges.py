@@ -275,10 +275,11 @@ def bulged_nodes(
     )
     places, ones = (Place(secondary, e, N), Place(primary, f, M)), np.ones((1, len(some)))
     _, part = Bulges.of(np.arange(len(some)), places, v, gap[None, some], ones, away, node[:, None])
-    gap, smooth = gap.copy(), np.zeros(m)
+    gap, smooth, changed = gap.copy(), np.zeros(m), np.zeros(len(gap), dtype=bool)
     smooth[node] = np.maximum(part.alike, TINY)
     gap[some] -= part.height[:, 0]
-    gap = without_round_off(gap, secondary, primary)
+    changed[some] = True
+    gap = without_round_off(gap, secondary, primary, changed)
     if part.move is None:
         return gap, smooth, None
     every = np.ones(m)

@@ -231,7 +231,8 @@ def weighted_gaps(
         gap += change
     if least is not None:
         gap = np.maximum(gap, least)
-    return without_round_off(gap, secondary, primary)
+    curved = np.zeros(len(gap), dtype=bool) if change is None else change != 0
+    return without_round_off(gap, secondary, primary, curved)
 
 
 def overhang(

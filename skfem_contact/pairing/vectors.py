@@ -8,6 +8,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
+from skfem_contact.pairing.thresholds import NO_WEIGHT
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -101,11 +102,13 @@ def cross(a: Array, b: Array) -> Array:
     return (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])[..., None]
 
 
-def without_round_off(gap: Array, secondary: ContactSurface, primary: ContactSurface) -> Array:
-    """Gaps (m,) that are zero where they are round-off of coordinates, or of smooth boundaries.
+def without_round_off(
+    gap: Array, secondary: ContactSurface, primary: ContactSurface, smooth: NDArray[np.bool_]
+) -> Array:
+    """Gaps (m,) that are zero where they are round-off of coordinates, or of `smooth` boundaries.
 
     Whether surfaces that touch are closed is not for the last digit to say: it would not be the same
     when the bodies are turned.
     """
     scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
-    return np.where(np.abs(gap) <= COMPUTED * scale, 0.0, gap)
+    return np.where(np.abs(gap) <= np.where(smooth, COMPUTED, NO_WEIGHT) * scale, 0.0, gap)
