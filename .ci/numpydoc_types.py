@@ -1,7 +1,7 @@
 """What griffe is told of this library.
 
-Types of docstrings in words, ``ndarray, shape (m, d)``, which it takes for Python code, and properties
-that are made by `its`, whose words are an argument.
+Types of docstrings in words, ``ndarray, shape (m, d)``, which it takes for Python code; properties that
+are made by `its`, whose words are an argument; and dataclasses that are made later.
 """
 
 from __future__ import annotations
@@ -33,6 +33,12 @@ def words_of(attribute: Any) -> griffe.Docstring | None:
 
 class NumpydocTypes(griffe.Extension):
     """Gives every parameter, attribute and return value its type in words."""
+
+    def on_module_members(self, *, mod: griffe.Module, **kwargs: Any) -> None:
+        """Called once the members of a module are known: where its `dataclass` comes from."""
+        found = mod.members.get("dataclass")
+        if isinstance(found, griffe.Alias) and found.target_path == "skfem_contact.records.dataclass":
+            found.target_path = "dataclasses.dataclass"
 
     def on_package(self, *, pkg: griffe.Module, **kwargs: Any) -> None:
         """Called once the whole package is loaded."""
