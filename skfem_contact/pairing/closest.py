@@ -41,7 +41,7 @@ def margins(secondary: ContactSurface, primary: ContactSurface, extended: bool) 
     """How far facets of the primary reach beyond their ends and sharp edges, (nf,) [length].
 
     `EXTENDED` of a facet, of the smallest of the secondary where these are smaller: at most one of its
-    points is in there. Nothing but round-off where they are not `extended`.
+    points is in there. Zero where they are not `extended`.
     """
     if not extended:
         return np.zeros(len(primary.lengths))
@@ -167,8 +167,9 @@ class Side:
         if len(beyond):
             rims, some = feet.some(beyond), facet[beyond]
             good[beyond] = self._at_rims(some, rims, apart[beyond], height[beyond])
-            flush = dot(secondary.normals[point[beyond]], normal[beyond]) <= -np.cos(LEAN)
-            good[beyond] |= flush & self._in_the_margin(some, rims, height[beyond])
+            if self.margin.any():
+                flush = dot(secondary.normals[point[beyond]], normal[beyond]) <= -np.cos(LEAN)
+                good[beyond] |= flush & self._in_the_margin(some, rims, height[beyond])
         return point[good], facet[good], feet.xi[good], distance[good]
 
     def _in_the_margin(self, facet: Index, feet: Feet, height: Array) -> Mask:
@@ -177,7 +178,7 @@ class Side:
         Where a surface leans over the end, its vertex carries (`corners`).
         """
         primary, c = self.primary, self.primary.kind.corners
-        ends, local = (primary.twins < 0) | primary.sharp_edges, feet.place % self.primary.kind.corners
+        ends, local = (primary.twins < 0) | primary.sharp_edges, feet.place % c
         # two edges meet at a corner, the one that starts there and the one before it
         there = ends[facet, local] | ((feet.place >= c) & ends[facet, local - 1])
         margin = self.margin[facet]

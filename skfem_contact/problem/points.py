@@ -215,9 +215,7 @@ class PointSpace:
         tangential[rows.stick] = -p[rows.slips]
         # with its part along a tangent whose slip supports prescribe, for which there is no row
         way = slip
-        if (
-            rows.gives
-        ):  # far stiffer than the points: slips in whole have lost the digits of what they give
+        if rows.gives:  # springs are stiff: whole slips have lost the digits of what they give
             way = slip - conditions.anchor
             way[rows.slides] = since[rows.sliding]
         friction = friction_force(conditions, way, normal_force, rows.gives)
