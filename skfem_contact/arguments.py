@@ -1,4 +1,4 @@
-"""What users pass as numbers, words, switches and lists: checked, with the name of the argument."""
+"""Checks of numbers, words, switches and lists that users pass, with the name of the argument."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def rectangular(value: Any, what: str, wanted: str) -> NDArray[Any]:
 
 
 def same(one: NDArray[Any], other: NDArray[Any]) -> bool:
-    """Whether all entries of two arrays of one shape are equal; half the time of ``np.array_equal``.
+    """Return whether two arrays of one shape are equal; half the time of ``np.array_equal``.
 
     >>> same(np.zeros(2), np.zeros(2)), same(np.zeros(2), np.ones(2))
     (True, False)

@@ -73,7 +73,7 @@ def carried(function: Any, what: str) -> Any:
 
 
 def can_be_carried(thing: Any) -> bool:
-    """Whether pickle takes it."""
+    """Return whether pickle takes it."""
     try:
         pickle.dumps(thing)
     except (pickle.PicklingError, AttributeError, TypeError):

@@ -1,4 +1,4 @@
-"""How many digits of a number count, by where it comes from: relative to the largest of its kind.
+"""The number of digits that count, by where a number comes from: relative to the largest.
 
 What is smaller is zero, and what differs by less is equal. Most thresholds are one of these three; one
 that is not has a name and a reason of its own, in the ``thresholds`` of its package.

@@ -1,4 +1,4 @@
-"""What tests and extensions take from inside a package, by the package alone.
+"""The names that tests and extensions take from inside a package, by the package alone.
 
 ``from skfem_contact.pairing import dual_mortar``: in which module of a package a step of the theory
 stands is the package's own matter, and a module that moves is one line in its `__init__`. None of these

@@ -1,4 +1,4 @@
-"""What several threads share: values that are computed once while the others wait, and locks.
+"""Values that several threads share: computed once while the others wait, and locks.
 
 A solver may be asked by several threads at once. What costs, such as a factorisation, is made by the
 thread that asks first; the others wait for it. Only those who want the same value of the same object

@@ -57,7 +57,7 @@ class _Later:
         self.cls, self.parameters = cls, parameters
 
     def names(self) -> list[str]:
-        """Those of methods and fields that have to be made."""
+        """Return the names of methods and fields that have to be made."""
         wanted = {"__repr__": "repr", "__eq__": "eq", "__init__": "init"}
         made = [name for name, why in wanted.items() if self.parameters.get(why, True)]
         if self.parameters.get("eq", True) and self.parameters.get("frozen", False):

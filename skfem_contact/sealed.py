@@ -1,4 +1,4 @@
-"""What is kept never changes: copies of what users give, and arrays that can not be written to.
+"""Values that never change: copies of what users give, and arrays that refuse writing.
 
 A result is as good as long as all that it was computed from is what it was. NumPy refuses to write
 into a sealed array: ``result.u *= 2`` is an error where it is written, ``u = 2 * result.u`` is not.

@@ -1,4 +1,4 @@
-"""What the user gives: bodies with their stiffness and loads, and the surfaces that may touch.
+"""Bodies, as the user gives them, with stiffness and loads, and the surfaces that may touch.
 
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
 * `assembly`: stiffness from a form; `quadrature`: points of integration, and gradients at them;

@@ -24,7 +24,7 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class FacetKind:
-    """What is the same for all facets of a surface; the elements are those of scikit-fem.
+    """A kind of facets, the same for all facets of a surface; the elements are those of scikit-fem.
 
     The nodes of a facet are its corners, counter-clockwise seen from outside, then the middles of its
     edges, edge i from corner i to corner i + 1, then its centre.
@@ -81,17 +81,17 @@ class FacetKind:
 
     @property
     def triangle(self) -> bool:
-        """Whether reference coordinates are those of a triangle."""
+        """Reference coordinates are those of a triangle."""
         return self.dim == 2 and self.corners == 3
 
     @property
     def quadratic(self) -> bool:
-        """Whether facets have middle nodes."""
+        """Facets have middle nodes."""
         return self.nodes > self.corners
 
     @property
     def straight(self) -> bool:
-        """Whether facets are straight or plane whatever their nodes are: lines and triangles."""
+        """Facets are straight or plane whatever their nodes are: lines and triangles."""
         return self.nodes == self.dim + 1
 
     @property
@@ -106,7 +106,7 @@ class FacetKind:
 
     @cached_property
     def taken(self) -> float:
-        """What corners of faces take of the middles of their edges, to have positive integrals."""
+        """The share of edges' middles that corners take, to have positive integrals."""
         positive = self.shares[: self.corners].min() > COMPUTED
         return 0.0 if self.dim == 1 or positive else TAKEN
 
@@ -135,7 +135,7 @@ class FacetKind:
 
     @property
     def centreless(self) -> bool:
-        """Whether `triangles` meet where there is no node."""
+        """The `triangles` meet where there is no node."""
         return bool(self.triangles.max() == self.nodes)
 
     @cached_property

@@ -58,7 +58,7 @@ def twin_edges(corners: Index) -> Index:
 
 
 def _occurrence(values: Index) -> Index:
-    """How often each value has appeared before: [7, 3, 7] gives [0, 0, 1]."""
+    """Count how often each value has appeared before: [7, 3, 7] gives [0, 0, 1]."""
     occurrence = np.zeros(len(values), dtype=np.intp)
     order = np.argsort(values, kind="stable")
     ordered = values[order]

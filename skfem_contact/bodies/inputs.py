@@ -1,4 +1,4 @@
-"""What users pass for a body, checked and normalised: matrices, vectors, forms, sets of DOFs."""
+"""Checks of what users pass for a body: matrices, vectors, forms, sets of DOFs."""
 
 from __future__ import annotations
 

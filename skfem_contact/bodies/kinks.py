@@ -1,4 +1,4 @@
-"""Where a surface turns: sharp edges, kinks beside a flat, the ends of a curve, the slopes of an arc.
+"""Turns of a surface: sharp edges, kinks beside a flat, the ends of a curve, the slopes of an arc.
 
 At a sharp edge facets meet at 45 degrees or more. At any other edge the surface has one normal,
 averaged, which is right for curved surfaces. A chamfer beside a flat is none: it is known by what the

@@ -60,7 +60,7 @@ class Member(ABC):
     @property
     @abstractmethod
     def dof_component(self) -> np.ndarray:
-        """What every DOF stands for, shape (n,): a component, 0 for x; from `dim` on, a rotation."""
+        """The component that every DOF stands for, shape (n,): 0 for x; from `dim` on, a rotation."""
 
     @property
     @abstractmethod
@@ -109,7 +109,7 @@ class Meshed(Member):
 
     @cached_property
     def axisymmetric(self) -> bool:
-        """Whether `measure` of a plane body is proportional to ``x[0]`` (a thickness is not)."""
+        """The `measure` of a plane body is proportional to ``x[0]`` (a thickness is not)."""
         if self.measure is None or self.components == 1 or self.dim != 2:
             return False
         radius = self.dof_points[:, 0]

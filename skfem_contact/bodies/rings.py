@@ -18,7 +18,7 @@ Mask = NDArray[np.bool_]
 
 
 def around(facets: Index, kind: FacetKind, bowed: Mask, m: int) -> csr_matrix:
-    """Which nodes share a facet, (m, m); those of `bowed` facets share the part between their nodes.
+    """Return which nodes share a facet, (m, m); those of `bowed` facets share the part between them.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def mirrors(points: Array, edges: Index, held: Mask, normals: Array) -> Mask:
 def rings(
     points: Array, shared: csr_matrix, passable: Mask, mirrored: Mask, chosen: Index
 ) -> tuple[Array, Mask]:
-    """Where the neighbours of nodes are, seen from them, and their neighbours where these are few.
+    """Return the neighbours of nodes, seen from them, and their neighbours where these are few.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which facets does the user mean? Names, functions of position, numbers, and lists of these."""
+"""Selection of facets by names, functions of position, numbers, and lists of these."""
 
 from __future__ import annotations
 

@@ -142,12 +142,12 @@ class ContactSurface:
 
     @property
     def quadratic(self) -> bool:
-        """Whether facets have middle nodes."""
+        """Facets have middle nodes."""
         return self.kind.quadratic
 
     @cached_property
     def held(self) -> np.ndarray:
-        """Which components of each node are prescribed, shape (m, d)."""
+        """The components of each node that are prescribed, shape (m, d)."""
         if self.undeformed is not None:
             return self.undeformed.held
         return held_components(self.body, self.dofs)
@@ -242,7 +242,7 @@ class ContactSurface:
 
     @property
     def _rim(self) -> np.ndarray:
-        """Where the surface ends: end nodes of curves (r, 1), edges of faces (r, 2)."""
+        """Find the rim of the surface: end nodes of curves (r, 1), edges of faces (r, 2)."""
         return self.facets[:, self.kind.edges[:, :2]][self.twins < 0]
 
     @cached_property

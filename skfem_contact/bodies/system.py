@@ -82,7 +82,7 @@ class System:
         return K, sealed(np.concatenate(f))
 
     def scale(self, body: Member | str) -> np.ndarray | float:
-        """What displacements of a body are multiplied by in the numbering of the system: 1 as a rule.
+        """Return the factor of a body's displacements in the numbering of the system: 1 as a rule.
 
         Shape (n_body,) of a rigid body, whose rotations become lengths. Loads are divided by it.
         """
@@ -116,7 +116,7 @@ class System:
 
     @cached_property
     def supports(self) -> list[slice]:
-        """Where the prescribed DOFs of each body are in `D`."""
+        """The places of the prescribed DOFs of each body in `D`."""
         return slices(np.cumsum([0, *(len(body.D) for body in self.bodies)]))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What is wrong with a contact problem and can be said before, or without, solving it.
+"""Checks of a contact problem that need no solution, with what is wrong in words.
 
 Axisymmetric bodies that meet must have the same idea of a ring: the weights that they count forces by.
 """
@@ -78,7 +78,7 @@ def warn_unfelt_wear(contacts: Sequence[Contact], names: Sequence[str]) -> None:
 
 
 def _shared(one: Any, other: Any) -> bool:
-    """Whether two sides are surfaces of one body with common facets."""
+    """Return whether two sides are surfaces of one body with common facets."""
     if not (isinstance(one, ContactSurface) and isinstance(other, ContactSurface)):
         return False
     return one.body is other.body and bool(np.isin(one.mesh_facets, other.mesh_facets).any())
@@ -322,7 +322,7 @@ def warn_measures(contacts: Sequence[Contact]) -> None:
 
 
 def _has_rings(body: Meshed) -> bool:
-    """Whether the stiffness resists that all points move away from the axis."""
+    """Return whether the stiffness resists that all points move away from the axis."""
     away = (body.dof_component == 0).astype(float)
     forces = np.linalg.norm(body.K @ away)
     return bool(forces > SOLVED * np.linalg.norm(body.K.diagonal() * away))

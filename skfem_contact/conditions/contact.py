@@ -229,12 +229,12 @@ class Contact(PrintedAsCall):
 
     @property
     def bilateral(self) -> bool:
-        """Whether it pulls as well as it presses: its points never open."""
+        """The contact pulls as well as it presses: its points never open."""
         return self.tied or not self.separation
 
     @property
     def rigid(self) -> bool:
-        """Whether the primary side is a rigid obstacle."""
+        """The primary side is a rigid obstacle."""
         return not isinstance(self.primary, ContactSurface)
 
     @property

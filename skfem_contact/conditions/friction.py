@@ -93,7 +93,7 @@ class FrictionLaw(PrintedAsCall):
 
     @property
     def is_linear(self) -> bool:
-        """Whether the bound is a linear function of the normal force alone."""
+        """The bound is a linear function of the normal force alone."""
         return False
 
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
@@ -125,7 +125,7 @@ class FrictionLaw(PrintedAsCall):
         return (ahead - np.asarray(self.limit(normal_force, area, slip))) / step
 
     def return_map(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> Mapped:
-        r"""What friction makes of a trial force: itself within the bound, else a force on it.
+        r"""Return the force of friction for a trial force: itself within the bound, else one on it.
 
         Made of `limit`, `slope` and difference quotients. A law may give it itself, for derivatives in
         closed form; the size of its forces is still what `limit` says, where they slip.

@@ -67,7 +67,7 @@ class CheckedLaw(ByFields):
 
     @cached_property
     def steady(self) -> bool:
-        """Whether the law is one of ours, whose parameters were checked when it was made.
+        """The law is one of this package, whose parameters were checked when it was made.
 
         Its bounds need no check, and are piecewise linear in the normal force, without the slip.
         """
@@ -75,7 +75,7 @@ class CheckedLaw(ByFields):
 
     @property
     def grips(self) -> bool:
-        """Whether the bound is known to be a share of the normal force at all points, or more.
+        """The bound is known to be at least a share of the normal force at all points.
 
         Not one of a size that no force can tell from nothing, and whatever cohesion adds.
         """
@@ -144,11 +144,11 @@ class CheckedLaw(ByFields):
 
     @cached_property
     def by_bound(self) -> bool:
-        """Whether the law is given by its bound, and has no return map of its own."""
+        """The law is given by its bound, and has no return map of its own."""
         return type(self.law).return_map is FrictionLaw.return_map
 
     def _own_map(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> Mapped:
-        """What a return map of the law's own gives, checked against its bound."""
+        """Ask the law's own return map, and check what it gives against the bound."""
         found, idle = self._answer(self.law.return_map, trial, normal_force, area, slip)
         force, slips, derivatives = mapped_arrays(found, self._name("return_map"), trial)
         force = np.where(idle[:, None], 0.0, force)
@@ -179,7 +179,7 @@ class CheckedLaw(ByFields):
     def _ask(
         self, method: Callable[..., Any], what: str, normal_force: Array, area: Array, slip: Array
     ) -> tuple[Array, Mask]:
-        """What the law returns, and for which points it was asked with numbers to be answered."""
+        """Call the law, and return with its values the points that have to get a number."""
         found, idle = self._answer(method, normal_force, area, slip)
         usage = "it must return an array with one number for each contact point"
         values = numbers(found, f"what {self._name(what)} returned", usage)
@@ -195,7 +195,7 @@ class CheckedLaw(ByFields):
         return np.where(idle, 0.0, values), known
 
     def _answer(self, method: Callable[..., Any], *given: Array) -> tuple[Any, Mask]:
-        """What the law makes of forces, areas and slips; and points without area, which carry none."""
+        """Evaluate the law at forces, areas and slips; points without area carry no force."""
         *forces, area, slip = given
         idle = area <= COMPUTED * np.max(area, initial=0.0)
         # the law's own copies, as it may work in place; divisions by zero are found by their result
@@ -279,7 +279,7 @@ class FrictionRule:
 
     @cached_property
     def smooth(self) -> bool:
-        """Whether there may be points where nothing can stick: see `CheckedLaw.grips`."""
+        """There may be points where nothing can stick: see `CheckedLaw.grips`."""
         return not all(law.grips for _, law in self.laws)
 
     def bound(self, normal_force: Array, slip: Array) -> Array:
@@ -342,13 +342,13 @@ class FrictionRule:
         return grows(self.mapped(BEYOND * direction, normal_force, slip)[2])
 
     def excess(self, trial: Array, normal_force: Array, slip: Array) -> Array:
-        """How far trial forces (m, d-1) are from where they come back to, (m,)."""
+        """Return the distance of trial forces (m, d-1) from the forces they are mapped to, (m,)."""
         if self.by_bound:
             return np.maximum(lengths(trial) - self.bound(normal_force, slip), 0.0)
         return lengths(trial - self.project(trial, normal_force, slip)[0])
 
     def _all(self, method: str, force: Array, area: Array, slip: Array) -> Array:
-        """What a method of the laws gives for all points, (m,)."""
+        """Collect the values of a method of the laws at all points, (m,)."""
         out = np.zeros(force.shape)
         for part, law, counted in self._parts(force, area, slip):
             out[part] = getattr(law, method)(*counted)
@@ -362,7 +362,7 @@ class FrictionRule:
             yield part, law, (force[part], area[part], slip[part])
 
     def _counted(self, normal_force: Array, slip: Array) -> tuple[Array, Array, Array]:
-        """What bounds depend on, of all points: normal force, area, slip since they closed."""
+        """Return what bounds depend on at all points: normal force, area, slip since they closed."""
         if not self.steady:
             slip = slip - self.reference
         return np.maximum(normal_force, 0.0), self.area, slip
@@ -374,7 +374,7 @@ def grows(by: Derivatives) -> Mask:
 
 
 def steep_words(law: FrictionLaw | None) -> str:
-    """How far off the normal friction holds, where the coefficient is larger than materials have.
+    """Say by how much friction exceeds the normal force, for coefficients that no material has.
 
     Such a coefficient may stand for points that hardly ever slip, or be an angle in degrees, or per
     cent. That is not told by its value, so nothing is warned of; what is said is true of all three,

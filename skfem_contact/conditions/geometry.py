@@ -1,4 +1,4 @@
-r"""Where the contact points are: the pairing, fixed for small sliding, following for finite.
+r"""The positions of the contact points: a pairing that stays for small sliding, and follows for finite.
 
 With small sliding the pairing of the undeformed bodies serves for ever. With finite sliding it is
 renewed at the displacements of an iterate, for the whole contact problem at once, and the load step
@@ -104,7 +104,7 @@ class Geometry:
 
     @cached_property
     def identity(self) -> Identity:
-        """What a state has to belong to."""
+        """The identity of the problem, which a state has to share."""
         return Identity.of(self.system, self.contacts)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -169,7 +169,7 @@ class Geometry:
         return [self._offset(i) for i in range(len(self.contacts))]
 
     def _offset(self, i: int) -> Array:
-        """What a given or adjusted initial gap adds to the measured one, interference apart."""
+        """Return what a given or adjusted gap adds to the measured one, without interference."""
         contact, first = self.contacts[i], self.pairings[i]
         given = initial_gap(contact, first, 0.0)
         both = np.isfinite(given) & np.isfinite(first.gap)
@@ -194,7 +194,7 @@ class Geometry:
         return replace(case, gap0=gap0, slip0=slip0)
 
     def _spun(self, i: int, kin: Kinematics, before: Array, u: Array) -> Array | float:
-        """What the spin of a rigid body in space has moved points by beyond the rows, (m, d).
+        """Return how far the spin of a rigid body in space has moved points beyond the rows, (m, d).
 
         They take it for the change of the rotation vector, which it is about a fixed axis.
         """
@@ -233,7 +233,7 @@ class Geometry:
     def mismatch(
         self, old: Kinematics, new: Kinematics, state: LocalState, barred: Mask | None = None
     ) -> float:
-        """How far the contact conditions on a pairing are from those at its own answer.
+        """Measure how far the contact conditions on a pairing are from those at its own answer.
 
         The largest of the gaps of closed points and the overlaps of open ones, over the extent of
         the bodies, and the change of the contact forces' distribution over the largest of them.

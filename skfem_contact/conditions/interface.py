@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """What holds at the points whatever the pairing.
+    """The laws at the contact points, which do not depend on the pairing.
 
     Attributes
     ----------

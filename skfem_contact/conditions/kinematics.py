@@ -157,7 +157,7 @@ class Kinematics:
 
     @property
     def axes(self) -> Array:
-        """What slips have components along, and components of friction are forces along, (m, d-1, d).
+        """The axes that components of slips and of friction are taken along, (m, d-1, d).
 
         The tangents, scaled where friction has a material direction, see `rows`; none of a field
         with one component.
@@ -166,7 +166,7 @@ class Kinematics:
 
     @property
     def duals(self) -> Array:
-        """What components make the vector of a slip of, and friction has its own along, (m, d-1, d)."""
+        """The vectors that slips are combined of by their components, (m, d-1, d)."""
         return self._axes if self.scaled is None else self._scaled_duals
 
     @property

@@ -40,7 +40,7 @@ class Motion:
 
     @property
     def turns(self) -> bool:
-        """Whether it is more than a translation."""
+        """The motion is more than a translation."""
         return bool(np.any(self.angle))
 
     def towards(self, other: Motion, share: float) -> Motion:
@@ -60,7 +60,7 @@ class Motion:
         return Motion(self.shift(centre[None])[0], self.angle, centre)
 
     def slid(self, before: Motion, points: Array) -> Array:
-        """How far the obstacle's surface has moved along at points where it is now, (m, d).
+        """Return how far the obstacle's surface has moved along itself at points, (m, d).
 
         Linear in the turn: over a point of contact the surface of a spinning roller passes with the
         length of the arc. In space the turn is the spin on the way between both.

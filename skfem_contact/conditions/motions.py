@@ -125,7 +125,7 @@ class RigidMotions(ByFields):
         return products.reshape(len(products), -1)
 
     def held(self, closed: Array | Mask, stick: Mask, least: float = RESISTS) -> bool:
-        """Whether closed and sticking points hold all motions by far, as in nearly every step.
+        """Closed and sticking points hold all motions by far, as in nearly every step.
 
         Where they do `free` finds none, and takes longer. `closed` may be weights: the squares of what
         the rows of `normal` are multiplied by, (m,).
@@ -295,7 +295,7 @@ def null_space(rows: Array, least: float = RESISTS) -> Array:
 
 
 def _held(products: Array, least: float) -> bool:
-    """Whether no direction is anywhere near the bound, from the products ``rows' rows``, (k, k).
+    """Return whether no direction is near the bound, from the products ``rows' rows``, (k, k).
 
     By the squares of the singular values, the eigenvalues of a matrix of few directions. They have
     half of the digits, so the bound is taken twice as high, and above their round-off.

@@ -285,7 +285,7 @@ def material_frame(law: OrthotropicCoulomb, pairing: Pairing, label: str) -> Arr
 
 
 def combinations(frame: Array, ratios: Array, tangent: Array, first_held: Mask) -> Array:
-    r"""What combinations of the tangents the axes are, shape (m, 2, 2): triangular matrices A.
+    r"""Return the triangular matrices A (m, 2, 2) that combine the tangents to the axes.
 
     ``A'A = r_2^2 + (r_1^2 - r_2^2) d d'`` with the components d of the direction along the tangents.
 

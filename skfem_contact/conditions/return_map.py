@@ -149,7 +149,7 @@ def slip_gradient(limit: Callable[[Array], Array], here: Array, slip: Array, dir
 
 
 def mapped_arrays(found: Any, name: str, trial: Array) -> Mapped:
-    """What a return map of the user's gave, as arrays of the shapes that they must have.
+    """Return what a user's return map gave, as arrays of the shapes that they must have.
 
     Raises
     ------

@@ -56,7 +56,7 @@ class Lever:
     def of(
         cls, system: System, contact: Contact, pairing: Pairing, moved: Array | None = None
     ) -> Lever | None:
-        """That of a contact; None where its primary is no rigid body.
+        """Make the lever of a contact; None where its primary is no rigid body.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class Lever:
         return np.asarray(values[some].ravel()), rows, columns
 
     def holds(self, direction: Array) -> Mask:
-        """Whether its supports keep the points from moving along directions (m, d), shape (m,)."""
+        """Return whether its supports keep points from moving along directions (m, d), shape (m,)."""
         size = np.abs(self.rows(direction))
         free = np.ones(self.body.n)
         free[self.body.D] = 0.0
@@ -103,7 +103,7 @@ class Lever:
 
 
 def as_motion(system: System, body: RigidBody, u: Array) -> tuple[Array, Any, Array]:
-    """Where a rigid body is at displacements u of the system (n,), as obstacles take a motion."""
+    """Return a rigid body's position at displacements u of the system (n,), as obstacles take it."""
     own: Array = u[system.slice(body)] / system.scale(body)
     return body.motion(own)
 
@@ -114,7 +114,7 @@ Side = tuple[csr_matrix, ContactSurface, float]
 
 @dataclass(frozen=True, eq=False)
 class Sides:
-    """What the rows of a contact are sums over.
+    """The two sides that the rows of a contact are sums over.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class Sides:
     def of(
         cls, system: System, contact: Contact, pairing: Pairing, moved: Array | None = None
     ) -> Sides:
-        """Those of the gaps; `moved` is the translation of a rigid body, see `Lever.of`."""
+        """Make the sides of the gaps; `moved` is the translation of a rigid body, see `Lever.of`."""
         weights = pairing.secondary_weights, pairing.primary_weights
         scalar = contact.secondary.dofs.shape[1] == 1
         bulge = None if contact.rigid or scalar else pairing.primary_bulge
@@ -148,7 +148,7 @@ class Sides:
         return cls(system, contact, pairing, _weighed(contact, *weights), bulge, lever)
 
     def of_slip(self, still: Mask) -> Sides:
-        """Those of the slips along one tangent: other weights where supports make the slip."""
+        """Make the sides of the slips along one tangent: other weights where supports make the slip."""
         pairing, bulge = self.pairing, self.bulge
         if pairing.slip_weights is None:
             weighed = self.weighed

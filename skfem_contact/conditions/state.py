@@ -72,8 +72,7 @@ def transport(vectors: Array, old: Array, new: Array) -> Array:
 
 @dataclass(eq=False)
 class _History:
-    """What `State` and `LocalState` share; the arrays of friction are vectors in one, (m, d), and
-    components in the other, (m, d-1)."""
+    """The common fields of `State`, with vectors (m, d), and `LocalState`, with components (m, d-1)."""
 
     status: NDArray[np.intp]
     slip: Array
@@ -113,7 +112,7 @@ class LocalState(_History):
     """
 
     def in_space(self, kin: Kinematics) -> State:
-        """What is remembered of it; `kin` is the pairing that it belongs to."""
+        """Return the state as vectors in space; `kin` is the pairing that it belongs to."""
         components = self._friction
         basis = _each(kin, kin.duals, kin.axes)
         if kin.tangents == 1:  # in every step: sums over so few are dear to einsum
@@ -127,7 +126,7 @@ class LocalState(_History):
 
 @dataclass(eq=False)
 class State(_History):
-    """What friction remembers of the last load step; the path dependence lives here.
+    """The memory of friction between load steps; all path dependence lives here.
 
     Attributes
     ----------
@@ -205,7 +204,7 @@ class State(_History):
 
 @dataclass(frozen=True, eq=False)
 class Identity:
-    """What has to be the same for a state to be carried over.
+    """The parts of a problem that have to be the same for a state to be carried over.
 
     Not in it: names, supports, loads, stiffness, friction and interference, which may change from one
     part of a history to the next, and where rigid obstacles are.

@@ -1,4 +1,4 @@
-"""What statics alone says of a load: whether any forces at the contact points can balance it.
+"""Statics of a load: do any forces at the contact points balance it?
 
 On the k free motions ``c`` the loads are ``Q = R'f``, and an equilibrium needs
 
@@ -35,7 +35,7 @@ def load_on(motions: RigidMotions, f: Array) -> tuple[Array, float]:
 
 
 def drives(motions: RigidMotions, f: Array, free: Array, beyond: float = SOLVED) -> bool:
-    """Whether a load does work on some of these motions (k, j), beyond a share of its parts."""
+    """Return whether a load does work on some of these motions (k, j), beyond a share of its parts."""
     Q, size = load_on(motions, f)
     return bool(np.max(np.abs(free.T @ Q), initial=0.0) > beyond * size)
 
@@ -126,7 +126,7 @@ def friction_coefficients(interface: Interface, m: int) -> Array:
 def balanced(
     motions: RigidMotions, f: Array, state: LocalState, noise: float, carried: float = 0.0
 ) -> bool:
-    """Whether loads and contact forces balance along the motions that supports leave free.
+    """Return whether loads and contact forces balance along the motions that supports leave free.
 
     A body that is hardly held may move by 1e10 of its size: then the round-off of its ``K u`` carries
     any load, equilibrium is met to all digits of that, and nothing balances the load. `noise` and

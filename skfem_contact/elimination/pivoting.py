@@ -1,4 +1,4 @@
-r"""Which DOF each constraint row gives up: one pivot per row, however the rows are coupled.
+r"""Choice of the DOF that each constraint row gives up, however the rows are coupled.
 
 Rows ``A u = b`` are solved for their pivots, ``u_p = A_p^-1 (b - A_f u_f)``, so the square matrix
 ``A_p`` of pivot columns has to be invertible, well conditioned and sparse. Every row proposes the

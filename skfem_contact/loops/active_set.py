@@ -121,7 +121,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
 
 @dataclass
 class BlockPivoting:
-    """How many points may change at once (block principal pivoting of Judice and Pires, 1994).
+    """The number of points that may change at once (block pivoting of Judice and Pires, 1994).
 
     Whole sets change as long as there is progress; after a few iterations without any, one point at a
     time, the last in the order of `Step.rank`, until there is progress again. On problems with unique
@@ -176,7 +176,7 @@ class BlockPivoting:
         )
 
     def _comes_nearer(self, step: Step, response: Response) -> bool:
-        """Whether less is left over than ever; asked only where the number does not fall."""
+        """Return whether less is left over than ever; asked only where the number does not fall."""
         if self.least == 0.0 or not step.friction.steady:
             return False
         self.rho = self.rho or resistances(step, response)
@@ -242,7 +242,7 @@ def _mean(a: Array, b: Array, share: float) -> Array:
 
 
 def linear_conditions(step: Step, current: Guess, coupled: bool, rough: bool = False) -> Conditions:
-    """What a set of statuses asks of every point.
+    """Return the conditions that a set of statuses puts on every point.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ def propose(step: Step, current: Guess, response: Response) -> Guess:
 def slipping_in_space(
     step: Step, current: Guess, response: Response, force: Array, rho: Resistance
 ) -> tuple[Mask, Array, Array]:
-    """Which points slip if they are closed, in which direction, and under what trial force."""
+    """Find the points that slip if they are closed, their directions, and their trial forces."""
     exact, was_slip = step.exact, current.status == SLIP
     force_scale = response.largest_force
     nothing = round_off(step, force_scale)
@@ -225,12 +225,12 @@ def same_slip(step: Step, response: Response) -> float:
 
 
 def trial_round_off(step: Step, response: Response) -> Array:
-    """What a finite stiffness makes of the round-off of slips, zero where sticking is exact, (m,)."""
+    """Return what a finite stiffness makes of the round-off of slips, (m,)."""
     return np.where(step.exact, 0.0, step.stiffness) * (SOLVED_SLIP * same_slip(step, response))
 
 
 def left_over(step: Step, response: Response, rho: Resistance | None = None) -> tuple[Array, Array]:
-    """What is left of both equations at every point, (m,) and (m, d-1) [force]."""
+    """Return the residual of both equations at every point, (m,) and (m, d-1) [force]."""
     rho = rho or resistances(step, response)
     force = pressing(response, rho)
     closed = (step.bilateral | (force > 0)) & step.paired
@@ -287,7 +287,7 @@ def slipping_in_plane(
     force_scale: float,
     closes: Mask,
 ) -> tuple[Mask, Array]:
-    """Which points slip that are closed or just close, and to which side friction then acts, (m,)."""
+    """Find closed points that slip, and the side to which friction then acts, (m,)."""
     exact, trial = step.exact, response.tangential_force
     if not step.all_exact:
         trial = np.where(exact[:, None], trial, step.trial(response.slip))

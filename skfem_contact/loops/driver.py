@@ -122,7 +122,7 @@ class Options:
 
 @dataclass(eq=False)
 class Outcome:
-    """How a loop ended: its last iterate, the log, and the reason in words.
+    """The end of a loop: its last iterate, the log, and the reason in words.
 
     `note` is what the log does not show of its start, in words.
     """
@@ -222,7 +222,7 @@ class Stagnation:
     waited: int = 0
 
     def stalled(self, record: Record, patience: int, nearer: bool = False) -> bool:
-        """Whether the last improvement is too long ago; `nearer` as of an iterate."""
+        """Return whether the last improvement is too long ago; `nearer` as of an iterate."""
         self.waited = 0 if nearer else self.waited + 1
         if record.changes < self.changes or record.residual < 0.5 * self.residual:
             self.changes = min(self.changes, record.changes)

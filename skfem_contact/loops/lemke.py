@@ -265,7 +265,7 @@ def _statuses(step: Step, problem: _Problem, z: Array, current: Guess) -> Guess:
 
 
 def slipping(forward: Array, backward: Array, sigma: Array) -> NDArray[np.bool_]:
-    """Which points slip, by both parts ``b+``, ``b-`` of their friction and their slip, (b,).
+    """Find the points that slip, by both parts ``b+``, ``b-`` of their friction and their slip, (b,).
 
     Where both parts act the friction is below its bound, and the point sticks: its slip is zero. A
     solution has them to round-off, and the one that is nearer to zero, over what there is, is zero.

@@ -133,7 +133,7 @@ def _without_friction(step: Step, iterate: Iterate) -> Array:
 
 
 def _until_one_changes(step: Step, iterate: Iterate, p: Array, growth: Array) -> float:
-    """How often forces p grow, all (m, d), before a point opens, or slips."""
+    """Return how often forces p grow, all (m, d), before a point opens, or slips."""
     closed = iterate.status != OPEN
     falls = closed & ~step.bilateral & (growth[:, 0] < 0)
     most = float(np.min(p[falls, 0] / -growth[falls, 0], initial=1.0 / GIVEN))
@@ -180,7 +180,7 @@ def _at_rest(step: Step, p: Array) -> Step:
 
 
 def _lost(step: Step, iterate: Iterate, change: Array, slow: bool) -> bool:
-    """Whether forces have changed by so little that no spring has a strain.
+    """Return whether forces have changed by so little that no spring has a strain.
 
     `slow`: the next change would hardly be smaller. Then what rows are known to is no strain.
     """
@@ -313,7 +313,7 @@ def with_least_friction(step: Step, iterate: Iterate) -> Iterate:
 
 
 def _allowed(step: Step, iterate: Iterate, force: Array) -> bool:
-    """Whether no point pulls, and no friction is beyond its bound, by more than in the answer.
+    """Return whether no point pulls, and no friction is beyond its bound, by more than in the answer.
 
     Normal forces (m,) come first. An answer is one to the tolerance of its loop.
     """

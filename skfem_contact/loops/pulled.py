@@ -134,7 +134,7 @@ def _changed(before: Array, target: Array) -> Array:
 
 @dataclass(frozen=True)
 class Carried:
-    """How much of a load step is carried at most, on the way of a loading machine.
+    """The largest share of a load step that is carried, on the way of a loading machine.
 
     Attributes
     ----------
@@ -222,7 +222,7 @@ class Pull:
         return top
 
     def meets(self, last: At, at: At) -> float:
-        """How much farther the machine goes until an open point meets its partner, as things go."""
+        """Return how far the machine goes on until an open point meets its partner."""
         opened = (at.guess.status == OPEN) & np.isfinite(at.gap) & self.step.paired
         nearer = (last.gap[opened] - at.gap[opened]) / (at.pull - last.pull)
         comes = nearer > GIVEN * np.max(np.abs(nearer), initial=0.0)

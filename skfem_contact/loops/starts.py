@@ -1,4 +1,4 @@
-"""Where the iterations of a load step begin: warm, cold, by another loop or another problem.
+"""Starts of the iterations of a load step: warm, cold, by another loop or another problem.
 
 The proximal point is a way to the answer where Newton's method finds none.
 Large coefficients of friction on uneven surfaces leave Newton's steps no way down. The same problem
@@ -66,7 +66,7 @@ DENSE = ("pivoting", "pulled", "proximal", REGULARISED)
 
 @dataclass(eq=False)
 class Start:
-    """Where the iterations of a load step begin, and what was found out on the way there.
+    """A start of the iterations of a load step, with what was found out on the way there.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Start:
     carried: Carried | None = None
 
     def ended(self, outcome: Outcome, same: bool) -> Outcome:
-        """How a step ended whose loop began here; `same` where both loops had the same equations."""
+        """Note how a step ended that began here; `same` where both loops had the same equations."""
         spent = self.spent
         trace = (*spent.trace, *outcome.trace) if spent else outcome.trace
         if same and spent and spent.converged and not outcome.converged and not outcome.stopped:
@@ -100,7 +100,7 @@ class Start:
 
 
 def possible_starts(points: int, loop: str, turns: bool, pulled: bool = False) -> list[str]:
-    """Where attempts may begin.
+    """List the starts that attempts may take.
 
     Newton for the loops whose friction lags behind the normal forces, which settles slowly near gross
     slip, and never where both drive each other; pivoting only on problems small enough for its tableau,
@@ -257,7 +257,7 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
 def _of_least_pressure(
     step: Step, found: Outcome, tolerance: float, trace: list[Record]
 ) -> tuple[Guess, Outcome]:
-    """Where forces are not unique, the answer to which springs come from no forces, if it is near."""
+    """Return the answer to which springs come from no forces, where many answers exist."""
     guess = after(step, found)
     if step.problem.springs is None:
         return guess, found

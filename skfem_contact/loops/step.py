@@ -1,4 +1,4 @@
-"""What the loops pass around: steps, guesses, iterates and records."""
+"""Values that the loops pass around: steps, guesses, iterates and records."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Step:
 
     @cached_property
     def turns(self) -> bool:
-        """Whether directions of friction can turn: there is friction along more than one tangent."""
+        """Directions of friction can turn: there is friction along more than one tangent."""
         return bool(self.friction.laws) and self.last.slip.shape[1] > 1
 
     @cached_property
@@ -71,12 +71,12 @@ class Step:
 
     @cached_property
     def all_exact(self) -> bool:
-        """Whether all points are `exact`."""
+        """All points are `exact`."""
         return bool(self.exact.all())
 
     @cached_property
     def all_paired(self) -> bool:
-        """Whether all points have a partner."""
+        """All points have a partner."""
         return bool(self.paired.all())
 
     @cached_property
@@ -167,7 +167,7 @@ class Guess:
 
 @dataclass(frozen=True)
 class Record:
-    """What one iteration did: a line of the log.
+    """One iteration: a line of the log.
 
     Examples
     --------

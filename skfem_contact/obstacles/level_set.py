@@ -104,7 +104,7 @@ class LevelSet(Obstacle):
         return gap, normal, converged & looks & (gap >= -0.5 * size)
 
     def first_order(self, surface: ContactSurface) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """What `distance` gives, by the value over the gradient: right near the obstacle."""
+        """Return `distance` by the value over the gradient, which is right near the obstacle."""
         x = surface.points
         normal, steep, looks = self._normals(x, surface, float(np.linalg.norm(np.ptp(x, axis=0))))
         return self._value(x) / steep, normal, looks
@@ -136,7 +136,7 @@ class LevelSet(Obstacle):
     def _asked(
         self, name: str, function: Callable[[Array], Array], x: Array, shape: Any, what: str
     ) -> Array:
-        """What a function of the user's returns at positions (m, d), of this shape and finite."""
+        """Call a user's function at positions (m, d); the answer must have this shape and be finite."""
         usage = f"it must return {what}"
         found = numbers(function(x.T), f"what the {name} of {self.label!r} returned", usage)
         if found.shape != shape or not np.isfinite(found).all():

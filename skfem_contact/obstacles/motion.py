@@ -119,5 +119,5 @@ def rigid_motion(motion: MotionLike | None, d: int) -> tuple[Array, Array]:
 
 
 def _number(part: Any) -> bool:
-    """Whether a part of a motion is a number, so that the whole is a translation."""
+    """Return whether a part of a motion is a number, so that the whole is a translation."""
     return not isinstance(part, tuple | list) and np.ndim(part) == 0

@@ -1,4 +1,4 @@
-"""What every rigid obstacle does: obstacles have no DOFs, they are paired and they move.
+"""The base of all rigid obstacles: they have no DOFs, they are paired and they move.
 
 Those made of straight facets, edges or triangles, are paired as meshes are.
 """
@@ -34,7 +34,7 @@ Moved = TypeVar("Moved", bound="Faceted")
 
 
 class Obstacle(PrintedAsCall, ABC):
-    """What all rigid obstacles can do; subclasses give the signed distance.
+    """A rigid obstacle; subclasses give the signed distance.
 
     The normal of an obstacle points out of it, to the side on which the body is.
     """
@@ -59,14 +59,14 @@ class Obstacle(PrintedAsCall, ABC):
 
     @property
     def bend(self) -> Array | None:
-        """How its surface curves, (d, d): ``x' B x`` along x, positive where it bulges [1/length].
+        """The curvature of its surface, (d, d): ``x' B x`` along x, positive in a bulge [1/length].
 
         Known of shapes that curve alike everywhere; None of others.
         """
         return None
 
     def turns_in_itself(self, about: Array) -> bool:
-        """Whether a rotation about a point leaves its shape where it is; known of discs alone."""
+        """A rotation about a point leaves its shape where it is; known of discs alone."""
         return False
 
     def pair(self, surface: ContactSurface, *, motion: MotionLike | None = None) -> Pairing:
@@ -118,7 +118,7 @@ class Obstacle(PrintedAsCall, ABC):
 
     @abstractmethod
     def distance(self, surface: ContactSurface) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Where the nodes of a surface are, seen from the obstacle.
+        """Find where the nodes of a surface are, seen from the obstacle.
 
         Parameters
         ----------
@@ -244,6 +244,6 @@ class Faceted(Obstacle):
 
 
 def volume(points: Array, facets: Index) -> float:
-    """What closed facets enclose, an area in the plane; negative where they are seen from inside."""
+    """Return the volume within closed facets, an area in the plane; negative if seen from inside."""
     x = points[facets] - points[facets].reshape(-1, points.shape[1]).mean(axis=0)
     return float(np.einsum("fd,fd->", x[:, 0], area_vectors(x))) / factorial(points.shape[1])

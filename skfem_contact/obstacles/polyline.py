@@ -157,7 +157,7 @@ def _near_edges(start: Array, end: Array, touching: float) -> tuple[Index, Index
 
 
 def _cross(a: Array, b: Array, c: Array, d: Array, touching: float) -> NDArray[np.bool_]:
-    """Whether the edges from a to b and from c to d have a point in common, shape (p,).
+    """Return whether the edges from a to b and from c to d have a point in common, shape (p,).
 
     Points that are known to `touching` [length] only are on a line that they are no farther off.
     """

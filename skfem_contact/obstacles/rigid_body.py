@@ -181,7 +181,7 @@ class RigidBody(Member, Obstacle):
 
     @property
     def bend(self) -> Array | None:
-        """How its obstacle curves, see `Obstacle.bend`."""
+        """The curvature of its obstacle, see `Obstacle.bend`."""
         return self.obstacle.bend
 
     def distance(self, surface: ContactSurface) -> tuple[Array, Array, NDArray[np.bool_]]:

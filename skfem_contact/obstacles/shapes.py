@@ -69,7 +69,7 @@ class RigidPlane(Obstacle):
 
     @property
     def bend(self) -> Array:
-        """How it curves, see `Obstacle.bend`: not at all, (d, d) zeros."""
+        """The curvature of a plane, see `Obstacle.bend`: (d, d) zeros."""
         return np.zeros((len(self.point), len(self.point)))
 
     def moved(self, motion: MotionLike) -> RigidPlane:
@@ -85,7 +85,7 @@ class RigidPlane(Obstacle):
 
 
 class Round(Obstacle):
-    """What is round about a centre or an axis: at one distance of it.
+    """An obstacle that is round about a centre or an axis: at one distance of it.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class Round(Obstacle):
 
     @property
     def bend(self) -> Array:
-        """How it curves, (d, d): one over its radius across the axis, negative in a hole [1/length]."""
+        """The curvature, (d, d): one over its radius across the axis, negative in a hole [1/length]."""
         across = np.eye(len(self.centre))
         if self.axis is not None:
             across = across - np.outer(self.axis, self.axis)

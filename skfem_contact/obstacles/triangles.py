@@ -167,7 +167,7 @@ class RigidSurface(Faceted):
 
     @cached_property
     def closed(self) -> bool:
-        """Whether it has no rim."""
+        """The surface has no rim."""
         return bool(np.all(twin_edges(self.triangles) >= 0))
 
     @property

@@ -1,4 +1,4 @@
-"""What all pictures need: axes, the arc length along a surface, colours. With matplotlib.
+"""The common parts of all pictures: axes, the arc length along a surface, colours. With matplotlib.
 
 Every function draws into `ax`, or into a new figure, and returns the axes: titles and limits are the
 user's to change. Labels carry the units that the user gives, since nothing in the library has any.
@@ -65,7 +65,7 @@ def arc_length(surface: ContactSurface, closed: NDArray[np.bool_]) -> Array:
 
 
 def _cut(closed: NDArray[np.bool_]) -> int:
-    """Where to open a ring: the middle of the longest run of False."""
+    """Choose where to open a ring: the middle of the longest run of False."""
     if not closed.any():
         return 0
     first = int(np.argmax(closed))
@@ -76,7 +76,7 @@ def _cut(closed: NDArray[np.bool_]) -> int:
 
 
 def is_solid(result: ContactResult) -> bool:
-    """Whether a result is of solids; refused where there are no displacements to draw."""
+    """Return whether a result is of solids; refuse results without displacements to draw."""
     usage = "draw what solve(...) returned, or one of a history"
     if isinstance(result, ContactValues):
         usage = f"write plot_contact(result, {result.name!r}), and plot_deformed(result) for the bodies"
@@ -123,7 +123,7 @@ def which(result: ContactResult, contact: Contact | str | int | None) -> int:
 
 
 def open_words(values: ContactValues, units: Mapping[str, str]) -> str:
-    """That nothing touches, and how far apart it is."""
+    """Say that nothing touches, and how far apart it is."""
     gap = values.gap[np.isfinite(values.gap)]
     if not len(gap):
         return f"{values.name} is open: no point has a partner"
@@ -199,7 +199,7 @@ def draw_faces(ax: Any, points: Array, triangles: Index, box: Box) -> None:
 
 
 def _inside(x: Array, low: Array, high: Array) -> list[Array]:
-    """What of triangles (t, 3, 3) is in a box: polygons (k, 3), cut off at its sides."""
+    """Cut off what is outside of a box from triangles (t, 3, 3): polygons (k, 3) are left."""
     apart = np.any((x.max(axis=1) < low) | (x.min(axis=1) > high), axis=1)
     whole = np.all((x >= low) & (x <= high), axis=(1, 2))
     shown = list(x[whole])

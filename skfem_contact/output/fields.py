@@ -1,4 +1,4 @@
-"""What is drawn and written of bodies: their nodes and cells, fields over these, and words for units.
+"""Fields of bodies for pictures and files: nodes and cells, values over these, and words for units.
 
 Fields are those that users ask for, one or several: numbers, vectors or tensors. Units are the user's
 own words, since the library has none.
@@ -73,7 +73,7 @@ def three(vectors: Array) -> Array:
 
 
 def field_name(field: Any) -> str:
-    """What a function ``(body, u) -> values`` is called in files and pictures: by its own name.
+    """Return the name of a function ``(body, u) -> values`` in files and pictures: its own.
 
     >>> from functools import partial
     >>> from skfem_contact import von_mises
@@ -119,7 +119,7 @@ def checked_field(values: Any, count: int, body: str) -> Array:
 
 
 def as_columns(values: Array) -> Array:
-    """As files have them: one number, three of a vector, or six of a symmetric tensor."""
+    """Arrange values as files have them: one number, three of a vector, or six of a tensor."""
     if values.ndim == 3:
         return np.stack([values[:, i, j] for i, j in SIX.values()], axis=1)
     return three(values) if values.ndim == 2 else values

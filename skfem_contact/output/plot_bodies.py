@@ -177,7 +177,7 @@ def _window(window: Sequence[float]) -> Box:
 
 
 def colour_name(stress: Stress | None, component: str | None, units: Mapping[str, str]) -> str:
-    """What the colour bar is called."""
+    """Return the title of the colour bar."""
     if stress is None:
         return labelled("displacement", "length", units)
     name = next(iter(asked(stress))).replace("_", " ")

@@ -122,7 +122,7 @@ def plot_contact(
 
 
 def _window(s: Array, closed: NDArray[np.bool_]) -> tuple[float, float]:
-    """What touches and a margin, within the surface."""
+    """Find what touches and a margin, within the surface."""
     if not closed.any():
         return float(s.min()), float(s.max())
     low, high = s[closed].min(), s[closed].max()

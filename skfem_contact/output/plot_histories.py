@@ -188,7 +188,7 @@ def _several(results: Sequence[ContactResult]) -> list[ContactResult]:
 
 
 def _places(results: list[ContactResult], over: Over | None) -> Array:
-    """Where every result stands on the axis, (k,)."""
+    """Return the place of every result on the axis, (k,)."""
     if over is None:
         return np.arange(len(results), dtype=float)
     given = [over(result) for result in results] if callable(over) else over
@@ -231,7 +231,7 @@ def _curves(ax: Any, x: Array, y: Array) -> None:
 
 
 def _areas(ax: Any, x: Array, values: list[Any], units: Mapping[str, str]) -> None:
-    """What sticks and slips, and the energy lost on a twin axis."""
+    """Draw the areas that stick and slip, and the energy lost on a twin axis."""
     share = np.array([[v.area[v.status == k].sum() for v in values] for k in (1, 2)])
     ax.stackplot(x, share, colors=SHADES[1:], labels=STATUS[1:])
     ax.set(ylabel=labelled("area in contact", "area", units))
@@ -269,6 +269,6 @@ def _force_and_way(
 
 
 def _of_tool(result: ContactResult, tool: Tool) -> tuple[Array, Array]:
-    """What pushes an obstacle is what it pushes the bodies with; its centre moves."""
+    """Return the force by which an obstacle pushes the bodies, and the motion of its centre."""
     force = sum(result.values[i].force for i in tool.contacts)
     return np.asarray(force), np.asarray(tool.motion.translation)

@@ -192,7 +192,7 @@ def _lines(ax: Any, segments: Array, label: str | None = None, **style: Any) -> 
 def _states(
     ax: Any, values: ContactValues, seen: Mask, surface: ContactSurface, units: Mapping[str, str]
 ) -> None:
-    """What sticks as points, what slips as arrows of its friction."""
+    """Draw points that stick as dots, points that slip as arrows of their friction."""
     if values.contact.friction is None:
         return
     there = np.zeros(len(values.points), dtype=bool)

@@ -175,7 +175,7 @@ class Projection:
 
     @classmethod
     def of(cls, body: Body) -> Projection:
-        """Those of a body; bodies on one basis share them."""
+        """Return the values of a body; bodies on one basis share them."""
         basis = body.basis
         if basis not in _KNOWN:
             scalar = basis.with_element(basis.elem.elem)

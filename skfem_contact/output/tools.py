@@ -97,7 +97,7 @@ def tools(result: ContactResult) -> list[Tool]:
 
 
 def fits(obstacle: Obstacle, size: float) -> bool:
-    """Whether an obstacle has an end, and is not longer than a size."""
+    """Return whether an obstacle has an end, and is not longer than a size."""
     if isinstance(obstacle, RigidPolyline | RigidSurface):
         return bool(np.all(np.ptp(obstacle.points, axis=0) <= size))
     if isinstance(obstacle, RigidSphere) or (

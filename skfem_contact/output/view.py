@@ -1,4 +1,4 @@
-"""Where bodies and obstacles stand in a picture: displacements magnified, what all share taken off.
+"""Positions of bodies and obstacles in a picture: displacements magnified, what all share taken off.
 
 A point at X with the displacement u is drawn at ``X + c + s (u - c)``: s is the factor and c a
 translation that all bodies share. An obstacle that has moved by t is drawn as moved by
@@ -53,7 +53,7 @@ WHOLE = 1.5
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """How displacements are shown.
+    """A choice of how displacements are shown.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class View:
         return x.min(axis=0), x.max(axis=0)
 
     def motion(self, motion: Motion) -> Motion:
-        """That of an obstacle in the picture."""
+        """Return the motion of an obstacle in the picture."""
         translation = self.shared + self.factor * (motion.translation - self.shared)
         return Motion(translation, self.factor * motion.angle, motion.centre)
 
@@ -141,7 +141,7 @@ def _factor(result: ContactResult, u: Array, known: list[Tool], shared: Array) -
 
 
 def gaps_overlap(result: ContactResult, seen: View) -> bool:
-    """Whether gaps that have closed, which are not magnified, are seen to overlap in the picture."""
+    """Return whether closed gaps, which are not magnified, are seen to overlap in the picture."""
     extent = answer_of(result).system.extent
     return abs(seen.factor - 1.0) * _closed_gap(result) > SEEN * extent
 
@@ -164,7 +164,7 @@ def _initial_gaps(result: ContactResult) -> Array:
 
 
 def _moved(tool: Tool, result: ContactResult, shared: Array) -> float:
-    """How far an obstacle has moved from where the bodies are, as far as its shape shows it."""
+    """Return how far an obstacle has moved from where the bodies are, as far as its shape shows it."""
     shape = tool.obstacle
     if isinstance(shape, RigidCylinder | RigidSphere):
         return float(np.abs(tool.motion.shift(shape.centre[None])[0] - shared).max())

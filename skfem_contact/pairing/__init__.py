@@ -1,4 +1,4 @@
-"""What meets what: the points of one surface on the facets of another, in the plane and in space.
+"""The pairing: points of one surface on the facets of another, in the plane and in space.
 
 * `search`: which facets can meet a point; `vectors`: products, ragged ranges, entries of weights;
 * `projection`: closest points of facets; `joints`: what leads along a surface from edges and corners;

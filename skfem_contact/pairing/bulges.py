@@ -1,4 +1,4 @@
-"""What smooth boundaries change of the rows of contact: their gaps, and what moves with the nodes.
+"""Smooth boundaries in the rows of contact: their gaps, and how these move with the nodes.
 
 The heights are those of `smooth`; here they are weighted as rows are, in the mean of multipliers or
 node by node.
@@ -196,7 +196,7 @@ def bulged(
     normal: Array,
     rows: tuple[Array, Mask],
 ) -> tuple[Array | None, Array | None, bsr_matrix | None]:
-    """What weighted gaps change by (m,), `Pairing.smooth`, and the movement; None where nothing does.
+    """Return the change of weighted gaps (m,), `Pairing.smooth`, and the movement; None if nothing.
 
     As far as curvatures agree the weighted gap is the mean of distances, not of vectors whose
     directions differ.

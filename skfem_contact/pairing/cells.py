@@ -146,7 +146,7 @@ class Cells:
         return linear, values - design @ linear
 
     def images(self, cell: Index, local: Array) -> Array:
-        """Where lines along the normals begin that go through points.
+        """Return where lines begin that go along the normals through points.
 
         Parameters
         ----------

@@ -148,7 +148,7 @@ def clip(subject: Array, window: Array) -> Polygons:
 
 
 def cut(polygons: Polygons, start: Array, along: Array) -> Polygons:
-    """What is on the left of lines through `start` (p, 2) in the directions `along` (p, 2)."""
+    """Return what is on the left of lines through `start` (p, 2) in the directions `along` (p, 2)."""
     corners, count = polygons.corners, polygons.count
     p, n = corners.shape[:2]
     side = cross(along[:, None], corners - start[:, None])

@@ -38,7 +38,7 @@ def search_range(
 
 
 def margins(secondary: ContactSurface, primary: ContactSurface, extended: bool) -> Array:
-    """How far facets of the primary reach beyond their ends and sharp edges, (nf,) [length].
+    """Return how far facets of the primary reach beyond their ends and sharp edges, (nf,) [length].
 
     `EXTENDED` of a facet, of the smallest of the secondary where these are smaller: at most one of its
     points is in there. Zero where they are not `extended`.
@@ -105,7 +105,7 @@ def _guesses(secondary: ContactSurface, primary: ContactSurface) -> list[Index]:
 def _most_opposite(
     secondary: ContactSurface, primary: ContactSurface, point: Index, facet: Index
 ) -> Index:
-    """Which of equally near facets faces its point most, for each point.
+    """Choose among equally near facets the one that faces its point most, for each point.
 
     Rounded, so that round-off does not decide between two sides of a symmetric corner. Of ties that are
     left the first line along the curve is taken; faces have no order, and are taken by where they are,
@@ -147,7 +147,7 @@ class Side:
         return Joints.of(self.primary)
 
     def valid_pairs(self, point: Index, facet: Index) -> tuple[Index, Index, Array, Array]:
-        """Those of the pairs whose facet may be the partner, their reference coordinates, distances."""
+        """Return the pairs whose facet may be the partner, their coordinates and distances."""
         secondary, primary = self.secondary, self.primary
         looks, faces = secondary.normals.take(point, axis=0), primary.facet_normals.take(facet, axis=0)
         facing = dot(looks, faces) < -FACING
@@ -173,7 +173,7 @@ class Side:
         return point[good], facet[good], feet.xi[good], distance[good]
 
     def _in_the_margin(self, facet: Index, feet: Feet, height: Array) -> Mask:
-        """Whether points just beyond an end or a sharp edge are in the margin there, and no deeper.
+        """Return whether points just beyond an end or a sharp edge are in the margin there.
 
         Where a surface leans over the end, its vertex carries (`corners`).
         """
@@ -185,7 +185,7 @@ class Side:
         return np.asarray(there & (feet.over <= margin) & (height >= -margin))
 
     def _at_rims(self, facet: Index, feet: Feet, apart: Array, height: Array) -> Mask:
-        """Whether a foot at the rim of its facet is the closest point of the whole surface.
+        """Return whether a foot at the rim of its facet is the closest point of the whole surface.
 
         It is that of the facets across the edge or round the corner too, and the surface goes on there,
         on a plane of symmetry as its mirror image. Beyond a sharp edge the node lies at most 45 degrees
@@ -226,7 +226,7 @@ class Side:
 
 
 def _slopes(turn: Array) -> Array:
-    """How far the side of a body that a curve ends at leads away from the end, per height.
+    """Return how far the side of a body that a curve ends at leads away from the end, per height.
 
     A point at a height h (< 0: inside) is on the inner side of the straight line through the side if
     it lies beyond the end by no more than h times this: the lower corner of an inclined joint between

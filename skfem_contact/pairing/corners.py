@@ -43,7 +43,7 @@ Names = frozenset[tuple[int, int]]
 
 @dataclass(frozen=True, eq=False)
 class CornerContacts:
-    """What the corners of two surfaces meet.
+    """The contacts of the corners of two surfaces.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What looks wrong with a pairing, in sentences."""
+"""Signs that something is wrong with a pairing, in sentences."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _stiffness(surface: ContactSurface) -> float:
 
 
 def _swap_is_good(pairing: Pairing, secondary: ContactSurface, primary: Any, method: str) -> bool:
-    """Whether the two sides could be swapped without the advice to swap them back."""
+    """Return whether the two sides could be swapped without the advice to swap them back."""
     if not isinstance(primary, ContactSurface) or not pairing.paired.any():
         return isinstance(primary, ContactSurface)
     mine, met = _facet_sizes(pairing, secondary, primary)
@@ -138,7 +138,7 @@ def say_wrong_side(pairing: Pairing, secondary: ContactSurface, primary: Any) ->
 
 
 def look_alike(secondary: ContactSurface, primary: Any) -> bool:
-    """Whether all of one side looks where all of the other does, so that no slide makes them meet."""
+    """Return whether all of one side looks where the other does, so that no slide makes them meet."""
     if not isinstance(primary, ContactSurface):
         return False  # obstacles may turn
     means = [side.facet_normals.mean(axis=0) for side in (secondary, primary)]

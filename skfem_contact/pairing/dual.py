@@ -212,7 +212,7 @@ def positive_functions(kind: FacetKind) -> Array:
 
 @lru_cache
 def node_rows(kind: FacetKind) -> Array:
-    """What of nodal values each multiplier sees, ``B^-T``, shape (k, k)."""
+    """Return the share of nodal values that each multiplier sees, ``B^-T``, shape (k, k)."""
     return np.asarray(np.linalg.inv(positive_functions(kind)).T)
 
 

@@ -124,15 +124,15 @@ class Segmentation(Pieces):
                 yield of, points, weight * stretch(self.secondary, self.cells[0], self.e[of], points)
 
     def corners(self, some: Index) -> Meeting:
-        """What meets at the corners of some pieces."""
+        """Return what meets at the corners of some pieces."""
         return self._meet(some, self.pieces.corners[some])
 
     def distances(self, some: Index) -> Array:
-        """How far nodes are from some pieces of their faces, in the planes of cells, (p, k)."""
+        """Return how far nodes are from some pieces of their faces, in the planes of cells, (p, k)."""
         return self.pieces.some(some).distances(self._seen(some))
 
     def nodes(self, some: Index, local: Index) -> Meeting:
-        """What the normals at nodes meet, one of the face of each piece, if its partner went on."""
+        """Return what normals at nodes meet, one of the face of each piece, if its partner went on."""
         return self._meet(some, self._seen(some)[np.arange(len(some)), local][:, None])
 
     def _seen(self, some: Index) -> Array:

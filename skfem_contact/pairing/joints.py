@@ -1,4 +1,4 @@
-"""Where facets meet: the rim, and the directions that lead along the surface from edges and corners."""
+"""Joints of facets: the rim, and the directions that lead along the surface from edges and corners."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def rim_points(surface: ContactSurface, mirrored: bool = True) -> Mask:
 
 @dataclass(frozen=True, eq=False)
 class Joints:
-    """What stands at the corners of faces, to tell whether a corner is the closest point of all.
+    """The joints at the corners of faces, which tell whether a corner is the closest point of all.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Joints:
         )
 
     def leads_off(self, point: Index, apart: Array, least: Array) -> Mask:
-        """Whether some face at points comes nearer than the points, or the surface ends on the way.
+        """Return whether some face at points comes nearer than they, or the surface ends on the way.
 
         Parameters
         ----------

@@ -23,7 +23,7 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Pairing:
-    """Which point meets what: the same for every discretisation and every obstacle.
+    """The partner of each point, in the same form for every discretisation and every obstacle.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Pairing:
 
     @property
     def action(self) -> np.ndarray:
-        """Where forces act, shape (m, d): the weighted position of nodes that share a row."""
+        """The points where forces act, shape (m, d): mean positions of nodes that share a row."""
         mean = self.secondary_weights @ self.points
         return np.where(self.paired[:, None], mean, self.points)
 

@@ -107,15 +107,15 @@ class Pieces(ABC):
 
     @abstractmethod
     def corners(self, some: Index) -> Meeting:
-        """What meets at the ends or corners of some pieces."""
+        """Return what meets at the ends or corners of some pieces."""
 
     @abstractmethod
     def distances(self, some: Index) -> Array:
-        """How far the nodes of the secondary's facets are from some pieces of them, shape (p, k)."""
+        """Return how far the secondary's nodes are from some pieces of their facets, shape (p, k)."""
 
     @abstractmethod
     def nodes(self, some: Index, local: Index) -> Meeting:
-        """What the normals at nodes meet, one of the facet of each piece, if its partner went on."""
+        """Return what normals at nodes meet, one of the facet of each piece, if its partner went on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +175,7 @@ def whole_shares(surface: ContactSurface) -> Array:
 
 
 def bulges_of(pieces: Pieces, moments: Moments) -> tuple[Parts, tuple[Index, Array], Array]:
-    """What smooth boundaries change on the pieces that have some, see `bulges.bulged`.
+    """Return what smooth boundaries change on the pieces that have some, see `bulges.bulged`.
 
     The last are the least gaps of the pieces, infinite where facets are all there is, (p,).
     """

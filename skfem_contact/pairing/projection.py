@@ -210,7 +210,7 @@ def _lattice(kind: FacetKind, parts: int) -> Array:
 
 
 def _model_minimum(kind: FacetKind, xi: Array, apart: Array, along: Array, curved: Array) -> Array:
-    """Where in the reference polygon Newton's model of the squared distance is least, (p, 2)."""
+    """Find where in the reference polygon Newton's model of the squared distance is least, (p, 2)."""
     metric = np.einsum("pid,pjd->pij", along, along)
     bend = np.einsum("pd,pijd->pij", apart, curved)
     # as much of the second part as leaves a minimum: by its least eigenvalue in the metric
@@ -250,7 +250,7 @@ def _model_minimum(kind: FacetKind, xi: Array, apart: Array, along: Array, curve
 
 
 def _beyond(kind: FacetKind, xi: Array) -> Array:
-    """How far reference coordinates are beyond each edge of the reference polygon, (p, c)."""
+    """Return how far reference coordinates are beyond each edge of the reference polygon, (p, c)."""
     x, y = xi[:, 0], xi[:, 1]
     if kind.triangle:
         return np.stack([-y, x + y - 1.0, -x], axis=1)

@@ -1,4 +1,4 @@
-"""Which facets can hold a partner? One tree over the facets of a surface, asked for the closest.
+"""Search of facets that can hold a partner: one tree over the facets, asked for the closest.
 
 Pairs, fours, eights, ... of facets that follow each other are compact and make a binary tree: those of
 a curve are listed along it, faces are put into an order by halving the surface along its longest extent

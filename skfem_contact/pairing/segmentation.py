@@ -81,18 +81,18 @@ class Segments(Pieces):
         yield some, _meeting(self.secondary, self.primary, self.e[some], self.f[some], xi), weight
 
     def corners(self, some: Index) -> Meeting:
-        """What meets at both ends of some pieces."""
+        """Return what meets at both ends of some pieces."""
         xi = np.stack([self.start[some], self.stop[some]], axis=1)
         return _meeting(self.secondary, self.primary, self.e[some], self.f[some], xi)
 
     def distances(self, some: Index) -> Array:
-        """How far nodes are from some pieces of their facets, in local coordinates, (p, k)."""
+        """Return how far nodes are from some pieces of their facets, in local coordinates, (p, k)."""
         at = self.secondary.kind.locations[:, 0]
         beyond = np.maximum(self.start[some, None] - at, at - self.stop[some, None])
         return np.maximum(beyond, 0.0)
 
     def nodes(self, some: Index, local: Index) -> Meeting:
-        """What the normals at nodes meet, one of the facet of each piece, if its partner went on."""
+        """Return what normals at nodes meet, one of the facet of each piece, if its partner went on."""
         xi = self.secondary.kind.locations[local]
         return _meeting(self.secondary, self.primary, self.e[some], self.f[some], xi, beyond=1.0)
 
@@ -250,7 +250,7 @@ def _meeting(
     xi: Array,
     beyond: float = 0.0,
 ) -> Meeting:
-    """What normals at places ``xi`` (p, n) of facets e meet on facets f, or so far beyond ends."""
+    """Return what normals at places ``xi`` (p, n) of facets e meet on facets f, or how far beyond."""
     nodes, other = secondary.points[secondary.facets[e]], primary.points[primary.facets[f]]
     N, _ = secondary.kind.shapes(xi[..., None])
     normal = N @ secondary.facet_node_normals[e]
@@ -280,7 +280,7 @@ def _meet(x: Array, normal: Array, nodes: Array) -> Array:
 
 
 def _looks_at(primary: ContactSurface, points: Meeting) -> Mask:
-    """Whether the primary faces the secondary where they meet, (p, n)."""
+    """Return whether the primary faces the secondary where they meet, (p, n)."""
     slopes = primary.kind.shapes(points.M @ primary.kind.locations)[1][..., 0]
     outward = -turned(slopes @ points.nodes[1])
     limit = -FACING * sizes(points.normal) * sizes(outward)

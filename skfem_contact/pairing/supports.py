@@ -1,4 +1,4 @@
-r"""What supports leave of the multipliers of mortar contact: nodes that are held need none.
+r"""Supports and the multipliers of mortar contact: nodes that are held need none.
 
 The row of a secondary node is given up for the node's own DOF. Where that is prescribed, the row
 would be closed by moving the few free nodes of the primary that have some weight in it: with a
@@ -141,7 +141,7 @@ def held_tangents(secondary: ContactSurface, primary: ContactSurface, pairing: P
 
 
 def can_move(fixed: Mask, direction: Array) -> Mask:
-    """Whether nodes with prescribed components (..., c) move along directions (..., c).
+    """Return whether nodes with prescribed components (..., c) move along directions (..., c).
 
     >>> can_move(np.array([True, False]), np.array([[1.0, 0.0], [0.8, 0.6]])).tolist()
     [False, True]

@@ -147,7 +147,7 @@ def closest(
 
 
 def _all_outside(points: Array, surface: ContactSurface, facet: Index) -> bool:
-    """Whether no point can lie in the body at its facet, as is soon seen of straight facets.
+    """Return whether no point can lie in the body at its facet, as is soon seen of straight facets.
 
     The gap is then a mean, with positive weights, of the distances from both ends of the facet along
     the normals at both ends.

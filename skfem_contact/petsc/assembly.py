@@ -208,7 +208,7 @@ def _on_piece(own: Ranks, function: Any, parts: list[Any]) -> Contribution:
 
 
 def _check_sum(K: csr_matrix, parts: list[csr_matrix]) -> None:
-    """That the stiffness of some elements is the sum of those of each."""
+    """Check that the stiffness of some elements is the sum of those of each."""
     off, largest = abs(K - sum(parts)).max(), abs(K).max()
     if off > SAME_SUM * largest:
         raise InputError(

@@ -129,7 +129,7 @@ class PETSc(Backend):
 
     @property
     def ranks(self) -> int:
-        """How many ranks there are."""
+        """The number of ranks."""
         return ranks().size
 
     def numbering(self, mesh: Any, element: Any) -> CellBasis:

@@ -114,7 +114,7 @@ class BodyShare(Share):
 
     @property
     def factorises(self) -> bool:
-        """Whether the interior is factorised; users' options may have it iterated."""
+        """The interior is factorised; users' options may have it iterated."""
         return bool(self._package)
 
     def trouble(self) -> tuple[str, int]:
@@ -128,7 +128,7 @@ class BodyShare(Share):
         return words, int(factors.getMumpsInfog(12)) if pc.getType() == "cholesky" else 0
 
     def complement(self) -> Array:
-        """What the factorisation leaves of the kept rows, on rank 0, one triangle of it, (n_c, n_c)."""
+        """Return the Schur complement of the kept rows, on rank 0, one triangle of it, (n_c, n_c)."""
         assert self.settings.keep is not None
         factors = self.ksp.getPC().getFactorMatrix()
         return schur_complement(self.PETSc, factors, len(self.settings.keep))
@@ -245,7 +245,7 @@ def _library(path: str) -> Any:
 
 
 def schur_available(PETSc: Any) -> bool:
-    """Whether all functions are there."""
+    """Return whether all functions are there."""
     try:
         library = _library(PETSc.__file__)
     except OSError:

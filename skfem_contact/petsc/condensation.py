@@ -139,18 +139,18 @@ class DistributedFactor:
         return self.eliminate(f)[len(self.interior) :].reshape(-1, *f.shape[1:])
 
     def response(self, dofs: Index) -> DistributedResponse:
-        """What forces on some DOFs (m,) move there."""
+        """Return the displacements that forces on some DOFs (m,) cause there."""
         return DistributedResponse(self, dofs)
 
     # -- what rank 0 asks of all --------------------------------------------------------------
 
     @cached_property
     def _followers(self) -> Array:
-        """What each kept DOF moves where the others are held, (n, n_c), itself included."""
+        """Return the displacements that follow each kept DOF where the others are held, (n, n_c)."""
         return self._coupled(np.eye(len(self.keep)), True)[0]
 
     def _coupled(self, u_keep: Array, wanted: bool) -> tuple[Array, Array]:
-        """What follows kept DOFs (n_c, r): displacements (n, r), if wanted, and ``S u`` (n_c, r)."""
+        """Return what follows kept DOFs (n_c, r): displacements (n, r) if wanted, and ``S u``."""
         start, r = time.perf_counter(), u_keep.shape[1]
         ranks = range(self._own.size)
         pieces = ([u_keep[self._kept_by == rank]] for rank in ranks)

@@ -1,4 +1,4 @@
-"""Which rows of a matrix each rank holds.
+"""The rows of a matrix that each rank holds.
 
 The nodes are parted by recursive coordinate bisection: ranks hold compact regions, across bodies, so
 that few of the entries couple two of them. Where the rows are DOFs of nodes with d components, a node

@@ -124,7 +124,7 @@ class Ranks:
 
     @property
     def largest_integer(self) -> int:
-        """What PETSc's indices count to."""
+        """Return the largest number that PETSc's indices count to."""
         return int(np.iinfo(self.PETSc.IntType).max)
 
     # -- commands of rank 0 -------------------------------------------------------------------
@@ -308,7 +308,7 @@ def _measured(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]
 
 
 def _parts(rows: csr_matrix, directions: Array | None) -> list[Array]:
-    """What a rank is sent: its rows, and rigid motions on them."""
+    """Return what a rank is sent: its rows, and rigid motions on them."""
     parts = [np.array(rows.shape), rows.indptr, rows.indices, rows.data]
     return parts if directions is None else [*parts, directions]
 
@@ -330,7 +330,7 @@ def send(comm: Any, arrays: list[Any], rank: int) -> None:
 
 
 def receive(comm: Any, rank: int) -> list[Any]:
-    """What another rank sends."""
+    """Receive what another rank sends."""
     arrays = [np.empty(shape, dtype) for shape, dtype in comm.recv(source=rank)]
     for array in arrays:
         for piece in _pieces(array):

@@ -1,4 +1,4 @@
-"""What one rank holds of a matrix, and how all ranks together solve with it.
+"""The part of a matrix that one rank holds, and how all ranks together solve with it.
 
 How a matrix is to be solved with (`Settings`, over PETSc's options, `Database`), the rows of one rank
 (`Share`, whose functions all ranks call at once), and how a solve went (`Solved`, `LinearSolve`).
@@ -60,7 +60,7 @@ REASONS = {
 
 @dataclass(frozen=True)
 class Settings:
-    """How a matrix is to be solved with.
+    """The settings by which a matrix is solved with.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Solved:
-    """How a solve ended.
+    """The end of a solve.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class Solved:
 
 @dataclass(frozen=True)
 class LinearSolve:
-    """How one linear problem was solved.
+    """The way in which one linear problem was solved.
 
     Attributes
     ----------
@@ -226,7 +226,7 @@ class Share:
         return self.database.added(self._defaults(), self.settings.options)
 
     def _before_set_up(self) -> None:
-        """What has to be said once the options are known."""
+        """Set what has to be set once the options are known."""
 
     def _defaults(self) -> dict[str, str]:
         defaults = dict(DEFAULTS[self.settings.method, self.settings.spd])
@@ -298,7 +298,7 @@ class Share:
         """Without rows that are not eliminated, of which there are none here."""
 
     def _moved(self) -> float:
-        """How far the residual moves a point that alone gives way, over the largest displacement.
+        """Return how far the residual moves a point that gives way alone, over the largest movement.
 
         A residual that is small beside the load of a stiff body may be large for a soft one.
         """
@@ -349,7 +349,7 @@ def chosen_package(database: Database, options: Mapping[str, str]) -> str:
 
 
 def command_line() -> list[str]:
-    """What the command line says to PETSc: ``-sc_...`` and its values."""
+    """Return what the command line says to PETSc: ``-sc_...`` and its values."""
     given, ours = [sys.argv[0] if sys.argv else ""], False
     for word in sys.argv[1:]:
         if word.startswith("-") and not word[1:2].isdigit():

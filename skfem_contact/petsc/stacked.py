@@ -290,7 +290,7 @@ class ReducedStiffness:
 
 
 def _order(trial: Index, test: Index) -> Index:
-    """Which unknown of the trial space each of the test space goes with: itself, where it is there.
+    """Return the partner of each unknown of the test space in the trial space: itself if there.
 
     >>> _order(np.array([1, 2, 4]), np.array([1, 4, 7])).tolist()
     [0, 2, 1]

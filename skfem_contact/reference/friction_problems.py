@@ -178,7 +178,7 @@ class InclinedBlock:
 
     @property
     def slides(self) -> bool:
-        """Whether no equilibrium exists, ``|T| > μ N``."""
+        """No equilibrium exists, ``|T| > μ N``."""
         return abs(self.T) > self.mu * self.N
 
     @property
@@ -187,7 +187,7 @@ class InclinedBlock:
         return self.W * math.tan(self.angle - math.atan(self.mu))
 
     def tips(self, width: float, height: float) -> bool:
-        """Whether the weight alone tips the block over its lower edge, ``tan > width/height``."""
+        """The weight alone tips the block over its lower edge, ``tan > width/height``."""
         return math.tan(self.angle) > width / height
 
     def pressure_offset(self, height: float) -> float:

@@ -22,7 +22,7 @@ Self = TypeVar("Self", bound="NormalContact")
 
 
 class NormalContact(Protocol):
-    """What the theorem of Ciavarella and Jäger needs: `HertzLine`, `HertzPoint`, `QuarticLine`."""
+    """Normal contact as the theorem of Ciavarella and Jäger needs it, for three shapes."""
 
     @property
     def P(self) -> float:
