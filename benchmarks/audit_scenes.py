@@ -341,7 +341,7 @@ ROWS = (
         (
             "conditions/friction:limit",
             "conditions/friction:slope",
-            "loops/complementarity:slipping_in_plane",
+            "loops/complementarity:Projection._slipping",
         ),
         tangential,
     ),

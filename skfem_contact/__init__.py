@@ -18,7 +18,7 @@ From the solver to the law of friction a load step passes, in this order::
     loops/driver              drive                    counts iterations, and stops them
     loops/multipliers         through_springs          once more, while springs of points have a strain
     loops/active_set          newton                   solves for a set of points, and corrects it
-    loops/complementarity     propose                  what the answer asks every point to change to
+    loops/complementarity     Projection.proposal      what the answer asks every point to change to
     conditions/friction_rule  FrictionRule             bounds and forces of all laws
     conditions/return_map     radial_return            the force within its bound
 

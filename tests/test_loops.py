@@ -23,22 +23,18 @@ from skfem_contact.conditions import RigidMotions
 from skfem_contact.linalg import Anderson
 from skfem_contact.loops import (
     At,
-    BlockPivoting,
     Guess,
+    Projection,
     Stagnation,
     Step,
     direct,
-    disagreement,
     drive,
     fictitious,
     friction_of_prescribed_slip,
-    law_residual,
     linear_conditions,
     natural_state,
     newton,
-    propose,
     stabilise,
-    violations,
 )
 from skfem_contact.problem import Conditions, Load, PointSpace, Resistance, Response
 
@@ -192,7 +188,7 @@ def test_proposals_follow_signorini():
     free = np.zeros((2, 1))
     held = Conditions(status != OPEN, status == STICK, free, np.zeros((2, 1, 1)), free, free)
     response = one.problem.solve(held, one.load)
-    proposal = propose(one, guess, response)
+    proposal = Projection(one, response).proposal(guess)
     assert_array_equal(proposal.status, [OPEN, STICK])
     assert_array_equal(guess.status, [STICK, OPEN])
 
@@ -267,22 +263,6 @@ def test_anderson_solves_linear_fixed_points():
     assert_allclose(x, np.linalg.solve(np.eye(3) - A, b), rtol=1e-8)
 
 
-def test_a_slip_that_turns_round_is_a_change():
-    """Points differ by status, or as slipping points by a direction that has turned by more than 60
-    degrees; what else has a direction does not count."""
-    zero = np.zeros(4)
-
-    def guess(status, direction):
-        return Guess(np.array(status), np.array(direction, dtype=float), zero, zero, zero)
-
-    now = guess([SLIP, SLIP, STICK, SLIP], [[1], [1], [1], [1]])
-    asked = guess([SLIP, SLIP, STICK, STICK], [[1], [-1], [-1], [1]])
-    assert_array_equal(disagreement(now, asked), [False, True, False, True])
-    plane = guess([SLIP] * 4, [[1, 0], [1, 0], [1, 0], [0, 1]])
-    turned = guess([SLIP] * 4, [[0.8, 0.6], [0, 1], [-1, 0], [0.6, 0.8]])
-    assert_array_equal(disagreement(plane, turned), [False, True, True, False])
-
-
 def test_a_set_that_can_not_be_solved_for_ends_a_run():
     """Points that hold a body too weakly make a singular matrix: the run ends where it stands, and
     other starts are tried; in the first iteration it may be the bodies, and is raised."""
@@ -300,18 +280,6 @@ def test_a_set_that_can_not_be_solved_for_ends_a_run():
     assert not outcome.converged and "too weakly" in outcome.message and len(outcome.trace) == 1
     with pytest.raises(SingularMatrix):
         drive(breaks(0), one, cold(one), 1e-10, 10)
-
-
-def test_points_alike_are_taken_by_rank():
-    """One point at a time: the last by rank, wherever it is numbered."""
-    one = step([1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
-    wrong = np.ones(3, dtype=bool)
-    for rank in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
-        ranked = replace(one, rank=np.array(rank))
-        pace = BlockPivoting(patience=0, best=0, least=0.0)
-        current = cold(ranked)
-        taken = pace.advance(ranked, current, replace(current, status=np.full(3, STICK)), wrong, None)
-        assert np.flatnonzero(taken.status == STICK).tolist() == [rank.index(2)]
 
 
 @pytest.mark.pairwise
@@ -475,10 +443,9 @@ def test_friction_of_what_slips_is_judged_where_a_point_carries(bilateral, norma
     gap, along = np.zeros(1), np.ones((1, 1))
     response = Response(gap, along, np.array([normal]), 3.0 * along, np.zeros(2))
     lawful = MU * max(normal, 0.0)
-    counts = normal > 0 or bilateral
-    found = law_residual(one, np.array([SLIP]), along, response)
-    assert_allclose(found, (3.0 - lawful) / 3.0 if counts else 0.0, rtol=1e-12)
-    assert law_residual(one, np.array([STICK]), along, response) == 0.0
+    tangential = Projection(one, response).left_over[1]
+    # nothing that pulls carries friction, if it may open
+    assert_allclose(tangential, [[3.0 - lawful]], rtol=1e-12)
 
 
 @pytest.mark.parametrize("bilateral", [False, True])
@@ -514,17 +481,17 @@ def in_space(normal, friction, slip, status, direction, noise=0.0, stiffness=np.
 def test_what_sticks_slips_only_where_forces_are_more_than_noise(noise, status):
     """A point that sticks and has slipped: where all forces are round-off that does not let it go."""
     one, current, response = in_space(0.1, [0.05, 0.0], [2.0, 0.0], STICK, [0.0, 0.0], noise)
-    assert_array_equal(propose(one, current, response).status, [status])
+    assert_array_equal(Projection(one, response).proposal(current).status, [status])
     # what slipped goes on
     slipping = replace(current, status=np.array([SLIP]), direction=np.array([[1.0, 0.0]]))
-    assert_array_equal(propose(one, slipping, response).status, [SLIP])
+    assert_array_equal(Projection(one, response).proposal(slipping).status, [SLIP])
 
 
 @pytest.mark.parametrize(("noise", "direction"), [(1.0, [1.0, 0.0]), (0.0, [0.0, 1.0])])
 def test_a_direction_turns_only_with_forces_that_are_more_than_noise(noise, direction):
     """Friction of 1e-3 aside turns the slip of a point without pressure, unless it is round-off."""
     one, current, response = in_space(0.0, [0.0, 1e-3], [0.0, 0.0], SLIP, [1.0, 0.0], noise)
-    found = propose(one, current, response)
+    found = Projection(one, response).proposal(current)
     assert_array_equal(found.status, [SLIP])
     assert_allclose(found.direction, [direction], atol=1e-12)
 
@@ -542,7 +509,7 @@ def test_springs_beyond_their_bound_are_wrong_however_little_they_moved(force, s
     slip = np.array([force / 1e14, 0.0])
     one, current, response = in_space(2.0, [force, 0.0], slip, status, [1.0, 0.0], 0.0, 1e14)
     one = replace(one, far=1.0)
-    assert violations(one, current, response, 1e-10)[0].sum() == wrong
+    assert Projection(one, response).violations(current, 1e-10)[0].sum() == wrong
 
 
 @pytest.mark.parametrize(

@@ -203,7 +203,7 @@ class Stepper(ByFields):
             rank=self.model.geometry.rank,
             noise=noise,
             far=far,
-            resistance=problem.resistance if interface.laws and kin.tangents > 1 else None,
+            resistance=problem.resistance,
             slip_prescribed=guided,
             slip_prescribed_along=slip_prescribed_along,
         )

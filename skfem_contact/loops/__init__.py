@@ -15,9 +15,8 @@ from skfem_contact.entrances import entrances
 __getattr__ = entrances(
     __name__,
     {
-        "active_set": "BlockPivoting direct linear_conditions newton stabilise",
-        "complementarity": "disagreement friction_of_prescribed_slip law_residual left_over propose "
-        "violations",
+        "active_set": "direct linear_conditions newton stabilise",
+        "complementarity": "Projection friction_of_prescribed_slip",
         "driver": "LOOPS Stagnation drive",
         "initial_stress": "fictitious",
         "pulled": "At",

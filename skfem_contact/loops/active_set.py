@@ -13,9 +13,8 @@ itself except when it has converged; one driver (`skfem_contact.loops.driver`) c
 raises. Loops keep nothing between calls.
 
 All reach the same solution. Open and closed points change by the same rule: a closed point in tension
-opens, an open one that penetrates closes. How far an iteration goes is told by `BlockPivoting` in the
-plane, and by `LineSearch` where directions of friction turn. The tangential stiffness that each loop
-needs is in `STIFFNESS` of `skfem_contact.conditions.thresholds`.
+opens, an open one that penetrates closes. How far an iteration goes is told by `LineSearch`. The
+tangential stiffness that each loop needs is in `STIFFNESS` of `skfem_contact.conditions.thresholds`.
 
 **The linear conditions of one iteration** are those of the statuses, with the derivative of the return
 map. At a point that slips, friction is ``tau = P(t, lambda, s)``, with the return map P under a trial
@@ -47,14 +46,7 @@ from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import DECIMALS, GIVEN
-from skfem_contact.loops.complementarity import (
-    all_left,
-    disagreement,
-    law_residual,
-    propose,
-    resistances,
-    violations,
-)
+from skfem_contact.loops.complementarity import Projection
 from skfem_contact.loops.multipliers import through_springs
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import (
@@ -64,7 +56,7 @@ from skfem_contact.loops.thresholds import (
     HALVINGS,
     ROUNDED,
 )
-from skfem_contact.problem.response import Conditions, Resistance, Response, odd_round_off
+from skfem_contact.problem.response import Conditions, Response, odd_round_off
 from skfem_contact.records import dataclass
 
 Mask = NDArray[np.bool_]
@@ -85,7 +77,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
     """Solve for a set of statuses, let the answer correct the set, until it agrees."""
     current = guess
     # the limits of `direct` settle over several iterations: until then its sets may well change
-    pace = LineSearch(whole=not coupled) if step.turns else BlockPivoting(patience=4 if coupled else 15)
+    search = LineSearch(whole=not coupled)
     settled = False
     while True:
         status, held = stabilise(step, current, coupled)
@@ -94,12 +86,8 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
         rough = held is None and not settled
         conditions = linear_conditions(step, current, coupled, rough)
         response = step.problem.solve(conditions, step.load)
-        proposal = propose(step, current, response)
-        if step.turns:
-            wrong, residual = violations(step, current, response, tolerance)
-        else:
-            wrong = disagreement(current, proposal)
-            residual = law_residual(step, status, current.direction, response)
+        at = Projection(step, response)
+        wrong, residual = at.violations(current, tolerance)
         changing = wrong if held is None else wrong & ~held.points
         kept = held is not None and np.count_nonzero(wrong & held.points) > 0
         yield Iterate(
@@ -110,80 +98,12 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             int(np.count_nonzero(wrong)),
             residual,
             converged=not (np.count_nonzero(changing) or kept or response.rough)
-            and (residual <= tolerance or pace.settled),
-            note=pace.note(),
+            and (residual <= tolerance or search.settled),
+            note=search.note(),
             held=held.motion if held is not None and kept else None,
-            nearer=pace.nearer,
         )
-        current = pace.advance(step, current, proposal, changing, response)
+        current = search.advance(current, at, changing)
         settled = not np.count_nonzero(changing)
-
-
-@dataclass
-class BlockPivoting:
-    """The number of points that may change at once (block pivoting of Judice and Pires, 1994).
-
-    Whole sets change as long as there is progress; after a few iterations without any, one point at a
-    time, the last in the order of `Step.rank`, until there is progress again. On problems with unique
-    solutions this ends; where it does not, the driver's count does.
-
-    Progress is a smaller number of points to change than ever, or less that these leave over of the
-    conditions. The number alone does not tell: where the end of a slip zone travels, the few points
-    there change in every iteration, and others as many in the next. No set has less left over than
-    ever twice, so that this ends as well. Where bounds change with the slip, as those of users' own
-    laws may, one set has many answers, which may come nearer without end: there the number alone
-    counts.
-
-    Attributes
-    ----------
-    nearer : bool
-        Whether the last set had less left over than all before it that were asked.
-    """
-
-    patience: int
-    best: int = np.iinfo(int).max
-    left: int = 0
-    single: bool = False
-    settled: bool = False  # a set that stays, but for limits that lag, has not settled
-    nearer: bool = False
-    least: float = np.inf
-    rho: Resistance | None = None  # that of the first set that was asked: what is left compares
-
-    def note(self) -> str:
-        return "one point at a time" if self.single else ""
-
-    def advance(
-        self, step: Step, current: Guess, proposal: Guess, wrong: Mask, response: Response
-    ) -> Guess:
-        count, self.nearer = int(wrong.sum()), False
-        if count < self.best:
-            self.best, self.left, self.single = count, self.patience, False
-        elif self._comes_nearer(step, response):
-            self.left, self.single = self.patience, False
-        elif self.left > 0:
-            self.left -= 1
-        else:
-            self.single = True
-        take = wrong
-        if self.single and count:
-            take = np.zeros_like(wrong)
-            last = np.flatnonzero(wrong)
-            take[last[np.argmax(step.rank[last])]] = True
-        return replace(
-            proposal,
-            status=np.where(take, proposal.status, current.status),
-            direction=np.where(take[:, None], proposal.direction, current.direction),
-        )
-
-    def _comes_nearer(self, step: Step, response: Response) -> bool:
-        """Return whether less is left over than ever; asked only where the number does not fall."""
-        if self.least == 0.0 or not step.friction.steady:
-            return False
-        self.rho = self.rho or resistances(step, response)
-        left = all_left(step, response, self.rho)
-        self.nearer = left < self.least
-        self.least = min(left, self.least)
-        return self.nearer
 
 
 @dataclass
@@ -198,7 +118,6 @@ class LineSearch:
 
     whole: bool
     settled: bool = False
-    nearer: bool = False  # the search itself sees to it
     at: Response | None = None
     left: float = np.inf
     share: float = 1.0
@@ -206,21 +125,19 @@ class LineSearch:
     def note(self) -> str:
         return "" if self.share == 1.0 else f"{self.share:.2g} of a step"
 
-    def advance(
-        self, step: Step, current: Guess, proposal: Guess, wrong: Mask, response: Response
-    ) -> Guess:
+    def advance(self, current: Guess, new: Projection, wrong: Mask) -> Guess:
+        """The set for the next iterate, by the state at the best share of the way to the new one."""
         # one more iteration tells round-off from what is left of a step
-        self.settled = not wrong.any()
-        there, left, self.share = response, all_left(step, response), 1.0
+        self.settled = not wrong.any() and (new.left >= self.left or not self.whole)
+        there, self.share = new, 1.0
         if self.at is not None and not self.whole:
             for _ in range(HALVINGS):
-                if left <= (1.0 - DECREASE * self.share) * self.left:
+                if there.left <= (1.0 - DECREASE * self.share) * self.left:
                     break
                 self.share *= 0.5
-                there = state_between(self.at, response, self.share)
-                left = all_left(step, there)
-        self.at, self.left = there, left
-        return proposal if there is response else propose(step, current, there)
+                there = Projection(new.step, state_between(self.at, new.response, self.share))
+        self.at, self.left = there.response, there.left
+        return there.proposal(current)
 
 
 def state_between(a: Response, b: Response, share: float) -> Response:

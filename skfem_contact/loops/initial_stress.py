@@ -12,9 +12,7 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import GIVEN
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.active_set import stabilise
-from skfem_contact.loops.complementarity import (
-    propose,
-)
+from skfem_contact.loops.complementarity import Projection
 from skfem_contact.loops.multipliers import through_springs
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import FREE_CHANGES
@@ -61,7 +59,7 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
         scale = response.largest_force
         residual = float(np.max(np.abs(error), initial=0.0) / scale) if scale > 0 else 0.0
 
-        proposal = propose(step, replace(current, status=status), response)
+        proposal = Projection(step, response).proposal(replace(current, status=status))
         wrong = (proposal.status == OPEN) != (status == OPEN)
         size = np.linalg.norm(mapped, axis=1)
         unit = mapped / np.where(size > 0, size, 1.0)[:, None]

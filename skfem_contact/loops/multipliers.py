@@ -31,7 +31,7 @@ from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.loops.complementarity import propose
+from skfem_contact.loops.complementarity import Projection
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import MOST_MOVES, ROUNDED, SLOW
 from skfem_contact.problem.response import Response
@@ -170,7 +170,9 @@ def _moved_to(step: Step, p: Array, iterate: Iterate) -> tuple[Step, Guess]:
     n, t = p[:, 0], p[:, 1:]
     at = _at_rest(step, p)
     there = replace(iterate.response, normal_force=n, tangential_force=t)
-    return at, propose(at, Guess(iterate.status, iterate.direction, n, t, there.slip), there)
+    return at, Projection(at, there).proposal(
+        Guess(iterate.status, iterate.direction, n, t, there.slip)
+    )
 
 
 def _at_rest(step: Step, p: Array) -> Step:

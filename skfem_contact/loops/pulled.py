@@ -29,7 +29,7 @@ from skfem_contact.conditions.thresholds import NO_WORK
 from skfem_contact.digits import GIVEN
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.active_set import newton
-from skfem_contact.loops.complementarity import propose
+from skfem_contact.loops.complementarity import Projection
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.loops.thresholds import FROM_NEAR, HALVINGS, IN_SERIES, ROUND_OFF
@@ -284,4 +284,6 @@ def after(step: Step, found: Outcome) -> Guess:
     opened = it.status == OPEN
     normal = np.where(opened, 0.0, there.normal_force)
     tangential = np.where(opened[:, None], 0.0, there.tangential_force)
-    return propose(step, Guess(it.status, it.direction, normal, tangential, there.slip), there)
+    return Projection(step, there).proposal(
+        Guess(it.status, it.direction, normal, tangential, there.slip)
+    )

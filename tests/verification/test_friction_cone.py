@@ -15,7 +15,7 @@ from hex_blocks import HISTORIES, Blocks, Scene, advance, attempts, checked_law,
 from statuses import OPEN, SLIP, STICK
 
 import skfem_contact as sc
-from skfem_contact.loops import Guess, admissible, as_guess, left_over, linear_conditions, propose
+from skfem_contact.loops import Guess, Projection, admissible, as_guess, linear_conditions
 
 SHIFTS = ((0, 0, -0.012), (0.008, 0.003, -0.012), (0.012, 0.014, -0.01), (-0.004, 0.014, -0.006))
 
@@ -238,7 +238,7 @@ def test_points_at_their_bound_that_do_not_move_have_a_tangent():
     guess = Guess(
         slipping, np.tile(along, (m, 1)), np.ones(m), response.tangential_force, response.slip
     )
-    found = propose(step, guess, response)
+    found = Projection(step, response).proposal(guess)
     conditions = linear_conditions(step, replace(found, status=slipping), coupled=True)
     assert np.isfinite(conditions.spring).all() and np.isfinite(conditions.offset).all()
     assert np.all(conditions.spring[:, 1, 1] > 1e3 * step.resistance.tangential)
@@ -250,7 +250,7 @@ def test_nothing_is_left_of_points_apart(name):
     blocks = Blocks(Scene(nodes=4))
     ((step, _, state, outcome),) = run(blocks, [blocks.moved((0.02, 0.01, 0.01))], law=LAWS[name])
     assert np.all(state.status == OPEN) and np.abs(state.slip).max() > 0.01
-    normal, tangential = left_over(step, outcome.iterate.response)
+    normal, tangential = Projection(step, outcome.iterate.response).left_over
     assert not normal.any() and not tangential.any()
 
 
