@@ -1,9 +1,10 @@
-"""Where contact slides far: does anything overlap that the pairing does not see?
+"""Where steps look for overlaps of two bodies that slide far, and what these come from.
 
-The points of both surfaces, and the middles between them, are looked for in the whole body on the other
-side after every step (`deformed_boundaries`), by what a load step knows of displacements: those of
-contact surfaces and supports, extrapolated to the rest of the boundary (`Extrapolation`). That is a
-suspicion: the verdict is that of `assess`, with all displacements.
+Anything may come to overlap in any step. The points of both surfaces, and those between them, are
+looked for in the whole body on the other side after every step, by what a step knows of displacements:
+those of contact surfaces and supports, extrapolated to the rest of the boundary (`Extrapolation`).
+That is a suspicion: the verdict is that of `assess`, with all displacements. With small sliding
+overlaps grow as forces do, and `watch` has them measured once for every doubling.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class PlaneOverlaps:
+class Overlaps:
     """What is known beforehand of all contacts between two bodies that slide far."""
 
     def __init__(self, geometry: Geometry) -> None:
@@ -43,20 +44,22 @@ class PlaneOverlaps:
         known[geometry.surface_dofs] = True
         known[self.system.D] = True
         self.held = np.asarray(self.system.D)
-        self.looked = [i for i, contact in enumerate(self.contacts) if _looked_at(contact)]
-        bodies = {self.system.index(s.body) for i in self.looked for s in _sides(self.contacts[i])}
+        self.looked = [
+            i for i, c in enumerate(self.contacts) if of_two_bodies(c) and c.sliding == "finite"
+        ]
+        bodies = {self.system.index(s.body) for i in self.looked for s in sides_of(self.contacts[i])}
         self.nodes = {
             b: BoundaryNodes.of(body)
             for b, body in enumerate(self.system.bodies)
             if b in bodies and isinstance(body, Body)
         }
         self.unknown = {b: Extrapolation(self.system, nodes, known) for b, nodes in self.nodes.items()}
-        self.chords = {i: sum(map(drawn_off, _sides(self.contacts[i]))) for i in self.looked}
+        self.chords = {i: sum(map(drawn_off, sides_of(self.contacts[i]))) for i in self.looked}
 
     def look(
         self, state: State, case: LoadCase, tracks: Sequence[Track], drifts: Sequence[Drift]
-    ) -> dict[int, float]:
-        """Depths of overlaps that seem to be beyond their bounds, by the number of the contact.
+    ) -> frozenset[int]:
+        """Numbers of contacts that seem to overlap by more than their bounds.
 
         Parameters
         ----------
@@ -65,26 +68,25 @@ class PlaneOverlaps:
             Of every contact.
         """
         if not self.looked:
-            return {}
+            return frozenset()
         u = self.geometry.spread(state.surface)
         u[self.held] = case.x[self.held]
         parts = {b: unknown.filled(u) for b, unknown in self.unknown.items()}
-        found = {}
+        found = set()
         for i in self.looked:
             added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
             # the bound of `ContactValidity.excess`, with what is known of the approach
             bound = self.chords[i] + OVERLAP * drifts[i].approach
-            depth = self._deepest(i, parts, np.nan_to_num(added), bound)
-            if depth > bound:
-                found[i] = depth
-        return found
+            if self._deepest(i, parts, np.nan_to_num(added), bound) > bound:
+                found.add(i)
+        return frozenset(found)
 
     def _deepest(self, i: int, parts: dict[int, Array], added: Array, bound: float) -> float:
         """How deep points of each surface lie in the other body, less what the user `added` (m,).
 
         Zero where that is no more than a bound.
         """
-        sides = _sides(self.contacts[i])
+        sides = sides_of(self.contacts[i])
         numbers = [self.system.index(side.body) for side in sides]
         nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
         deepest = 0.0
@@ -93,7 +95,7 @@ class PlaneOverlaps:
             free: Mask = np.logical_not(np.all(side.held, axis=1))
             ends = side.facets[free[side.facets].all(axis=1)]
             between = np.einsum("pk,fkd->pfd", side.kind.between, nodes[k][ends])
-            points = np.concatenate([nodes[k][free], between.reshape(-1, 2)])
+            points = np.concatenate([nodes[k][free], between.reshape(-1, side.dim)])
             body = self.nodes[numbers[1 - k]]
             places = body.points + parts[numbers[1 - k]][body.dofs]
             points = points[within(points, (places.min(axis=0), places.max(axis=0)))]
@@ -111,39 +113,48 @@ class PlaneOverlaps:
             deepest = max(deepest, float(depth.max()))
         return deepest if deepest > SOLVED * self.system.extent else 0.0
 
-    def reasons(self, i: int, state: State) -> str:
-        """Where a surface ends and the other body lies on the side beyond: what nothing holds."""
-        u = self.geometry.spread(state.surface)
-        sides = [side.moved(u[self.system.slice(side.body)]) for side in _sides(self.contacts[i])]
-        others = [s for c in self.contacts for s in (c.secondary, c.primary)]
-        words = []
-        for own, other in (sides, sides[::-1]):
-            shared = [s for s in others if isinstance(s, ContactSurface) and s.body is own.body]
-            for node, depth in unselected_sides(own, other):
-                dofs = own.dofs[node, 0]
-                if sum(dofs in s.dofs[:, 0] for s in shared) > 1:
-                    continue  # the side belongs to another contact
-                words.append(
-                    f"point {node} at {written(own.points[node])}, where surface {own.label!r} ends, "
-                    f"lies {depth:.3g} inside the body of {other.label!r}, which presses on a side "
-                    f"that does not belong to {own.label!r}: nothing holds it there. Take that side "
-                    "into the surface, or make a second contact with it."
-                )
-        return " ".join(words)
+
+def unselected_words(geometry: Geometry, i: int, state: State) -> str:
+    """Where a surface in the plane ends and the other body lies on the side beyond, held by nothing."""
+    contacts = geometry.contacts
+    if (
+        contacts[i].sliding == "small"
+        or contacts[i].secondary.dim == 3
+        or not of_two_bodies(contacts[i])
+    ):
+        return ""
+    u = geometry.spread(state.surface)
+    sides = [side.moved(u[geometry.system.slice(side.body)]) for side in sides_of(contacts[i])]
+    others = [s for c in contacts for s in (c.secondary, c.primary)]
+    words = []
+    for own, other in (sides, sides[::-1]):
+        shared = [s for s in others if isinstance(s, ContactSurface) and s.body is own.body]
+        for node, depth in unselected_sides(own, other):
+            dofs = own.dofs[node, 0]
+            if sum(dofs in s.dofs[:, 0] for s in shared) > 1:
+                continue  # the side belongs to another contact
+            words.append(
+                f"point {node} at {written(own.points[node])}, where surface {own.label!r} ends, "
+                f"lies {depth:.3g} inside the body of {other.label!r}, which presses on a side "
+                f"that does not belong to {own.label!r}: nothing holds it there. Take that side "
+                "into the surface, or make a second contact with it."
+            )
+    return " ".join(words)
 
 
-def _looked_at(contact: Contact) -> bool:
-    """Of two bodies: in one and the same inside and outside are not told apart.
+def of_two_bodies(contact: Contact) -> bool:
+    """Whether two bodies press each other where the meshes say.
 
-    Where the user gives the gap, the meshes are not the shapes that touch, and their overlaps are
-    what the user knows of.
+    In one and the same body inside and outside are not told apart. Where the user gives the gap, the
+    meshes are not the shapes that touch, and their overlaps are what the user knows of.
     """
-    primary = contact.primary
-    plane = isinstance(primary, ContactSurface) and primary.body is not contact.secondary.body
-    plane = plane and contact.secondary.dim == 2
-    return plane and contact.sliding == "finite" and not contact.tied and contact.gap is None
+    secondary, primary = contact.secondary, contact.primary
+    if not isinstance(primary, ContactSurface) or contact.tied or contact.gap is not None:
+        return False
+    return primary.body is not secondary.body and secondary.dofs.shape[1] == secondary.dim
 
 
-def _sides(contact: Contact) -> tuple[ContactSurface, ContactSurface]:
+def sides_of(contact: Contact) -> tuple[ContactSurface, ContactSurface]:
+    """Both surfaces of a contact of two bodies."""
     assert isinstance(contact.primary, ContactSurface)
     return contact.secondary, contact.primary
