@@ -27,7 +27,7 @@ from skfem_contact.answers.validity.deformed_boundaries import (
     boundary,
     with_corners,
 )
-from skfem_contact.answers.validity.edges import crossing, pressed_aside
+from skfem_contact.answers.validity.edges import crossing, pressed_aside, sharp_edges_of
 from skfem_contact.answers.validity.locking import lockable, locked
 from skfem_contact.answers.validity.overlaps import of_two_bodies, sides_of, unselected_words
 from skfem_contact.answers.validity.strain import leaning, strains
@@ -210,7 +210,8 @@ class Assessment:
         part, approach = result.slices()[i], self.drift(i).approach
         added = result.diagnostics.tracks[i].added - result.worn_case.interference[part]
         places = [side.points + result.displacement(side.body)[side.dofs] for side in sides]
-        found = crossing(sides, places, added, approach, SOLVED * self.system.extent)
+        edges = [sharp_edges_of(side) for side in sides]
+        found = crossing(edges, places, added, approach, SOLVED * self.system.extent)
         closed = np.flatnonzero(result.state.status[part] != OPEN)
         normal = result.kin.normal[part]
         if found is None or not (found.count or pressed_aside(found, sides[0], normal, closed)):

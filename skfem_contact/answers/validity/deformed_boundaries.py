@@ -352,10 +352,10 @@ def between(
     # with an interference bodies may overlap before their meshes do: this shows at the nodes
     true = np.full(len(nodes), np.inf)
     true[paired] = primary.signed(nodes[paired]) + added[paired]
-    sunk = float(np.max(-true[paired], initial=0.0))
+    deepest = int(np.argmin(true))
     best = Meeting(0.0, chords=sum(chords))
-    if sunk > noise:
-        best = Meeting(sunk, chords=chords[1])
+    if true[deepest] < -noise:
+        best = Meeting(-float(true[deepest]), chords=chords[1], place=nodes[deepest])
     for k, (one, other) in enumerate(((secondary, primary), (primary, secondary))):
         own = one.nodes[within(one.nodes, other.box)]  # the others lie outside
         for nodal, points, explained in (

@@ -47,7 +47,7 @@ class Crossing:
 
 
 def crossing(
-    sides: Sequence[ContactSurface],
+    edges: Sequence[Edges],
     points: Sequence[Array],
     added: Array,
     approach: float,
@@ -57,8 +57,8 @@ def crossing(
 
     Parameters
     ----------
-    sides : two of ContactSurface
-        Secondary and primary, as they are meshed.
+    edges : two of Edges
+        Of the secondary and the primary, as they are meshed.
     points : two of ndarray, shape (m, 3)
         Where their nodes are [length].
     added : ndarray, shape (m,)
@@ -66,7 +66,7 @@ def crossing(
     approach, noise : float
         What the bodies take up elastically, and round-off of places [length].
     """
-    one, other = (sharp_edges_of(side).at(x) for side, x in zip(sides, points, strict=True))
+    one, other = (own.at(x) for own, x in zip(edges, points, strict=True))
     # what touches has been moved aside by no more than the approach
     depth, place, across = crossings(one, other, apart=max(noise, approach))
     if not len(depth):

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import OVERLAP
 from skfem_contact.answers.validity.chords import drawn_off
-from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes, within
+from skfem_contact.answers.validity.deformed_boundaries import Boundary, BoundaryNodes, within
+from skfem_contact.answers.validity.edges import crossing, sharp_edges_of
 from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.answers.validity.validity import Drift
@@ -54,7 +55,12 @@ class Overlaps:
             if b in bodies and isinstance(body, Body)
         }
         self.unknown = {b: Extrapolation(self.system, nodes, known) for b, nodes in self.nodes.items()}
-        self.chords = {i: sum(map(drawn_off, sides_of(self.contacts[i]))) for i in self.looked}
+        self.chords = {i: [drawn_off(s) for s in sides_of(self.contacts[i])] for i in self.looked}
+        self.edges = {
+            i: [sharp_edges_of(s) for s in sides_of(self.contacts[i])]
+            for i in self.looked
+            if self.contacts[i].secondary.dim == 3
+        }
 
     def look(
         self, state: State, case: LoadCase, tracks: Sequence[Track], drifts: Sequence[Drift]
@@ -72,46 +78,61 @@ class Overlaps:
         u = self.geometry.spread(state.surface)
         u[self.held] = case.x[self.held]
         parts = {b: unknown.filled(u) for b, unknown in self.unknown.items()}
-        found = set()
+        found, noise = set(), SOLVED * self.system.extent
         for i in self.looked:
             added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
-            # the bound of `ContactValidity.excess`, with what is known of the approach
-            bound = self.chords[i] + OVERLAP * drifts[i].approach
-            if self._deepest(i, parts, np.nan_to_num(added), bound) > bound:
+            added, approach = np.nan_to_num(added), drifts[i].approach
+            numbers = [self.system.index(side.body) for side in sides_of(self.contacts[i])]
+            places = [self.nodes[b].points + parts[b][self.nodes[b].dofs] for b in numbers]
+            nodes = [
+                s.points + parts[b][s.dofs]
+                for s, b in zip(sides_of(self.contacts[i]), numbers, strict=True)
+            ]
+            others = [self.nodes[b].at(x) for b, x in zip(numbers[::-1], places[::-1], strict=True)]
+            if any(self._beyond(i, k, others[k], nodes, added, approach, noise) for k in range(2)) or (
+                i in self.edges and crossing(self.edges[i], nodes, added, approach, noise)
+            ):
                 found.add(i)
         return frozenset(found)
 
-    def _deepest(self, i: int, parts: dict[int, Array], added: Array, bound: float) -> float:
-        """How deep points of each surface lie in the other body, less what the user `added` (m,).
+    def _beyond(
+        self,
+        i: int,
+        k: int,
+        other: Boundary,
+        nodes: Sequence[Array],
+        added: Array,
+        approach: float,
+        noise: float,
+    ) -> bool:
+        """Whether points of one side of a contact lie in the other body, deeper than their bound.
 
-        Zero where that is no more than a bound.
+        The bound is that of `ContactValidity.excess`, with what is known of the approach.
         """
-        sides = sides_of(self.contacts[i])
-        numbers = [self.system.index(side.body) for side in sides]
-        nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
-        deepest = 0.0
-        for k, side in enumerate(sides):
-            # what supports hold in the other body is warned of as that
-            free: Mask = np.logical_not(np.all(side.held, axis=1))
-            ends = side.facets[free[side.facets].all(axis=1)]
-            between = np.einsum("pk,fkd->pfd", side.kind.between, nodes[k][ends])
-            points = np.concatenate([nodes[k][free], between.reshape(-1, side.dim)])
-            body = self.nodes[numbers[1 - k]]
-            places = body.points + parts[numbers[1 - k]][body.dofs]
-            points = points[within(points, (places.min(axis=0), places.max(axis=0)))]
+        side, chords = sides_of(self.contacts[i])[k], self.chords[i]
+        # what supports hold in the other body is warned of as that
+        free: Mask = np.logical_not(np.all(side.held, axis=1))
+        ends = side.facets[free[side.facets].all(axis=1)]
+        between = np.einsum("pk,fkd->pfd", side.kind.between, nodes[k][ends])
+        for points, explained in (
+            (nodes[k][free], chords[1 - k]),
+            (between.reshape(-1, side.dim), sum(chords)),
+        ):
+            bound = max(explained + OVERLAP * approach, noise)
+            points = points[within(points, other.box)]
             if not len(points):
                 continue
-            boundary = body.at(places)
             # in contact nearly all are next to it, and neither how deep nor whether inside matters
-            points = points[~boundary.beside(points, bound + float(np.min(added, initial=0.0)))]
-            points = points[boundary.inside(points)]
+            points = points[~other.beside(points, bound + float(np.min(added, initial=0.0)))]
+            points = points[other.inside(points)]
             if not len(points):
                 continue
-            depth = boundary.distance(points)
+            depth = other.distance(points)
             if added.any():
                 depth = depth - added[Tree(nodes[0]).nearest(points)]
-            deepest = max(deepest, float(depth.max()))
-        return deepest if deepest > SOLVED * self.system.extent else 0.0
+            if depth.max() > bound:
+                return True
+        return False
 
 
 def unselected_words(geometry: Geometry, i: int, state: State) -> str:

@@ -212,7 +212,8 @@ class Watch:
             return found
         for i, (drift, contact) in enumerate(zip(known.drifts, self.contacts, strict=True)):
             name, seen, measured = self.interface.names[i], Issued(), False
-            if self.watches[i].of_triangles or (self.dim == 3 and of_two_bodies(contact)):
+            small = contact.sliding == "small"
+            if self.watches[i].of_triangles or (self.dim == 3 and small and of_two_bodies(contact)):
                 moved = max(largest(np.abs(case.x)), largest(np.abs(case.motion[i].translation)))
                 seen = _seen("overlap", name, drift.approach or moved)
                 measured = not seen & known.issued
