@@ -207,9 +207,10 @@ class ContactValidity:
         How far points have drifted from where small sliding has them, with exact slips; of finite
         sliding, which follows, only the elastic approach and the strain.
     overlap : float
-        Deepest overlap of the deformed boundaries, or with the obstacle, beyond the interference and
-        the gaps given by the user; found by a search that knows nothing of the pairing [length]. NaN
-        for two surfaces of one body, where inside and outside are the same.
+        Overlap of the deformed boundaries, or with the obstacle, where it is deepest beyond what chords
+        explain, without the interference and the gaps given by the user; found by a search that knows
+        nothing of the pairing [length]. NaN for two surfaces of one body, where inside and outside
+        are the same.
     chords : float
         What straight facets on curved sides explain of it [length].
     unseen : int
