@@ -53,7 +53,10 @@ def test_ten_thousand_points_are_judged_as_by_all_pairs(
         else:
             corners = rng.normal(size=(30, 1, 3)) + 0.5 * rng.normal(size=(30, 3, 3))
         at = corners.reshape(-1, 3)
-        hull, points = Boundary(corners), rng.uniform(at.min(axis=0), at.max(axis=0), (100, 3))
+        hull, points = (
+            Boundary(corners, corners[:, 0]),
+            rng.uniform(at.min(axis=0), at.max(axis=0), (100, 3)),
+        )
         found = hull.inside(points)
         np.testing.assert_array_equal(found, inside_by_all_pairs(hull, points))
         inner, outer = inner + found.sum(), outer + (~found).sum()
@@ -62,7 +65,8 @@ def test_ten_thousand_points_are_judged_as_by_all_pairs(
 
 def test_points_beside_the_box_are_outside() -> None:
     """Without any point near there is nothing to sort."""
-    hull = Boundary(ball(np.random.default_rng(0), 1))
+    corners = ball(np.random.default_rng(0), 1)
+    hull = Boundary(corners, corners[:, 0])
     assert not hull.inside(np.array([[50.0, 0, 0], [0, 0, -50.0]])).any()
     assert hull.inside(np.zeros((0, 3))).shape == (0,)
     assert not len(hull.samples((np.full(3, 50.0), np.full(3, 60.0))))
@@ -71,7 +75,7 @@ def test_points_beside_the_box_are_outside() -> None:
 def test_samples_of_a_box_are_those_of_all_that_lie_in_it() -> None:
     """Each corner, middle of an edge and middle of a triangle once."""
     x = np.vstack([np.zeros(3), np.eye(3)])
-    hull = Boundary(x[[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]])
+    hull = Boundary(x[[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]], x)
     everywhere = hull.samples(hull.box)
     assert len(everywhere) == 4 + 6 + 4
     box = np.zeros(3), np.full(3, 0.5)
@@ -85,7 +89,7 @@ def test_points_beside_the_boundary_are_no_farther_than_said(share: float) -> No
     """One simplex may leave some out, and says of none that is farther that it is near."""
     rng = np.random.default_rng(3)
     corners = ball(rng, 1)
-    hull, at = Boundary(corners), corners.reshape(-1, 3)
+    hull, at = Boundary(corners, corners[:, 0]), corners.reshape(-1, 3)
     points = rng.uniform(at.min(axis=0), at.max(axis=0), (200, 3))
     distance = hull.distance(points)
     length = share * distance.max()

@@ -158,7 +158,7 @@ def test_signed_distances_are_those_of_polygons_in_polygons(seed):
     points = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     shape = sc.RigidPolyline(points, closed=True, hollow=bool(seed % 2))
     x = np.vstack([rng.uniform(-2.2, 2.2, (500, 2)), points + 1e-3 * rng.normal(size=points.shape)])
-    outline = Boundary(np.stack([points, np.roll(points, -1, axis=0)], axis=1))
+    outline = Boundary(np.stack([points, np.roll(points, -1, axis=0)], axis=1), points)
     known = outline.signed(x) * (-1 if seed % 2 else 1)
     assert_allclose(shape.signed_distance(x), known, atol=1e-14)
 

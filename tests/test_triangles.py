@@ -316,7 +316,7 @@ def test_a_tip_between_the_nodes_is_told(sliding):
     tip = [(0.17, 0.16, 0.0), (0.5, 0.5, 1), (-0.5, 0.5, 1), (-0.5, -0.5, 1), (0.5, -0.5, 1)]
     shape = hull(np.array(tip), name="die")
     with pytest.warns(
-        sc.ContactWarning, match="1 corners of 'die' stand in 'block/top' between its nodes"
+        sc.ContactWarning, match="0.16, -0.03., where 'die' lies in the body of 'block/top'"
     ):
         result = pressed(shape, (0, 0, -0.03), sliding=sliding)
     assert result.force[2] > -1e-3

@@ -713,7 +713,7 @@ def test_curved_facets_are_followed():
 def test_many_points_go_in_blocks(monkeypatch):
     """What does not fit into one block is done in several, with the same result."""
     corners = np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0, 2 * np.pi, 100)[:-1]])
-    circle = Boundary(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
+    circle = Boundary(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1), corners)
     points = np.random.default_rng(1).uniform(-1.2, 1.2, (500, 2))
     whole = circle.signed(points)
     internals.replace(monkeypatch, "answers.PAIRS_AT_ONCE", 1000)

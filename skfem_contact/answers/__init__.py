@@ -22,11 +22,11 @@ __getattr__ = entrances(
         "uniqueness": "Form unique_up_to",
         "validity.chords": "bends sagittas tool_sagittas",
         "validity.deformed_boundaries": "Boundary boundary",
+        "validity.edges": "crossings sharp_edges_of",
         "validity.obstacle_overlaps": "pierced",
         "validity.strain": "strains",
         "validity.support": "Support",
         "validity.track": "Rim Track curvatures node_lengths",
-        "validity.unseen": "crossings sharp_edges_of unseen_overlaps",
         "validity.words": "facet_words",
     },
 )

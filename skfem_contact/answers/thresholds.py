@@ -115,19 +115,6 @@ PIECES = 8
 # Pairs of points and pieces that are compared at a time.
 PAIRS_AT_ONCE = 2_000_000
 
-# -- validity.solid_overlaps -------------------------------------
-
-# Overlap of a vertex or an edge over the elastic approach. What is pressed in only there loses as
-# large a part of its force; on flat seats vertices at sharp edges sink in by .26 (the head of a bolt
-# over the edge of its hole, quadratic tetrahedra by mortar) and forces are right. Of a vertex from
-# which all faces fall away by more than the approach, so that it is all that presses, a quarter: on
-# tips of domes between .25 and .5 forces are off by 2 to 19 % where they do, by 0 to 7 % elsewhere.
-STANDING, ALONE = 0.5, 0.25
-
-# Overlap over the sagitta of the chords: contact that is held somewhere along a chord leaves up to one
-# sagitta at its middle or its ends; half of one more is room for chords that the bodies have bent.
-CHORDS = 1.5
-
 # -- validity.strain ---------------------------------------------
 
 # Bulk over shear modulus from which on a body is looked at: a Poisson's ratio of .46, where four
@@ -155,3 +142,8 @@ SUPPORTED = 1e-3
 # points of one side, between them unlike meshes overlap by a part of what they are pressed in. At the
 # end of a wedge that is driven in it is 0.28, whatever the mesh, with forces that are right to 1e-3.
 OVERLAP = 0.35
+
+# The same of a node from which all facets fall away by more than the approach, so that it is all that
+# presses: on tips of domes between this and half of the approach forces are off by 2 to 19 %, by 0 to
+# 7 % where facets fall away by less.
+ALONE = 0.25

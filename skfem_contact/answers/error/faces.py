@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.answers.error.sources import Three, relative
 from skfem_contact.answers.fields import (
     Contour,
     NormalEquations,
@@ -55,9 +56,6 @@ from skfem_contact.trees import Tree
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
-
-Three = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,14 +196,9 @@ class FacesError:
             of_facets = _between(surface, net, smooth & closed[surface.facets].any(axis=1), traction)
             left_out = _near_ends(net, sharp | rim)
             scatter, told = area * _scatter(net, first, left_out), not left_out[closed].all()
-        total = of_edges + of_facets + scatter
-        share = total / total.sum() if total.sum() > SOLVED**2 * size else np.zeros(len(total))
-
-        def norm(part: Array) -> float:
-            return float(np.sqrt(part.sum() / size)) if size > 0 else 0.0
-
+        (edges, facets, scattered), share = relative(of_edges, of_facets, scatter, size)
         untold = self.unlike and not told
-        return (norm(of_edges), norm(of_facets), np.nan if untold else norm(scatter)), share
+        return (edges, facets, np.nan if untold else scattered), share
 
     def _ripple(self, traction: Array, sharp: Mask) -> tuple[Array, bool]:
         """Of second-order faces, by nodes: what values are off smooth ones; whether any face tells."""

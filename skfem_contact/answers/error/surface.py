@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.error.sources import Three, relative
 from skfem_contact.answers.fields import Edges, Segments, find_edges
 from skfem_contact.answers.thresholds import SHARPER
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
-from skfem_contact.digits import SOLVED
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -192,9 +192,6 @@ def edge_misfit(line: Line, edges: Edges, values: Array) -> Array:
     return total * (line.segments.area[segment] / outer)[:, None]
 
 
-Three = tuple[float, float, float]
-
-
 def surface_error(values: ContactValues, line: Line, traction: Array) -> tuple[Three, Array]:
     """Errors by edges, facets and scatter over the norm of the traction; the share of each point."""
     surface = values.surface
@@ -210,13 +207,9 @@ def surface_error(values: ContactValues, line: Line, traction: Array) -> tuple[T
     squares[edges.inside] += edge_misfit(line, edges, traction)
     sharp[edges.inside] = True
     scatter = area / 3.0 * _scatter(line, first, sharp, quadratic)
-    total = (squares + scatter).sum(axis=1)
-    share = total / total.sum() if total.sum() > SOLVED**2 * size else np.zeros(len(total))
-
-    def norm(part: Array) -> float:
-        return float(np.sqrt(part.sum() / size)) if size > 0 else 0.0
-
-    return (norm(squares[sharp]), norm(squares[~sharp]), norm(scatter)), share
+    of_nodes = squares.sum(axis=1)
+    parts = np.where(sharp, of_nodes, 0.0), np.where(sharp, 0.0, of_nodes), scatter.sum(axis=1)
+    return relative(*parts, size)
 
 
 def _sharp(line: Line, status: Index, first: Array, surface: ContactSurface) -> NDArray[np.bool_]:

@@ -1,9 +1,8 @@
 """Is the model valid at the answer? Small sliding, small rotations, no overlaps that nobody looked for.
 
 * `validity`: the values that steps and `assess` measure; `words`: what is beyond its bound, in words;
-* `deformed_boundaries`: deformed boundaries against each other, seen from outside; `plane_overlaps`,
-  `solid_overlaps`, `obstacle_overlaps`: overlaps that no row sees, which every step looks for;
-  `unseen`: those of corners and edges of solids;
+* `deformed_boundaries`: signed distances between deformed boundaries, seen from outside; `edges`: of
+  solids, that cross; `overlaps`: where steps look for them; `obstacle_overlaps`: what obstacles hide;
 * `track`: where points are led by their slip, how the other side curves and where it ends; `chords`:
   facets that are too long for what presses on a curve;
 * `support`: how bodies move as a whole, and how far they give under contact; `strain`: how far they are

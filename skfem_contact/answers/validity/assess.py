@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
-from functools import cached_property, wraps
+from functools import wraps
 from typing import Any, TypeVar
 
 import numpy as np
@@ -20,19 +20,22 @@ from skfem_contact.answers.thresholds import A_TENTH
 from skfem_contact.answers.validity.chords import chord_height, drawn_off
 from skfem_contact.answers.validity.deformed_boundaries import (
     Boundary,
+    BoundaryNodes,
     Meeting,
     at_obstacle,
     between,
     boundary,
+    with_corners,
 )
+from skfem_contact.answers.validity.edges import crossing, pressed_aside, sharp_edges_of
 from skfem_contact.answers.validity.locking import lockable, locked
-from skfem_contact.answers.validity.plane_overlaps import PlaneOverlaps
-from skfem_contact.answers.validity.solid_overlaps import SolidOverlaps
+from skfem_contact.answers.validity.overlaps import of_two_bodies, sides_of, unselected_words
 from skfem_contact.answers.validity.strain import leaning, strains
 from skfem_contact.answers.validity.support import beyond_round_off, elastic_approach
 from skfem_contact.answers.validity.track import tool_motion
 from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
 from skfem_contact.answers.validity.words import (
+    crossing_words,
     facet_words,
     locking_words,
     overlap_words,
@@ -43,10 +46,10 @@ from skfem_contact.answers.validity.words import (
 )
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.friction import FrictionLaw
-from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import warn
 from skfem_contact.obstacles.obstacle import Obstacle
 
@@ -118,17 +121,9 @@ class Assessment:
     Parameters
     ----------
     result : Answer
-    solid_overlaps, plane_overlaps : optional
-        Those of all contacts, where they are known from steps.
     """
 
-    def __init__(
-        self,
-        result: Answer,
-        solid_overlaps: SolidOverlaps | None = None,
-        plane_overlaps: PlaneOverlaps | None = None,
-    ) -> None:
-        self._solid_overlaps, self._plane_overlaps = solid_overlaps, plane_overlaps
+    def __init__(self, result: Answer) -> None:
         self.result, self.system = result, result.system
         self.solids: dict[str, Body] = {n: b for n, b in self.system.solids.items() if b.components > 1}
         self.lockable = lockable(result)
@@ -186,49 +181,46 @@ class Assessment:
         """All that is measured of one contact."""
         result, part = self.result, self.result.slices()[i]
         closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
-        chords, meeting = self.meeting(i)
+        meeting = self.meeting(i)
         angle = float(np.max(result.kin.tilt[part][closed], initial=0.0))
         mu = float(np.max(_coefficient(result.contacts[i].friction)))
         share = angle / mu if mu > 0 else np.nan
-        seen = meeting.overlap, chords, meeting.unseen, meeting.opening
-        return ContactValidity(self.drift(i), *seen, angle, share)
+        seen = meeting.overlap, meeting.chords, meeting.unseen, meeting.opening
+        return ContactValidity(self.drift(i), *seen, angle, share, self._alone(i))
 
     def _overlap(self, i: int) -> str:
         """What contact conditions do not see of one contact, in words; empty for nothing."""
-        result, drift = self.result, self.drift(i)
+        result, drift, contact = self.result, self.drift(i), self.result.contacts[i]
         if i in result.diagnostics.undetected:
             return result.diagnostics.undetected[i]
-        # facets that are too long are the reason already
-        if i in result.diagnostics.hidden and not drift.facets_too_long:
-            words = self.solid_overlaps.sure(i, result, drift)
-            if words:
-                return words
         part = self.contact(i)
-        if part.excess <= 1.0:
+        if part.excess > 1.0:
+            if result.diagnostics.prescribed(result.names[i]):
+                return prescribed_words(part)
+            way = unselected_words(result.model.geometry, i, result.state)
+            return overlap_words(part, contact, self.meeting(i), way)
+        # facets that are too long are the reason already
+        if drift.facets_too_long or not (contact.secondary.dim == 3 and of_two_bodies(contact)):
             return ""
-        if result.diagnostics.prescribed(result.names[i]):
-            return prescribed_words(part)
-        way = self.plane_overlaps.reasons(i, result.state) if i in result.diagnostics.intrusions else ""
-        return overlap_words(part, result.contacts[i], self.meeting(i)[1], way)
+        return self._crossing(i)
 
-    @cached_property
-    def solid_overlaps(self) -> SolidOverlaps:
-        """Of solids' vertices and edges."""
-        return self._solid_overlaps or SolidOverlaps(self._geometry, lambda: np.arange(self.system.n))
-
-    @cached_property
-    def plane_overlaps(self) -> PlaneOverlaps:
-        """Of plane bodies that slide far."""
-        return self._plane_overlaps or PlaneOverlaps(self._geometry)
-
-    @property
-    def _geometry(self) -> Geometry:
-        geometry: Geometry = self.result.recover.model.geometry
-        return geometry
+    def _crossing(self, i: int) -> str:
+        """What edges of two solids do that cross, in words; empty for nothing."""
+        result, sides = self.result, sides_of(self.result.contacts[i])
+        part, approach = result.slices()[i], self.drift(i).approach
+        added = result.diagnostics.tracks[i].added - result.worn_case.interference[part]
+        places = [side.points + result.displacement(side.body)[side.dofs] for side in sides]
+        edges = [sharp_edges_of(side) for side in sides]
+        found = crossing(edges, places, added, approach, SOLVED * self.system.extent)
+        closed = np.flatnonzero(result.state.status[part] != OPEN)
+        normal = result.kin.normal[part]
+        if found is None or not (found.count or pressed_aside(found, sides[0], normal, closed)):
+            return ""
+        return crossing_words(found, *(side.label for side in sides))
 
     @_once
-    def meeting(self, i: int) -> tuple[float, Meeting]:
-        """What chords explain, and how the deformed boundaries meet."""
+    def meeting(self, i: int) -> Meeting:
+        """How the deformed boundaries meet."""
         result, system = self.result, self.system
         contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
         secondary = contact.secondary
@@ -236,20 +228,38 @@ class Assessment:
         added = track.added - result.worn_case.interference[part]
         paired = result.kin.paired[part]
         closed = (result.state.status[part] != OPEN) & paired
+        name = system.names[system.index(secondary.body)]
         if isinstance(contact.primary, Obstacle):
-            # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
-            chords = chord_height(secondary)
             motion = result.case.motion[i].as_argument()
             if contact.rigid_body is not None:
                 motion = as_motion(system, contact.rigid_body, result.u)
             obstacle = contact.primary.moved(motion)
-            return chords, at_obstacle(obstacle, secondary, chords, moved, added, closed, paired)
+            # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
+            found = at_obstacle(
+                obstacle, secondary, chord_height(secondary), moved, added, closed, paired
+            )
+            if obstacle.outline is None or contact.bilateral or contact.gap is not None:
+                return found
+            corners = obstacle.outline.points
+            return with_corners(found, self.boundary(name), corners, drawn_off(secondary), moved, added)
         if contact.primary.body is secondary.body:
-            return 0.0, Meeting()
-        one, other = (system.names[system.index(s.body)] for s in (secondary, contact.primary))
-        chords = drawn_off(secondary) + drawn_off(contact.primary)
-        first, second = self.boundary(one), self.boundary(other)
-        return chords, between(first, second, chords, system.extent, moved, added, closed, paired)
+            return Meeting()
+        other = system.names[system.index(contact.primary.body)]
+        chords = drawn_off(secondary), drawn_off(contact.primary)
+        boundaries = self.boundary(name), self.boundary(other)
+        return between(*boundaries, chords, system.extent, moved, added, closed, paired)
+
+    def _alone(self, i: int) -> bool:
+        """Whether the deepest point is a node that is all that presses there."""
+        meeting, contact = self.meeting(i), self.result.contacts[i]
+        if meeting.outward is None or not of_two_bodies(contact):
+            return False
+        assert meeting.place is not None
+        side = sides_of(contact)[meeting.side]
+        name = self.system.names[self.system.index(side.body)]
+        away = np.linalg.norm(self.boundary(name).nodes - meeting.place, axis=1)
+        nodes = BoundaryNodes.of(self.solids[name])
+        return nodes.falls_away(int(np.argmin(away)), meeting.outward, self.drift(i).approach)
 
 
 def _drift(result: Answer, i: int) -> Drift:

@@ -117,12 +117,6 @@ def tool_sagittas(surface: ContactSurface, bend: Array) -> Array:
     return out / 8
 
 
-def heights(surface: ContactSurface) -> Array:
-    """How far the smooth boundary stands off the middles of facets, shape (nf,) [length]."""
-    bend, edges = bends(surface)
-    return np.asarray(0.5 * np.abs(np.einsum("fde,fde->f", bend, _spread(edges, surface.kind))))
-
-
 def chord_height(surface: ContactSurface) -> float:
     """Largest distance between straight facets and the curve with the normals at their ends.
 

@@ -13,12 +13,10 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.validity.obstacle_overlaps import (
     depth_in_solid,
     in_solid_words,
+    leaning_words,
     of_triangles,
-    past_words,
     pierced,
     pierced_words,
-    slides_off,
-    triangle_words,
 )
 from skfem_contact.answers.validity.support import (
     Support,
@@ -112,8 +110,8 @@ class ContactWatch:
             along = np.moveaxis(pairing.tangent[pairing.paired], 1, 0)
             if not all(s.holds(points, way) for s in held_by for way in along):
                 self.loose = [self._free(b, known()) for b in bodies]
-        self.of_triangles, self.slides_off = of_triangles(contact), slides_off(contact)
-        self.asks = self.of_triangles or self.slides_off or self.loose is not None
+        self.of_triangles = of_triangles(contact)
+        self.asks = self.of_triangles or self.loose is not None
         self.asks |= contact.rigid_body is not None and contact.sliding == "small"
 
     def _free(self, b: int, known: Index) -> Support:
@@ -223,15 +221,13 @@ class ContactWatch:
         return track.sagitta(force, moved)
 
     def undetected(self, state: State, gap: Array, case: LoadCase, u: Array, drift: Drift) -> str:
-        """What contact conditions do not see of obstacles, or past an end, in words; or nothing.
+        """What contact conditions do not see of obstacles, in words; or nothing.
 
         Parameters are those of `drift`, and what it has found.
         """
         words = ""
         if self.of_triangles:
-            words = triangle_words(self.geometry, self.i, state, gap, case, u)
-        elif self.slides_off:
-            words = past_words(self.geometry, self.i, gap, case, u, drift.approach)
+            words = leaning_words(self.geometry, self.i, state, case, u)
         return words or ("" if drift.closed else self._untouched(gap[self.part]))
 
     def _untouched(self, gap: Array) -> str:

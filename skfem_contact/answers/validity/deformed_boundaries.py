@@ -46,22 +46,25 @@ class Boundary:
     ----------
     corners : ndarray, shape (s, d, d)
         Of pieces or triangles, in any order and sense [length].
+    nodes : ndarray, shape (b, d)
+        Which lie on the boundary itself; what is drawn between them is off a curved one [length].
 
     Examples
     --------
     A triangle in the plane and a tetrahedron, with points in and beside them:
 
     >>> x = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    >>> triangle = Boundary(x[[[0, 1], [1, 2], [2, 0]]])
+    >>> triangle = Boundary(x[[[0, 1], [1, 2], [2, 0]]], x)
     >>> triangle.depth(np.array([[0.25, 0.25], [0.75, 0.75]])).tolist()
     [0.25, 0.0]
     >>> x = np.vstack([np.zeros(3), np.eye(3)])
-    >>> tetrahedron = Boundary(x[[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]])
+    >>> tetrahedron = Boundary(x[[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]], x)
     >>> tetrahedron.depth(np.array([[0.1, 0.2, 0.3], [0.5, 0.5, 0.5], [-1, 0, 0]])).tolist()
     [0.1, 0.0, 0.0]
     """
 
     corners: Array
+    nodes: Array
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
@@ -154,6 +157,14 @@ class Boundary:
             out[inside] = self.distance(points[inside])
         return out
 
+    def way_out(self, point: Array) -> Array:
+        """The outward normal where the boundary is nearest to a point inside, (d,)."""
+        some = np.broadcast_to(point, self.corners[:, 0].shape)
+        nearest = np.argmin(_to_simplices(some, self.corners))
+        normal = self._across[3][nearest]
+        normal = normal / np.linalg.norm(normal)
+        return np.asarray(normal * np.sign(normal @ (self.corners[nearest, 0] - point)))
+
     def signed(self, points: Array) -> Array:
         """Distances of points, negative inside, shape (p,) [length]."""
         return np.where(self.inside(points), -1.0, 1.0) * self.distance(points)
@@ -198,7 +209,24 @@ class BoundaryNodes:
         if weights is not None:
             x = np.einsum("qk,fkd->fqd", weights, x)
         d = points.shape[1]
-        return Boundary(np.ascontiguousarray(x[:, simplices].reshape(-1, d, d)))
+        return Boundary(np.ascontiguousarray(x[:, simplices].reshape(-1, d, d)), points)
+
+    def falls_away(self, node: int, outward: Array, by: float) -> bool:
+        """Whether every facet falls away from a node by more than a length.
+
+        As it is meshed: facets that lie on the other body are deformed by the contact.
+
+        Parameters
+        ----------
+        node : int
+        outward : ndarray, shape (d,)
+            Unit normal of what it is pressed on, towards the node.
+        by : float
+            [length]
+        """
+        facets = self.facets[(self.facets == node).any(axis=1)]
+        heights = (self.points[facets] - self.points[node]) @ outward
+        return bool((heights.max(axis=1) > by).all())
 
 
 def boundary(body: Body, u: Array) -> Boundary:
@@ -274,23 +302,29 @@ class Meeting:
         Points of the secondary without a partner that overlap by more than chords explain.
     opening : float
         Largest true gap of a closed point [length].
+    chords : float
+        What straight facets on curved sides explain of the overlap [length].
     place : ndarray, shape (d,), or None
         Of the deepest point, where one boundary is in the other [length].
     side : int
         Whose point it is: 0 of the secondary, 1 of the primary.
+    outward : ndarray, shape (d,), or None
+        If it is a node: the normal of the other boundary, out of it.
     """
 
     overlap: float = np.nan
     unseen: int = 0
     opening: float = np.nan
+    chords: float = 0.0
     place: Array | None = None
     side: int = 0
+    outward: Array | None = None
 
 
 def between(
     secondary: Boundary,
     primary: Boundary,
-    chords: float,
+    chords: tuple[float, float],
     extent: float,
     nodes: Array,
     added: Array,
@@ -299,11 +333,15 @@ def between(
 ) -> Meeting:
     """Two deformed bodies, all of their boundaries.
 
+    Nodes are on the boundary that is meshed: that they overlap only chords of the other side explain.
+
     Parameters
     ----------
     secondary, primary : Boundary
-    chords, extent : float
-        Overlap by chords, extent of the bodies [length].
+    chords : two of float
+        How far what is drawn of each stands off it [length].
+    extent : float
+        Of the bodies [length].
     nodes : ndarray, shape (m, d)
         Of the secondary surface, displaced [length].
     added : ndarray, shape (m,)
@@ -311,23 +349,31 @@ def between(
     closed, paired : ndarray of bool, shape (m,)
     """
     noise = SOLVED * extent
-    deepest, place, side = 0.0, None, 0
-    for k, (one, other) in enumerate(((secondary, primary), (primary, secondary))):
-        points = one.samples(other.box)  # the others lie outside
-        depth = other.depth(points)
-        points, depth = points[depth > noise], depth[depth > noise]
-        if len(points) and added[paired].any():
-            depth = depth - added[paired][Tree(nodes[paired]).nearest(points)]
-        if np.max(depth, initial=0.0) > deepest:
-            deepest, place, side = float(depth.max()), points[np.argmax(depth)], k
-    lonely = primary.depth(nodes[~paired]) > max(chords, noise)
     # with an interference bodies may overlap before their meshes do: this shows at the nodes
     true = np.full(len(nodes), np.inf)
     true[paired] = primary.signed(nodes[paired]) + added[paired]
-    sunk = float(np.max(-true[paired], initial=0.0))
-    deepest = max(deepest, sunk if sunk > noise else 0.0)
+    deepest = int(np.argmin(true))
+    best = Meeting(0.0, chords=sum(chords))
+    if true[deepest] < -noise:
+        best = Meeting(-float(true[deepest]), chords=chords[1], place=nodes[deepest])
+    for k, (one, other) in enumerate(((secondary, primary), (primary, secondary))):
+        own = one.nodes[within(one.nodes, other.box)]  # the others lie outside
+        for nodal, points, explained in (
+            (True, own, chords[1 - k]),
+            (False, one.samples(other.box), sum(chords)),
+        ):
+            depth = other.depth(points)
+            points, depth = points[depth > noise], depth[depth > noise]
+            if len(points) and added[paired].any():
+                depth = depth - added[paired][Tree(nodes[paired]).nearest(points)]
+            beyond = float(np.max(depth, initial=0.0)) - explained
+            if len(points) and depth.max() > 0 and beyond > best.overlap - best.chords:
+                i = int(np.argmax(depth))
+                outward = other.way_out(points[i]) if nodal else None
+                best = Meeting(float(depth[i]), 0, 0.0, explained, points[i], k, outward)
+    lonely = primary.depth(nodes[~paired]) > max(sum(chords), noise)
     opening = float(np.max(true[closed], initial=0.0))
-    return Meeting(deepest, int(lonely.sum()), opening, place, side)
+    return replace(best, unseen=int(lonely.sum()), opening=opening)
 
 
 def at_obstacle(
@@ -350,7 +396,35 @@ def at_obstacle(
     deepest = -float(np.min(np.concatenate([at_nodes, *between])))
     lonely = -at_nodes[~paired] > max(chords, noise)
     opening = float(np.max(at_nodes[closed], initial=0.0))
-    return Meeting(deepest if deepest > noise else 0.0, int(lonely.sum()), opening)
+    return Meeting(deepest if deepest > noise else 0.0, int(lonely.sum()), opening, chords)
+
+
+def with_corners(
+    found: Meeting, body: Boundary, corners: Array, chords: float, nodes: Array, added: Array
+) -> Meeting:
+    """How an obstacle is met, whose corners may stand in the body between its nodes.
+
+    Parameters
+    ----------
+    found : Meeting
+        What the body's own points say.
+    body : Boundary
+    corners : ndarray, shape (p, d)
+        Of the obstacle at its place [length].
+    chords : float
+        How far what is drawn of the body stands off it [length].
+    nodes, added
+        As in `between`.
+    """
+    depth = body.depth(corners)
+    inside = np.flatnonzero(depth)
+    if not len(inside):
+        return found
+    depth = depth[inside] - added[Tree(nodes).nearest(corners[inside])]
+    i = int(np.argmax(depth))
+    if depth[i] - chords <= max(found.overlap - found.chords, 0.0):
+        return found
+    return replace(found, overlap=float(depth[i]), chords=chords, place=corners[inside[i]], side=1)
 
 
 def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:

@@ -34,14 +34,13 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import ALTERNATING, LOCKED, STIFF_BULK
+from skfem_contact.answers.validity.strain import gradient
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.quadrature import (
     chunks,
-    element_values,
     hoop_strain,
     point_volumes,
     scalar_element,
-    shape_gradients,
     with_points,
 )
 
@@ -123,7 +122,7 @@ def _shear_taken(body: Body, basis: Any, u: Array) -> float:
     mesh, d = basis.mesh, body.dim
     numbers = np.arange(mesh.nelements) if basis.tind is None else np.asarray(basis.tind)
     parts = chunks(basis, 8 * d * d * basis.Nbfun * basis.X.shape[1])
-    found = [(_gradient(basis, u, some), point_volumes(basis, some)) for some in parts]
+    found = [(gradient(basis, u, some), point_volumes(basis, some)) for some in parts]
     slope, dx = (np.concatenate(part, axis=-2) for part in zip(*found, strict=True))
     strain = 0.5 * (slope + np.swapaxes(slope, 0, 1))
     strain -= np.eye(d)[:, :, None, None] * np.trace(strain) / d
@@ -150,19 +149,13 @@ def _averaged(mesh: Any, numbers: Any, basis: Any, values: Array, dx: Array) -> 
     return np.asarray(mean[corners].T @ shapes)
 
 
-def _gradient(basis: Any, u: Array, elements: Any) -> Array:
-    """Derivatives of the displacement at the points of integration of some elements, (d, d, e, q)."""
-    moved = element_values(basis, u, elements)
-    return np.einsum("kce,ejkq->cjeq", moved, shape_gradients(basis, elements), optimize=True)
-
-
 def _strain(body: Body, basis: Any, u: Array, elements: Any) -> tuple[Array, Array]:
     """Change of volume at the points of integration of some elements, and the rest squared, (e, q).
 
     The energy is the integral of the bulk modulus times the square of the first, and of twice the
     shear modulus times the other.
     """
-    d, slope = body.dim, _gradient(basis, u, elements)
+    d, slope = body.dim, gradient(basis, u, elements)
     strain = 0.5 * (slope + np.swapaxes(slope, 0, 1))
     theta, square = np.trace(strain), np.einsum("cjeq,cjeq->eq", strain, strain)
     if body.axisymmetric:

@@ -2,14 +2,10 @@
 
 * a surface that begins where its obstacle is solid, and does not touch it: `hollow` by mistake;
 * a round tool that stands in a facet between nodes;
-* corners of an obstacle of triangles that stand between nodes;
-* flats of large triangles whose normals lean towards the bends beside them;
-* ends of a solid that stand in another one, whose nodes have slid past them.
+* flats of large triangles whose normals lean towards the bends beside them.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +13,6 @@ from numpy.typing import NDArray
 from skfem_contact.answers.thresholds import A_TENTH, SAGITTA
 from skfem_contact.answers.validity.chords import bends, kinked_faces
 from skfem_contact.answers.validity.deformed_boundaries import signed_distance
-from skfem_contact.answers.validity.unseen import past_ends, unseen_overlaps
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
@@ -25,7 +20,7 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, State
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
@@ -156,63 +151,10 @@ def pierced_words(surface: ContactSurface, depth: float, place: Array, label: st
 
 
 def of_triangles(contact: Contact) -> bool:
-    """Whether it is a solid on an obstacle of triangles, whose corners may stand between its nodes."""
+    """Whether it is a solid on an obstacle of triangles, whose normals may lean."""
     outline = contact.primary.outline if isinstance(contact.primary, Obstacle) else None
     rigid = outline is not None and outline.dim == 3
     return rigid and not contact.bilateral and contact.gap is None
-
-
-def triangle_words(
-    geometry: Geometry, i: int, state: State, gap: Array, case: LoadCase, u: Array
-) -> str:
-    """What to say of an obstacle of triangles: corners that no row sees, normals that lean on flats.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    i : int
-        The contact.
-    state, gap, case
-        Of the answer.
-    u : ndarray, shape (n,)
-        Displacements, right at the contact DOFs [length].
-
-    Returns
-    -------
-    str
-        Empty where there is nothing.
-    """
-    contact = geometry.contacts[i]
-    surface, obstacle = contact.secondary, contact.primary
-    assert isinstance(obstacle, Obstacle)
-    outline = obstacle.moved(_motion(geometry, i, case, u)).outline
-    assert outline is not None
-    words = _unseen_words(geometry, i, gap, case, u, outline)
-    leaning = leaning_faces(surface, outline)
-    if words or not leaning.any():
-        return words
-    return leaning_words(geometry, i, state, outline, leaning, u)
-
-
-def _unseen_words(
-    geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Array, outline: ContactSurface
-) -> str:
-    """What to say of corners and edges of triangles that stand in a solid between its nodes."""
-    contact, part = geometry.contacts[i], geometry.point_slices[i]
-    surface, obstacle = contact.secondary, contact.primary
-    if case.interference[part].any():
-        return ""
-    known = np.isfinite(gap[part])
-    met = replace(geometry.pairings[i], gap=np.where(known, gap[part], 0.0), paired=known)
-    at = surface.moved(u[geometry.system.slice(surface.body)])
-    found = unseen_overlaps(at, outline, met)
-    if found is None:
-        return ""
-    return (
-        f"{found.count} corners of {obstacle.label!r} stand in {surface.label!r} between its nodes, "
-        f"the deepest, at {written(found.place)}, by {found.depth:.3g} more than the nodes around it. "
-        "Node by node nothing presses there: refine the surface, to facets smaller than what presses."
-    )
 
 
 def _motion(geometry: Geometry, i: int, case: LoadCase, u: Array) -> MotionLike:
@@ -234,29 +176,27 @@ def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
     return kinked_faces(outline) & (off > A_TENTH) & (outline.lengths > size)
 
 
-def leaning_words(
-    geometry: Geometry, i: int, state: State, outline: ContactSurface, leaning: Mask, u: Array
-) -> str:
-    """What to say of forces that lean on flats; empty if they do not, or hardly.
+def leaning_words(geometry: Geometry, i: int, state: State, case: LoadCase, u: Array) -> str:
+    """What to say of forces that lean on flats of triangles; empty if they do not, or hardly.
 
     Parameters
     ----------
     geometry : Geometry
     i : int
         The contact, on an obstacle of triangles.
-    state : State
+    state, case
         Of the answer.
-    outline : ContactSurface
-        Of the obstacle where it is.
-    leaning : ndarray of bool, shape (nf,)
-        See `leaning_faces`.
     u : ndarray, shape (n,)
         Displacements, right at the contact DOFs [length].
     """
     contact, part = geometry.contacts[i], geometry.point_slices[i]
-    surface = contact.secondary
+    surface, obstacle = contact.secondary, contact.primary
+    assert isinstance(obstacle, Obstacle)
+    outline = obstacle.moved(_motion(geometry, i, case, u)).outline
+    assert outline is not None
+    leaning = leaning_faces(surface, outline)
     force = np.where(state.status[part] != OPEN, np.abs(state.normal_force[part]), 0.0)
-    if not force.any():
+    if not (leaning.any() and force.any()):
         return ""
     pairing = node_to_segment(surface.moved(u[geometry.system.slice(surface.body)]), outline)
     on_flat = pairing.paired & leaning[np.where(pairing.paired, pairing.facet, 0)]
@@ -270,41 +210,4 @@ def leaning_words(
         "triangles, which are large and flat beside bends of less than 45 degrees, and so do the "
         "forces. Along a bend normals turn over an eighth of a triangle; where that is too wide, give "
         "the flat narrow triangles along it."
-    )
-
-
-# -- ends of solids -------------------------------------------------------------------------------
-
-
-def slides_off(contact: Contact) -> bool:
-    """Whether nodes of a solid may slide off another one, and are let go."""
-    solids = contact.secondary.dim == 3 and not contact.rigid
-    node = contact.sliding == "finite" and contact.method == "node"
-    return solids and node and not contact.tied and contact.gap is None
-
-
-def past_words(
-    geometry: Geometry, i: int, gap: Array, case: LoadCase, u: Array, approach: float
-) -> str:
-    """What to say of ends of a solid that stand in another one, whose nodes have slid past them.
-
-    Parameters are those of `triangle_words`, with the elastic approach; empty where there are none.
-    """
-    contact, part = geometry.contacts[i], geometry.point_slices[i]
-    one, other = contact.secondary, contact.primary
-    assert isinstance(other, ContactSurface)
-    paired = np.isfinite(gap[part])
-    if paired.all() or case.interference[part].any():
-        return ""
-    least = max(A_TENTH * approach, COMPUTED * float(np.abs(one.points).max()))
-    at, end = (side.moved(u[geometry.system.slice(side.body)]) for side in (one, other))
-    found = past_ends(at, end, paired, least)
-    if found is None:
-        return ""
-    size = f", {100 * found.depth / approach:.3g} % of the elastic approach" if approach > 0 else ""
-    return (
-        f"nodes of {one.label!r} have slid past the end of {other.label!r}, which stands in its faces "
-        f"by up to {found.depth:.3g}{size}, at {written(found.place)}. Node by node nothing presses "
-        "there, and forces are wrong by as much. Take method='mortar', which follows faces to the end, "
-        "or let the surface that reaches beyond the other one be the primary."
     )

@@ -61,22 +61,25 @@ def strains(body: Body, u: Array) -> tuple[float, float, float]:
     return (cubed / square if square > 0 else 0.0), largest, float(np.sqrt(turned / whole))
 
 
-def _strained(body: Body, basis: Any, u: Array, elements: Any) -> tuple[Array, Array, Array]:
-    """Largest principal strain, squared rotation and volume at the points of some elements, (e, q)."""
-    d = body.dim
+def gradient(basis: Any, u: Array, elements: Any) -> Array:
+    """Derivatives of the displacement at the points of integration of some elements, (d, d, e, q)."""
     moved = element_values(basis, u, elements)
     # (e, c, k) @ (e, k, q) for each coordinate j: derivatives by j of component c
     G = shape_gradients(basis, elements)
     moved_by = np.ascontiguousarray(np.moveaxis(moved, 2, 0).swapaxes(1, 2))
-    gradient = np.stack([moved_by @ G[:, j] for j in range(d)], axis=2)  # (e, c, j, q)
-    volume = point_volumes(basis, elements)
-    if d == 3:
-        G = np.moveaxis(gradient, 3, 1)
+    return np.stack([np.moveaxis(moved_by @ G[:, j], 1, 0) for j in range(G.shape[1])], axis=1)
+
+
+def _strained(body: Body, basis: Any, u: Array, elements: Any) -> tuple[Array, Array, Array]:
+    """Largest principal strain, squared rotation and volume at the points of some elements, (e, q)."""
+    slope, volume = gradient(basis, u, elements), point_volumes(basis, elements)
+    if body.dim == 3:
+        G = np.moveaxis(slope, (0, 1), (2, 3))
         other = np.swapaxes(G, 2, 3)
         size = np.abs(np.linalg.eigvalsh(0.5 * (G + other))).max(axis=2)
         # half of the squares of a skew matrix are those of its vector
         return size, np.sum((0.5 * (G - other)) ** 2, axis=(2, 3)) / 2, volume
-    (a, b), (c, e) = np.moveaxis(gradient, 0, 2)
+    (a, b), (c, e) = slope
     middle, radius = 0.5 * (a + e), np.sqrt(0.25 * (a - e) ** 2 + 0.25 * (b + c) ** 2)
     size = np.abs(middle) + radius
     if body.axisymmetric:

@@ -32,7 +32,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import A_TENTH, FACETS, LOCKED, OVERLAP, SAGITTA
+from skfem_contact.answers.thresholds import A_TENTH, ALONE, FACETS, LOCKED, OVERLAP, SAGITTA
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.records import dataclass
 
@@ -154,33 +154,6 @@ class Drift:
 
 
 @dataclass(frozen=True)
-class HiddenOverlap:
-    """The deepest overlap that no row sees.
-
-    Attributes
-    ----------
-    count : int
-        Vertices, or pairs of edges.
-    depth : float
-        Of the deepest [length].
-    place : ndarray, shape (3,)
-        Where it is [length].
-    what : str
-        "primary" or "secondary", whose vertices they are; "edges" that cross, or "touch"; "flank of
-        primary" or "flank of secondary", a side that is in no contact; "unknown", nodes that may be in
-        faces of the other side.
-    across : ndarray, shape (3,), or None
-        Unit vector across two edges.
-    """
-
-    count: int
-    depth: float
-    place: Array
-    what: str
-    across: Array | None = None
-
-
-@dataclass(frozen=True)
 class Diagnostics:
     """What is known of the bounds of the model at an answer: what a step has measured and suspects.
 
@@ -195,13 +168,10 @@ class Diagnostics:
         What has been warned of in this history: kind, and name of the contact or body.
     tracks : tuple of Track
         Of every contact, for `validity`.
-    intrusions : dict
-        Depths of overlaps that seem to be beyond their bounds where plane contacts slide far, by the
-        contact's number [length].
+    intrusions : frozenset of int
+        Numbers of contacts that slide far and seem to overlap beyond their bounds.
     undetected : dict
-        What is to be said of corners of obstacles that stand between nodes, by the contact's number.
-    hidden : dict
-        Vertices and edges of solids that seem to overlap where no row sees it, by the contact's number.
+        What is to be said of obstacles that conditions do not see, by the contact's number.
     leaning : dict
         What moments of second order change of the motion of rigid bodies, over that motion, by name.
     stretches : dict
@@ -212,9 +182,8 @@ class Diagnostics:
     turns: dict[str, float] = field(default_factory=dict)
     issued: Issued = frozenset()
     tracks: tuple[Track, ...] = ()
-    intrusions: dict[int, float] = field(default_factory=dict)
+    intrusions: frozenset[int] = frozenset()
     undetected: dict[int, str] = field(default_factory=dict)
-    hidden: dict[int, HiddenOverlap] = field(default_factory=dict)
     leaning: dict[str, float] = field(default_factory=dict)
     stretches: dict[str, float] = field(default_factory=dict)
 
@@ -238,9 +207,10 @@ class ContactValidity:
         How far points have drifted from where small sliding has them, with exact slips; of finite
         sliding, which follows, only the elastic approach and the strain.
     overlap : float
-        Deepest overlap of the deformed boundaries, or with the obstacle, beyond the interference and
-        the gaps given by the user; found by a search that knows nothing of the pairing [length]. NaN
-        for two surfaces of one body, where inside and outside are the same.
+        Overlap of the deformed boundaries, or with the obstacle, where it is deepest beyond what chords
+        explain, without the interference and the gaps given by the user; found by a search that knows
+        nothing of the pairing [length]. NaN for two surfaces of one body, where inside and outside
+        are the same.
     chords : float
         What straight facets on curved sides explain of it [length].
     unseen : int
@@ -253,6 +223,9 @@ class ContactValidity:
     angle_over_mu : float
         That over the coefficient of friction: what the choice of one side's normal may change of the
         friction; NaN without a coefficient.
+    alone : bool
+        Whether the deepest point is a node from which all facets fall away by more than the elastic
+        approach, so that it is all that presses there.
 
     Examples
     --------
@@ -280,6 +253,7 @@ class ContactValidity:
     opening: float
     angle: float
     angle_over_mu: float
+    alone: bool = False
 
     @property
     def excess(self) -> float:
@@ -287,7 +261,7 @@ class ContactValidity:
         beyond = self.overlap - self.chords
         if not beyond > 0:
             return 0.0
-        allowed = OVERLAP * self.drift.approach
+        allowed = (ALONE if self.alone else OVERLAP) * self.drift.approach
         return beyond / allowed if allowed > 0 else np.inf
 
 

@@ -14,11 +14,11 @@ from skfem_contact.answers.thresholds import A_TENTH, PRESSED, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
 from skfem_contact.answers.validity.locking import lockable
-from skfem_contact.answers.validity.plane_overlaps import PlaneOverlaps
-from skfem_contact.answers.validity.solid_overlaps import SolidOverlaps
+from skfem_contact.answers.validity.overlaps import Overlaps, of_two_bodies
 from skfem_contact.answers.validity.strain import leaning, rigid_rotations
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
+from skfem_contact.arrays import largest
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
@@ -59,8 +59,7 @@ class Watch:
         self.moves = kin.tangents == self.dim - 1
         if not self.moves:  # a scalar field
             return
-        self.plane_overlaps = PlaneOverlaps(geometry)
-        self.solid_overlaps = SolidOverlaps(geometry, known)
+        self.overlaps = Overlaps(geometry)
         bodies = zip(self.system.bodies, self.system.offsets[:-1], strict=True)
         self.supports = [Support.of(b, int(start), arm=self.system.extent) for b, start in bodies]
         self.watches = [
@@ -81,8 +80,7 @@ class Watch:
             if self.system.names[b] in self.solids and self.supports[b].free.shape[1]
         }
         # whether displacements at the contact DOFs are asked for
-        self.asks = bool(self.floating) or self.solid_overlaps.asks
-        self.asks |= any(watch.asks for watch in self.watches)
+        self.asks = bool(self.floating) or any(watch.asks for watch in self.watches)
         # the supports of bodies that turn as their prescribed DOFs say; rigid ones may turn
         self.turning = [
             (name, b)
@@ -139,9 +137,8 @@ class Watch:
             turns,
             issued,
             tuple(self.tracks),
-            self.plane_overlaps.look(state, case, self.tracks, drifts),
+            self.overlaps.look(state, case, self.tracks, drifts),
             {i: text for i, text in enumerate(undetected) if text},
-            self.solid_overlaps.look(state, case, u, self.tracks, drifts),
             stretches=stretches,
         )
 
@@ -185,7 +182,7 @@ class Watch:
         suspected, bodies = self._suspected(result), self._strained(result)
         if not (suspected or bodies or known.leaning):
             return known
-        measured = Assessment(result, self.solid_overlaps, self.plane_overlaps)
+        measured = Assessment(result)
         new: set[tuple[str, str]] = set()
         for i, (kinds, seen) in suspected.items():
             contact, name = self.contacts[i], self.interface.names[i]
@@ -206,20 +203,25 @@ class Watch:
     def _suspected(self, result: Answer) -> dict[int, tuple[set[str], Issued]]:
         """What seems to be wrong with contacts and has not been said, by kind; what is to be kept.
 
-        Vertices of which too little is known are looked at once each doubling of the approach.
+        Where corners and edges may stand between points that press, overlaps are looked for at the
+        first step, and once for each doubling of the approach; before anything presses, of the motion.
         """
-        known = result.diagnostics
+        known, case = result.diagnostics, result.case
         found: dict[int, tuple[set[str], Issued]] = {}
-        for i, drift in enumerate(known.drifts):
-            name, hidden, seen = self.interface.names[i], known.hidden.get(i), Issued()
-            if hidden is not None and hidden.what == "unknown":
-                seen = _seen("vertices", name, drift.approach)
-            deep = hidden is not None and not seen & known.issued
-            overlaps = i in known.intrusions or i in known.undetected or deep
+        if not self.moves:
+            return found
+        for i, (drift, contact) in enumerate(zip(known.drifts, self.contacts, strict=True)):
+            name, seen, measured = self.interface.names[i], Issued(), False
+            small = contact.sliding == "small"
+            if self.watches[i].of_triangles or (self.dim == 3 and small and of_two_bodies(contact)):
+                moved = max(largest(np.abs(case.x)), largest(np.abs(case.motion[i].translation)))
+                seen = _seen("overlap", name, drift.approach or moved)
+                measured = not seen & known.issued
             beyond = {
                 "sliding": not drift.small_sliding_holds,
                 "facets": self.watches[i].seems_coarse(result, drift),
-                "overlap": overlaps and not known.prescribed(name),
+                "overlap": (i in known.intrusions or i in known.undetected or measured)
+                and not known.prescribed(name),
             }
             kinds = {kind for kind in beyond if beyond[kind] and (kind, name) not in known.issued}
             if kinds:

@@ -6,7 +6,8 @@ import numpy as np
 
 from skfem_contact.answers.thresholds import A_TENTH, LOCKED
 from skfem_contact.answers.validity.deformed_boundaries import Meeting
-from skfem_contact.answers.validity.validity import ContactValidity, Drift, HiddenOverlap
+from skfem_contact.answers.validity.edges import Crossing
+from skfem_contact.answers.validity.validity import ContactValidity, Drift
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.contact import Contact
@@ -94,7 +95,7 @@ def overlap_words(part: ContactValidity, contact: Contact, meeting: Meeting, way
     return (
         f"the deformed bodies overlap by up to {part.overlap:.3g}{place}{lonely}, where chords explain "
         f"{part.chords:.2g} and the bodies take up {part.drift.approach:.3g}. Contact conditions do "
-        f"not see it. {way or _way_out(part, contact) + '.'}"
+        f"not see it. {way or _way_out(part, contact, meeting) + '.'}"
     )
 
 
@@ -107,12 +108,13 @@ def prescribed_words(part: ContactValidity) -> str:
     )
 
 
-def _way_out(part: ContactValidity, contact: Contact) -> str:
+def _way_out(part: ContactValidity, contact: Contact, meeting: Meeting) -> str:
     """What to do about an overlap."""
     if contact.sliding == "finite":
+        mortar = ", method='mortar'" if contact.method == "node" and not contact.rigid else ""
         return (
-            "Take smaller steps, a finer or quadratic mesh where the surfaces turn, and see that both "
-            "surfaces cover all that may touch"
+            f"Take smaller steps, a finer or quadratic mesh where the surfaces turn{mortar}, and see "
+            "that both surfaces cover all that may touch"
         )
     if part.unseen:
         far = "Enlarge `reach`, or give" if contact.reach is not None else "Give"
@@ -126,6 +128,12 @@ def _way_out(part: ContactValidity, contact: Contact) -> str:
             "Nodes of the primary surface sink in between those of the secondary one where that is the "
             "coarser: swap the two, or take method='mortar'; and see that both surfaces cover all that "
             "may touch"
+        )
+    if meeting.outward is not None:
+        way = "take method='node'" if meeting.side == 0 else "swap the two"
+        return (
+            "Conditions hold in the mean over facets, in which a node may stand: refine the larger "
+            f"ones, or {way}, and see that both surfaces cover all that may touch"
         )
     return "See that both surfaces cover all that may touch, and refine them where they do"
 
@@ -175,39 +183,18 @@ def locking_words(name: str, body: Body, share: float) -> str:
     )
 
 
-def hidden_words(found: HiddenOverlap, secondary: str, primary: str, method: str) -> str:
-    """Which vertices and edges of solids overlap where no row sees it, and what to change."""
-    at, deep = written(found.place), f"{found.depth:.3g}"
-    if found.what == "edges":
+def crossing_words(found: Crossing, secondary: str, primary: str) -> str:
+    """Which edges of solids cross where no row sees it, and what to change."""
+    at = written(found.place)
+    if found.count:
         return (
             f"{found.count} edges of {secondary!r} and {primary!r} cross inside each other, by up "
-            f"to {deep} at {at}: no condition holds where edges meet between their nodes, and "
-            "nothing presses there. Refine both sides at the edges, so that nodes come close to "
+            f"to {found.depth:.3g} at {at}: no condition holds where edges meet between their nodes, "
+            "and nothing presses there. Refine both sides at the edges, so that nodes come close to "
             "where they cross, or round the edges off by faces that turn by less than 45 degrees."
         )
-    if found.what == "touch":
-        return (
-            f"edges of {secondary!r} and {primary!r} meet at {at}, where forces act along normals "
-            "of faces and not across both edges: their size and direction are wrong. Round the "
-            "edges off by faces that turn by less than 45 degrees, or take method='mortar'."
-        )
-    if found.what.startswith("flank"):
-        own, other = secondary, primary
-        if found.what.endswith("secondary"):
-            own, other = other, own
-        return (
-            f"{found.count} nodes of {own!r} are in the body of {other!r}, behind sides of it that "
-            f"do not belong to the contact, the deepest, at {at}, by {deep}: nothing holds them "
-            "there. Take these sides into the surface, or make a second contact with them."
-        )
-    mean = "in the mean over faces" if method == "mortar" else "at the nodes of the secondary"
-    own, other = (primary, secondary) if found.what == "primary" else (secondary, primary)
-    way = "Refine the larger faces"
-    if found.what == "primary":
-        way = "Swap the two, so that these are nodes of the secondary, or refine the larger faces"
-    elif method == "mortar":
-        way += ", or take method='node', which holds each of them"
     return (
-        f"{found.count} vertices of {own!r} stand in faces of {other!r}, the deepest, at {at}, by "
-        f"{deep}: conditions hold {mean}, where this is not seen. {way}."
+        f"edges of {secondary!r} and {primary!r} meet at {at}, where forces act along normals "
+        "of faces and not across both edges: their size and direction are wrong. Round the "
+        "edges off by faces that turn by less than 45 degrees, or take method='mortar'."
     )

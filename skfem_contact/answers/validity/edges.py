@@ -1,15 +1,20 @@
-"""Overlaps of solids between the nodes that press: corners that stand in faces, edges that cross."""
+"""Sharp edges of two solids that cross each other, between the nodes of both.
+
+Edges that cross inside each other are overlaps that the nodes of neither boundary tell. Where they only
+touch, node by node, forces act along normals of faces and not across both edges.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.thresholds import A_TENTH, OVERLAP
 from skfem_contact.bodies.facets import area_vectors, seen_from_outside, twin_edges
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.node import Pairing, node_to_segment
 from skfem_contact.pairing.thresholds import LEAN, OVERHANG, SHARP
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
@@ -20,86 +25,78 @@ Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
-class Unseen:
-    """Overlaps that no node of the secondary tells.
+class Crossing:
+    """The deepest crossing of two edges, or the nearest one where they only touch.
 
     Attributes
     ----------
     count : int
-        Nodes of the primary.
+        Pairs of edges that are too deep in each other; zero where they touch.
     depth : float
-        By how much the deepest is deeper than the nodes round it say [length].
+        [length]
     place : ndarray, shape (3,)
-        Where it is [length].
+        [length]
+    across : ndarray, shape (3,)
+        Unit vector across both edges.
     """
 
     count: int
     depth: float
     place: Array
+    across: Array
 
 
-def unseen_overlaps(
-    secondary: ContactSurface, primary: ContactSurface, pairing: Pairing
-) -> Unseen | None:
-    """Corners, edges and other nodes of the primary that overlap faces of the secondary; None if none.
+def crossing(
+    edges: Sequence[Edges],
+    points: Sequence[Array],
+    added: Array,
+    approach: float,
+    noise: float,
+) -> Crossing | None:
+    """Measure how edges of two solids cross.
 
-    An overlap counts where it is deeper than that interpolated between the nodes of the face by `LEAN`
-    of the face's size, and by what the faces of curved sides stand off the curves between their nodes.
+    Parameters
+    ----------
+    edges : two of Edges
+        Of the secondary and the primary, as they are meshed.
+    points : two of ndarray, shape (m, 3)
+        Where their nodes are [length].
+    added : ndarray, shape (m,)
+        What the user has the gaps be larger than the meshes say, at the secondary's nodes [length].
+    approach, noise : float
+        What the bodies take up elastically, and round-off of places [length].
     """
-    _, near = Tree(secondary.points).query(primary.points)
-    depth = dot(secondary.points[near] - primary.points, secondary.normals[near])
-    least = np.zeros(len(secondary.points))
-    np.maximum.at(least, secondary.facets, LEAN * secondary.lengths[:, None])
-    if not np.any(depth > least[near]):  # what nearly all scenes answer, without another search
+    one, other = (own.at(x) for own, x in zip(edges, points, strict=True))
+    # what touches has been moved aside by no more than the approach
+    depth, place, across = crossings(one, other, apart=max(noise, approach))
+    if not len(depth):
         return None
-    back = node_to_segment(primary, secondary)
-    gaps = np.where(pairing.paired, pairing.gap, 0.0)
-    told = np.maximum(-(back.primary_weights @ gaps), 0.0)
-    facet = np.where(back.paired, back.facet, 0)
-    chords = _sagittas(secondary)[facet] + _largest_around(primary, _sagittas(primary))
-    hidden = np.where(back.paired, -back.gap - told - chords, 0.0)
-    found = np.flatnonzero(hidden > LEAN * secondary.lengths[facet])
-    if not len(found):
-        return None
-    deepest = found[np.argmax(hidden[found])]
-    return Unseen(len(found), float(hidden[deepest]), primary.points[deepest])
+    if added.any():
+        depth = depth - added[Tree(points[0]).nearest(place)]
+    i, count = int(np.argmax(depth)), int(np.count_nonzero(depth > max(noise, OVERLAP * approach)))
+    return Crossing(count, float(depth[i]), place[i], across[i])
 
 
-def past_ends(
-    secondary: ContactSurface, primary: ContactSurface, paired: NDArray[np.bool_], least: float
-) -> Unseen | None:
-    """Nodes at the end of the primary that stand in faces whose own nodes are past it; None if none.
+def pressed_aside(found: Crossing, side: ContactSurface, normal: Array, closed: Index) -> bool:
+    """Whether the point that presses where two edges touch does so in another direction.
 
-    A node of the secondary that has slid off the primary has no partner. Its face, which still
-    covers the end of the primary, is held by the nodes on the other side alone, or by none.
-    `least` is the depth from which it counts [length].
+    Parameters
+    ----------
+    found : Crossing
+    side : ContactSurface
+        The secondary, as it is meshed.
+    normal : ndarray, shape (m, 3)
+        Along which its points press.
+    closed : ndarray of int
+        Those that do.
     """
-    lost = ~paired[secondary.facets].all(axis=1)
-    if not lost.any():
-        return None
-    back = node_to_segment(primary, secondary)
-    facet = np.where(back.paired, back.facet, 0)
-    chords = _sagittas(secondary)[facet] + _largest_around(primary, _sagittas(primary))
-    depth = np.where(back.paired & lost[facet], -back.gap - chords, 0.0)
-    found = np.flatnonzero(depth > least)
-    if not len(found):
-        return None
-    deepest = found[np.argmax(depth[found])]
-    return Unseen(len(found), float(depth[deepest]), primary.points[deepest])
-
-
-def _sagittas(surface: ContactSurface) -> Array:
-    """How far smooth boundaries stand off faces between their nodes, by the turn of normals, (nf,)."""
-    corner = surface.facet_node_normals[:, : surface.kind.corners]
-    cosine = np.einsum("fcd,fd->fc", corner, surface.facet_normals).min(axis=1)
-    return np.asarray(surface.lengths * np.arccos(np.clip(cosine, -1.0, 1.0)) / 4)
-
-
-def _largest_around(surface: ContactSurface, values: Array) -> Array:
-    """The largest value of the faces round every node, (m,)."""
-    largest = np.zeros(len(surface.points))
-    np.maximum.at(largest, surface.facets, values[:, None])
-    return largest
+    if not len(closed):
+        return False
+    apart = np.linalg.norm(side.points[closed] - found.place, axis=1)
+    if apart.min() > side.lengths.max():
+        return False
+    along = abs(float(normal[closed[np.argmin(apart)]] @ found.across))
+    return bool(along < np.cos(3 * A_TENTH))  # edges lean with the strains of their bodies
 
 
 @dataclass(frozen=True, eq=False)
