@@ -75,13 +75,15 @@ class Continuum:
             Ke = on.stiffness(answer.A, some)
             if answer.slope is not None and answer.stiff is not None:
                 g = on.forces(answer.slope, some)
-                Ke += answer.stiff[:, None, None] * g[:, :, None] * g[:, None]
-            K.append(symmetrised(Ke, self.whose))
+                Ke += answer.stiff * (g[:, None] * g)
+            K.append(Ke)
             f.append(on.forces(answer.P, some))
             states.append(answer.state)
         new = {key: np.concatenate([s[key] for s in states], axis=-2) for key in states[0]}
         return Linearized(
-            sealed_matrix(on.summed(np.concatenate(K))), on.scattered(np.concatenate(f)), new
+            sealed_matrix(on.summed(np.concatenate(K, axis=2))),
+            on.scattered(np.concatenate(f, axis=1)),
+            new,
         )
 
     def stress(self, u: Array, state: State) -> Array:
@@ -110,7 +112,7 @@ class Continuum:
 
     def _parts(self) -> Iterator[slice]:
         """Elements that are looked at together: tangents fill the memory."""
-        k, d = self.gradients.G.shape[1], self.gradients.G.shape[2]
+        k, d = self.gradients.G.shape[:2]
         each = 8 * (self.gradients.points * d**3 * (2 * d + k) + 2 * (k * d) ** 2)
         count = max(1, BYTES_AT_ONCE // each)
         for first in range(0, self.gradients.elements, count):
@@ -144,11 +146,18 @@ class Continuum:
             if T.shape[:rank] not in ((d,) * rank, (3,) * rank) or T.ndim != rank + 2:
                 raise InputError(
                     f"{what} of the material of {self.whose} has shape {T.shape}, not "
-                    f"{(d,) * rank + at}: components come first, then elements and points of integration"
+                    f"{(d,) * rank + at}: components first, then elements and points of integration"
                 )
         bad = np.argwhere(~np.isfinite(P.sum(axis=(0, 1)) + A.sum(axis=(0, 1, 2, 3))))
         if len(bad):
             raise MaterialError("stress or tangent is NaN or infinite", int(bad[0, 0]))
+        largest, scale = np.abs(A - A.transpose(2, 3, 0, 1, 4, 5)).max(), np.abs(A).max()
+        if largest > GIVEN * scale:
+            raise InputError(
+                ASYMMETRIC.format(
+                    whose=self.whose, largest=f"A_ijkl - A_klij is {largest:.3g}", scale=scale
+                )
+            )
         if not isinstance(new, dict) or set(new) != set(state):
             raise InputError(
                 f"the material of {self.whose} returns the internal variables {sorted(new or ())}, "
@@ -158,19 +167,10 @@ class Continuum:
 
 
 def dilatation(H: Array, finite: bool) -> tuple[Array, Array, Array | None]:
-    """Return J (e, q), its derivative (3, 3, e, q), and d rows of the second one; None if it is zero."""
+    """Return J (e, q), its derivative (3, 3, e, q), and d rows of the second one, None if zero."""
     if not finite:
         return 1.0 + trace(H), np.broadcast_to(unit(2), (3, 3, *H.shape[2:])), None
     _, J, G = deformation(H)
     g = G[: len(H), : len(H)]
     bend = np.einsum("ij...,kl...->ijkl...", J * g, g)
     return J, J * G, bend - bend.transpose(0, 3, 2, 1, 4, 5)
-
-
-def symmetrised(K: Array, whose: str) -> Array:
-    """Element matrices that are symmetric to the last digit; others are refused."""
-    transpose = K.swapaxes(1, 2)
-    largest, scale = np.abs(K - transpose).max(), np.abs(K).max()
-    if largest > GIVEN * scale:
-        raise InputError(ASYMMETRIC.format(whose=whose, largest=largest, scale=scale))
-    return np.asarray(0.5 * (K + transpose))
