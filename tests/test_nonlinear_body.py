@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
+import pickle
 import sys
 
 import numpy as np
@@ -223,6 +225,24 @@ def test_energy_of_a_cycle():
         errors.append(abs((stored + lost) / work - 1))
         assert 0 < stored < 0.3 * lost
     assert errors[1] < 0.01 and errors[1] < 0.6 * errors[0]
+
+
+def test_replaced_and_pickled():
+    """Another load, or another process: the material and its mean dilatation go along."""
+    basis, _ = basis_of("ring")
+    body = sc.NonlinearBody(basis, MATERIALS["J2"][0], D="bottom", mean_dilatation=False, name="ring")
+    u = 1e-3 * np.cos(np.arange(body.n))
+    expected = body.linearize(u)
+    for other in (
+        dataclasses.replace(body, f={"top": (0.0, -1.0)}),
+        pickle.loads(pickle.dumps(body)),
+    ):
+        assert repr(other) == "<NonlinearBody ring: 18 DOFs, 6 prescribed, MeshQuad1 of 4 elements>"
+        found = other.linearize(u)
+        assert abs(found.K - expected.K).max() == 0 and not other.mean_dilatation
+        assert_allclose(found.internal, expected.internal, rtol=0)
+    with pytest.raises(sc.InputError, match="no argument 'K'"):
+        sc.NonlinearBody(basis, K=body.K)
 
 
 # ----------------------------------------------------------------------------------- other entrances

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
 from skfem_contact.arguments import check_switch, shown, with_known_keywords
@@ -27,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 @with_known_keywords(load="write f", K="NonlinearBody has a material, or forms", form="write residual")
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class NonlinearBody(Body):
     """A body that yields or strains by large amounts.
 
@@ -71,6 +72,7 @@ class NonlinearBody(Body):
         The tangent of the undeformed body.
     material : Material or None
         None of a body that is given by forms.
+    mean_dilatation : bool
     nonlinear : bool
         True.
 
@@ -100,7 +102,9 @@ class NonlinearBody(Body):
     """
 
     nonlinear: ClassVar[bool] = True  # type: ignore[misc]
-    material: Material | None = field(init=False)
+    K: csr_matrix = field(init=False)
+    material: Material | None = None
+    mean_dilatation: bool = False
     equations: Any = field(init=False, repr=False)
 
     def __init__(
@@ -140,7 +144,8 @@ class NonlinearBody(Body):
             equations = Differentiated(basis, energy, residual, finite_strain, whose)
         else:
             equations = Forms(basis, residual, tangent, state, initial, finite_strain, whose)
-        object.__setattr__(self, "material", getattr(equations, "material", None))
+        for key, default in {"material": None, "mean_dilatation": False}.items():
+            object.__setattr__(self, key, getattr(equations, key, default))
         object.__setattr__(self, "equations", equations)
         K = equations.linearize(np.zeros(self.n), equations.initial_state).K
         super().__init__(basis, K, f, D=D, x=x, measure=measure, name=name)
