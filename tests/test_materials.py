@@ -317,9 +317,11 @@ def test_materials_go_to_other_processes(material):
         (lambda: J2(E, NU, 250, kinematic=-1), "slope"),
         (lambda: Elastic(-1.0, NU), "no modulus"),
         (lambda: Elastic(E, NU, density=np.inf), "not finite"),
-        (lambda: NeoHooke(shear=0.0, bulk=1.0), "finite and > 0"),
-        (lambda: MooneyRivlin(1.0, -2.0, bulk=1.0), "finite and > 0"),
+        (lambda: NeoHooke(shear=0.0, bulk=1.0), "have to be > 0"),
+        (lambda: MooneyRivlin(1.0, -2.0, bulk=1.0), "have to be > 0"),
         (lambda: FromFunction(3.0), "not a function"),
+        (lambda: J2(E, NU, 250, hardening=1.0), "write kinematic"),
+        (lambda: MooneyRivlin(1.0, bulc=1.0), "did you mean 'bulk'"),
     ],
 )
 def test_parameters_that_are_refused(make, message):

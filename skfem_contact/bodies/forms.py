@@ -20,6 +20,7 @@ from skfem_contact.arguments import shown
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
+from skfem_contact.materials.material import everywhere
 from skfem_contact.sealed import sealed_matrix
 
 Array = NDArray[np.float64]
@@ -55,11 +56,7 @@ class Forms:
             )
         self.basis, self.whose, self.finite_strain = basis, whose, finite_strain
         self.residual, self.tangent, self.state = residual, tangent, state
-        points = np.ones((basis.nelems, basis.X.shape[1]))
-        self.initial_state = {
-            name: np.multiply.outer(np.array(value, dtype=float), points)
-            for name, value in (initial or {}).items()
-        }
+        self.initial_state = everywhere(initial or {}, basis.nelems, basis.X.shape[1])
 
     def linearize(self, u: Array, state: State) -> Linearized:
         """Stiffness, internal forces and internal variables."""

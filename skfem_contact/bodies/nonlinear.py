@@ -92,7 +92,8 @@ class NonlinearBody(Body):
     --------
     >>> import skfem as fem
     >>> import skfem_contact as sc
-    >>> basis = fem.Basis(fem.MeshQuad().with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    >>> mesh = fem.MeshQuad().with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
     >>> steel = sc.J2(210e3, 0.3, [(250, 0), (300, 0.01)])
     >>> billet = sc.NonlinearBody(basis, steel, D="bottom", name="billet")
     >>> u = 0.01 * basis.doflocs[0]

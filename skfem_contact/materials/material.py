@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.arguments import check_switch, shown
+from skfem_contact.arguments import check_switch, number, shown
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
@@ -125,14 +125,56 @@ class FromFunction(Material):
             )
         check_switch(finite_strain, "finite_strain")
         self.function, self.finite_strain = function, finite_strain
-        self.initial = {name: np.array(value, dtype=float) for name, value in (initial or {}).items()}
+        self.initial = dict(initial or {})
 
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
         stress, tangent, new = self.function(H, state)
         return stress, tangent, new
 
     def initial_state(self, elements: int, points: int) -> dict[str, Array]:
-        return {
-            name: np.multiply.outer(value, np.ones((elements, points)))
-            for name, value in self.initial.items()
-        }
+        return everywhere(self.initial, elements, points)
+
+
+class Isotropic(Material):
+    """A material with Young's modulus `E` and Poisson's ratio `nu` at small strains."""
+
+    E: float
+    nu: float
+
+    def __post_init__(self) -> None:
+        take_numbers(self, E="give Young's modulus > 0", nu="give Poisson's ratio, -1 < nu < 0.5")
+        if not self.E > 0.0:
+            raise InputError(f"E = {self.E} is no modulus; it is finite and > 0.")
+        if not -1.0 < self.nu < 0.5:
+            raise InputError(
+                f"nu = {self.nu} is no Poisson's ratio of linear elasticity; it is > -1 and < 0.5."
+            )
+
+    @property
+    def bulk(self) -> float:
+        """Bulk modulus [stress]."""
+        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus [stress]."""
+        return self.E / (2.0 * (1.0 + self.nu))
+
+
+def take_numbers(material: Any, **usage: str) -> None:
+    """Check the parameters of these names, and keep them as numbers; what each is ends its message."""
+    for name, use in usage.items():
+        value = number(getattr(material, name), name, use)
+        if not np.isfinite(value):
+            raise InputError(f"{name} = {value} is not finite; {use}")
+        vars(material)[name] = value
+
+
+def everywhere(values: Mapping[str, ArrayLike], elements: int, points: int) -> dict[str, Array]:
+    """Return internal variables of one point at all of them, arrays (..., e, q).
+
+    >>> everywhere({"p": 0.5}, 1, 2)["p"].tolist()
+    [[0.5, 0.5]]
+    """
+    ones = np.ones((elements, points))
+    return {key: np.multiply.outer(np.array(value, dtype=float), ones) for key, value in values.items()}

@@ -12,17 +12,16 @@ root of ``q_trial = (3 mu + C) (p - p_n) + Y(p)``. See Simo and Hughes, Computat
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.arguments import PrintedAsCall, number, numbers, take
+from skfem_contact.arguments import PrintedAsCall, numbers, with_known_keywords
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.elastic import check_moduli
-from skfem_contact.materials.material import Material, State
+from skfem_contact.materials.material import Isotropic, State, everywhere, take_numbers
 from skfem_contact.materials.tensors import deviator, double, isotropic, solid, symmetric, trace
 from skfem_contact.records import dataclass
 
@@ -34,8 +33,11 @@ STEPS = 60
 USAGE = "give a number, rows of stress and plastic strain, or a function"
 
 
-@dataclass(frozen=True, eq=False, init=False)
-class J2(PrintedAsCall, Material):
+@with_known_keywords(
+    hardening="write kinematic, or a table as yield_stress", sigma_y="write yield_stress"
+)
+@dataclass(frozen=True, eq=False)
+class J2(PrintedAsCall, Isotropic):
     """Von Mises plasticity with isotropic and linear kinematic hardening, at small strains.
 
     Plane strain, axisymmetric, solid. On elements of first order the change of volume is the mean of
@@ -79,45 +81,23 @@ class J2(PrintedAsCall, Material):
     E: float
     nu: float
     yield_stress: Any
-    kinematic: float = 0.0
+    kinematic: float = field(default=0.0, kw_only=True)
 
     mean_dilatation = True
 
-    def __init__(
-        self,
-        E: float,
-        nu: float,
-        yield_stress: ArrayLike | Callable[[Array], tuple[Array, Array]],
-        *,
-        kinematic: float = 0.0,
-    ) -> None:
-        take(
-            self,
-            E=number(E, "E", "give Young's modulus > 0"),
-            nu=number(nu, "nu", "give Poisson's ratio, -1 < nu < 0.5"),
-            yield_stress=yield_stress if callable(yield_stress) else _table(yield_stress),
-            kinematic=number(kinematic, "kinematic", "give a slope of stress over plastic strain"),
-        )
-
     def __post_init__(self) -> None:
-        check_moduli(self.E, self.nu)
-        if not 0.0 <= self.kinematic < np.inf:
+        super().__post_init__()
+        take_numbers(self, kinematic="give a slope of stress over plastic strain, >= 0")
+        if self.kinematic < 0.0:
             raise InputError(f"kinematic = {self.kinematic} is no slope of hardening; it is >= 0")
-        if not callable(self.yield_stress) and (np.diff(self._reach(self.yield_stress)) <= 0).any():
+        if callable(self.yield_stress):
+            return
+        vars(self)["yield_stress"] = _table(self.yield_stress)
+        if (np.diff(self._reach(self.yield_stress)) <= 0).any():
             raise InputError(
                 "the table of yield stresses falls faster than 3 mu + C = "
                 f"{self._stiff:.4g}: stress is not unique at a strain. Look for a row out of place"
             )
-
-    @property
-    def bulk(self) -> float:
-        """Bulk modulus [stress]."""
-        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
-
-    @property
-    def shear(self) -> float:
-        """Shear modulus [stress]."""
-        return self.E / (2.0 * (1.0 + self.nu))
 
     @property
     def _stiff(self) -> float:
@@ -128,10 +108,8 @@ class J2(PrintedAsCall, Material):
         return self._stiff * table[:, 1] + table[:, 0]
 
     def initial_state(self, elements: int, points: int) -> dict[str, Array]:
-        return {
-            "plastic_strain": np.zeros((3, 3, elements, points)),
-            "equivalent_plastic_strain": np.zeros((elements, points)),
-        }
+        zero: dict[str, Any] = {"plastic_strain": np.zeros((3, 3)), "equivalent_plastic_strain": 0.0}
+        return everywhere(zero, elements, points)
 
     def yields(self, p: Array) -> tuple[Array, Array]:
         """Yield stress and its slope at equivalent plastic strains."""
