@@ -63,6 +63,7 @@ def test_elastic_material_gives_the_stiffness_of_the_form(name):
     linear, other = sc.Body(basis, steel, **given), sc.NonlinearBody(basis, steel, **given)
     by_hand = steel.form(given.get("measure"), axisymmetric=bool(given)).assemble(basis)
     scale = abs(by_hand).max()
+    assert bool(linear.by_skfem) == bool(given)  # plane and solid: assembled from its tensor
     for K in (linear.K, other.K):
         assert abs(K - by_hand).max() < 1e-12 * scale
     u = np.cos(np.arange(basis.N))

@@ -21,7 +21,7 @@ from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, scalar_element
 from skfem_contact.errors import InputError
-from skfem_contact.materials.material import FromFunction, Material
+from skfem_contact.materials.material import FromFunction, Material, Split
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -159,10 +159,10 @@ class NonlinearBody(Body):
             first = isinstance(scalar_element(self.basis.elem), LINEAR)
             mean_dilatation = material.mean_dilatation and first
         check_switch(mean_dilatation, "mean_dilatation")
-        if mean_dilatation and type(material).volumetric is Material.volumetric:
+        if mean_dilatation and not isinstance(material, Split):
             raise InputError(
                 f"mean_dilatation of {whose}: {type(material).__name__} does not tell the change of "
-                "volume from the rest; it needs `isochoric` and `volumetric`"
+                "volume from the rest; derive it from skfem_contact.materials.Split"
             )
         gradients = Gradients(self.basis, self.measure, self.axisymmetric, whose)
         return Continuum(material, gradients, mean_dilatation, whose)

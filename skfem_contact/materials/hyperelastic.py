@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import PrintedAsCall, with_known_keywords
-from skfem_contact.errors import InputError, MaterialError
+from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic
-from skfem_contact.materials.material import Isotropic, Material, State, take_numbers
-from skfem_contact.materials.tensors import deviator, double, isotropic, solid, trace, unit
+from skfem_contact.materials.material import Isotropic, Split, State, deformation, take_numbers
+from skfem_contact.materials.tensors import deviator, double, isotropic, trace, unit
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 
 
-class Hyperelastic(Material):
+class Hyperelastic(Split):
     """What the materials here have in common."""
 
     finite_strain = True
@@ -48,16 +48,6 @@ class Hyperelastic(Material):
                 A += scale * a * (mixed + mixed.transpose(2, 3, 0, 1, 4, 5))
                 both = np.einsum("ij...,kl...->ijkl...", g, g)
                 A += scale * a * value * (a * both - both.transpose(0, 3, 2, 1, 4, 5))
-        return P, A, {}
-
-    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        P, A, _ = self.isochoric(H, state)
-        _, J, G = deformation(H)
-        _, p, dp = self.volumetric(J)
-        P += p * J * G
-        g = G[: len(H), : len(H)]
-        both = np.einsum("ij...,kl...->ijkl...", g, g)
-        A += J * ((p + dp * J) * both - p * both.transpose(0, 3, 2, 1, 4, 5))
         return P, A, {}
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
@@ -217,19 +207,6 @@ def check_positive(shear: float, bulk: float) -> None:
     """Refuse moduli at small strains of an unstable material."""
     if not (shear > 0.0 and bulk > 0.0):
         raise InputError(f"the shear modulus is {shear}, the bulk modulus {bulk}: both have to be > 0")
-
-
-def deformation(H: Array) -> tuple[Array, Array, Array]:
-    """Return F (3, 3, e, q), its determinant (e, q), which has to be positive, and F^-T."""
-    F = solid(H) + unit(H.ndim - 2)
-    cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]], axis=0)
-    J = np.einsum("i...,i...->...", F[:, 0], cofactor[:, 0])
-    if not (J > 0).all():  # or NaN
-        raise MaterialError(
-            f"an element is turned inside out: det F = {np.nanmin(J):.3g}",
-            int(np.argwhere(~(J > 0))[0, 0]),
-        )
-    return F, J, cofactor / J
 
 
 def _first(F: Array, d: int) -> tuple[Array, Array, Array]:

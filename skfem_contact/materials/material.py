@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import check_switch, number, shown
-from skfem_contact.errors import InputError
+from skfem_contact.errors import InputError, MaterialError
+from skfem_contact.materials.tensors import solid, trace, unit
 
 Array = NDArray[np.float64]
 State = Mapping[str, Array]
@@ -31,7 +32,7 @@ class Material(ABC):
         and stress is the first Piola-Kirchhoff stress, force by initial area.
     mean_dilatation : bool
         Whether `NonlinearBody` should take means of the change of volume over elements of first order,
-        which lock otherwise. Such materials have `isochoric` and `volumetric`.
+        which lock otherwise; for materials that are `Split`.
     """
 
     finite_strain: bool = False
@@ -76,13 +77,24 @@ class Material(ABC):
         """
         raise NotImplementedError(f"{type(self).__name__} does not say its energy")
 
-    def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        """The part of `__call__` that does not depend on the change of volume."""
-        raise NotImplementedError
 
+class Split(Material):
+    """A material whose energy is one of the shape and one of the volume, ``W_iso(F) + U(J)``."""
+
+    @abstractmethod
+    def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        """Stress (3, 3, e, q), tangent and internal variables of the shape, as of `__call__`."""
+
+    @abstractmethod
     def volumetric(self, J: Array) -> tuple[Array, Array, Array]:
-        """Energy by initial volume of a change of volume J = 1 + tr H or det F, and two derivatives."""
-        raise NotImplementedError
+        """U by initial volume, and two derivatives, of ``J = det F``, ``1 + tr H`` at small strains."""
+
+    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        P, A, new = self.isochoric(H, state)
+        J, slope, bend = dilatation(H, self.finite_strain)
+        _, p, dp = self.volumetric(J)
+        s = slope[: len(H), : len(H)]
+        return P + p * slope, A + p * bend + np.einsum("ij...,kl...->ijkl...", dp * s, s), new
 
 
 class FromFunction(Material):
@@ -178,3 +190,26 @@ def everywhere(values: Mapping[str, ArrayLike], elements: int, points: int) -> d
     """
     ones = np.ones((elements, points))
     return {key: np.multiply.outer(np.array(value, dtype=float), ones) for key, value in values.items()}
+
+
+def deformation(H: Array) -> tuple[Array, Array, Array]:
+    """Return F (3, 3, e, q), its determinant (e, q), which has to be positive, and F^-T."""
+    F = solid(H) + unit(H.ndim - 2)
+    cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]], axis=0)
+    J = np.einsum("i...,i...->...", F[:, 0], cofactor[:, 0])
+    if not (J > 0).all():  # or NaN
+        raise MaterialError(
+            f"an element is turned inside out: det F = {np.nanmin(J):.3g}",
+            int(np.argwhere(~(J > 0))[0, 0]),
+        )
+    return F, J, cofactor / J
+
+
+def dilatation(H: Array, finite: bool) -> tuple[Array, Array, Any]:
+    """Return J (e, q), its derivative (3, 3, e, q), and d rows of the second one."""
+    if not finite:
+        return 1.0 + trace(H), np.broadcast_to(unit(2), (3, 3, *H.shape[2:])), 0.0
+    _, J, G = deformation(H)
+    g = G[: len(H), : len(H)]
+    bend = np.einsum("ij...,kl...->ijkl...", J * g, g)
+    return J, J * G, bend - bend.transpose(0, 3, 2, 1, 4, 5)

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.arguments import PrintedAsCall, numbers, with_known_keywords
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.material import Isotropic, State, everywhere, take_numbers
+from skfem_contact.materials.material import Isotropic, Split, State, everywhere, take_numbers
 from skfem_contact.materials.tensors import deviator, double, isotropic, solid, symmetric, trace
 from skfem_contact.records import dataclass
 
@@ -37,7 +37,7 @@ USAGE = "give a number, rows of stress and plastic strain, or a function"
     hardening="write kinematic, or a table as yield_stress", sigma_y="write yield_stress"
 )
 @dataclass(frozen=True, eq=False)
-class J2(PrintedAsCall, Isotropic):
+class J2(PrintedAsCall, Isotropic, Split):
     """Von Mises plasticity with isotropic and linear kinematic hardening, at small strains.
 
     Plane strain, axisymmetric, solid. On elements of first order the change of volume is the mean of
@@ -164,15 +164,6 @@ class J2(PrintedAsCall, Isotropic):
     def volumetric(self, J: Array) -> tuple[Array, Array, Array]:
         k = self.bulk
         return 0.5 * k * (J - 1.0) ** 2, k * (J - 1.0), np.full_like(J, k)
-
-    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        stress, tangent, new = self.isochoric(H, state)
-        for i in range(3):
-            stress[i, i] += self.bulk * trace(H)
-        d = len(H)
-        for i, j in np.ndindex(d, d):
-            tangent[i, i, j, j] += self.bulk
-        return stress, tangent, new
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
         strain = symmetric(solid(H)) - state["plastic_strain"]
