@@ -440,6 +440,16 @@ def test_an_element_that_turns_inside_out_is_named():
         forms.linearize(u)
 
 
+@pytest.mark.parametrize("kind", [(fem.MeshTri, fem.ElementTriP1), (fem.MeshTet, fem.ElementTetP1)])
+def test_simplices_of_first_order_lock_and_it_is_said(kind):
+    """Of materials that keep their volume; others have them without a word."""
+    mesh, element = kind
+    basis = fem.Basis(mesh(), fem.ElementVector(element()))
+    with pytest.warns(sc.ContactWarning, match="Take elements of second order"):
+        sc.NonlinearBody(basis, J2(E, NU, Y))
+    sc.NonlinearBody(basis, NeoHooke.of(1.0, 0.3))
+
+
 def test_nan_of_a_material_is_an_error():
     """Not passed on into a factorisation."""
     law = FromFunction(bad(P=lambda H: np.where(H > 0.5, np.nan, H)))
