@@ -161,10 +161,11 @@ class NonlinearBody(Body):
             material = FromFunction(material)
         element = scalar_element(self.basis.elem)
         if material.mean_dilatation and isinstance(element, SIMPLICES):
+            kind = type(element).__name__
             warn(
-                f"{whose}: {type(element).__name__} can not keep its volume, as "
-                f"{type(material).__name__} has to, and locks: forces may be several times too large. Take elements of second "
-                "order, or quadrilaterals and hexahedra"
+                f"{whose}: {kind} can not keep its volume, as {type(material).__name__} has to, and "
+                "locks: forces may be several times too large. Take elements of second order, or "
+                "quadrilaterals and hexahedra"
             )
         if mean_dilatation is None:
             mean_dilatation = material.mean_dilatation and isinstance(element, LINEAR)
