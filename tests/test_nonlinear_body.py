@@ -380,6 +380,15 @@ def bad(P=None, A=None, state=None):
         ({"material": 3.0}, "not a function"),
         ({"residual": residual}, "tangent of body 'b' is None"),
         ({"residual": residual, "tangent": tangent, "initial": {"p": 0.0}}, "need both"),
+        (
+            {
+                "residual": residual,
+                "tangent": tangent,
+                "initial": {"plastic strain": 0.0},
+                "state": lambda w: {},
+            },
+            "words without blanks",
+        ),
         ({"material": NeoHooke(1.0, 1.0), "mean_dilatation": True, "name": "c"}, None),
         ({"material": bad(), "mean_dilatation": True}, "does not tell the change of volume"),
         ({"material": bad(P=lambda H: H.transpose(2, 3, 0, 1))}, "components first"),

@@ -53,6 +53,12 @@ class Forms:
                 f"internal variables of {whose} need both: initial, a dict of their first values at a "
                 "point, and state, a function of w that returns a dict of their new values"
             )
+        wrong = [name for name in initial or {} if not name.isidentifier() or name.startswith("_")]
+        if wrong:
+            raise InputError(
+                f"internal variables of {whose} are named {wrong}; forms read w['prev'].name, so that "
+                "names are words without blanks and without _ at their beginning"
+            )
         self.basis, self.whose, self.finite_strain = basis, whose, finite_strain
         self.residual, self.tangent, self.state = residual, tangent, state
         self.initial_state = everywhere(initial or {}, basis.nelems, basis.X.shape[1])
