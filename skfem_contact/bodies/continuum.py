@@ -1,0 +1,167 @@
+r"""The equations of a body from its material.
+
+The material is asked for stress P and tangent A at all points of integration, some elements at a
+time. With *mean dilatation* (Simo, Taylor and Pister 1985) the part of the energy that depends on the
+change of volume J takes its mean over the element, with initial volume V:
+
+    ``W = ∫ W_iso(F) + V U(Jm)``,     ``Jm = 1/V ∫ J``
+
+so that ``P = P_iso + U'(Jm) ∂J/∂F``, and the tangent has besides the usual terms that of the mean,
+``U''(Jm)/V g g'`` with ``g = ∫ ∂J/∂F : ∂F/∂u``. With small strains J is ``1 + tr H``: this is B-bar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.bodies.gradients import Gradients
+from skfem_contact.bodies.linearizable import Linearized, State
+from skfem_contact.bodies.thresholds import BYTES_AT_ONCE
+from skfem_contact.digits import GIVEN
+from skfem_contact.errors import InputError, MaterialError
+from skfem_contact.materials.material import Material, Split, deformation, dilatation
+from skfem_contact.materials.tensors import solid
+from skfem_contact.sealed import sealed_matrix
+
+Array = NDArray[np.float64]
+
+
+class Response(NamedTuple):
+    """The answer of a material on some elements: stress, tangent, internal variables.
+
+    With mean dilatation also ``∂J/∂F`` at the points, and ``U''/V`` of the elements.
+    """
+
+    P: Array
+    A: Array
+    state: State
+    slope: Array | None = None
+    stiff: Array | None = None
+
+
+class Continuum:
+    """The equations of a body of one material, see `Linearizable`.
+
+    Parameters
+    ----------
+    material : Material
+    gradients : Gradients
+    mean_dilatation : bool
+    whose : str
+        The body in words.
+    """
+
+    def __init__(
+        self, material: Material, gradients: Gradients, mean_dilatation: bool, whose: str
+    ) -> None:
+        self.material, self.gradients, self.whose = material, gradients, whose
+        self.split = material if mean_dilatation and isinstance(material, Split) else None
+        self.finite_strain = material.finite_strain
+        self.initial_state = material.initial_state(gradients.elements, gradients.points)
+
+    @property
+    def mean_dilatation(self) -> bool:
+        """Whether the change of volume is the mean of the element."""
+        return self.split is not None
+
+    def linearize(self, u: Array, state: State) -> Linearized:
+        """Stiffness, internal forces and internal variables."""
+        on = self.gradients
+        H = on.of(u)
+        K, f, states = [], [], []
+        for some in self._parts():
+            answer = self._response(H[:, :, some], state, some)
+            Ke = on.stiffness(answer.A, some)
+            if answer.slope is not None and answer.stiff is not None:
+                g = on.forces(answer.slope, some)
+                Ke += answer.stiff * (g[:, None] * g)
+            K.append(Ke)
+            f.append(on.forces(answer.P, some))
+            states.append(answer.state)
+        new = {key: np.concatenate([s[key] for s in states], axis=-2) for key in states[0]}
+        return Linearized(
+            sealed_matrix(on.summed(np.concatenate(K, axis=2))),
+            on.scattered(np.concatenate(f, axis=1)),
+            new,
+        )
+
+    def stress(self, u: Array, state: State) -> Array:
+        """Cauchy's stress (3, 3, e, q), by internal variables of before or after the step."""
+        H, found = self.gradients.of(u), []
+        for some in self._parts():
+            P = solid(self._response(H[:, :, some], state, some).P)
+            if self.finite_strain:
+                F, J, _ = deformation(H[:, :, some])
+                P = np.einsum("im...,jm...->ij...", P, F) / J
+            found.append(P)
+        return np.concatenate(found, axis=2)
+
+    def energy(self, u: Array, state: State) -> tuple[float, float]:
+        """Energy stored and dissipated until now, of accepted internal variables."""
+        H, dx = self.gradients.of(u), self.gradients.dx
+        try:
+            stored, dissipated = self.material.energy(H, state)
+        except NotImplementedError as error:
+            raise InputError(f"{self.whose}: {error}; its material needs `energy`") from error
+        if self.split is not None:
+            J, volume = dilatation(H, self.finite_strain)[0], dx.sum(axis=1)
+            mean = self.split.volumetric((J * dx).sum(axis=1) / volume)[0]
+            stored = stored - self.split.volumetric(J)[0] + mean[:, None]
+        return float(np.sum(stored * dx)), float(np.sum(dissipated * dx))
+
+    def _parts(self) -> Iterator[slice]:
+        """Elements that are looked at together: tangents fill the memory."""
+        k, d = self.gradients.G.shape[:2]
+        each = 8 * (self.gradients.points * d**3 * (8 * d + k) + 2 * (k * d) ** 2)
+        count = max(1, BYTES_AT_ONCE // each)
+        for first in range(0, self.gradients.elements, count):
+            yield slice(first, min(first + count, self.gradients.elements))
+
+    def _response(self, H: Array, state: State, some: slice) -> Response:
+        """Ask the material, and take means of the change of volume if they are wanted."""
+        state = {name: value[..., some, :] for name, value in state.items()}
+        try:
+            if self.split is None:
+                return self._checked(self.material(H, state), H, state)
+            P, A, new = self.split.isochoric(H, state)
+            J, slope, bend = dilatation(H, self.finite_strain)
+        except MaterialError as error:
+            element = None if error.element is None else error.element + some.start
+            where = "" if element is None else f", element {element}"
+            raise MaterialError(f"{self.whose}{where}: {error}", element) from None
+        dx = self.gradients.dx[some]
+        volume = dx.sum(axis=1)
+        _, p, dp = self.split.volumetric((J * dx).sum(axis=1) / volume)
+        p = p[:, None]
+        return Response(P + p * slope, A + p * bend, new, slope, dp / volume)
+
+    def _checked(self, answer: Any, H: Array, state: State) -> Response:
+        """Refuse what a user's function returns in another shape."""
+        P, A, new = answer
+        P, A, d, at = np.asarray(P), np.asarray(A), len(H), H.shape[2:]
+        for what, T, rank in (("stress", P, 2), ("tangent", A, 4)):
+            if T.shape[:rank] not in ((d,) * rank, (3,) * rank) or T.ndim != rank + 2:
+                raise InputError(
+                    f"{what} of the material of {self.whose} has shape {T.shape}, not "
+                    f"{(d,) * rank + at}: components first, then elements and points of integration"
+                )
+        bad = np.argwhere(~np.isfinite(P.sum(axis=(0, 1)) + A.sum(axis=(0, 1, 2, 3))))
+        if len(bad):
+            raise MaterialError("stress or tangent is NaN or infinite", int(bad[0, 0]))
+        largest, scale = np.abs(A - A.transpose(2, 3, 0, 1, 4, 5)).max(), np.abs(A).max()
+        if largest > GIVEN * scale:
+            raise InputError(
+                f"the tangent of the material of {self.whose} is not symmetric: the largest entry of "
+                f"A_ijkl - A_klij is {largest:.3g}, of A {scale:.3g}. Non-associated plasticity and "
+                "the like are not for this method; or it is not the derivative of the stress"
+            )
+        if not isinstance(new, dict) or set(new) != set(state):
+            raise InputError(
+                f"the material of {self.whose} returns the internal variables {sorted(new or ())}, "
+                f"and was given {sorted(state)}"
+            )
+        return Response(np.broadcast_to(P, P.shape[:2] + at), A, new)

@@ -1,0 +1,215 @@
+"""`Material`: what a body asks of what it is made of; `FromFunction`: one's own."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skfem_contact.arguments import check_switch, number, shown
+from skfem_contact.errors import InputError, MaterialError
+from skfem_contact.materials.tensors import solid, trace, unit
+
+Array = NDArray[np.float64]
+State = Mapping[str, Array]
+
+
+class Material(ABC):
+    r"""Stress, tangent and internal variables at points of integration.
+
+    All arrays have components first, then elements and points of integration: a displacement gradient
+    is ``H[i, j, e, q]``, the derivative of the displacement i by the coordinate j. In plane strain d
+    is 2; solids and axisymmetric bodies have 3, the third axis of the latter being the hoop direction
+    with ``H[2, 2] = u_r / r``.
+
+    Attributes
+    ----------
+    finite_strain : bool
+        False: strain is the symmetric part of H, stress is Cauchy's. True: ``F = 1 + H`` may be large,
+        and stress is the first Piola-Kirchhoff stress, force by initial area.
+    mean_dilatation : bool
+        Whether `NonlinearBody` should take means of the change of volume over elements of first order,
+        which lock otherwise; for materials that are `Split`.
+    """
+
+    finite_strain: bool = False
+    mean_dilatation: bool = False
+
+    @abstractmethod
+    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        """Stress, its derivative by H, and internal variables after the step.
+
+        Parameters
+        ----------
+        H : ndarray, shape (d, d, e, q)
+            Displacement gradient at the end of the step.
+        state : dict of ndarray
+            Internal variables at its beginning, each of shape (..., e, q).
+
+        Returns
+        -------
+        stress : ndarray, shape (d, d, e, q) or (3, 3, e, q)
+        tangent : ndarray, shape (d, d, d, d, e, q) or what broadcasts to it
+            ``tangent[i, j, k, l]`` is the derivative of ``stress[i, j]`` by ``H[k, l]``.
+        state : dict of ndarray
+            New arrays with the names of those that were given.
+
+        Raises
+        ------
+        MaterialError
+            Where there is no answer.
+        """
+
+    def initial_state(self, elements: int, points: int) -> dict[str, Array]:
+        """Internal variables of the virgin material; none."""
+        return {}
+
+    def energy(self, H: Array, state: State) -> tuple[Array, Array]:
+        """Energy by initial volume, stored and dissipated until now, each of shape (e, q).
+
+        Raises
+        ------
+        NotImplementedError
+            If the material does not say.
+        """
+        raise NotImplementedError(f"{type(self).__name__} does not say its energy")
+
+
+class Split(Material):
+    """A material whose energy is one of the shape and one of the volume, ``W_iso(F) + U(J)``."""
+
+    @abstractmethod
+    def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        """Stress (3, 3, e, q), tangent and internal variables of the shape, as of `__call__`."""
+
+    @abstractmethod
+    def volumetric(self, J: Array) -> tuple[Array, Array, Array]:
+        """U by initial volume, and two derivatives, of ``J = det F``, ``1 + tr H`` at small strains."""
+
+    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        P, A, new = self.isochoric(H, state)
+        J, slope, bend = dilatation(H, self.finite_strain)
+        _, p, dp = self.volumetric(J)
+        s = slope[: len(H), : len(H)]
+        return P + p * slope, A + p * bend + np.einsum("ij...,kl...->ijkl...", dp * s, s), new
+
+
+class FromFunction(Material):
+    """A material from a function of the displacement gradient and the internal variables.
+
+    Parameters
+    ----------
+    function : callable
+        ``(H, state) -> stress, tangent, state``, see `Material`.
+    initial : dict of number or ndarray, optional
+        Initial values of internal variables at one point.
+    finite_strain : bool, optional
+        Whether H is taken as it is, and stress is the first Piola-Kirchhoff stress.
+
+    Examples
+    --------
+    Linear elasticity without lateral contraction:
+
+    >>> from skfem_contact.materials import FromFunction
+    >>> one = np.eye(2)
+    >>> A = 0.5 * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
+    >>> A = A[..., None, None]
+    >>> law = FromFunction(lambda H, state: (0.5 * (H + H.swapaxes(0, 1)), A, state))
+    >>> stress, _, _ = law(np.ones((2, 2, 3, 4)), {})
+    >>> stress.shape
+    (2, 2, 3, 4)
+    """
+
+    def __init__(
+        self,
+        function: Callable[[Array, State], tuple[Any, Any, Any]],
+        initial: Mapping[str, ArrayLike] | None = None,
+        *,
+        finite_strain: bool = False,
+    ) -> None:
+        if not callable(function):
+            raise InputError(
+                f"material is {shown(function)}, not a function (H, state) -> stress, tangent, state, "
+                "or one of skfem_contact.materials"
+            )
+        check_switch(finite_strain, "finite_strain")
+        self.function, self.finite_strain = function, finite_strain
+        self.initial = dict(initial or {})
+
+    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        stress, tangent, new = self.function(H, state)
+        return stress, tangent, new
+
+    def initial_state(self, elements: int, points: int) -> dict[str, Array]:
+        return everywhere(self.initial, elements, points)
+
+
+class Isotropic(Material):
+    """A material with Young's modulus `E` and Poisson's ratio `nu` at small strains."""
+
+    E: float
+    nu: float
+
+    def __post_init__(self) -> None:
+        take_numbers(self, E="give Young's modulus > 0", nu="give Poisson's ratio, -1 < nu < 0.5")
+        if not self.E > 0.0:
+            raise InputError(f"E = {self.E} is no modulus; it is finite and > 0.")
+        if not -1.0 < self.nu < 0.5:
+            raise InputError(
+                f"nu = {self.nu} is no Poisson's ratio of linear elasticity; it is > -1 and < 0.5."
+            )
+
+    @property
+    def bulk(self) -> float:
+        """Bulk modulus [stress]."""
+        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus [stress]."""
+        return self.E / (2.0 * (1.0 + self.nu))
+
+
+def take_numbers(material: Any, **usage: str) -> None:
+    """Check the parameters of these names, and keep them as numbers; what each is ends its message."""
+    for name, use in usage.items():
+        value = number(getattr(material, name), name, use)
+        if not np.isfinite(value):
+            raise InputError(f"{name} = {value} is not finite; {use}")
+        vars(material)[name] = value
+
+
+def everywhere(values: Mapping[str, ArrayLike], elements: int, points: int) -> dict[str, Array]:
+    """Return internal variables of one point at all of them, arrays (..., e, q).
+
+    >>> everywhere({"p": 0.5}, 1, 2)["p"].tolist()
+    [[0.5, 0.5]]
+    """
+    ones = np.ones((elements, points))
+    return {key: np.multiply.outer(np.array(value, dtype=float), ones) for key, value in values.items()}
+
+
+def deformation(H: Array) -> tuple[Array, Array, Array]:
+    """Return F (3, 3, e, q), its determinant (e, q), which has to be positive, and F^-T."""
+    F = solid(H) + unit(H.ndim - 2)
+    cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]], axis=0)
+    J = np.einsum("i...,i...->...", F[:, 0], cofactor[:, 0])
+    if not (J > 0).all():  # or NaN
+        raise MaterialError(
+            f"an element is turned inside out: det F = {np.nanmin(J):.3g}",
+            int(np.argwhere(~(J > 0))[0, 0]),
+        )
+    return F, J, cofactor / J
+
+
+def dilatation(H: Array, finite: bool) -> tuple[Array, Array, Any]:
+    """Return J (e, q), its derivative (3, 3, e, q), and d rows of the second one."""
+    if not finite:
+        return 1.0 + trace(H), np.broadcast_to(unit(2), (3, 3, *H.shape[2:])), 0.0
+    _, J, G = deformation(H)
+    g = G[: len(H), : len(H)]
+    bend = np.einsum("ij...,kl...->ijkl...", J * g, g)
+    return J, J * G, bend - bend.transpose(0, 3, 2, 1, 4, 5)
