@@ -67,9 +67,9 @@ class Side:
         return float(self.whole.facet_areas[self.core].sum())
 
     @property
-    def share(self) -> float:
-        """Of the core in the patch."""
-        return self.area / float(self.whole.facet_areas[self.patch].sum())
+    def patch_area(self) -> float:
+        """Of the whole patch [area]."""
+        return float(self.whole.facet_areas[self.patch].sum())
 
     @property
     def size(self) -> float:
@@ -143,7 +143,9 @@ class Draft:
     @property
     def remark(self) -> str:
         """What a user should know of it, in a word or two."""
-        if max(side.share for side in self.sides) < SLIVER and any(side.on_rim for side in self.sides):
+        if max(side.area / side.patch_area for side in self.sides) < SLIVER and any(
+            side.on_rim for side in self.sides
+        ):
             return "sliver"
         return "uncertain" if self.uncertain else "matching meshes" if self.matching else ""
 
@@ -160,7 +162,7 @@ class Draft:
         for why, ratio, least in (
             ("finer", one.size / other.size, FINER),
             ("softer", _softness(one.body, other.body), 1 / STIFFER),
-            ("smaller", one.area / other.area, FINER),
+            ("smaller", one.patch_area / other.patch_area, FINER),
         ):
             if ratio < least:
                 return 0, why
@@ -200,31 +202,20 @@ def drafts(bounds: Boundaries, views: Views, within: float) -> tuple[list[Draft]
     for rows in np.split(order, stops) if len(order) else []:
         gap, slack = views.gap[rows], views.slack[rows]
         near = np.abs(gap) <= within + slack
-        one_body = bounds.piece[views.facet[rows[0]]] == bounds.piece[views.seen[rows[0]]]
         some = rows[near] if near.any() else rows
         ends = np.concatenate([views.facet[some], views.seen[some]])
         ahead = np.concatenate([mine[some] == low[some[0]], other[some] == low[some[0]]])
         sides = Side.of(bounds, np.unique(ends[ahead])), Side.of(bounds, np.unique(ends[~ahead]))
-        if near.any() and not one_body:
+        if near.any():
             scale = COMPUTED * max(float(np.abs(side.whole.points).max()) for side in sides)
             gaps = np.where(np.abs(gap[near]) <= scale, 0.0, gap[near])
             found.append(Draft(sides, gaps, bool(np.all(np.abs(gaps) > within + scale))))
             continue
         least = float(gap[np.argmin(np.abs(gap))])
-        missed.append(_why_not(sides, least, one_body and bool(near.any()), within))
-    return found, [line for line in missed if line]
-
-
-def _why_not(sides: tuple[Side, Side], least: float, one_body: bool, within: float) -> str:
-    """Why a pair is not taken, in a sentence."""
-    both = " and ".join(f"{side.body.name or 'body 1'}/{side.place}" for side in sides)
-    if one_body:
-        return f"{both}: {least:.3g} apart, but one piece of one body; write the Contact by hand"
-    if sides[0].body is sides[1].body:
-        return ""
-    if least < 0:
-        return f"{both}: overlap by {-least:.3g} and more, within is {within:.3g}"
-    return f"{both}: {least:.3g} apart, within is {within:.3g}"
+        both = " and ".join(f"{side.body.name or 'body 1'}/{side.place}" for side in sides)
+        apart = f"overlap by {-least:.3g}" if least < 0 else f"{least:.3g} apart"
+        missed.append(f"{both}: {apart}, within is {within:.3g}")
+    return found, missed
 
 
 def names_of(pairs: Sequence[Draft]) -> list[str]:

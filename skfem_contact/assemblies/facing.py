@@ -164,7 +164,7 @@ class Pieces:
         x = np.concatenate(corners)
         edges = x[:, 1:] - x[:, :1]
         dual = np.linalg.solve(edges @ edges.transpose(0, 2, 1), edges)
-        numbers = np.arange(len(x) * x.shape[2]).reshape(len(x), -1)
+        numbers = np.arange(x.shape[0] * x.shape[2]).reshape(-1, x.shape[2])
         return cls(
             x.reshape(-1, x.shape[2]), numbers, np.concatenate(normals), across(edges), dual,
             np.concatenate(of),
@@ -289,10 +289,7 @@ def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, tree: FacetTree, r
         found.append(_crossings(sights, pieces, item, piece, reach))
     item, piece, distance, bulge, facing = (np.concatenate(c) for c in zip(*found, strict=True))
     mine, other = sights.of[item], pieces.of[piece]
-    # of its own body a facet sees other patches, and only outwards: inwards is the body itself
-    apart = bounds.piece[mine] != bounds.piece[other]
-    apart |= (bounds.patch[mine] != bounds.patch[other]) & (distance > scale)
-    partner = (facing > OPPOSITE) & apart
+    partner = (facing > OPPOSITE) & (bounds.piece[mine] != bounds.piece[other])
     views = []
     for ahead in (distance >= -scale, distance <= scale):
         some = np.flatnonzero(ahead)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.arguments import check_kind, known_keywords, members, number
+from skfem_contact.arguments import check_kind, members, number
 from skfem_contact.assemblies.drafting import drafts, names_of, strange_bodies
 from skfem_contact.assemblies.facing import Boundaries, look
 from skfem_contact.assemblies.named import Named
@@ -177,7 +177,6 @@ def _means(one: Any, pair: FoundContact) -> bool:
     return one == pair.remark or any(fnmatchcase(n, one) for n in (_name(pair), *_bodies(pair)))
 
 
-@known_keywords(tolerance="write within", distance="write within", mu="write friction=Coulomb(mu)")
 def find_contacts(
     bodies: Sequence[Body | RigidBody],
     *,

@@ -43,6 +43,8 @@ CORNERS = {
 TAGS = ("gmsh:physical", "cell_tags", "medit:ref", "nastran:ref", "su2:tag", "flac3d:group")
 #: What is meshed, or read, by Gmsh.
 CAD, BY_GMSH = (".step", ".stp", ".iges", ".igs", ".brep"), (".unv",)
+#: What STEP has for a name where none was given.
+NAMELESS = "Open CASCADE"
 
 NO_GMSH = (
     "{path}: files {suffix} are read by Gmsh, which is not installed: pip install "
@@ -206,7 +208,8 @@ class Groups:
         named: dict[str, list[Index]] = {}
         for name, found in mesh.cell_sets.items():
             if not name.startswith(("gmsh:", "_")):  # what programs need for themselves
-                named[name] = [_numbers(part) for part in found]
+                missing = [None] * (len(mesh.cells) - len(found))  # blocks that came later, of .inp
+                named[name] = [_numbers(part) for part in [*found, *missing]]
         for key in TAGS:
             for name, found in _tagged(mesh, key).items():
                 named.setdefault(name, found)
@@ -238,8 +241,9 @@ class Groups:
         taken = [np.zeros(len(cells), dtype=np.intp) for cells in self.cells]
         chosen: dict[str, Any] = {}
         order = list(there)
-        # the small ones first: sets of sets, "all", hold nothing else then
-        for name in sorted(there, key=lambda name: sum(map(len, there[name].values()))):
+        # the small ones first: sets of sets, "all", hold nothing else then; of equal ones the last, as
+        # those of an .inp that stand with the elements
+        for name in sorted(order, key=lambda n: (sum(map(len, there[n].values())), -order.index(n))):
             used = np.concatenate([taken[i][some] for i, some in there[name].items()])
             if used.all():
                 continue
@@ -415,7 +419,12 @@ def _read(file: Path, size: float | None, order: int) -> meshio.Mesh:
     if suffix not in CAD + BY_GMSH:
         try:
             return meshio.read(file)
-        except (meshio.ReadError, SystemExit, ValueError, KeyError, IndexError) as error:
+        except ImportError as error:
+            package = error.name
+            raise InputError(
+                f"{file}: meshio reads {suffix} by {package}: pip install {package}"
+            ) from error
+        except (Exception, SystemExit) as error:  # every format fails in its own way
             raise InputError(f"{file} can not be read by meshio: {error}") from error
     try:
         import gmsh  # optional
@@ -453,8 +462,10 @@ def _by_gmsh(gmsh: Any, file: Path, cad: bool, size: float | None, order: int) -
     names: list[str] = []
     dim = max(d for d, _ in gmsh.model.getEntities())
     for i, (_, tag) in enumerate(gmsh.model.getEntities(dim)):
-        name = gmsh.model.getEntityName(dim, tag).split("/")[-1] or f"body {i + 1}"
-        names.append(name if name not in names else f"{name} ({names.count(name) + 1})")
+        name = gmsh.model.getEntityName(dim, tag).split("/")[-1]
+        if not name or name.startswith(NAMELESS):
+            name = f"body {i + 1}"
+        names.append(name if name not in names else f"{name} ({i + 1})")
         gmsh.model.addPhysicalGroup(dim, [tag], name=names[-1])
     if size is not None:
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
