@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.assemblies.facing import Boundaries, Views
-from skfem_contact.assemblies.thresholds import ASKED, SLIVER
+from skfem_contact.assemblies.thresholds import ASKED, NEARLY, SLIVER
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
@@ -212,6 +212,8 @@ def drafts(bounds: Boundaries, views: Views, within: float) -> tuple[list[Draft]
             found.append(Draft(sides, gaps, bool(np.all(np.abs(gaps) > within + scale))))
             continue
         least = float(gap[np.argmin(np.abs(gap))])
+        if abs(least) > NEARLY * within:
+            continue
         both = " and ".join(f"{side.body.name or 'body 1'}/{side.place}" for side in sides)
         apart = f"overlap by {-least:.3g}" if least < 0 else f"{least:.3g} apart"
         missed.append(f"{both}: {apart}, within is {within:.3g}")

@@ -15,6 +15,7 @@ so a shank in a bore of equal radius has no gap, however coarse the two meshes a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -28,7 +29,7 @@ from skfem_contact.bodies.normals import across, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.search import FacetTree, Nodes
-from skfem_contact.pairing.vectors import dot
+from skfem_contact.pairing.vectors import dot, ragged
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -120,13 +121,11 @@ class Boundaries:
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Lines or triangles between the nodes of facets, as a tree takes them.
+    """Lines or triangles between the nodes of facets, and a tree over these facets.
 
     Attributes
     ----------
-    points : ndarray, shape (n, d)
-    facets : ndarray of int, shape (n, d)
-        Numbers of points.
+    corners : ndarray, shape (n, d, d)
     normals : ndarray, shape (n, d, d)
         Of the smooth boundary at the corners.
     area : ndarray, shape (n, d)
@@ -135,40 +134,44 @@ class Pieces:
         ``dual @ (x - x_0)`` are the last barycentric coordinates of x.
     of : ndarray of int, shape (n,)
         The facets that they are parts of, by the numbers of all boundaries.
+    first, count : ndarray of int, shape (facets of the tree,)
+        The pieces of each facet of the tree.
+    tree : FacetTree
     """
 
-    points: Array
-    facets: Index
+    corners: Array
     normals: Array
     area: Array
     dual: Array
     of: Index
-    quadratic = False
-
-    @property
-    def dim(self) -> int:
-        """Dimension of space."""
-        return self.points.shape[1]
+    first: Index
+    count: Index
+    tree: FacetTree
 
     @classmethod
     def cut(cls, bounds: Boundaries, near: list[Index]) -> Pieces:
         """Cut some facets of each surface into pieces."""
-        corners, normals, of = [], [], []
+        d, widest = bounds.surfaces[0].dim, max(surface.kind.nodes for surface in bounds.surfaces)
+        corners, normals, of, count, nodes = [], [], [], [], []
         for surface, some, first in zip(bounds.surfaces, near, bounds.first, strict=False):
-            kind = surface.kind
+            kind, facets = surface.kind, surface.facets[some]
             pieces = np.array(kind.parts) if kind.dim == 1 else kind.cut
-            at = surface.facets[some][:, pieces]
-            corners.append(surface.points[at].reshape(-1, surface.dim, surface.dim))
-            normals.append(_smooth_normals(surface, some)[:, pieces].reshape(corners[-1].shape))
+            corners.append(surface.points[facets[:, pieces]].reshape(-1, d, d))
+            normals.append(_smooth_normals(surface, some)[:, pieces].reshape(-1, d, d))
             of.append(np.repeat(some + first, len(pieces)))
-        x = np.concatenate(corners)
+            count.append(np.full(len(some), len(pieces)))
+            padded = np.minimum(np.arange(widest), kind.nodes - 1)  # the last one again
+            nodes.append(surface.points[facets[:, padded]].reshape(-1, d))
+        x, counts = np.concatenate(corners), np.concatenate(count)
         edges = x[:, 1:] - x[:, :1]
         dual = np.linalg.solve(edges @ edges.transpose(0, 2, 1), edges)
-        numbers = np.arange(x.shape[0] * x.shape[2]).reshape(-1, x.shape[2])
-        return cls(
-            x.reshape(-1, x.shape[2]), numbers, np.concatenate(normals), across(edges), dual,
-            np.concatenate(of),
-        )  # fmt: skip
+        # all that a tree asks of a surface, if it has no cones
+        numbers = np.arange(len(counts) * widest).reshape(-1, widest)
+        outlines = {"points": np.concatenate(nodes), "facets": numbers, "quadratic": False, "dim": d}
+        tree = FacetTree.build(cast(ContactSurface, SimpleNamespace(**outlines)), cones=False)
+        starts = np.cumsum(counts) - counts
+        every = np.concatenate(normals), across(edges), dual, np.concatenate(of)
+        return cls(x, *every, starts, counts, tree)
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,38 +244,33 @@ class Views:
         Between the smooth boundaries; negative where they overlap [length].
     slack : ndarray, shape (n,)
         By how much the gap may be wrong [length].
-    facing : ndarray, shape (n,)
-        Cosine between one normal and the opposite of the other.
     """
 
     facet: Index
     seen: Index
     gap: Array
     slack: Array
-    facing: Array
 
 
 def look(bounds: Boundaries, within: float) -> Views:
     """Return what the facets of all bodies see of others, up to `NEARLY` times a distance both ways."""
-    reach = NEARLY * within + 2 * float(
-        np.abs(bounds.bulge).max()
-    )  # that of chords, not of the boundary
+    # distances of chords are larger than those of the boundary
+    reach = NEARLY * within + 2 * float(np.abs(bounds.bulge).max())
     near = bounds.near_others(reach)
+    if not any(map(len, near)):
+        return Views(*(np.zeros(0, dtype=np.intp),) * 2, *(np.zeros(0),) * 2)
     pieces = Pieces.cut(bounds, near)
-    if not len(pieces.of):
-        return Views(*(np.zeros(0, dtype=np.intp),) * 2, *(np.zeros(0),) * 3)
-    tree = FacetTree.build(cast(ContactSurface, pieces), cones=False)  # it asks for no more
-    middles = _seen(bounds, Sights.from_facets(bounds, near, False), pieces, tree, reach)
+    middles = _seen(bounds, Sights.from_facets(bounds, near, False), pieces, reach)
     # where the middle sees nothing near, other places may
     blind = np.ones(len(bounds.body), dtype=bool)
     blind[middles.facet[np.abs(middles.gap) <= within]] = False
     rest = [some[blind[some + first]] for some, first in zip(near, bounds.first, strict=False)]
-    others = _seen(bounds, Sights.from_facets(bounds, rest, True), pieces, tree, reach)
+    others = _seen(bounds, Sights.from_facets(bounds, rest, True), pieces, reach)
     both = zip(vars(middles).values(), vars(others).values(), strict=True)
     return Views(*(np.concatenate(pair) for pair in both))
 
 
-def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, tree: FacetTree, reach: float) -> Views:
+def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, reach: float) -> Views:
     """What is nearest along each line of sight, either way."""
     scale = COMPUTED * max(float(np.abs(bounds.lower).max()), float(np.abs(bounds.upper).max()))
 
@@ -285,8 +283,10 @@ def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, tree: FacetTree, r
         return np.asarray((np.abs(along) <= reach + limit) & (aside <= limit**2))
 
     found: list[tuple[Any, ...]] = [(np.zeros(0, dtype=np.intp),) * 2 + (np.zeros(0),) * 3]
-    for item, piece in tree.descend(len(sights.of), met):
-        found.append(_crossings(sights, pieces, item, piece, reach))
+    for item, facet in pieces.tree.descend(len(sights.of), met):
+        count = pieces.count[facet]
+        piece = ragged(pieces.first[facet], count)
+        found.append(_crossings(sights, pieces, np.repeat(item, count), piece, reach))
     item, piece, distance, bulge, facing = (np.concatenate(c) for c in zip(*found, strict=True))
     mine, other = sights.of[item], pieces.of[piece]
     partner = (facing > OPPOSITE) & (bounds.piece[mine] != bounds.piece[other])
@@ -304,7 +304,7 @@ def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, tree: FacetTree, r
     best = order[np.append(True, np.diff(item[order]) > 0)[: len(order)]]
     own = sights.bulge[item[best]]
     slack = UNSURE * (np.abs(own) + np.abs(bulge[best])) + scale
-    return Views(mine[best], other[best], distance[best] - own - bulge[best], slack, facing[best])
+    return Views(mine[best], other[best], distance[best] - own - bulge[best], slack)
 
 
 def _crossings(
@@ -314,7 +314,7 @@ def _crossings(
     apart = sights.of[item] != pieces.of[piece]
     item, piece = item[apart], piece[apart]
     at, normal, area = sights.at[item], sights.normal[item], pieces.area[piece]
-    corners = pieces.points[pieces.facets[piece]]
+    corners = pieces.corners[piece]
     across_it = dot(area, normal)
     there = np.abs(across_it) > GIVEN * sizes(area)
     distance = dot(area, corners[:, 0] - at) / np.where(there, across_it, 1.0)

@@ -46,6 +46,20 @@ class FoundContact:
         "sliver": little of either patch, and at the rim of one, so that it is probably no pair;
         "uncertain": all gaps are larger than `within`, by less than chord heights leave open; "matching
         meshes": most nodes of one side are nodes of the other; or nothing.
+
+    Examples
+    --------
+    Two squares, 0.1 apart:
+
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> element, mesh = fem.ElementVector(fem.ElementQuad1()), fem.MeshQuad().refined(1).with_defaults()
+    >>> low = sc.Body.from_mesh(mesh, element, linear_elasticity(), name="low")
+    >>> high = sc.Body.from_mesh(mesh.translated((0, 1.1)), element, linear_elasticity(), name="high")
+    >>> pair = sc.find_contacts([low, high], within=0.2).found[0]
+    >>> [round(gap, 12) for gap in pair.gap], round(pair.area, 12), pair.why, pair.contact.primary.name
+    ([0.1, 0.1, 0.1], 1.0, 'first', 'bottom')
     """
 
     contact: Contact
@@ -68,6 +82,24 @@ class FoundContacts(Named[Contact]):
     names : tuple of str
     not_taken : tuple of str
         What was near and was not taken, and why; and bodies that overlap or repeat.
+
+    Examples
+    --------
+    Three squares on each other:
+
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> element, mesh = fem.ElementVector(fem.ElementQuad1()), fem.MeshQuad().refined(1)
+    >>> bodies = [
+    ...     sc.Body.from_mesh(mesh.translated((0, i)), element, linear_elasticity(), name=f"square {i}")
+    ...     for i in range(3)
+    ... ]
+    >>> pairs = sc.find_contacts(bodies, within=0.1)
+    >>> pairs.names, pairs.drop("square 0").names
+    (('square 0 - square 1', 'square 1 - square 2'), ('square 1 - square 2',))
+    >>> [contact.tied for contact in pairs.change("* - square 2", tied=True)]
+    [False, True]
     """
 
     def __init__(self, found: Sequence[FoundContact], not_taken: Sequence[str]) -> None:

@@ -16,8 +16,8 @@ from skfem_contact.output.drawing import ABOVE, LINES, new_axes, solid_axes
 
 Array = NDArray[np.float64]
 
-#: How dark bodies and pairs are: pairs are seen through bodies.
-PALE, STRONG = 0.06, 0.8
+#: How dark bodies are, their outlines in the plane, and pairs, which are seen through bodies.
+PALE, LINE, STRONG = 0.06, 0.4, 0.8
 
 
 def draw_pairs(contacts: Sequence[Contact], names: Sequence[str], ax: Any) -> Any:
@@ -30,7 +30,7 @@ def draw_pairs(contacts: Sequence[Contact], names: Sequence[str], ax: Any) -> An
     plane = whole[0].dim == 2
     ax = (new_axes if plane else solid_axes)(ax, (7.0, 5.2))
     for surface in whole:
-        _add(ax, surface, LINES, PALE if not plane else 0.4)
+        _add(ax, surface, LINES, LINE if plane else PALE)
     for i, ((one, other), name) in enumerate(zip(sides, names, strict=True)):
         _add(ax, one, f"C{i % 10}", STRONG, name)
         _add(ax, other, f"C{i % 10}", STRONG)
