@@ -22,11 +22,14 @@ from typing import Any
 
 import numpy as np
 import skfem as fem
+from run import write_into
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
 
 RESULTS = Path(__file__).parent / "results"
+PAGE = Path(__file__).parents[1] / "docs" / "assemblies.md"
+MARKS = "<!-- found contacts table: begin -->", "<!-- found contacts table: end -->"
 Lists = dict[tuple[str, str], int]
 STEEL = linear_elasticity(1.0, 1.0)
 
@@ -364,6 +367,14 @@ def judged(name: str, bodies: Any, within: float, touch: Lists) -> dict[str, Any
     }
 
 
+def table(rows: list[dict[str, Any]]) -> str:
+    """The rows as a table of a page."""
+    heads = ("name", "bodies", "facets", "pairs", "missed", "too many", "seconds")
+    lines = ["| assembly | " + " | ".join(heads[1:]) + " |", "|" + "---|" * len(heads)]
+    lines += ["| " + " | ".join(f"{row[head]}" for head in heads) + " |" for row in rows]
+    return "\n".join(lines)
+
+
 def main() -> None:
     """The rows, one after the other."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -383,6 +394,7 @@ def main() -> None:
     print({key: sum(row[key] for row in rows) for key in ("pairs", "missed", "too many")})
     if chosen.write:
         RESULTS.joinpath("found_contacts.json").write_text(json.dumps(rows, indent=1) + "\n")
+        write_into(PAGE, table(rows), MARKS)
 
 
 if __name__ == "__main__":

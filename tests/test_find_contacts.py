@@ -152,15 +152,25 @@ def test_a_ball_is_met_where_it_is_nearest():
     assert pairs.names == ("plate - ball",) and pairs.found[0].remark != "sliver"
 
 
-def test_slivers_are_named():
-    """A corner that just reaches over another plate is little of both, and at the rim."""
+@pytest.mark.parametrize(("length", "remark"), [(2.0, "sliver"), (4.0, "")])
+def test_slivers_are_named(length, remark):
+    """An edge that just reaches over another, along 1/36 and 2/36 of both plates (SLIVER)."""
     one, other = (
         box("one", (0, 0, 0), (6, 6, 1), (12, 12, 1)),
-        box("other", (5.6, 5.6, 1), (12, 12, 2), (12, 12, 1)),
+        box("other", (5.6, 6 - length, 1), (12, 12 - length, 2), (13, 12, 1)),
     )
     pairs = sc.find_contacts([one, other], within=0.1)
-    assert [pair.remark for pair in pairs.found] == ["sliver"]
-    assert len(pairs.drop("sliver")) == 0
+    assert [pair.remark for pair in pairs.found] == [remark]
+    assert len(pairs.drop("sliver")) == (remark == "")
+
+
+@pytest.mark.parametrize(("gap", "found"), [(0.055, 1), (0.08, 0)])
+def test_a_quarter_of_chord_heights_is_left_as_doubt(gap, found):
+    """Chords of 16 and 23 in radius 5 have heights of .096 and .047, together .143 (UNSURE)."""
+    pairs = sc.find_contacts(
+        [ring("hub", 5 + gap, 8, 16), ring("shaft", 3, 5, 23, shift=0.1)], within=0.03
+    )
+    assert [pair.remark for pair in pairs.found] == ["uncertain"] * found
 
 
 def test_parts_of_one_body_are_pairs_if_they_do_not_hang_together():
