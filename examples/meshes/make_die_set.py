@@ -22,7 +22,7 @@ for name, (inner, outer, size) in rings.items():
     quarters[name] = quarter[0][1], size
 occ.synchronize()
 
-sides = {"left": [], "bottom": [], "bore": []}
+sides: dict[str, list[int]] = {"left": [], "bottom": [], "bore": []}
 for name, (tag, size) in quarters.items():
     gmsh.model.addPhysicalGroup(2, [tag], name=name)
     gmsh.model.mesh.setSize(gmsh.model.getBoundary([(2, tag)], recursive=True), size)
