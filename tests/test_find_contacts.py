@@ -69,7 +69,7 @@ def stack(d, *heights, **given):
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("within", [0.01, 1.0])
+@pytest.mark.parametrize("within", [0.01, 1.0, 1.5])
 def test_a_stack_has_a_pair_for_each_interface(d, within):
     """What stands behind another plate is none, thin as that is; twice `within` is more (NEARLY)."""
     pairs = sc.find_contacts(stack(d, 1.0, 0.2, 0.2, 1.0), within=within)
