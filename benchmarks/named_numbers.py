@@ -61,9 +61,17 @@ class Number:
 TIME = {
     *("FEW_PAIRS", "BLOCK", "LEAF", "MOST_TWINS", "MOST_DIRECTIONS", "KEPT_BESIDE", "PER_ROWS"),
     *("FACTORS_2D", "FACTORS_3D", "SPARE", "FEWEST", "FEW_MODES", "FEW", "SOON", "LATER", "PATIENT"),
-    *("LAYERS", "problem.SHARE", "problem.SURPLUS", "petsc.SURPLUS", "petsc.AGAIN"),
+    *("ASKED", "LAYERS", "problem.SHARE", "problem.SURPLUS", "petsc.SURPLUS", "petsc.AGAIN"),
 }
-WORDS = {"NAMED", "NOT_NAMED", "MOST_ROWS", "elimination.SHOWN"}
+WORDS = {
+    "assemblies.PALE",
+    "assemblies.LINE",
+    "assemblies.STRONG",
+    "NAMED",
+    "NOT_NAMED",
+    "MOST_ROWS",
+    "elimination.SHOWN",
+}
 CONSTANTS = {
     "SOLUTION",
     "ELIMINATED",

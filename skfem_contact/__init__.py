@@ -35,6 +35,7 @@ The packages stand in the order of the theory, and each imports only from those 
 * `answers`: results, their certificate, validity and error;
 * `history`: load steps and the solver;
 * `output`: pictures and files;
+* `assemblies`: many bodies: read from files, and their contacts found;
 * `petsc`: linear solvers over MPI ranks, which nothing else knows of.
 
 All of them use `errors`, `arguments` and `arrays` (checks of what users pass), `digits` (what is zero),
@@ -90,6 +91,8 @@ finally:
 
 if TYPE_CHECKING:
     from skfem_contact.answers.error.sources import ErrorEstimate, ErrorSources
+    from skfem_contact.assemblies.finding import FoundContact, FoundContacts, find_contacts
+    from skfem_contact.assemblies.reading import read_bodies
     from skfem_contact.bodies.nonlinear import NonlinearBody
     from skfem_contact.elimination.condense import ConstraintRows, condense, contact_rows
     from skfem_contact.elimination.constraint import AffineConstraint
@@ -134,6 +137,8 @@ __all__ = [
     "Elastic",
     "ErrorEstimate",
     "ErrorSources",
+    "FoundContact",
+    "FoundContacts",
     "FrictionLaw",
     "InputError",
     "Kinematics",
@@ -165,11 +170,13 @@ __all__ = [
     "condense",
     "contact_rows",
     "eliminate",
+    "find_contacts",
     "nodal_stress",
     "plot_contact",
     "plot_deformed",
     "plot_force",
     "plot_history",
+    "read_bodies",
     "scene",
     "stack",
     "von_mises",
@@ -188,6 +195,8 @@ _LATER = {
     "ErrorEstimate": "answers.error.sources",
     "ErrorSources": "answers.error.sources",
     "J2": "materials.plasticity",
+    "FoundContact": "assemblies.finding",
+    "FoundContacts": "assemblies.finding",
     "LevelSet": "obstacles.level_set",
     "MooneyRivlin": "materials.hyperelastic",
     "NeoHooke": "materials.hyperelastic",
@@ -202,11 +211,13 @@ _LATER = {
     "condense": "elimination.condense",
     "contact_rows": "elimination.condense",
     "eliminate": "elimination.eliminate",
+    "find_contacts": "assemblies.finding",
     "nodal_stress": "output.stress",
     "plot_contact": "output.plot_contacts",
     "plot_deformed": "output.plot_bodies",
     "plot_force": "output.plot_histories",
     "plot_history": "output.plot_histories",
+    "read_bodies": "assemblies.reading",
     "scene": "output.scene",
     "von_mises": "output.stress",
     "write": "output.vtk",

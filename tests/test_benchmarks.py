@@ -181,6 +181,7 @@ STORED: list[tuple[str, str, str, Table]] = [  # page, module, stored run, the t
     ("docs/performance.md", "iterations", "iterations", lambda run, found: run.table(found)),
     ("docs/sliding.md", "sliding", "sliding", lambda run, found: run.table(found)),
     ("docs/audit.md", "audit", "audit", lambda run, found: run.table(found["rows"])),
+    ("docs/assemblies.md", "found_contacts", "found_contacts", lambda run, found: run.table(found)),
     ("docs/audit.md", "audit", "audit", lambda run, found: run.imports_table(found["imports"])),
     (
         "docs/effectivity.md",

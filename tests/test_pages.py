@@ -104,7 +104,8 @@ def test_page(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
     monkeypatch.chdir(tmp_path)
-    shutil.copy(ROOT / "examples/meshes/pin_in_lug.msh", tmp_path)
+    for mesh in ("pin_in_lug.msh", "die_set.msh"):
+        shutil.copy(ROOT / "examples/meshes" / mesh, tmp_path)
     document = DOCUMENTS.parse(page)
     for example in document.examples():
         example.evaluate()

@@ -1,0 +1,279 @@
+"""From what facets see to pairs of surfaces: their facets, their names, and which side is secondary."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.assemblies.facing import Boundaries, Views
+from skfem_contact.assemblies.thresholds import ASKED, NEARLY, SLIVER
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.selection import written
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.digits import COMPUTED, GIVEN
+from skfem_contact.pairing.closest import signed_distances
+from skfem_contact.pairing.thresholds import FINER, STIFFER
+from skfem_contact.records import dataclass
+from skfem_contact.trees import Tree
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One side of a pair: the facets of a boundary that see the other side, or are seen.
+
+    Attributes
+    ----------
+    whole : ContactSurface
+        The boundary of the body.
+    core : ndarray of int
+        Facets of it, by their places in `whole`.
+    patch : ndarray of bool
+        All facets of the patch that these belong to.
+    on_rim : bool
+        Whether all of the core is on the rim of the patch.
+    """
+
+    whole: ContactSurface
+    core: Index
+    patch: NDArray[np.bool_]
+    on_rim: bool
+
+    @classmethod
+    def of(cls, bounds: Boundaries, facets: Index) -> Side:
+        """The side that some facets make, by their numbers among all boundaries; all of one patch."""
+        i = bounds.body[facets[0]]
+        first, last = bounds.first[i], bounds.first[i + 1]
+        patch = bounds.patch[first:last] == bounds.patch[facets[0]]
+        return cls(bounds.surfaces[i], facets - first, patch, bool(bounds.rim[facets].all()))
+
+    @property
+    def body(self) -> Body:
+        """Whose side it is."""
+        body = self.whole.body
+        assert isinstance(body, Body)
+        return body
+
+    @property
+    def area(self) -> float:
+        """Of the core [area]."""
+        return float(self.whole.facet_areas[self.core].sum())
+
+    @property
+    def patch_area(self) -> float:
+        """Of the whole patch [area]."""
+        return float(self.whole.facet_areas[self.patch].sum())
+
+    @property
+    def size(self) -> float:
+        """Of a facet in the middle of all by size [length]."""
+        return float(np.median(self.whole.lengths[self.core]))
+
+    @property
+    def points(self) -> Array:
+        """The nodes of the core."""
+        return self.whole.points[np.unique(self.whole.facets[self.core])]
+
+    @cached_property
+    def boundary(self) -> tuple[str, NDArray[np.bool_]] | None:
+        """The smallest boundary of the mesh that holds all of the core, and which facets it has."""
+        best: tuple[str, NDArray[np.bool_]] | None = None
+        for name, numbers in (self.body.basis.mesh.boundaries or {}).items():
+            if name.startswith("gmsh:"):
+                continue
+            there = np.isin(self.whole.mesh_facets, np.asarray(numbers))
+            if there[self.core].all() and (best is None or there.sum() < best[1].sum()):
+                best = name, there
+        return best
+
+    @cached_property
+    def place(self) -> str:
+        """Its boundary, or where the middle of the core is."""
+        named = self.boundary
+        if named is not None:
+            return named[0]
+        area = self.whole.facet_areas[self.core]
+        middle = self.whole.points[self.whole.facets[self.core]].mean(axis=1)
+        centre = area @ middle / area.sum()
+        size = float(np.ptp(self.whole.points, axis=0).max())
+        digits = 3 - int(np.floor(np.log10(size)))  # three of the size of the body
+        return "at " + written(np.round(centre, digits) + 0.0)
+
+    def surface(self) -> ContactSurface:
+        """The core and the facets next to it on its patch, within the boundary that names it."""
+        near = np.zeros(len(self.whole.points), dtype=bool)
+        near[self.whole.facets[self.core]] = True
+        there = near[self.whole.facets].any(axis=1) & self.patch
+        named = self.boundary
+        if named is not None:
+            there &= named[1]
+        return self.body.surface(self.whole.mesh_facets[there], name=self.place)
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """A pair of patches that face each other, the one of the body that was given first ahead.
+
+    Attributes
+    ----------
+    sides : tuple of two Side
+    gaps : ndarray, shape (n,)
+        All that was seen between them, as far as it is taken [length].
+    uncertain : bool
+        Whether all gaps are too large, by less than what chords leave unknown.
+    """
+
+    sides: tuple[Side, Side]
+    gaps: Array
+    uncertain: bool
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        """The names of both bodies."""
+        one, other = (side.body.name or "body 1" for side in self.sides)
+        return one, other
+
+    @property
+    def remark(self) -> str:
+        """What a user should know of it, in a word or two."""
+        if max(side.area / side.patch_area for side in self.sides) < SLIVER and any(
+            side.on_rim for side in self.sides
+        ):
+            return "sliver"
+        return "uncertain" if self.uncertain else "matching meshes" if self.matching else ""
+
+    @property
+    def matching(self) -> bool:
+        """Whether half of the nodes of one side are nodes of the other, too."""
+        one, other = sorted((side.points for side in self.sides), key=len)
+        near = Tree(other).distances(one) <= GIVEN * min(side.size for side in self.sides)
+        return bool(2 * np.count_nonzero(near) > len(one))
+
+    def secondary(self) -> tuple[int, str]:
+        """Which side is the better secondary one, and why."""
+        one, other = self.sides
+        for why, ratio, least in (
+            ("finer", one.size / other.size, FINER),
+            ("softer", _softness(one.body, other.body), 1 / STIFFER),
+            ("smaller", one.patch_area / other.patch_area, FINER),
+        ):
+            if ratio < least:
+                return 0, why
+            if ratio > 1 / least:
+                return 1, why
+        return 0, "first"
+
+
+def _softness(one: Body, other: Body) -> float:
+    """Shear modulus of one body over that of another, 1 where it is not known."""
+    if one.form is not None and one.form is other.form:
+        return 1.0
+    moduli = one.moduli, other.moduli
+    if moduli[0] is None or moduli[1] is None:
+        return 1.0
+    mine, others = (float(m.shear.mean()) for m in moduli if m is not None)
+    return mine / others if mine > 0 and others > 0 else 1.0
+
+
+def drafts(bounds: Boundaries, views: Views, within: float) -> tuple[list[Draft], list[str]]:
+    """Return the pairs of patches that are near enough, and what is said of the others.
+
+    Parameters
+    ----------
+    bounds : Boundaries
+    views : Views
+        Up to a larger distance.
+    within : float
+        The largest gap, and the deepest overlap [length].
+    """
+    mine, other = bounds.patch[views.facet], bounds.patch[views.seen]
+    low, high = np.minimum(mine, other), np.maximum(mine, other)
+    _, group = np.unique(low * (1 + high.max(initial=0)) + high, return_inverse=True)
+    order = np.argsort(group, kind="stable")
+    stops = np.flatnonzero(np.diff(group[order])) + 1
+    found, missed = [], []
+    for rows in np.split(order, stops) if len(order) else []:
+        gap, slack = views.gap[rows], views.slack[rows]
+        near = np.abs(gap) <= within + slack
+        some = rows[near] if near.any() else rows
+        ends = np.concatenate([views.facet[some], views.seen[some]])
+        ahead = np.concatenate([mine[some] == low[some[0]], other[some] == low[some[0]]])
+        sides = Side.of(bounds, np.unique(ends[ahead])), Side.of(bounds, np.unique(ends[~ahead]))
+        if near.any():
+            scale = COMPUTED * max(float(np.abs(side.whole.points).max()) for side in sides)
+            gaps = np.where(np.abs(gap[near]) <= scale, 0.0, gap[near])
+            found.append(Draft(sides, gaps, bool(np.all(np.abs(gaps) > within + scale))))
+            continue
+        least = float(gap[np.argmin(np.abs(gap))])
+        if abs(least) > NEARLY * within:
+            continue
+        both = " and ".join(f"{side.body.name or 'body 1'}/{side.place}" for side in sides)
+        apart = f"overlap by {-least:.3g}" if least < 0 else f"{least:.3g} apart"
+        missed.append(f"{both}: {apart}, within is {within:.3g}")
+    return found, missed
+
+
+def names_of(pairs: Sequence[Draft]) -> list[str]:
+    """Names of pairs: after their bodies, and where these have several pairs after places on the first.
+
+    Which side is secondary has no part in it: that may change with the mesh.
+    """
+    names = [" - ".join(pair.bodies) for pair in pairs]
+    for more in (lambda p: p.sides[0].place, lambda p: "to " + p.sides[1].place):
+        count = Counter(names)
+        names = [
+            f"{name}, {more(pair)}" if count[name] > 1 else name
+            for name, pair in zip(names, pairs, strict=True)
+        ]
+    met: Counter[str] = Counter()
+    for i, name in enumerate(names):
+        met[name] += 1
+        if met[name] > 1:
+            names[i] = f"{name} ({met[name]})"
+    return names
+
+
+def strange_bodies(bounds: Boundaries, within: float) -> list[str]:
+    """Sentences on bodies that are there twice, and on those that overlap more than a pair may."""
+    lines = []
+    for i, j in combinations(range(len(bounds.surfaces)), 2):
+        one, other = bounds.surfaces[i], bounds.surfaces[j]
+        low = np.maximum(bounds.lower[i], bounds.lower[j])
+        high = np.minimum(bounds.upper[i], bounds.upper[j])
+        if np.any(high - low <= within):
+            continue
+        both = f"{one.body.name!r} and {other.body.name!r}"
+        if _same(one, other):
+            lines.append(f"{both} are the same mesh at the same place: leave one of them out")
+            continue
+        chords = sum(float(np.abs(bounds.bulge[bounds.body == k]).max()) for k in (i, j))
+        depths = [_depth(*pair, low, high) for pair in ((one, other), (other, one))]
+        depth, at = max(depths, key=lambda found: found[0])
+        if depth > within + chords:
+            lines.append(f"{both} overlap by {depth:.3g} at {written(at)}: check their positions")
+    return lines
+
+
+def _same(one: ContactSurface, other: ContactSurface) -> bool:
+    """Whether two boundaries have the same nodes."""
+    if len(one.points) != len(other.points):
+        return False
+    return bool(Tree(one.points).distances(other.points).max() <= GIVEN * one.lengths.min())
+
+
+def _depth(one: ContactSurface, other: ContactSurface, low: Array, high: Array) -> tuple[float, Array]:
+    """How deep nodes of one boundary are in another, and where; some of those in a box are asked."""
+    inside = np.flatnonzero(np.all((one.points >= low) & (one.points <= high), axis=1))
+    if not len(inside):
+        return 0.0, low
+    some = one.points[inside[:: max(len(inside) // ASKED, 1)]]
+    distance = signed_distances(other, some)
+    deepest = int(np.argmin(distance))
+    return -float(distance[deepest]), some[deepest]

@@ -1,0 +1,329 @@
+r"""Where boundaries of bodies face each other: lines of sight along normals, both ways.
+
+Every facet looks along its normal, outwards for what it may touch and inwards for what it overlaps. Of
+all that a line of sight meets the nearest counts, whatever it is: what stands behind something else, or
+behind the body's own material, is no partner. A partner looks back, `OPPOSITE`.
+
+Facets are chords of curved boundaries. How far the smooth boundary stands out at a place is known by
+the normals n_k at the nodes x_k (half of the height of the tangents, exact on parabolas)::
+
+    b(x) = 1/2 sum_k N_k (x_k - x) . n_k            gap = distance - b(x) - b(y)
+
+so a shank in a bore of equal radius has no gap, however coarse the two meshes are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from skfem_contact.assemblies.thresholds import NEARLY, OPPOSITE, TOWARDS_RIM, UNSURE
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.normals import across, sizes, unit
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.digits import COMPUTED, GIVEN
+from skfem_contact.pairing.search import FacetTree, Nodes
+from skfem_contact.pairing.vectors import dot, ragged
+from skfem_contact.records import dataclass
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Boundaries:
+    """The boundaries of all bodies: their facets one after the other, and the patches these make.
+
+    A patch is what hangs together without a corner (`ContactSurface.sharp_edges`).
+
+    Attributes
+    ----------
+    surfaces : tuple of ContactSurface
+        The whole boundary of each body.
+    first : ndarray of int, shape (number of bodies + 1,)
+        Numbers of the facets with which they begin.
+    body, piece, patch : ndarray of int, shape (nf,)
+        Of each facet: the body, the connected part of the mesh, and the patch.
+    area : ndarray, shape (nf,)
+    rim : ndarray of bool, shape (nf,)
+        Facets on the rim of their patch.
+    bulge : ndarray, shape (nf,)
+        How far the smooth boundary stands out in the middle of facets [length].
+    lower, upper : ndarray, shape (number of bodies, d)
+        Boxes around the bodies.
+    """
+
+    surfaces: tuple[ContactSurface, ...]
+    first: Index
+    body: Index
+    piece: Index
+    patch: Index
+    area: Array
+    rim: Mask
+    bulge: Array
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of(cls, bodies: Sequence[Body]) -> Boundaries:
+        """Take the boundaries of bodies, and cut them into patches."""
+        surfaces = tuple(body.surface(None, name="boundary") for body in bodies)
+        counts = [len(surface.facets) for surface in surfaces]
+        pieces: list[Index] = []
+        patches: list[Index] = []
+        rims = []
+        for body, surface in zip(bodies, surfaces, strict=True):
+            smooth = (surface.twins >= 0) & ~surface.sharp_edges
+            nf = len(surface.facets)
+            facet, across_it = np.nonzero(smooth)[0], surface.neighbours[smooth]
+            links = coo_array((np.ones(len(facet)), (facet, across_it)), shape=(nf, nf))
+            patch = connected_components(links, directed=False)[1]
+            patches.append(patch + (patches[-1].max() + 1 if patches else 0))
+            piece = body.parts[surface.dofs[surface.facets[:, 0], 0]]
+            pieces.append(piece + (pieces[-1].max() + 1 if pieces else 0))
+            rims.append(~smooth.all(axis=1))
+        return cls(
+            surfaces,
+            np.concatenate([[0], np.cumsum(counts)]),
+            np.repeat(np.arange(len(surfaces)), counts),
+            np.concatenate(pieces),
+            np.concatenate(patches),
+            np.concatenate([surface.facet_areas for surface in surfaces]),
+            np.concatenate(rims),
+            np.concatenate([_places(surface, slice(None), False)[2][:, 0] for surface in surfaces]),
+            np.array([surface.points.min(axis=0) for surface in surfaces]),
+            np.array([surface.points.max(axis=0) for surface in surfaces]),
+        )
+
+    def near_others(self, reach: float) -> list[Index]:
+        """Facets of each surface with a node in the box of another body, `reach` larger."""
+        found = []
+        for i, surface in enumerate(self.surfaces):
+            low, high = self.lower - reach, self.upper + reach
+            close = np.all((self.upper[i] >= low) & (self.lower[i] <= high), axis=1)
+            # parts of one body may touch as well: then all of it is asked
+            close[i] = np.ptp(self.piece[self.first[i] : self.first[i + 1]]) > 0
+            x = surface.points[surface.facets]
+            lower, upper = x.min(axis=1), x.max(axis=1)
+            near = np.zeros(len(x), dtype=bool)
+            for k in np.flatnonzero(close):
+                near |= np.all((upper >= low[k]) & (lower <= high[k]), axis=1)
+            found.append(np.flatnonzero(near))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Lines or triangles between the nodes of facets, and a tree over these facets.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (n, d, d)
+    normals : ndarray, shape (n, d, d)
+        Of the smooth boundary at the corners.
+    area : ndarray, shape (n, d)
+        Their own outward normals, as long as their size.
+    dual : ndarray, shape (n, d-1, d)
+        ``dual @ (x - x_0)`` are the last barycentric coordinates of x.
+    of : ndarray of int, shape (n,)
+        The facets that they are parts of, by the numbers of all boundaries.
+    first, count : ndarray of int, shape (facets of the tree,)
+        The pieces of each facet of the tree.
+    tree : FacetTree
+    """
+
+    corners: Array
+    normals: Array
+    area: Array
+    dual: Array
+    of: Index
+    first: Index
+    count: Index
+    tree: FacetTree
+
+    @classmethod
+    def cut(cls, bounds: Boundaries, near: list[Index]) -> Pieces:
+        """Cut some facets of each surface into pieces."""
+        d, widest = bounds.surfaces[0].dim, max(surface.kind.nodes for surface in bounds.surfaces)
+        corners, normals, of, count, nodes = [], [], [], [], []
+        for surface, some, first in zip(bounds.surfaces, near, bounds.first, strict=False):
+            kind, facets = surface.kind, surface.facets[some]
+            pieces = np.array(kind.parts) if kind.dim == 1 else kind.cut
+            corners.append(surface.points[facets[:, pieces]].reshape(-1, d, d))
+            normals.append(_smooth_normals(surface, some)[:, pieces].reshape(-1, d, d))
+            of.append(np.repeat(some + first, len(pieces)))
+            count.append(np.full(len(some), len(pieces)))
+            padded = np.minimum(np.arange(widest), kind.nodes - 1)  # the last one again
+            nodes.append(surface.points[facets[:, padded]].reshape(-1, d))
+        x, counts = np.concatenate(corners), np.concatenate(count)
+        edges = x[:, 1:] - x[:, :1]
+        dual = np.linalg.solve(edges @ edges.transpose(0, 2, 1), edges)
+        # all that a tree asks of a surface, if it has no cones
+        numbers = np.arange(len(counts) * widest).reshape(-1, widest)
+        outlines = {"points": np.concatenate(nodes), "facets": numbers, "quadratic": False, "dim": d}
+        tree = FacetTree.build(cast(ContactSurface, SimpleNamespace(**outlines)), cones=False)
+        starts = np.cumsum(counts) - counts
+        every = np.concatenate(normals), across(edges), dual, np.concatenate(of)
+        return cls(x, *every, starts, counts, tree)
+
+
+@dataclass(frozen=True, eq=False)
+class Sights:
+    """Places on facets that look along normals.
+
+    Attributes
+    ----------
+    at, normal : ndarray, shape (n, d)
+    bulge : ndarray, shape (n,)
+        How far the smooth boundary stands out of the facet there [length].
+    of : ndarray of int, shape (n,)
+        Facets, by the numbers of all boundaries.
+    """
+
+    at: Array
+    normal: Array
+    bulge: Array
+    of: Index
+
+    @classmethod
+    def from_facets(cls, bounds: Boundaries, some: list[Index], rim: bool) -> Sights:
+        """From the middles of some facets of each surface, or from places near their rim."""
+        columns: list[tuple[Array, ...]] = []
+        for surface, facets, first in zip(bounds.surfaces, some, bounds.first, strict=False):
+            at, normal, bulge = _places(surface, facets, rim)
+            of = np.repeat(facets + first, bulge.shape[1])
+            d = surface.dim
+            columns.append((at.reshape(-1, d), normal.reshape(-1, d), bulge.ravel(), of))
+        return cls(*(np.concatenate(column) for column in zip(*columns, strict=True)))
+
+
+def _places(surface: ContactSurface, facets: Any, rim: bool) -> tuple[Array, Array, Array]:
+    """Places on facets (n, q, d), normals there, and how far the boundary stands out, (n, q)."""
+    kind = surface.kind
+    xi = kind.middle[None]
+    if rim:
+        ends = kind.locations[: kind.corners]
+        around = (
+            ends if kind.dim == 1 else np.concatenate([ends, (ends + np.roll(ends, 1, axis=0)) / 2])
+        )
+        xi = xi + TOWARDS_RIM * (around - xi)
+    N, dN = kind.shapes(xi)
+    nodes = surface.points[surface.facets[facets]]
+    at = np.einsum("qk,fkd->fqd", N, nodes)
+    normal = unit(across(np.einsum("qki,fkd->fqid", dN, nodes)))
+    if kind.quadratic:  # facets with middle nodes are the boundary themselves
+        return at, normal, np.zeros(at.shape[:2])
+    away = nodes[:, None] - at[:, :, None]
+    bulge = 0.5 * np.einsum("qk,fqkd,fkd->fq", N, away, _smooth_normals(surface, facets))
+    return at, normal, bulge
+
+
+def _smooth_normals(surface: ContactSurface, facets: Any) -> Array:
+    """Normals of the smooth boundary at the nodes of facets, (n, k, d); their own beside a kink."""
+    kinked = surface.kinks[surface.facets[facets]] > 0
+    own = surface.facet_normals[facets][:, None]
+    return np.where(kinked[..., None], own, surface.facet_node_normals[facets])
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """What facets see: the nearest facet of all along each line of sight, where it looks back.
+
+    Attributes
+    ----------
+    facet, seen : ndarray of int, shape (n,)
+        By the numbers of all boundaries.
+    gap : ndarray, shape (n,)
+        Between the smooth boundaries; negative where they overlap [length].
+    slack : ndarray, shape (n,)
+        By how much the gap may be wrong [length].
+    """
+
+    facet: Index
+    seen: Index
+    gap: Array
+    slack: Array
+
+
+def look(bounds: Boundaries, within: float) -> Views:
+    """Return what the facets of all bodies see of others, up to `NEARLY` times a distance both ways."""
+    # distances of chords are larger than those of the boundary
+    reach = NEARLY * within + 2 * float(np.abs(bounds.bulge).max())
+    near = bounds.near_others(reach)
+    if not any(map(len, near)):
+        return Views(*(np.zeros(0, dtype=np.intp),) * 2, *(np.zeros(0),) * 2)
+    pieces = Pieces.cut(bounds, near)
+    middles = _seen(bounds, Sights.from_facets(bounds, near, False), pieces, reach)
+    # where the middle sees nothing near, other places may
+    blind = np.ones(len(bounds.body), dtype=bool)
+    blind[middles.facet[np.abs(middles.gap) <= within]] = False
+    rest = [some[blind[some + first]] for some, first in zip(near, bounds.first, strict=False)]
+    others = _seen(bounds, Sights.from_facets(bounds, rest, True), pieces, reach)
+    both = zip(vars(middles).values(), vars(others).values(), strict=True)
+    return Views(*(np.concatenate(pair) for pair in both))
+
+
+def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, reach: float) -> Views:
+    """What is nearest along each line of sight, either way."""
+    scale = COMPUTED * max(float(np.abs(bounds.lower).max()), float(np.abs(bounds.upper).max()))
+
+    def met(item: Index, nodes: Nodes) -> Mask:
+        away = nodes.centre - sights.at.take(item, axis=0)
+        normal = sights.normal.take(item, axis=0)
+        along = dot(away, normal)
+        aside = dot(away, away) - along**2
+        limit = nodes.radius
+        return np.asarray((np.abs(along) <= reach + limit) & (aside <= limit**2))
+
+    found: list[tuple[Any, ...]] = [(np.zeros(0, dtype=np.intp),) * 2 + (np.zeros(0),) * 3]
+    for item, facet in pieces.tree.descend(len(sights.of), met):
+        count = pieces.count[facet]
+        piece = ragged(pieces.first[facet], count)
+        found.append(_crossings(sights, pieces, np.repeat(item, count), piece, reach))
+    item, piece, distance, bulge, facing = (np.concatenate(c) for c in zip(*found, strict=True))
+    mine, other = sights.of[item], pieces.of[piece]
+    partner = (facing > OPPOSITE) & (bounds.piece[mine] != bounds.piece[other])
+    views = []
+    for ahead in (distance >= -scale, distance <= scale):
+        some = np.flatnonzero(ahead)
+        # of what is equally near a partner comes first
+        far = np.where(np.abs(distance[some]) <= scale, 0.0, np.abs(distance[some]))
+        order = some[np.lexsort((~partner[some], far, item[some]))]
+        first = order[np.append(True, np.diff(item[order]) > 0)[: len(order)]]
+        views.append(first[partner[first]])
+    # outward and inward: the nearer one
+    both = np.concatenate(views)
+    order = both[np.lexsort((np.abs(distance[both]), item[both]))]
+    best = order[np.append(True, np.diff(item[order]) > 0)[: len(order)]]
+    own = sights.bulge[item[best]]
+    slack = UNSURE * (np.abs(own) + np.abs(bulge[best])) + scale
+    return Views(mine[best], other[best], distance[best] - own - bulge[best], slack)
+
+
+def _crossings(
+    sights: Sights, pieces: Pieces, item: Index, piece: Index, reach: float
+) -> tuple[Any, ...]:
+    """Lines of sight and the pieces that they cross, with distance, bulge and how these face."""
+    apart = sights.of[item] != pieces.of[piece]
+    item, piece = item[apart], piece[apart]
+    at, normal, area = sights.at[item], sights.normal[item], pieces.area[piece]
+    corners = pieces.corners[piece]
+    across_it = dot(area, normal)
+    there = np.abs(across_it) > GIVEN * sizes(area)
+    distance = dot(area, corners[:, 0] - at) / np.where(there, across_it, 1.0)
+    place = at + distance[:, None] * normal
+    rest = np.einsum("nij,nj->ni", pieces.dual[piece], place - corners[:, 0])
+    shape = np.column_stack([1 - rest.sum(axis=1), rest])
+    there &= (shape.min(axis=1) >= -GIVEN) & (np.abs(distance) <= reach)
+    some = np.flatnonzero(there)
+    away = corners[some] - place[some][:, None]
+    bulge = 0.5 * np.einsum("nk,nkd,nkd->n", shape[some], away, pieces.normals[piece[some]])
+    facing = -across_it[some] / sizes(area[some])
+    return item[some], piece[some], distance[some], bulge, facing

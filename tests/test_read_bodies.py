@@ -1,0 +1,177 @@
+"""Bodies from files: tags become bodies and boundaries, whatever a format calls them."""
+
+from __future__ import annotations
+
+import sys
+
+import meshio
+import numpy as np
+import pytest
+import skfem as fem
+from quick_elasticity import linear_elasticity
+
+import skfem_contact as sc
+
+STEEL, RUBBER = linear_elasticity(2.0, 1.0), linear_elasticity(0.2, 0.1)
+CUBE = np.array(
+    [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+)
+EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+FACES = [(0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7)]
+
+
+def two_cubes(kind="hexahedron", shared=False):
+    """A cube on another one: nodes, and the cells of both, whose nodes may be shared."""
+    points = CUBE.astype(float)
+    if kind != "hexahedron":
+        middles = [points[list(edge)].mean(axis=0) for edge in EDGES]
+        more = [points[list(face)].mean(axis=0) for face in FACES] + [points.mean(axis=0)]
+        points = np.array([*points, *middles, *(more if kind == "hexahedron27" else [])])
+    n = len(points)
+    every = np.vstack([points, points + [0, 0, 1]])
+    cells = np.arange(2 * n).reshape(2, n)
+    if shared:
+        every, number = np.unique(every.round(12), axis=0, return_inverse=True)
+        cells = number.ravel()[cells]
+    return every, cells
+
+
+def tagged(path, points, cells, tags, names, faces=(), face_tags=()):
+    """A Gmsh file."""
+    kind = {8: "hexahedron", 20: "hexahedron20", 27: "hexahedron27"}[cells.shape[1]]
+    blocks, data = [(kind, cells)], [np.array(tags)]
+    if len(faces):
+        blocks.append(("quad", np.array(faces)))
+        data.append(np.array(face_tags))
+    mesh = meshio.Mesh(
+        points, blocks, cell_data={"gmsh:physical": data, "gmsh:geometrical": data}, field_data=names
+    )
+    meshio.write(path, mesh, file_format="gmsh22")
+    return path
+
+
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("kind", ["hexahedron", "hexahedron20", "hexahedron27"])
+def test_every_tag_is_a_body(tmp_path, kind, shared):
+    """Elements as they are in the file, boundaries too, and each with nodes of its own."""
+    points, cells = two_cubes(kind, shared)
+    names = {"low": [1, 3], "high": [2, 3], "ground": [7, 2]}
+    path = tagged(tmp_path / "two.msh", points, cells, [1, 2], names, [cells[0, :4]], [7])
+    bodies = sc.read_bodies(path, STEEL, settings={"low": {"D": "ground"}})
+    assert bodies.names == ("low", "high") and bodies["high"] is bodies[1]
+    element = {8: fem.ElementHex1, 20: fem.ElementHexS2, 27: fem.ElementHex2}[cells.shape[1]]
+    for body, z in zip(bodies, (0.5, 1.5), strict=True):
+        assert type(body.basis.elem.elem) is element
+        volume = fem.Functional(lambda w: 1 + 0 * w.x[0]).assemble(body.basis)
+        moment = fem.Functional(lambda w: w.x[2]).assemble(body.basis)
+        np.testing.assert_allclose([volume, moment], [1, z], rtol=1e-13)
+        assert abs(body.K @ body.rigid_modes).max() < 1e-12
+    held = bodies["low"].basis.doflocs[2, bodies["low"].D]
+    assert len(held) == 3 * {8: 4, 20: 8, 27: 9}[cells.shape[1]] and np.all(held == 0)
+    pairs = sc.find_contacts(bodies, within=0.01)
+    assert pairs.names == ("low - high",) and pairs.found[0].remark == "matching meshes"
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_plane_meshes_are_read(tmp_path, order):
+    """Of three coordinates, of which the last is nothing; eight nodes stay eight."""
+    square = CUBE[:4].astype(float)
+    nodes = square if order == 1 else np.vstack([square, (square + np.roll(square, -1, axis=0)) / 2])
+    kind = "quad" if order == 1 else "quad8"
+    meshio.Mesh(nodes, [(kind, [np.arange(len(nodes))])]).write(tmp_path / "plane.vtk")
+    (body,) = sc.read_bodies(tmp_path / "plane.vtk", STEEL)
+    assert (body.name, body.dim, body.n) == ("body 1", 2, 2 * len(nodes))
+    bent = nodes.copy()
+    bent[0, 2] = 0.1
+    meshio.Mesh(bent, [(kind, [np.arange(len(nodes))])]).write(tmp_path / "shell.vtk")
+    with pytest.raises(sc.InputError, match="made of shells"):
+        sc.read_bodies(tmp_path / "shell.vtk", STEEL)
+
+
+def test_sets_of_abaqus(tmp_path):
+    """Sets of elements are bodies, also those told with the elements; sets of nodes are boundaries."""
+    points, cells = two_cubes()
+    text = ["*NODE", *(f"{i + 1}, {x}, {y}, {z}" for i, (x, y, z) in enumerate(points))]
+    for i, name in enumerate(("LOW", "HIGH")):
+        text += [f"*ELEMENT, TYPE=C3D8, ELSET={name}", ", ".join(map(str, [i + 1, *(cells[i] + 1)]))]
+    text += ["*NSET, NSET=GROUND", "1, 2, 3, 4", "*ELSET, ELSET=ALL", "1, 2", ""]
+    path = tmp_path / "two.inp"
+    path.write_text("\n".join(text))
+    bodies = sc.read_bodies(path, {"LOW": STEEL, "*": RUBBER}, settings={"LOW": {"D": "GROUND"}})
+    assert bodies.names == ("LOW", "HIGH") and len(bodies["LOW"].D) == 12
+    np.testing.assert_allclose(10 * bodies["HIGH"].K.toarray(), bodies["LOW"].K.toarray(), atol=1e-12)
+    one = sc.read_bodies(path, STEEL, bodies={"both": "ALL"})
+    assert one.names == ("both",) and len(set(one[0].parts)) == 2
+
+
+def test_cells_without_tags_are_bodies_by_what_hangs_together(tmp_path):
+    points, cells = two_cubes()
+    meshio.Mesh(points, [("hexahedron", cells)]).write(tmp_path / "two.vtk")
+    assert sc.read_bodies(tmp_path / "two.vtk", STEEL).names == ("body 1", "body 2")
+    points, cells = two_cubes(shared=True)
+    meshio.Mesh(points, [("hexahedron", cells)]).write(tmp_path / "one.vtk")
+    assert sc.read_bodies(tmp_path / "one.vtk", STEEL).names == ("body 1",)
+
+
+def test_one_body_of_several_materials(tmp_path):
+    """Its tags are subdomains, each with its material, functions of the basis included."""
+    points, cells = two_cubes(shared=True)
+    path = tagged(tmp_path / "two.msh", points, cells, [1, 2], {"low": [1, 3], "high": [2, 3]})
+    read = {"low": lambda basis: STEEL, "high": RUBBER}
+    (body,) = sc.read_bodies(path, read, bodies={"block": ["low", "high"]})
+    assert sorted(body.basis.mesh.subdomains) == ["high", "low"] and body.n == 36
+    where = np.where(body.basis.doflocs[2] < 0.5, 1.0, 0.0)  # a field that lives in the lower one alone
+    u = where * body.basis.doflocs[0] * (body.dof_component == 0)
+    both, _ = (sc.read_bodies(path, K, bodies={"block": ["low", "high"]})[0].K for K in (STEEL, RUBBER))
+    np.testing.assert_allclose((body.K @ u) @ u, (both @ u) @ u, rtol=1e-12)
+
+
+def test_what_can_not_be_read_is_answered(tmp_path, monkeypatch):
+    """No file, no format, wrong names, tags that share cells, kinds that are not known."""
+    points, cells = two_cubes()
+    path = tagged(tmp_path / "two.msh", points, cells, [1, 2], {"low": [1, 3], "high": [2, 3]})
+
+    def refused(words, *given, **more):
+        with pytest.raises(sc.InputError, match=words):
+            sc.read_bodies(*given, **more)
+
+    refused("is no file", tmp_path / "none.msh", STEEL)
+    (tmp_path / "two.xyz").write_text("")
+    refused("can not be read by meshio", tmp_path / "two.xyz", STEEL)
+    refused("no such body; did you mean 'low'", path, STEEL, settings={"lwo": {}})
+    refused("no such tag of cells", path, STEEL, bodies={"a": "middle"})
+    refused("nothing for 'high'", path, {"low": STEEL})
+    refused("write material", path, materials=STEEL)
+    sets = {"a": [[0, 1]], "b": [[1, 2]]}
+    strange = meshio.Mesh(
+        np.vstack([points, points[8:] + [0, 0, 1]]),
+        [("hexahedron", np.vstack([cells, cells[1] + 8]))], cell_sets=sets,
+    )  # fmt: skip
+    monkeypatch.setattr(meshio, "read", lambda file: strange)
+    refused("'b' and 'a' share 1 cells|'a' and 'b' share 1 cells", path, STEEL)
+    flat = meshio.Mesh(points[:6], [("wedge", [range(6)])])
+    monkeypatch.setattr(meshio, "read", lambda file: flat)
+    refused("has cells wedge", path, STEEL)
+    monkeypatch.setitem(sys.modules, "gmsh", None)
+    (tmp_path / "two.step").write_text("")
+    refused(r"pip install 'skfem-contact\[step\]'", tmp_path / "two.step", STEEL)
+
+
+def test_geometry_is_meshed_by_gmsh(tmp_path):
+    """A STEP of two cylinders, curved: volumes to the fourth order of the size of elements."""
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        for z in (0, 1):
+            gmsh.model.occ.addCylinder(0, 0, z, 0, 0, 1, 1 + z)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(tmp_path / "two.step"))
+    finally:
+        gmsh.finalize()
+    bodies = sc.read_bodies(tmp_path / "two.step", STEEL, size=0.7, order=2)
+    assert bodies.names == ("body 1", "body 2")
+    one = fem.Functional(lambda w: 1 + 0 * w.x[0])
+    volumes = [one.assemble(body.basis) for body in bodies]
+    np.testing.assert_allclose(volumes, [np.pi, 4 * np.pi], rtol=2e-3)
+    assert sc.find_contacts(bodies, within=0.01).names == ("body 1 - body 2",)
