@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +37,12 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import columns_of, stacked_rows, with_columns
 from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.dense_factors import blocks, symmetrise
+from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.problem.seam import ContactProblem, OnContactDofs, PosedOn
-from skfem_contact.problem.springs import point_resistance, resistance_by, spring_compliance
+from skfem_contact.problem.springs import point_resistance, spring_compliance
 from skfem_contact.problem.substructure import Components, Substructure, substructures_of
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE, STIFFER
 from skfem_contact.problem.zone import Compliance, Zones
@@ -219,19 +220,23 @@ class PointProblem(OnContactDofs[Condensed]):
         self.springs: Array | None = None
         W = bodies.compliance(G)
         stable = all(part.definite for part in bodies.substructures)
-        self.compliance = Compliance(W, *self._places, self.q, stable)
+        again = partial(bodies.compliance, G)
+        self.compliance = Compliance(W, *self._places, self.q, stable, again=again)
+        del W  # whose place may be taken
         self._begin_anew()
         self.unknowns = self.q
         try:
             if not self.compliance.independent(G, bodies.least_softness):
                 self.zones.whole()
+        except SingularMatrix:  # is told to whom it matters
+            pass
         except LinAlgError:  # rows that depend on each other: corners, chains, tools that are held
             softness = bodies.softness
             self.springs = spring_compliance(self.rows, self.slips, lambda B: B.multiply(B) @ softness)
             self._give_way(self.springs, self.springs[:, None])
             self.unknowns = 0
         # what follows from loads that have one component, of so many as there were of each kind
-        self._follows = np.zeros((len(bodies.columns) + len(W), 0))
+        self._follows = np.zeros((len(bodies.columns) + G.shape[0], 0))
         self._counts: list[int] = []
 
     def _begin_anew(self) -> None:
@@ -260,7 +265,7 @@ class PointProblem(OnContactDofs[Condensed]):
         Where points are seen through springs, what its own DOFs resist: anchors depend on numbering.
         """
         if self.springs is None and self._every:
-            return resistance_by(self.compliance.W, *self._places)
+            return self.compliance.resistance
         if self.springs is None:
             return point_resistance(self.rows, self.slips, self.bodies.row_flexibility)
         given = diags(STIFFER * self.bodies.softness)
@@ -279,7 +284,7 @@ class PointProblem(OnContactDofs[Condensed]):
         else:
             force = self.bodies.load(case.f, case.x)
             found = self._following(force, self.bodies.flexibility(force))
-        rows = len(self.compliance.W)
+        rows = self.compliance.size
         moved, prescribed = found[:rows], found[rows:]
         return Load(np.zeros(0), *self.constant(case), prescribed, components, moved)
 

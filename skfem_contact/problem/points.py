@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.linalg.dense_factors import DenseFactors, factorised
+from skfem_contact.linalg.dense_factors import DenseFactors, blocks, factorised
 from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 from skfem_contact.records import dataclass
 
@@ -152,7 +152,9 @@ class PointSpace:
             on = rows.slides[:, k] & rows.slides[:, j]
             row, column = where[self.tangential_rows[on, k]], where[self.tangential_rows[on, j]]
             At[column, row] += conditions.spring[on, k, j]
-        At[:, where[rows.rubbing]] += rows.share * self.S[np.ix_(free, rows.pressing)]
+        for some in blocks(len(rows.rubbing)):
+            pressing = self.S[np.ix_(free, rows.pressing[some])]
+            At[:, where[rows.rubbing[some]]] += rows.share[some] * pressing
         return factorised(At.T, symmetric=not len(rows.rubbing) and conditions.even_springs)
 
     def response(self, conditions: Conditions, load: Load, found: Unknowns) -> Response:

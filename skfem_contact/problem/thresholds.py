@@ -51,10 +51,8 @@ MOST_TWINS = 6
 
 # -- zone ------------------------------------------------------
 
-# Points kept besides those that are closed, as a share of these, at least so many, and at least this
-# share of all: a solve with an eighth of the points costs the 500th part of a new reduction, which
-# is about one factorisation of the others. And the surplus at which the zone is drawn anew.
-SPARE, FEWEST, SHARE, SURPLUS = 0.25, 8, 1 / 8, 2.0
+# Points kept besides those that are closed, as a share of these, and at least so many.
+SPARE, FEWEST = 0.1, 8
 
 # Pivot of the bodies without the springs on their anchors, over the largest stiffness with them, below
 # which the points of a zone hardly hold them: taking away the springs costs forces as many digits.

@@ -16,6 +16,7 @@ time that a solver takes, is formed only where nearly all points are in the zone
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 
 import numpy as np
@@ -26,17 +27,20 @@ from scipy.sparse.linalg import splu
 
 from skfem_contact.linalg.dense_factors import (
     DenseFactors,
+    blocks,
     cholesky,
     divide,
     lu,
     subtract_product,
     symmetrise,
 )
-from skfem_contact.once import once
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.once import Lock, once
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load, Response
-from skfem_contact.problem.thresholds import FEWEST, LOOSE, SHARE, SPARE, SURPLUS
+from skfem_contact.problem.response import Conditions, Load, Resistance, Response
+from skfem_contact.problem.springs import resistance_by
+from skfem_contact.problem.thresholds import FEWEST, LOOSE, SPARE
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -44,7 +48,11 @@ Index = NDArray[np.intp]
 
 
 class Zones:
-    """The zone of one solve at a time, drawn anew where it is too small or much too large."""
+    """The zone of one solve at a time, drawn anew where it is too small or has become too large.
+
+    Points that are in it though they are open cost every factorisation, and to draw the zone anew costs
+    an inverse. It is drawn anew once they have cost as much: at most twice of what would have been best.
+    """
 
     def __init__(self, compliance: Compliance) -> None:
         self.compliance = compliance
@@ -53,13 +61,14 @@ class Zones:
         self._part: Zone | None = None
         self._all: Zone | None = None
         self._last: Array | None = None
+        self._spent = 0.0  # on points that are open [operations]
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
         key = conditions.matrix_key()
         if self._chosen is None or key != self._key:
             self._chosen = None  # before the next one takes memory
-            self._key, self._chosen = key, self._fitting(conditions.closed, load)
+            self._key, self._chosen = key, self._fitting(conditions, load)
         response = self._chosen.solve(conditions, load, key)
         self._last = response.gap
         return response
@@ -71,22 +80,27 @@ class Zones:
             self._all = whole.whole.anew() if whole.small else Zone(whole, refuses=whole.refuses)
         return self._all
 
-    def _fitting(self, closed: Mask, load: Load) -> Zone:
-        whole, old = self.compliance, self._part
-        has_gap = whole.normal_rows >= 0
-        needed = closed & has_gap
+    def _fitting(self, conditions: Conditions, load: Load) -> Zone:
+        whole, now = self.compliance, self._part
+        has_gap, rows = whole.normal_rows >= 0, 1 + whole.tangential_rows.shape[1]
+        needed = conditions.closed & has_gap
         count = np.count_nonzero(needed)
-        spare = max(FEWEST, int(SPARE * count), int(SHARE * len(needed)))
-        if old is not None and old.keeps(needed, SURPLUS * (count + spare)):
-            return old if old.good else self.whole()
+        asked = count + max(FEWEST, int(SPARE * count))
+        if now is not None and now.keeps(needed):
+            slide = (rows - 1.0) * np.count_nonzero(needed & ~conditions.stick)
+            self._spent += ((now.count - count) * rows + slide) ** 3 - slide**3
+            if now.count <= asked or self._spent <= (asked * rows) ** 3:
+                return now if now.good else self.whole()
         gap = np.where(needed, -np.inf, load.gap0 if self._last is None else self._last)
         keep = needed.copy()
-        keep[np.argsort(gap, kind="stable")[: count + spare]] = True
+        keep[np.argsort(gap, kind="stable")[:asked]] = True
         keep |= ~has_gap
-        few = 4 * keep.sum() <= 3 * len(keep) or not (whole.small or keep.all())
-        if not (few and whole.stable):
+        now = self._part = None  # before the next one takes memory
+        self._spent = 0.0
+        # the inverse of all points is there where they are few, and serves others if it is kept
+        nearly_all = 4 * keep.sum() > 3 * len(keep) if whole.small else keep.all()
+        if nearly_all or not whole.stable:
             return self.whole()
-        old = self._part = None  # before the next one takes memory
         if not whole.small:
             self._all = None
         self._part = Zone(whole, keep)
@@ -108,6 +122,8 @@ class Compliance:
         and no point is left out.
     refuses : bool
         Whether rows that depend on each other are refused.
+    again : callable, optional
+        Forms W once more: a large one gives its place to its inverse where nearly all points are closed.
     """
 
     def __init__(
@@ -118,14 +134,31 @@ class Compliance:
         q: int,
         stable: bool = True,
         refuses: bool = True,
+        again: Callable[[], Array] | None = None,
     ) -> None:
-        self.W, self.q, self.stable, self.refuses = W, q, stable, refuses
+        self.q, self.stable, self.refuses = q, stable, refuses
         self.normal_rows, self.tangential_rows = normal_rows, tangential_rows
+        self.size, self.small = len(W), W.nbytes <= thresholds.KEPT_BESIDE
+        self._W: Array | None = W
+        self._again, self._lock = again, Lock()
 
-    @property
-    def small(self) -> bool:
-        """Whether the stiffness of all points is kept beside it."""
-        return self.W.nbytes <= thresholds.KEPT_BESIDE
+    def _formed(self) -> Array:
+        """W; of those who hold the lock."""
+        if self._W is None:
+            assert self._again is not None
+            self._W = self._again()
+        return self._W
+
+    def part(self, rows: Index, columns: Index) -> Array:
+        """A copy of some rows and columns."""
+        with self._lock:
+            return self._formed()[np.ix_(rows, columns)]
+
+    @once
+    def resistance(self) -> Resistance:
+        """What each point resists by itself."""
+        with self._lock:
+            return resistance_by(self._formed(), self.normal_rows, self.tangential_rows)
 
     @once
     def whole(self) -> Zone:
@@ -134,9 +167,15 @@ class Compliance:
 
     def with_springs(self, give: Array) -> Compliance:
         """The same with springs of these compliances in series with its rows, (q,)."""
-        W = self.W.copy()
-        W[np.diag_indices(self.q)] += give
-        return Compliance(W, self.normal_rows, self.tangential_rows, self.q, refuses=False)
+
+        def formed() -> Array:
+            with self._lock:
+                W = self._formed().copy()
+            W[np.diag_indices(self.q)] += give
+            return W
+
+        given = self.normal_rows, self.tangential_rows, self.q
+        return Compliance(formed(), *given, refuses=False, again=formed)
 
     def independent(self, G: csr_matrix, least: Array | None) -> bool:
         """Whether no row depends on others as far as a sparse matrix shows; false if small.
@@ -150,7 +189,7 @@ class Compliance:
         """
         if self.small or least is None or not self.stable:
             return False
-        scaled = diags(1.0 / np.sqrt(self.W.diagonal())) @ G
+        scaled = diags(1.0 / np.sqrt(self._formed().diagonal())) @ G
         Q = (scaled @ diags(least) @ scaled.T).tocsc()
         try:
             pivots = splu(Q, "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True}).U.diagonal()
@@ -160,7 +199,15 @@ class Compliance:
 
     def inverse(self, on: Index | None, refuses: bool) -> Array:
         """Inverse of W on some rows; on all without them."""
-        W = self.W.copy() if on is None else self.W[np.ix_(on, on)]
+        if on is not None:
+            W = self.part(on, on)
+        else:
+            with self._lock:
+                W = self._formed()
+                if self.small or self._again is None:
+                    W = W.copy()
+                else:
+                    self._W = None
         return definite_inverse(W, refuses) if self.stable else indefinite_inverse(W)
 
 
@@ -189,24 +236,24 @@ class Zone:
         self._normal, self._tangential, self.good = normal, tangential, True
         on = None
         if keep is not None:
-            self.keep, self._dropped, self._count = keep, ~keep, np.count_nonzero(keep)
+            self.keep, self._dropped, self.count = keep, ~keep, np.count_nonzero(keep)
             place = np.full(q + 1, -1)
             rows = np.concatenate([normal[keep], tangential[keep].ravel()])
             self.rows = rows = np.sort(rows[rows >= 0])
             place[rows] = np.arange(len(rows))
             normal = np.where(keep, place[normal], -1)
             tangential = np.where(keep[:, None], place[tangential], -1)
-            on = np.append(rows, np.arange(q, len(whole.W)))
+            on = np.append(rows, np.arange(q, whole.size))
             self.rest = np.setdiff1d(np.arange(q), rows)
             q = len(rows)
-            self._across = whole.W[np.ix_(self.rest, on)]
+            self._across = whole.part(self.rest, on)
         A = whole.inverse(on, refuses)
         self._A_zq, self._A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         try:
             self._rigid = lu(self._A_qq - np.eye(len(A) - q))
         except LinAlgError:
             if keep is None:
-                raise
+                raise SingularMatrix("the contact points do not hold the bodies") from None
             self.good = False
             return
         held = np.min(self._rigid.diagonal, initial=np.inf)
@@ -222,9 +269,9 @@ class Zone:
         new.space = PointSpace(space.S, space.normal_rows, space.tangential_rows, new._loads)
         return new
 
-    def keeps(self, needed: Mask, most: float) -> bool:
-        """Whether all these points are kept, and not many more."""
-        return bool(self._count <= most and not np.count_nonzero(needed & self._dropped))
+    def keeps(self, needed: Mask) -> bool:
+        """Whether all these points are kept."""
+        return not np.count_nonzero(needed & self._dropped)
 
     def solve(self, conditions: Conditions, load: Load, key: object) -> Response:
         """Gaps, slips and forces of all points under conditions that close no other ones."""
@@ -312,11 +359,14 @@ def definite_inverse(W: Array, refuses: bool = True) -> Array:
 
 
 def without_anchors(A: Array, A_zq: Array, rigid: DenseFactors) -> Array:
-    """``A_zz - A_zq R A_qz``, a part of A itself; R is the inverse of what `rigid` factorises."""
+    """``A_zz - A_zq R A_qz``, in the place of A; R is the inverse of what `rigid` factorises."""
     q = len(A_zq)
     if len(A) == q:
         return A
-    S = A[:q, :q]
+    # the rows close up, from the first one on: NumPy copies what is not in one piece for every product
+    S = A.reshape(-1)[: q * q].reshape(q, q)
+    for rows in blocks(q):
+        S[rows] = A[rows, :q]
     subtract_product(S, A_zq, rigid.solve(A_zq.T))
     symmetrise(S)
     return S
