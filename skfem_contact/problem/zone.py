@@ -50,8 +50,8 @@ Index = NDArray[np.intp]
 class Zones:
     """The zone of one solve at a time, drawn anew where it is too small or has become too large.
 
-    Points that are in it though they are open cost every factorisation, and to draw the zone anew costs
-    an inverse. It is drawn anew once they have cost as much: at most twice of what would have been best.
+    Points that are in it though they are open cost time in every factorisation, and to draw the zone
+    anew costs an inverse. It is drawn anew once they have cost as much: at most twice the least.
     """
 
     def __init__(self, compliance: Compliance) -> None:
@@ -123,7 +123,7 @@ class Compliance:
     refuses : bool
         Whether rows that depend on each other are refused.
     again : callable, optional
-        Forms W once more: a large one gives its place to its inverse where nearly all points are closed.
+        Forms W once more: a large one gives its place to its inverse where all points are kept.
     """
 
     def __init__(
