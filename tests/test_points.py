@@ -108,6 +108,17 @@ def test_one_reduction_serves_many_loads(space: PointSpace) -> None:
     assert [zone.count for zone in draws] == [18, 13]
 
 
+def test_a_tenth_of_many_closed_points_is_spare() -> None:
+    """Of 100 closed points on springs of their own 110 are in the zone, the nearest ones."""
+    n, none = 200, np.zeros((200, 0))
+    zones = Zones(Compliance(np.eye(n), np.arange(n), np.full((n, 0), -1), n))
+    closed = np.arange(n) < 100
+    free = Conditions(closed, closed, none, np.zeros((n, 0, 0)), none, none)
+    zones.solve(free, Load(np.zeros(0), np.arange(n) - 100.0, none, np.zeros(0), (), np.zeros(n)))
+    assert zones._part is not None
+    assert_array_equal(zones._part.keep, np.arange(n) < 110)
+
+
 def test_far_points_that_hold_nothing(space: PointSpace) -> None:
     """Where the bodies move freely without the points kept, the whole problem is solved."""
     # K of gaps, slips and an anchor has one rigid motion, along all gaps and the anchor

@@ -397,7 +397,8 @@ class ContactSolver(Variants):
         by GMRES, with products through the factors of the bodies; `AMG()`, for bodies too large to be
         factorised, finds displacements and forces together; `PETSc("direct")` condenses, or iterates,
         over MPI ranks. Another backend solves ``T'KT`` with all DOFs in every iteration. A callable is
-        anything that scikit-fem takes as ``solver(A, b)``.
+        anything that scikit-fem takes as ``solver(A, b)``. "auto" takes one of the first three by the
+        memory of each, and by the load steps that are known to come; ``print(solver)`` says why.
     options : Options
 
     Raises

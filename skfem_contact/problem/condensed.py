@@ -353,7 +353,7 @@ def dense_bytes(kept: Sequence[int], rows: int) -> int:
 
 
 def delassus_compliance(W: Array, G: csr_matrix, F: Array) -> None:
-    """Add ``G F G'`` of one body to W, by blocks of rows.
+    """Add ``G F G'`` of one body to W, by blocks of rows, of which half are the others transposed.
 
     What slides over a long surface touches few of its DOFs: the rest of F is left out where that is
     most of it.
@@ -371,5 +371,9 @@ def delassus_compliance(W: Array, G: csr_matrix, F: Array) -> None:
         place = np.cumsum(touched) - 1
         G, F = with_columns(G, place, len(some)), F[np.ix_(some, some)]
     for rows in blocks(len(W)):
-        part = G[rows] if rows.stop - rows.start < len(W) else G
-        W[:, rows] += G @ (part @ F).T
+        begin, end = rows.start, rows.stop
+        whole = end - begin == len(W)
+        part, below = (G, G) if whole else (G[rows], G[begin:])
+        found = below @ (part @ F).T
+        W[begin:, rows] += found
+        W[rows, end:] += found[end - begin :].T

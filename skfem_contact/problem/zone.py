@@ -82,6 +82,8 @@ class Zones:
 
     def _fitting(self, conditions: Conditions, load: Load) -> Zone:
         whole, now = self.compliance, self._part
+        if not whole.stable:
+            return self.whole()
         has_gap, rows = whole.normal_rows >= 0, 1 + whole.tangential_rows.shape[1]
         needed = conditions.closed & has_gap
         count = np.count_nonzero(needed)
@@ -98,12 +100,12 @@ class Zones:
         now = self._part = None  # before the next one takes memory
         self._spent = 0.0
         # the inverse of all points is there where they are few, and serves others if it is kept
-        nearly_all = 4 * keep.sum() > 3 * len(keep) if whole.small else keep.all()
-        if nearly_all or not whole.stable:
-            return self.whole()
-        if not whole.small:
-            self._all = None
-        self._part = Zone(whole, keep)
+        if 4 * keep.sum() > 3 * len(keep) if whole.small else keep.all():
+            self._part = self.whole()
+        else:
+            if not whole.small:
+                self._all = None
+            self._part = Zone(whole, keep)
         return self._part if self._part.good else self.whole()
 
 
@@ -234,9 +236,10 @@ class Zone:
         normal, tangential, q = whole.normal_rows, whole.tangential_rows, whole.q
         self.left = keep is not None
         self._normal, self._tangential, self.good = normal, tangential, True
+        self.keep = np.ones(len(normal), dtype=bool) if keep is None else keep
+        self._dropped, self.count = ~self.keep, np.count_nonzero(self.keep)
         on = None
         if keep is not None:
-            self.keep, self._dropped, self.count = keep, ~keep, np.count_nonzero(keep)
             place = np.full(q + 1, -1)
             rows = np.concatenate([normal[keep], tangential[keep].ravel()])
             self.rows = rows = np.sort(rows[rows >= 0])
