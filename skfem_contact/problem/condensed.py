@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.problem.seam import ContactProblem, OnContactDofs, PosedOn
-from skfem_contact.problem.springs import point_resistance, spring_compliance
+from skfem_contact.problem.springs import point_resistance, resistance_by, spring_compliance
 from skfem_contact.problem.substructure import Components, Substructure, substructures_of
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE, STIFFER
 from skfem_contact.problem.zone import Compliance, Zones
@@ -220,9 +220,7 @@ class PointProblem(OnContactDofs[Condensed]):
         self.springs: Array | None = None
         W = bodies.compliance(G)
         stable = all(part.definite for part in bodies.substructures)
-        again = partial(bodies.compliance, G)
-        self.compliance = Compliance(W, *self._places, self.q, stable, again=again)
-        del W  # whose place may be taken
+        self.compliance = Compliance(W, *self._places, self.q, stable)
         self._begin_anew()
         self.unknowns = self.q
         try:
@@ -265,7 +263,7 @@ class PointProblem(OnContactDofs[Condensed]):
         Where points are seen through springs, what its own DOFs resist: anchors depend on numbering.
         """
         if self.springs is None and self._every:
-            return self.compliance.resistance
+            return resistance_by(self.compliance.W, *self._places)
         if self.springs is None:
             return point_resistance(self.rows, self.slips, self.bodies.row_flexibility)
         given = diags(STIFFER * self.bodies.softness)
@@ -284,7 +282,7 @@ class PointProblem(OnContactDofs[Condensed]):
         else:
             force = self.bodies.load(case.f, case.x)
             found = self._following(force, self.bodies.flexibility(force))
-        rows = self.compliance.size
+        rows = len(self.compliance.W)
         moved, prescribed = found[:rows], found[rows:]
         return Load(np.zeros(0), *self.constant(case), prescribed, components, moved)
 

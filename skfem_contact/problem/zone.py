@@ -16,7 +16,6 @@ time that a solver takes, is formed only where nearly all points are in the zone
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 
 import numpy as np
@@ -35,11 +34,10 @@ from skfem_contact.linalg.dense_factors import (
     symmetrise,
 )
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.once import Lock, once
+from skfem_contact.once import once
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load, Resistance, Response
-from skfem_contact.problem.springs import resistance_by
+from skfem_contact.problem.response import Conditions, Load, Response
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SPARE
 
 Array = NDArray[np.float64]
@@ -124,8 +122,6 @@ class Compliance:
         and no point is left out.
     refuses : bool
         Whether rows that depend on each other are refused.
-    again : callable, optional
-        Forms W once more: a large one gives its place to its inverse where all points are kept.
     """
 
     def __init__(
@@ -136,31 +132,10 @@ class Compliance:
         q: int,
         stable: bool = True,
         refuses: bool = True,
-        again: Callable[[], Array] | None = None,
     ) -> None:
-        self.q, self.stable, self.refuses = q, stable, refuses
+        self.W, self.q, self.stable, self.refuses = W, q, stable, refuses
         self.normal_rows, self.tangential_rows = normal_rows, tangential_rows
-        self.size, self.small = len(W), W.nbytes <= thresholds.KEPT_BESIDE
-        self._W: Array | None = W
-        self._again, self._lock = again, Lock()
-
-    def _formed(self) -> Array:
-        """W; of those who hold the lock."""
-        if self._W is None:
-            assert self._again is not None
-            self._W = self._again()
-        return self._W
-
-    def part(self, rows: Index, columns: Index) -> Array:
-        """A copy of some rows and columns."""
-        with self._lock:
-            return self._formed()[np.ix_(rows, columns)]
-
-    @once
-    def resistance(self) -> Resistance:
-        """What each point resists by itself."""
-        with self._lock:
-            return resistance_by(self._formed(), self.normal_rows, self.tangential_rows)
+        self.small = W.nbytes <= thresholds.KEPT_BESIDE  # the stiffness of all points is kept beside it
 
     @once
     def whole(self) -> Zone:
@@ -169,15 +144,9 @@ class Compliance:
 
     def with_springs(self, give: Array) -> Compliance:
         """The same with springs of these compliances in series with its rows, (q,)."""
-
-        def formed() -> Array:
-            with self._lock:
-                W = self._formed().copy()
-            W[np.diag_indices(self.q)] += give
-            return W
-
-        given = self.normal_rows, self.tangential_rows, self.q
-        return Compliance(formed(), *given, refuses=False, again=formed)
+        W = self.W.copy()
+        W[np.diag_indices(self.q)] += give
+        return Compliance(W, self.normal_rows, self.tangential_rows, self.q, refuses=False)
 
     def independent(self, G: csr_matrix, least: Array | None) -> bool:
         """Whether no row depends on others as far as a sparse matrix shows; false if small.
@@ -191,7 +160,7 @@ class Compliance:
         """
         if self.small or least is None or not self.stable:
             return False
-        scaled = diags(1.0 / np.sqrt(self._formed().diagonal())) @ G
+        scaled = diags(1.0 / np.sqrt(self.W.diagonal())) @ G
         Q = (scaled @ diags(least) @ scaled.T).tocsc()
         try:
             pivots = splu(Q, "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True}).U.diagonal()
@@ -201,15 +170,7 @@ class Compliance:
 
     def inverse(self, on: Index | None, refuses: bool) -> Array:
         """Inverse of W on some rows; on all without them."""
-        if on is not None:
-            W = self.part(on, on)
-        else:
-            with self._lock:
-                W = self._formed()
-                if self.small or self._again is None:
-                    W = W.copy()
-                else:
-                    self._W = None
+        W = self.W.copy() if on is None else self.W[np.ix_(on, on)]
         return definite_inverse(W, refuses) if self.stable else indefinite_inverse(W)
 
 
@@ -246,10 +207,10 @@ class Zone:
             place[rows] = np.arange(len(rows))
             normal = np.where(keep, place[normal], -1)
             tangential = np.where(keep[:, None], place[tangential], -1)
-            on = np.append(rows, np.arange(q, whole.size))
+            on = np.append(rows, np.arange(q, len(whole.W)))
             self.rest = np.setdiff1d(np.arange(q), rows)
             q = len(rows)
-            self._across = whole.part(self.rest, on)
+            self._across = whole.W[np.ix_(self.rest, on)]
         A = whole.inverse(on, refuses)
         self._A_zq, self._A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         try:
