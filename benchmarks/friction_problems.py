@@ -21,6 +21,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -44,10 +45,10 @@ from skfem_contact.loops.multipliers import Collision
 from skfem_contact.loops.pulled import after
 from skfem_contact.loops.starts import proximal
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.problem.condensed import definite_inverse
-from skfem_contact.problem.points import PointsInSeries, PointSpace
+from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.thresholds import GIVE
+from skfem_contact.problem.zone import Compliance, Zones
 
 Array = NDArray[np.float64]
 MARKS = "<!-- friction problems: begin -->", "<!-- friction problems: end -->"
@@ -139,33 +140,45 @@ class Seen:
     def __init__(self, problem: Problem) -> None:
         m, d = problem.q.shape
         W, rows = (problem.W - problem.odd).toarray(), np.arange(m * d).reshape(m, d)
-        normal, tangential = rows[:, 0], rows[:, 1:]
+        self._places = normal, tangential = rows[:, 0], rows[:, 1:]
         self.springs: Array | None = None
+        self._give, self._zones = np.zeros(m * d), Zones(Compliance(W, normal, tangential, m * d))
         try:
-            S = definite_inverse(W.copy())
+            self._zones.whole()
         except LinAlgError:
             give = GIVE * np.diag(W)[normal].mean()
             self.springs = np.full(m, give)
-            S = definite_inverse(W + give * np.eye(m * d), refuses=False)
-        self.space = PointSpace(S, normal, tangential)
-        self.points = self.space if self.springs is None else None
+            self._give_way(np.full(m * d, give))
         blocks = np.diagonal(W.reshape(m, d, m, d), axis1=0, axis2=2).transpose(2, 0, 1)
         softest = np.linalg.eigvalsh(blocks[:, 1:, 1:])[:, -1]
         self.resistance = Resistance(1.0 / blocks[:, 0, 0], 1.0 / softest)
 
+    def _give_way(self, give: Array) -> None:
+        """See all rows through springs of these compliances, and no others."""
+        self._zones = Zones(self._zones.compliance.with_springs(give - self._give))
+        self._give = give
+
+    @property
+    def points(self) -> PointSpace | None:
+        """The dense problem of all points; None where they are seen through springs."""
+        return self._zones.whole().space if self.springs is None else None
+
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
-        return self.space.solve(conditions, load)
+        return self._zones.solve(conditions, load)
 
     def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
         """The load with the forces at which the springs have no strain."""
         p = np.column_stack([normal_force, -tangential_force]).ravel()
-        strained = self.springs[0] * p
-        return replace(load, force=-self.space.S @ strained, strained=strained)
+        return replace(load, moved=load.moved - self._give * p)
 
-    def in_series(self, C: Resistance) -> PointsInSeries:
+    def in_series(self, C: Resistance) -> Seen:
         """The same problem with springs of the stiffness C in series with its points."""
-        return PointsInSeries(self.space, C, self.springs)
+        new, (m, t) = copy(self), self._places[1].shape
+        new.springs = None
+        soft = [1.0 / C.normal[:, None], np.broadcast_to(1.0 / C.tangential[:, None], (m, t))]
+        new._give_way(np.column_stack(soft).ravel())
+        return new
 
 
 @dataclass(frozen=True)
@@ -195,7 +208,7 @@ class Places:
 def step_of(problem: Problem, seen: Seen, q: Array) -> tuple[Step, Guess]:
     """The load step of a problem with free velocities q, and the cold guess."""
     (m, d), none = q.shape, np.zeros(len(q), dtype=bool)
-    load = Load(np.zeros(m * d), q[:, 0], q[:, 1:], np.zeros(0))
+    load = Load(np.zeros(0), q[:, 0], q[:, 1:], np.zeros(0), (), np.zeros(m * d))
     zero, slip = np.zeros(m), np.zeros((m, d - 1))
     last = LocalState(none.astype(int), slip, slip, zero, slip, zero, zero + 1, *[zero] * 5)
     points = np.zeros((m, d))

@@ -389,3 +389,36 @@ def test_compliance_of_rows_that_touch_few_columns_or_all():
         W = np.ones((7, 7))
         delassus_compliance(W, csr_matrix(G), F)
         assert_allclose(W, 1 + G @ F @ G.T, rtol=0, atol=1e-12)
+
+
+def test_the_number_of_load_steps_chooses_the_route(monkeypatch):
+    """Few load steps are iterated, many condensed; who goes on solving is condensed in time, too."""
+    first, per_byte = scene(), internals.original("problem.PER_BYTE")
+    bodies, contacts = first.system.bodies, first.contacts
+    share = first.linear_model.choice.pays_from / 2.5
+    # measured with 2209 points between 46 x 46 x 6 and 50 x 50 x 6 hexahedra: 2.6 load steps
+    assert_allclose((6627**3 + 5292**3) / (per_byte * 1.62e9), 2.6, rtol=0.2)
+    internals.replace(monkeypatch, "problem.PER_BYTE", per_byte * share)
+
+    def solver():
+        return sc.ContactSolver(bodies, contacts)
+
+    assert "they pay from 3 load steps on" in str(solver())
+    few = [0.5, 1.0]
+    for steps, route in ((few, "iterated"), ([*few, 1.0], "condensed"), (iter(few), "condensed")):
+        one = solver()
+        result = list(one.history(steps))[-1]
+        assert one.linear_model.route == route
+        words = "as dense matrices are not worth their time for 2 load steps: they pay from 3"
+        assert (words in str(one)) == ("forces by GMRES" in result.report()) == (route == "iterated")
+    assert solver().prepare().linear_model.route == "condensed"
+    again, routes, results = solver(), [], []
+    for load in (0.25, 0.5, 1.0, 1.0):
+        given = {"up": load * bodies[1].x}
+        results.append(again.solve(x=given, start=results[-1] if results else None))
+        routes.append((again.linear_model.route, type(again.model).__name__))
+    few, many = ("iterated", "IteratedBodies"), ("condensed", "Condensed")
+    assert routes == [few, few, many, many]
+    usual = list(first.history([0.25, 0.5, 1.0]))
+    for found, known in zip(results, usual, strict=False):  # also those of before
+        assert_allclose(found.u, known.u, rtol=0, atol=1e-11 * np.abs(known.u).max())

@@ -304,7 +304,7 @@ class Recovery:
             components=load.components,
             case=attempt.case,
             moved=moved,
-            unknowns=0 if problem.points is None else len(problem.points.S),
+            unknowns=problem.unknowns,
             shift=shift,
         )
 

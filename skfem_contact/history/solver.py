@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
@@ -164,8 +165,16 @@ class ProblemSetup:
 
     def prepare(self: S) -> S:
         """Do now what the first load step would do once: condense the bodies. Returns the solver."""
+        self._expect(math.inf)
         self.linear_model.prepare()
         return self
+
+    def _expect(self, steps: float) -> None:
+        """Let more load steps be known before they come: how many there are decides on the route."""
+        model = self.linear_model.expecting(steps)
+        if model is not self.linear_model:
+            self.linear_model = model
+            self._answering = self._new_step_solver()
 
 
 V = TypeVar("V", bound="Variants")
@@ -388,7 +397,8 @@ class ContactSolver(Variants):
         by GMRES, with products through the factors of the bodies; `AMG()`, for bodies too large to be
         factorised, finds displacements and forces together; `PETSc("direct")` condenses, or iterates,
         over MPI ranks. Another backend solves ``T'KT`` with all DOFs in every iteration. A callable is
-        anything that scikit-fem takes as ``solver(A, b)``.
+        anything that scikit-fem takes as ``solver(A, b)``. "auto" takes one of the first three by the
+        memory of each, and by the load steps that are known to come; ``print(solver)`` says why.
     options : Options
 
     Raises
@@ -480,6 +490,7 @@ class ContactSolver(Variants):
         named = {what: given for what, given in (("f", f), ("x", x)) if given is not None}
         if named:
             target = self._reader.read(named, target)
+        self._expect(1)
         return ContactResult(self._answering.solve(target, before, known, callback, throw))
 
     @known_keywords(
@@ -546,7 +557,8 @@ class ContactSolver(Variants):
         from skfem_contact.history.dry_run import Progress, Silent, count, line, reached
 
         yielded, total = PartialResults(), count(steps)
-        shown_as = Progress(steps, self.prepare) if progress else Silent()
+        self._expect(math.inf if total is None else total)
+        shown_as = Progress(steps, self.linear_model.prepare) if progress else Silent()
         try:
             for i, step in enumerate(steps, start=1):
                 logger.debug("step %d begins", i)

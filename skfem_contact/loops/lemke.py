@@ -182,7 +182,7 @@ def _problem(step: Step, space: PointSpace, weak: float) -> _Problem:
     free = np.setdiff1d(np.arange(len(space.S)), held)
     W = np.zeros_like(space.S)
     W[np.ix_(free, free)] = _compliance(space.S[np.ix_(free, free)], weak if step.motions.k else 0.0)
-    at_rest = W @ (load.force - space.S @ z) + z
+    at_rest = W @ (space.force(load) - space.S @ z) + z
 
     able = step.paired & ~step.bilateral & (space.normal_rows >= 0)
     order = np.argsort(step.rank)  # whichever order they were given in

@@ -66,13 +66,14 @@ class LoadingMachine:
     def __init__(self, space: PointSpace, before: Load, target: Load, own: Resistance) -> None:
         gap0 = np.where(space.normal_rows < 0, target.gap0, before.gap0)
         slip0 = np.where(space.tangential_rows < 0, target.slip0, before.slip0)
-        before = replace(before, gap0=gap0, slip0=slip0)
-        self._space, self._before = space, before
+        self._space = space
         tangential = np.broadcast_to(own.tangential[:, None], space.tangential_rows.shape)
         resists = self._on_rows(own.normal, tangential)
         # gaps and slips that obstacles change are changes of the load too: S times them
         moved = self._on_rows(_changed(gap0, target.gap0), _changed(slip0, target.slip0))
-        self._along = target.force - before.force + space.S @ moved
+        force = space.force(before)
+        self._along = space.force(target) - force + space.S @ moved
+        self._before = replace(before, force=force, gap0=gap0, slip0=slip0)
         gives = float(np.sum(self._along**2 / resists))
         self.pulls = gives > 0
         self._stiffness = 1.0 / gives if self.pulls else 0.0

@@ -1,7 +1,8 @@
 """The contact problem: bodies reduced to gaps, slips and forces of the points.
 
 * `seam`: the contact problem as load steps and loops see it; `response`: what they ask and are told;
-* `points`: the problem on gaps and slips; `sparse`: on displacements; both with springs in series too;
+* `points`: the problem on gaps and slips, `zone`: on those that may carry a force; `sparse`: on
+  displacements;
 * `substructure`: a body condensed onto its contact DOFs; `condensed`: all bodies, and what is left of
   them on gaps and slips;
 * `whole`, `forces`, `iterated`: the same without dense matrices, for very many points, and without
@@ -19,14 +20,15 @@ __getattr__ = entrances(
     __name__,
     {
         "choice": "Choice",
-        "condensed": "Condensed PointProblem definite_inverse delassus_compliance",
+        "condensed": "Condensed PointProblem delassus_compliance",
         "full": "FullProblem FullSystem",
         "iterated": "IteratedBodies IteratedProblem MultigridBodies MultigridProblem",
-        "points": "PointSpace PointsInSeries Reduction",
+        "points": "PointSpace",
         "response": "Conditions Load Resistance Response",
         "seam": "PosedOn Workspace",
         "sparse": "SparseSpace",
         "springs": "least_friction",
         "substructure": "Substructure",
+        "zone": "Compliance Zone Zones definite_inverse",
     },
 )

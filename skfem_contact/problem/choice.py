@@ -1,8 +1,15 @@
-"""How the bodies enter the contact problem: as chosen, or by the memory that each way takes."""
+"""How the bodies enter the contact problem: as chosen, or by the memory and time that each way takes.
+
+Dense matrices of the contact DOFs take the cube of their number to make, and hardly anything in each
+load step. Iterated forces take products with the factors of the bodies in each load step, and nothing
+before. So the number of load steps decides: the matrices are made where products would take longer.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +25,7 @@ from skfem_contact.linalg.multifrontal.fronts import FactorSize
 from skfem_contact.linalg.resources import Limits, factor_bound, written_bytes
 from skfem_contact.problem.condensed import dense_bytes
 from skfem_contact.problem.substructure import Substructure, wanted_of
+from skfem_contact.problem.thresholds import PER_BYTE
 
 Index = NDArray[np.intp]
 
@@ -57,6 +65,8 @@ class Choice:
         Gaps and slips of the points that have a partner.
     wanted : callable
         Gives the DOFs (stacked) that contact rows may touch; called where something depends on them.
+    steps : float
+        Load steps that are known to come, infinite where many may; zero where nothing is known.
     """
 
     def __init__(
@@ -67,10 +77,11 @@ class Choice:
         stiffness: Sequence[csr_matrix],
         rows: int,
         wanted: Callable[[], Index],
+        steps: float = 0.0,
     ) -> None:
         self.linear, self.limits = linear, limits
         self.system, self.stiffness = system, stiffness
-        self.rows, self._wanted = rows, wanted
+        self.rows, self._wanted, self.steps = rows, wanted, steps
 
     @property
     def route(self) -> str:
@@ -87,7 +98,25 @@ class Choice:
             return "multigrid" if isinstance(self.linear, AMG) else "full"
         if isinstance(self.linear, str) and self.factor_bytes > self.limits.factors:
             return "multigrid"
-        return "condensed" if self.dense_bytes <= self.limits.dense else "iterated"
+        if self.dense_bytes > self.limits.dense:
+            return "iterated"
+        return "iterated" if 0 < self.steps < self.pays_from else "condensed"
+
+    def expecting(self, steps: float) -> Choice:
+        """The same with more load steps to come."""
+        new = copy(self)
+        new.steps += steps
+        return new
+
+    @cached_property
+    def pays_from(self) -> float:
+        """Number of load steps from which on dense matrices take less time than iterated forces.
+
+        Both backends of the bodies are the multifrontal method; of others nothing is known.
+        """
+        if not isinstance(self.linear, str):
+            return 0.0
+        return float(np.sum(self._kept.astype(float) ** 3)) / (PER_BYTE * max(self._factor_bound, 1.0))
 
     @property
     def by_memory(self) -> bool:
@@ -105,8 +134,12 @@ class Choice:
             most = f"max_factor_bytes allows {written_bytes(self.limits.factors)}"
             return f"because factors would take {written_bytes(self.factor_bytes)}: {most}"
         most = f"max_dense_bytes allows {written_bytes(self.limits.dense)}"
+        pays = f"they pay from {math.ceil(self.pays_from)} load steps on"
         if self.route == "condensed":
-            return most
+            return f"{most}; {pays}" if self.pays_from > 1 else most
+        if self.dense_bytes <= self.limits.dense:
+            told = f"{self.steps:.0f} load step{'s' * (self.steps > 1)}"
+            return f"as dense matrices are not worth their time for {told}: {pays}"
         return f"because dense matrices would take {written_bytes(self.dense_bytes)}: {most}"
 
     @cached_property
@@ -124,10 +157,8 @@ class Choice:
 
         A bound where this is far from the limit, as it costs nothing; else what it will be.
         """
-        bodies = self.system.bodies
-        bound = sum(factor_bound(body.n - len(body.D), body.dim) for body in bodies)
-        if bound <= self.limits.factors:
-            return bound
+        if self._factor_bound <= self.limits.factors:
+            return self._factor_bound
         sizes = self._sizes(Substructure).values()
         waiting = max((size.peak - size.memory for size in sizes), default=0)
         return float(sum(size.memory for size in sizes) + waiting)
@@ -135,12 +166,21 @@ class Choice:
     @cached_property
     def dense_bytes(self) -> int:
         """Memory that the dense matrices of the contact problem take at most, or would [bytes]."""
+        copies = getattr(self.linear, "complements", 0)
+        return dense_bytes(self._kept.tolist(), self.rows) + copies * int(8 * np.sum(self._kept**2))
+
+    @cached_property
+    def _kept(self) -> Index:
+        """Contact DOFs of each body."""
         enters = np.zeros(self.system.n, dtype=bool)
         enters[self._wanted()] = True
         enters[self.system.D] = False
-        kept = np.diff(np.searchsorted(np.flatnonzero(enters), self.system.offsets))
-        copies = getattr(self.linear, "complements", 0)
-        return dense_bytes(kept.tolist(), self.rows) + copies * int(8 * np.sum(kept**2))
+        return np.diff(np.searchsorted(np.flatnonzero(enters), self.system.offsets))
+
+    @cached_property
+    def _factor_bound(self) -> float:
+        bodies = self.system.bodies
+        return float(sum(factor_bound(body.n - len(body.D), body.dim) for body in bodies))
 
     @property
     def backend(self) -> Any:

@@ -14,14 +14,15 @@ that carry no force; taking the springs away again is exact: with ``G = [B; P']`
 and q is eliminated. What is left is the stiffness against relative displacements of the points,
 singular exactly where free motion is.
 
-With many points, the dense matrix ``(G F G')^-1`` of the rows of gaps, slips and anchors is most of the
-memory that a solver takes. So it is formed by blocks of rows, changed in place from then on, and its
-size is known before (`dense_bytes`).
+With many points, the dense matrix ``G F G'`` is most of the memory that a solver takes. It is formed by
+blocks and inverted only on rows of points that may close (`zone`); its size is known before
+(`dense_bytes`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -35,22 +36,16 @@ from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import columns_of, stacked_rows, with_columns
 from skfem_contact.linalg.backend import Backend
-from skfem_contact.linalg.dense_factors import (
-    DenseFactors,
-    blocks,
-    cholesky,
-    divide,
-    lu,
-    subtract_product,
-    symmetrise,
-)
+from skfem_contact.linalg.dense_factors import blocks, symmetrise
+from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem import thresholds
-from skfem_contact.problem.points import PointsInSeries, PointSpace, on_rows
+from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.problem.seam import ContactProblem, OnContactDofs, PosedOn
-from skfem_contact.problem.springs import point_resistance, spring_compliance
+from skfem_contact.problem.springs import point_resistance, resistance_by, spring_compliance
 from skfem_contact.problem.substructure import Components, Substructure, substructures_of
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE, STIFFER
+from skfem_contact.problem.zone import Compliance, Zones
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -122,6 +117,7 @@ class Condensed:
         W = np.zeros((G.shape[0], G.shape[0]))
         for part, span in zip(self.substructures, self.kept_spans, strict=True):
             delassus_compliance(W, columns_of(G, span), part.flexibility)
+        symmetrise(W)
         return W
 
     def components(self, f: Array, x: Array) -> tuple[Components | None, ...]:
@@ -195,54 +191,70 @@ class Condensed:
         """How far a unit force moves each contact DOF, all others held, (n_c,) [length/force]."""
         return np.concatenate([part.softness for part in self.substructures])
 
+    @cached_property
+    def least_softness(self) -> Array | None:
+        """How far a unit force moves each contact DOF at least, (n_c,) [length/force].
+
+        By Gershgorin's circles ``S + P P' <= diag(sum_j |K_ij|) + P P'``. None where K is elsewhere.
+        """
+        if not all(isinstance(part.K, csr_matrix) for part in self.substructures):
+            return None
+        rows = [np.asarray(abs(p.K[p.kept]).sum(axis=1)).ravel() for p in self.substructures]
+        return np.asarray(1.0 / (np.concatenate(rows) + np.sum(self.P**2, axis=1)))
+
     def attach(self, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
         """The contact problem on one pairing."""
         return PointProblem(self, on)
 
 
 class PointProblem(OnContactDofs[Condensed]):
-    """The contact problem on gaps and slips, see `PointSpace`."""
+    """The contact problem on gaps and slips, see `Compliance`."""
 
     def __init__(self, bodies: Condensed, on: PosedOn) -> None:
         super().__init__(bodies, on)
-        B, normal_rows, tangential_rows = self.changing_rows(on)
-        self._places = normal_rows, tangential_rows, B.shape[0]
-        # of the dense matrices S alone is kept, in the place of A; G F follows from G
+        B, *places = self.changing_rows(on)
+        self._places = places[0], places[1]
+        self._every = not self.slips or bool(on.slipping[on.kin.paired].all())  # that have slips
         self.G = G = stacked_rows([B, bodies.anchor_rows] if bodies.P.size else [B])
-        self.q = q = B.shape[0]
+        self.q, self.give = B.shape[0], np.zeros(B.shape[0])
         self.springs: Array | None = None
+        W = bodies.compliance(G)
+        stable = all(part.definite for part in bodies.substructures)
+        self.compliance = Compliance(W, *self._places, self.q, stable)
+        self._begin_anew()
+        self.unknowns = self.q
         try:
-            W = bodies.compliance(G)
-            stable = all(part.definite for part in bodies.substructures)
-            A = definite_inverse(W) if stable else indefinite_inverse(W)
+            if not self.compliance.independent(G, bodies.least_softness):
+                self.zones.whole()
+        except SingularMatrix:  # is told to whom it matters
+            pass
         except LinAlgError:  # rows that depend on each other: corners, chains, tools that are held
-            A = self._inverse_with_springs()
-        self.A_zq, self.A_qq = A[:q, q:].copy(), A[q:, q:].copy()
-        self.rigid = lu(self.A_qq - np.eye(len(A) - q))
-        S = without_anchors(A, self.A_zq, self.rigid)
-        self.space = PointSpace(S, normal_rows, tangential_rows)
-        self.points: PointSpace | None = self.space if self.springs is None else None
+            softness = bodies.softness
+            self.springs = spring_compliance(self.rows, self.slips, lambda B: B.multiply(B) @ softness)
+            self._give_way(self.springs, self.springs[:, None])
+            self.unknowns = 0
         # what follows from loads that have one component, of so many as there were of each kind
-        self._follows = np.zeros((len(bodies.columns) + 2 * q + len(self.A_qq), 0))
+        self._follows = np.zeros((len(bodies.columns) + G.shape[0], 0))
         self._counts: list[int] = []
 
     def _begin_anew(self) -> None:
         super()._begin_anew()
-        space = self.space
-        self.space = PointSpace(space.S, space.normal_rows, space.tangential_rows)
-        self.points = self.space if self.springs is None else None
+        self.zones = Zones(self.compliance)
 
-    def _inverse_with_springs(self) -> Array:
-        """``(G F G' + E)^-1``, E of the springs in series with the points."""
-        rows, slips, bodies = self.rows, self.slips, self.bodies
-        self.springs = spring_compliance(rows, slips, lambda B: B.multiply(B) @ bodies.softness)
-        self._give = self._on_rows(self.springs, self.springs[:, None])
-        W = bodies.compliance(self.G)
-        W[np.diag_indices(self.q)] += self._give
-        return definite_inverse(W, refuses=False)
+    def _give_way(self, normal: Array, tangential: Array) -> None:
+        """See all points through springs of these compliances, (m,) and (m, d-1), and no others."""
+        give = self._on_rows(normal, tangential)
+        self.compliance = self.compliance.with_springs(give - self.give)
+        self.give = give
+        self._begin_anew()
 
     def _on_rows(self, normal: Array, tangential: Array) -> Array:
-        return on_rows((normal, tangential), *self._places)
+        return on_rows((normal, tangential), *self._places, self.q)
+
+    @property
+    def points(self) -> PointSpace | None:
+        """The dense problem of all points; None where they are seen through springs."""
+        return self.zones.whole().space if self.springs is None else None
 
     @cached_property
     def resistance(self) -> Resistance:
@@ -250,6 +262,8 @@ class PointProblem(OnContactDofs[Condensed]):
 
         Where points are seen through springs, what its own DOFs resist: anchors depend on numbering.
         """
+        if self.springs is None and self._every:
+            return resistance_by(self.compliance.W, *self._places)
         if self.springs is None:
             return point_resistance(self.rows, self.slips, self.bodies.row_flexibility)
         given = diags(STIFFER * self.bodies.softness)
@@ -268,32 +282,34 @@ class PointProblem(OnContactDofs[Condensed]):
         else:
             force = self.bodies.load(case.f, case.x)
             found = self._following(force, self.bodies.flexibility(force))
-        force, rest = found[: self.q], len(found) - len(self.bodies.columns)
-        gap0, slip0 = self.constant(case)
-        return Load(force, gap0, slip0, found[rest:], components, found[self.q : rest])
+        rows = len(self.compliance.W)
+        moved, prescribed = found[:rows], found[rows:]
+        return Load(np.zeros(0), *self.constant(case), prescribed, components, moved)
 
     def _following(self, f_c: Array, u_c: Array) -> Array:
-        """Forces on gaps and slips, and changes of gaps, slips and anchors; then the loads themselves.
+        """Changes of gaps, slips and anchors; then the loads themselves.
 
         From loads on the contact DOFs, (n_c,) or (n_c, r), and the displacements that follow from them.
         """
-        moved = self.G @ u_c
-        # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
-        force = self.space.S @ moved[: self.q] - self.A_zq @ self.rigid.solve(moved[self.q :])
-        return np.concatenate([force, moved, f_c])
+        return np.concatenate([self.G @ u_c, f_c])
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
-        return self.space.solve(conditions, load)
+        return self.zones.solve(conditions, load)
 
     def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
         """The load with the forces at which the springs of the problem have no strain."""
-        strained = self._give * self._on_rows(normal_force, -tangential_force)
-        return replace(load, force=load.force - self.space.S.dot(strained), strained=strained)
+        assert load.moved is not None
+        moved = load.moved.copy()
+        moved[: self.q] -= self.give * self._on_rows(normal_force, -tangential_force)
+        return replace(load, moved=moved)
 
-    def in_series(self, C: Resistance) -> PointsInSeries:
+    def in_series(self, C: Resistance) -> PointProblem:
         """The same problem with springs of the stiffness C in series with its points."""
-        return PointsInSeries(self.space, C, self.springs)
+        new = copy(self)
+        new.springs = None  # that are to lose their strain
+        new._give_way(1.0 / C.normal, 1.0 / C.tangential[:, None])
+        return new
 
     def source(self, load: Load, response: Response) -> Source:
         """Forces on the contact DOFs: loads, contact, and the springs on the anchors."""
@@ -305,11 +321,7 @@ class PointProblem(OnContactDofs[Condensed]):
         loads, responses = [load for load, _ in found], [response for _, response in found]
         force = np.column_stack([load.prescribed for load in loads])
         force += from_gaps @ np.column_stack([r.normal_force for r in responses])
-        # A [z; q] - A G F f is the force on all rows, of which the last is q itself
-        z = np.column_stack([r.solution for r in responses])
-        known = np.column_stack([load.moved for load in loads if load.moved is not None])
-        along = self.A_zq.T @ (known[: self.q] - z) + self.A_qq @ known[self.q :]
-        force += self.bodies.P @ self.rigid.solve(along)
+        force += self.bodies.P @ np.column_stack([r.solution[self.q :] for r in responses])
         if self.slips:
             force -= from_slips @ np.column_stack([r.tangential_force.ravel() for r in responses])
         return [Source(column.copy(), forces=True) for column in force.T]
@@ -339,7 +351,7 @@ def dense_bytes(kept: Sequence[int], rows: int) -> int:
 
 
 def delassus_compliance(W: Array, G: csr_matrix, F: Array) -> None:
-    """Add ``G F G'`` of one body to W, by blocks of rows.
+    """Add ``G F G'`` of one body to W, by blocks of rows, of which half are the others transposed.
 
     What slides over a long surface touches few of its DOFs: the rest of F is left out where that is
     most of it.
@@ -357,58 +369,9 @@ def delassus_compliance(W: Array, G: csr_matrix, F: Array) -> None:
         place = np.cumsum(touched) - 1
         G, F = with_columns(G, place, len(some)), F[np.ix_(some, some)]
     for rows in blocks(len(W)):
-        part = G[rows] if rows.stop - rows.start < len(W) else G
-        W[:, rows] += G @ (part @ F).T
-
-
-def indefinite_inverse(W: Array) -> Array:
-    """Inverse of a symmetric matrix that is not positive definite, as of bodies that are not stable.
-
-    Raises
-    ------
-    LinAlgError
-        Rows depend on each other.
-    """
-    symmetrise(W)
-    size = np.sqrt(np.max(np.abs(W), axis=1))
-    divide(W, size)
-    factors = lu(W)
-    if not factors.even(thresholds.DEPENDENT**2):
-        raise LinAlgError("dependent contact rows")
-    inverse = factors.solve(np.eye(len(W)))
-    symmetrise(inverse)
-    divide(inverse, size)
-    return inverse
-
-
-def definite_inverse(W: Array, refuses: bool = True) -> Array:
-    """Inverse of a symmetric positive definite matrix, in its place; dependent rows may be refused.
-
-    No diagonal entry is zero: rows without free coefficients are left out before, and the flexibility
-    of the bodies is positive definite.
-
-    Raises
-    ------
-    LinAlgError
-        Rows depend on each other; `W` is lost.
-    """
-    scale = np.sqrt(np.diag(W))
-    symmetrise(W)
-    divide(W, scale)
-    factors = cholesky(W.T, overwrite=True)
-    if refuses and np.min(factors.diagonal, initial=1.0) < thresholds.DEPENDENT:
-        raise LinAlgError("dependent contact rows")
-    inverse = factors.inverse()
-    divide(inverse, scale)
-    return inverse
-
-
-def without_anchors(A: Array, A_zq: Array, rigid: DenseFactors) -> Array:
-    """``A_zz - A_zq R A_qz``, a part of A itself; R is the inverse of what `rigid` factorises."""
-    q = len(A_zq)
-    if len(A) == q:
-        return A
-    S = A[:q, :q]
-    subtract_product(S, A_zq, rigid.solve(A_zq.T))
-    symmetrise(S)
-    return S
+        begin, end = rows.start, rows.stop
+        whole = end - begin == len(W)
+        part, below = (G, G) if whole else (G[rows], G[begin:])
+        found = below @ (part @ F).T
+        W[begin:, rows] += found
+        W[rows, end:] += found[end - begin :].T

@@ -64,6 +64,8 @@ class LinearModel:
         Seconds by stage are added here.
     reuse : sequence of Substructure or None
         Bodies that are still as they were condensed.
+    steps : float
+        Load steps that are known to come, see `Choice`.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class LinearModel:
         limits: Limits,
         timings: dict[str, float],
         reuse: Sequence[Substructure | None] = (),
+        steps: float = 0.0,
     ) -> None:
         self.geometry, self.interface = geometry, interface
         self.system, self.kin = geometry.system, geometry.kin
@@ -84,7 +87,7 @@ class LinearModel:
         self.linear, self.limits = checked_linear(linear), limits
         check_distributed(self.linear, self.stiffness)
         self.timings = timings
-        self._reuse = list(reuse)
+        self._reuse, self._steps = list(reuse), steps
         self._bodies: AnyBodies | None = None
         self._base: ContactProblem | None = None
         self._for_pivoting: Condensed | None = None
@@ -142,6 +145,7 @@ class LinearModel:
             self.linear,
             self.limits,
             timings,
+            steps=self.choice.steps,
         )
         if same and own:
             self.prepare()
@@ -171,8 +175,29 @@ class LinearModel:
             stiffness.append(K + csr_matrix(diags(own)) if own.any() else K)
             reuse.append(None if own.any() else part)
         motions = rigid_motions(self.system, self.kin, stiffness)
-        parts = self.geometry, self.interface, stiffness, motions
-        return LinearModel(*parts, self.linear, self.limits, self.timings, reuse)
+        return self._anew(stiffness, motions, reuse, self.choice.steps)
+
+    def _anew(
+        self,
+        stiffness: Sequence[csr_matrix],
+        motions: RigidMotions,
+        reuse: Sequence[Substructure | None],
+        steps: float,
+    ) -> LinearModel:
+        given = self.geometry, self.interface, stiffness, motions
+        return LinearModel(*given, self.linear, self.limits, self.timings, reuse, steps)
+
+    def expecting(self, steps: float) -> LinearModel:
+        """The model for more load steps to come; another one where so many are worth another route.
+
+        Results that are there keep the one they have.
+        """
+        with self._lock:
+            choice = self.choice.expecting(steps)
+            if self._bodies is not None and choice.route != self.route:
+                return self._anew(self.stiffness, self.motions, (), choice.steps)
+            self.choice = choice
+            return self
 
     def prepare(self) -> None:
         """Do now what the first load step would do once."""
@@ -226,7 +251,7 @@ class LinearModel:
         slipping = self.kin.paired & self.interface.slipping
         rows = int(self.kin.paired.sum() + self.kin.tangents * slipping.sum())
         given = self.linear, self.limits, self.system, self.stiffness
-        return Choice(*given, rows, lambda: self._wanted)
+        return Choice(*given, rows, lambda: self._wanted, self._steps)
 
     @property
     def route(self) -> str:

@@ -1,40 +1,19 @@
-r"""The dense contact problem on gaps and slips, and on those of them that matter at the moment.
+r"""The dense contact problem on gaps and slips: ``S z = h + p`` with ``p = (lambda, -tau)``.
 
-Eliminating a closed point from ``S z = h + p`` is deleting its row and column. Points that are open,
-and far from closing, carry no force whatever they do: they are eliminated for good (`Reduction`),
-until one of them is asked to close. This is exact and costs about one factorisation; the many
-factorisations of a load history are then of the size of the contact zone, not of the surface.
-
-A spring in series with every point, which forces are taken from (`PointsInSeries`):
-gaps and slips z of the points are seen through springs with the stiffness C, which have no strain at
-forces ``p_0 = (lambda, -tau)``,
-
-    seen = z + C^-1 (p - p_0).
-
-Where ``p = p_0`` comes out they are as good as not there: it is the answer of the problem itself. On
-displacements this is an augmented Lagrangian.
+Eliminating a closed point from it is deleting its row and column.
 """
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from collections.abc import Callable
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError
 
-from skfem_contact.linalg.dense_factors import (
-    DenseFactors,
-    cholesky,
-    factorised,
-    lu,
-    subtract_product,
-    symmetrise,
-)
-from skfem_contact.problem import thresholds
-from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
-from skfem_contact.problem.thresholds import FEWEST, LOOSE, SHARE, SPARE, SURPLUS
+from skfem_contact.linalg.dense_factors import DenseFactors, blocks, factorised
+from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -109,34 +88,26 @@ class PointSpace:
         Row of z that is the gap of a point; -1 where the gap can not change.
     tangential_rows : ndarray of int, shape (m, d-1)
         The same for the slips; -1 where a slip is not modelled (no friction) or can not change.
+    follows : callable, optional
+        Forces h (q,) of loads that say what gaps and slips do where contact carries nothing.
     """
 
     S: Array
     normal_rows: NDArray[np.intp]
     tangential_rows: NDArray[np.intp]
+    follows: Callable[[Load], Array] | None = None
     # rows and factor for the conditions of this key: most iterations ask for the set of the last one
     _key: object = field(default=None, repr=False)
     _rows: HeldRows | None = field(default=None, repr=False)
     _factor: DenseFactors | None = field(default=None, repr=False)
-    _reduction: Reduction | None = field(default=None, repr=False)
-    # what was last chosen to solve with, and for which rows
-    _chosen: tuple[HeldRows, Reduction | None] | None = field(default=None, repr=False)
-    _last: Array | None = field(default=None, repr=False)
+
+    def force(self, load: Load) -> Array:
+        """The forces h of a load, (q,)."""
+        return load.force if self.follows is None or load.force.size else self.follows(load)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Solve for the gaps and slips that the conditions leave free."""
-        rows = self._held(conditions, conditions.matrix_key())
-        if self._chosen is None or self._chosen[0] is not rows:
-            self._chosen = None  # before the next one takes memory
-            self._chosen = rows, self._reduce(rows.closed, load)
-        reduction = self._chosen[1]
-        if reduction is None:
-            found = self.unknowns(conditions, load, self._key)
-        else:
-            found = reduction.unknowns(conditions, load, rows)
-        response = self._response(conditions, load, rows, found)
-        self._last = response.gap
-        return response
+        return self.response(conditions, load, self.unknowns(conditions, load))
 
     def unknowns(self, conditions: Conditions, load: Load, key: object = None) -> Unknowns:
         """Gaps and slips, and the forces on them.
@@ -154,7 +125,8 @@ class PointSpace:
             z[rows.sliding] = -beyond[rows.slides]
             given = np.where(rows.slides, 0.0, beyond)  # along tangents that supports prescribe
             known = known + np.einsum("ikl,il->ik", conditions.spring, given)
-        rhs = load.force - self.S.dot(z)  # of so few rows in half the time of @
+        force = self.force(load)
+        rhs = force - self.S.dot(z)  # of so few rows in half the time of @
         rhs[rows.sliding] -= known[rows.slides]
         rhs[rows.rubbing] += rows.share * rhs[rows.pressing]
         if self._factor is None:
@@ -162,32 +134,13 @@ class PointSpace:
         since = np.zeros_like(z)
         since[rows.free] = self._factor.solve(rhs[rows.free])
         z[rows.free] += since[rows.free]
-        return Unknowns(z, self.S.dot(z) - load.force, since)
+        return Unknowns(z, self.S.dot(z) - force, since)
 
     def _held(self, conditions: Conditions, key: object) -> HeldRows:
         """The rows that conditions hold; of the last ones, if their matrix is the same."""
         if self._rows is None or key != self._key:
             self._key, self._rows, self._factor = key, HeldRows(self, conditions), None
         return self._rows
-
-    def _reduce(self, needed: Mask, load: Load) -> Reduction | None:
-        """The reduction in use, or a new one where it is too small or much too large."""
-        count = np.count_nonzero(needed)
-        spare = max(FEWEST, int(SPARE * count), int(SHARE * len(needed)))
-        old = self._reduction
-        if old is not None and old.keeps(needed, SURPLUS * (count + spare)):
-            return old if old.good else None
-        gap = np.where(needed, -np.inf, load.gap0 if self._last is None else self._last)
-        keep = needed.copy()
-        keep[np.argsort(gap, kind="stable")[: count + spare]] = True
-        keep |= self.normal_rows < 0
-        if 4 * keep.sum() > 3 * len(keep):
-            if self.S.nbytes > thresholds.KEPT_BESIDE:
-                self._reduction = None
-            return None
-        old = self._reduction = self._factor = None  # before the next one takes memory
-        self._reduction = Reduction(self, keep)
-        return self._reduction if self._reduction.good else None
 
     def _factorize(self, conditions: Conditions, rows: HeldRows) -> DenseFactors:
         free = rows.free
@@ -199,13 +152,15 @@ class PointSpace:
             on = rows.slides[:, k] & rows.slides[:, j]
             row, column = where[self.tangential_rows[on, k]], where[self.tangential_rows[on, j]]
             At[column, row] += conditions.spring[on, k, j]
-        At[:, where[rows.rubbing]] += rows.share * self.S[np.ix_(free, rows.pressing)]
+        for some in blocks(len(rows.rubbing)):
+            pressing = self.S[np.ix_(free, rows.pressing[some])]
+            At[:, where[rows.rubbing[some]]] += rows.share[some] * pressing
         return factorised(At.T, symmetric=not len(rows.rubbing) and conditions.even_springs)
 
-    def _response(
-        self, conditions: Conditions, load: Load, rows: HeldRows, found: Unknowns
-    ) -> Response:
-        z, p, since = found
+    def response(self, conditions: Conditions, load: Load, found: Unknowns) -> Response:
+        """Gaps, slips and forces of all points from the unknowns that were found last."""
+        assert self._rows is not None
+        rows, (z, p, since) = self._rows, found
         moved = np.concatenate((z, NO_ROW))
         gap = load.gap0 + moved[self.normal_rows]
         gap[rows.closed] = 0.0
@@ -220,125 +175,7 @@ class PointSpace:
             way[rows.slides] = since[rows.sliding]
         friction = friction_force(conditions, way, normal_force, rows.gives)
         tangential[rows.rubs] = friction[rows.rubs]
-        own = z if load.strained is None else z + load.strained
-        return Response(gap, slip, normal_force, tangential, own)
-
-
-class Reduction:
-    """A point space without points that carry no force.
-
-    Parameters
-    ----------
-    space : PointSpace
-    keep : ndarray of bool, shape (m,)
-        Points that may carry one.
-
-    Attributes
-    ----------
-    good : bool
-        False where the points that are kept do not hold the bodies; then there is no `space`.
-    space : PointSpace
-        Over the rows of the points that are kept.
-    """
-
-    def __init__(self, space: PointSpace, keep: Mask) -> None:
-        self.keep, self._dropped, self._count = keep, ~keep, np.count_nonzero(keep)
-        rows = np.concatenate([space.normal_rows[keep], space.tangential_rows[keep].ravel()])
-        self.rows = rows = np.sort(rows[rows >= 0])
-        self.rest = rest = np.setdiff1d(np.arange(len(space.S)), rows)
-        try:
-            # transposed: S is symmetric, and LAPACK works in place on columns
-            self._factor = cholesky(space.S[np.ix_(rest, rest)].T, overwrite=True)
-        except LinAlgError:
-            self.good = False
-            return
-        self.good = self._factor.even(LOOSE)
-        coupling = space.S[np.ix_(rest, rows)]
-        self._follow = self._factor.solve(coupling)
-        S = space.S[np.ix_(rows, rows)]
-        subtract_product(S, coupling.T, self._follow)
-        symmetrise(S)
-        place = np.full(len(space.S) + 1, -1)
-        place[rows] = np.arange(len(rows))
-        self.space = PointSpace(
-            S,
-            np.where(keep, place[space.normal_rows], -1),
-            np.where(keep[:, None], place[space.tangential_rows], -1),
-        )
-        self._load: Load | None = None
-
-    def keeps(self, needed: Mask, most: float) -> bool:
-        """Whether all these points are kept, and not many more."""
-        return bool(self._count <= most and not np.count_nonzero(needed & self._dropped))
-
-    def load(self, load: Load) -> Load:
-        """A load on the rows that are kept; the same load is reduced once."""
-        if self._load is not load:
-            self._load, rest = load, load.force[self.rest]
-            self._at_rest = self._factor.solve(rest)
-            force = load.force[self.rows] - self._follow.T.dot(rest)
-            self._reduced = Load(force, load.gap0, load.slip0, load.prescribed)
-        return self._reduced
-
-    def expand(self, z: Array, load: Load) -> Array:
-        """Gaps and slips of all rows (q,) from those of the rows that are kept."""
-        self.load(load)
-        full = np.empty(len(self.rows) + len(self.rest))
-        full[self.rows] = z
-        full[self.rest] = self._at_rest - self._follow.dot(z)
-        return full
-
-    def unknowns(self, conditions: Conditions, load: Load, key: object) -> Unknowns:
-        """Those of all rows."""
-        z, *others = self.space.unknowns(conditions, self.load(load), key)
-        forces, since = np.zeros((2, len(self.rows) + len(self.rest)))
-        forces[self.rows], since[self.rows] = others
-        return Unknowns(self.expand(z, load), forces, since)
-
-
-class PointsInSeries:
-    """On gaps and slips, ``S z = h + p``, where ``S = (W + E)^-1`` has springs E already, or none.
-
-    With those of the stiffness C in their place, ``D = C^-1 - E``,
-
-        (1 + S D)^-1 S seen = (1 + S D)^-1 (h - S C^-1 p_0) + p.
-
-    Parameters
-    ----------
-    space : PointSpace
-    C : Resistance
-        Stiffness of the springs of each point.
-    own : ndarray, shape (m,), optional
-        Compliance E of the springs that are in S.
-    """
-
-    springs = None  # that are to lose their strain
-
-    def __init__(self, space: PointSpace, C: Resistance, own: Array | None = None) -> None:
-        self._space = space
-        shape = space.tangential_rows.shape
-        soft = 1.0 / C.normal, np.broadcast_to(1.0 / C.tangential[:, None], shape)
-        self._give = self._on_rows(*soft)
-        replaced = np.zeros(len(space.S))
-        if own is not None:
-            replaced = self._on_rows(own, np.broadcast_to(own[:, None], shape))
-        self._factor = lu(np.eye(len(space.S)) + space.S * (self._give - replaced))
-        S = self._factor.solve(space.S)
-        symmetrise(S)
-        self.points = PointSpace(S, space.normal_rows, space.tangential_rows)
-
-    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
-        """The load with the forces at which the springs have no strain."""
-        p = self._on_rows(normal_force, -tangential_force)
-        return replace(load, force=self._factor.solve(load.force) - self.points.S @ (self._give * p))
-
-    def solve(self, conditions: Conditions, load: Load) -> Response:
-        """Gaps and slips as they are seen, and forces, under these conditions."""
-        return self.points.solve(conditions, load)
-
-    def _on_rows(self, normal: Array, tangential: Array) -> Array:
-        space = self._space
-        return on_rows((normal, tangential), space.normal_rows, space.tangential_rows, len(space.S))
+        return Response(gap, slip, normal_force, tangential, z)
 
 
 def on_rows(

@@ -134,12 +134,12 @@ class Load:
 
     Attributes
     ----------
+    force : ndarray
+        Empty where it follows from `moved`.
     components : tuple
         What the bodies remember of the load, for the interior.
     moved : ndarray
         Changes of gaps, slips and anchors where contact carries nothing; on gaps and slips.
-    strained : ndarray or None
-        Extensions of springs in series with gaps and slips at the forces at which they are at rest.
     """
 
     force: Array
@@ -148,7 +148,6 @@ class Load:
     prescribed: Array
     components: tuple[Any, ...] = ()
     moved: Array | None = None
-    strained: Array | None = None
 
 
 @dataclass(eq=False)

@@ -112,6 +112,8 @@ class ContactProblem(LinearProblem, Protocol):
         What loops know of the points, by whom they are asked; of this problem's memory.
     on_points : ContactProblem or None
         The same on gaps and slips, where somebody has asked for it; of this problem's memory.
+    unknowns : int
+        Gaps and slips of `points`; zero where there is none.
     """
 
     kin: Kinematics
@@ -120,6 +122,7 @@ class ContactProblem(LinearProblem, Protocol):
     idle: list[Any]
     steps: WeakKeyDictionary[Any, Any]
     on_points: ContactProblem | None
+    unknowns: int
 
     def anew(self) -> ContactProblem:
         """The same problem with a memory of its own: for one solve at a time."""
@@ -208,6 +211,8 @@ class PosedOn:
 
 class Posed:
     """What all contact problems have of the pairing that they are posed on."""
+
+    unknowns = 0
 
     def __init__(self, on: PosedOn) -> None:
         self.kin, self.motions, self.u = on.kin, on.motions, on.u

@@ -146,12 +146,26 @@ def point_resistance(
         ``B -> B F``, of rows (r, n) the displacements that unit forces along them cause, (r, n).
     """
     t = kin.tangents if slips else 0
-    normal = _blocks(kin.B_n, 1, flexibility)[:, 0, 0]
-    resisted = _inverse(normal)
-    if t == 0:
-        return Resistance(resisted, resisted)
-    softest = np.asarray(np.linalg.eigvalsh(_blocks(kin.B_t, t, flexibility))[:, -1], dtype=float)
-    return Resistance(resisted, _inverse(softest))
+    normal = _blocks(kin.B_n, 1, flexibility)
+    return _resistance(normal, _blocks(kin.B_t, t, flexibility) if t else normal)
+
+
+def resistance_by(W: Array, normal_rows: Index, tangential_rows: Index) -> Resistance:
+    """Resistance of each point from the compliance of all rows; -1 where a point has none."""
+    rows = (
+        normal_rows[:, None],
+        tangential_rows if (tangential_rows >= 0).any() else normal_rows[:, None],
+    )
+    normal, tangential = (
+        np.where((on[:, :, None] >= 0) & (on[:, None, :] >= 0), W[on[:, :, None], on[:, None, :]], 0.0)
+        for on in rows
+    )
+    return _resistance(normal, tangential)
+
+
+def _resistance(normal: Array, tangential: Array) -> Resistance:
+    softest = np.asarray(np.linalg.eigvalsh(tangential)[:, -1], dtype=float)
+    return Resistance(_inverse(normal[:, 0, 0]), _inverse(softest))
 
 
 def _blocks(B: csr_matrix, size: int, flexibility: Callable[[csr_matrix], csr_matrix | Array]) -> Array:

@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+# -- choice ------------------------------------------------------
+
+# Cubes of contact DOFs per byte of the bound of the factors and load step from which on iterated forces
+# take less time. Condensing takes three operations for each, at the peak of a processor; a load step
+# some 60 products with the factors, each of which reads all bytes twice, a third of the bound: with
+# 2 200 points on solids of 100 000 DOFs the two meet at 2.6 load steps, and by this number at 2.7.
+PER_BYTE = 100.0
+
 # -- condensed ---------------------------------------------------
 
 # Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
@@ -49,18 +57,17 @@ ROUNDING = 2.0**-53
 # Sets of springs whose twins are kept: two weak ones, and some of single DOFs.
 MOST_TWINS = 6
 
-# -- points ------------------------------------------------------
+# -- zone ------------------------------------------------------
 
-# Points kept besides those that are closed, as a share of these, at least so many, and at least this
-# share of all: a solve with an eighth of the points costs the 500th part of a new reduction, which
-# is about one factorisation of the others. And the surplus at which the zone is drawn anew.
-SPARE, FEWEST, SHARE, SURPLUS = 0.25, 8, 1 / 8, 2.0
+# Points kept besides those that are closed, as a share of these, and at least so many.
+SPARE, FEWEST = 0.1, 8
 
-# Pivot over the largest one at which the points that are left do not hold the bodies.
-LOOSE = 1e-7
+# Pivot of the bodies without the springs on their anchors, over the largest stiffness with them, below
+# which the points of a zone hardly hold them: taking away the springs costs forces as many digits.
+LOOSE = 1e-5
 
-# Size of the matrix of all points up to which what it was reduced to stays beside it [bytes], though
-# hardly a point is left out at the moment.
+# Size of the compliance of all points up to which its inverse stays beside it [bytes]. Of a larger one,
+# of 2 800 rows, it takes half a second and more, and is formed where somebody asks.
 KEPT_BESIDE = 64_000_000
 
 # -- response ----------------------------------------------------

@@ -1,0 +1,336 @@
+r"""Of the points those that may carry a force at the moment: the zone.
+
+With the compliance W of gaps, slips and anchors (`condensed`), points that are open, and far from
+closing, are left out by leaving out their rows: what carries no force gives way freely. The stiffness
+of the others is ``A = W_kk^-1``, k the rows of the zone and of the anchors, less the springs on these,
+
+    (A - [0, 0; 0, 1]) [z; q] = A [z0; q0] + [p; 0],
+
+z0 and q0 being what gaps, slips and anchors do where contact carries nothing. With q eliminated that is
+``S z = h + p`` of `PointSpace`. What is left out follows: ``z = z0 + W_zk [p; q]``.
+
+This is exact, and costs the inverse of a matrix as large as the zone. The many factorisations of a load
+history are as large as what is free within it. The inverse of all of W, with many points most of the
+time that a solver takes, is formed only where nearly all points are in the zone, or somebody asks.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError
+from scipy.sparse import csr_matrix, diags
+from scipy.sparse.linalg import splu
+
+from skfem_contact.linalg.dense_factors import (
+    DenseFactors,
+    blocks,
+    cholesky,
+    divide,
+    lu,
+    subtract_product,
+    symmetrise,
+)
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.once import once
+from skfem_contact.problem import thresholds
+from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.response import Conditions, Load, Response
+from skfem_contact.problem.thresholds import FEWEST, LOOSE, SPARE
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+
+class Zones:
+    """The zone of one solve at a time, drawn anew where it is too small or has become too large.
+
+    Points that are in it though they are open cost time in every factorisation, and to draw the zone
+    anew costs an inverse. It is drawn anew once they have cost as much: at most twice the least.
+    """
+
+    def __init__(self, compliance: Compliance) -> None:
+        self.compliance = compliance
+        self._key: object = None
+        self._chosen: Zone | None = None  # for the conditions of this key
+        self._part: Zone | None = None
+        self._all: Zone | None = None
+        self._last: Array | None = None
+        self._spent = 0.0  # on points that are open [operations]
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps, slips and forces under these conditions."""
+        key = conditions.matrix_key()
+        if self._chosen is None or key != self._key:
+            self._chosen = None  # before the next one takes memory
+            self._key, self._chosen = key, self._fitting(conditions, load)
+        response = self._chosen.solve(conditions, load, key)
+        self._last = response.gap
+        return response
+
+    def whole(self) -> Zone:
+        """All points."""
+        if self._all is None:
+            whole = self.compliance
+            self._all = whole.whole.anew() if whole.small else Zone(whole, refuses=whole.refuses)
+        return self._all
+
+    def _fitting(self, conditions: Conditions, load: Load) -> Zone:
+        whole, now = self.compliance, self._part
+        if not whole.stable:
+            return self.whole()
+        has_gap, rows = whole.normal_rows >= 0, 1 + whole.tangential_rows.shape[1]
+        needed = conditions.closed & has_gap
+        count = np.count_nonzero(needed)
+        asked = count + max(FEWEST, int(SPARE * count))
+        if now is not None and now.keeps(needed):
+            slide = (rows - 1.0) * np.count_nonzero(needed & ~conditions.stick)
+            self._spent += ((now.count - count) * rows + slide) ** 3 - slide**3
+            if now.count <= asked or self._spent <= (asked * rows) ** 3:
+                return now if now.good else self.whole()
+        gap = np.where(needed, -np.inf, load.gap0 if self._last is None else self._last)
+        keep = needed.copy()
+        keep[np.argsort(gap, kind="stable")[:asked]] = True
+        keep |= ~has_gap
+        now = self._part = None  # before the next one takes memory
+        self._spent = 0.0
+        # the inverse of all points is there where they are few, and serves others if it is kept
+        if 4 * keep.sum() > 3 * len(keep) if whole.small else keep.all():
+            self._part = self.whole()
+        else:
+            if not whole.small:
+                self._all = None
+            self._part = Zone(whole, keep)
+        return self._part if self._part.good else self.whole()
+
+
+class Compliance:
+    """The compliance of gaps, slips and anchors; all solves share it.
+
+    Parameters
+    ----------
+    W : ndarray, shape (q + k, q + k)
+        Of the points, then of k anchors; symmetric [length/force].
+    normal_rows, tangential_rows : ndarray of int
+        As of `PointSpace`.
+    q : int
+    stable : bool
+        Whether it is positive definite: bodies that are not stable may buckle where nothing holds them,
+        and no point is left out.
+    refuses : bool
+        Whether rows that depend on each other are refused.
+    """
+
+    def __init__(
+        self,
+        W: Array,
+        normal_rows: Index,
+        tangential_rows: Index,
+        q: int,
+        stable: bool = True,
+        refuses: bool = True,
+    ) -> None:
+        self.W, self.q, self.stable, self.refuses = W, q, stable, refuses
+        self.normal_rows, self.tangential_rows = normal_rows, tangential_rows
+        self.small = W.nbytes <= thresholds.KEPT_BESIDE  # the stiffness of all points is kept beside it
+
+    @once
+    def whole(self) -> Zone:
+        """All points, of which several solves may have a copy."""
+        return Zone(self, refuses=self.refuses)
+
+    def with_springs(self, give: Array) -> Compliance:
+        """The same with springs of these compliances in series with its rows, (q,)."""
+        W = self.W.copy()
+        W[np.diag_indices(self.q)] += give
+        return Compliance(W, self.normal_rows, self.tangential_rows, self.q, refuses=False)
+
+    def independent(self, G: csr_matrix, least: Array | None) -> bool:
+        """Whether no row depends on others as far as a sparse matrix shows; false if small.
+
+        Parameters
+        ----------
+        G : csr_matrix, shape (q + k, n_c)
+        least : ndarray, shape (n_c,), or None
+            A flexibility of the contact DOFs by themselves, not above the true one, ``W >= G F G'``: no
+            pivot of W is below that of it.
+        """
+        if self.small or least is None or not self.stable:
+            return False
+        scaled = diags(1.0 / np.sqrt(self.W.diagonal())) @ G
+        Q = (scaled @ diags(least) @ scaled.T).tocsc()
+        try:
+            pivots = splu(Q, "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True}).U.diagonal()
+        except RuntimeError:  # exactly singular
+            return False
+        return bool(np.min(pivots, initial=1.0) >= thresholds.DEPENDENT**2)
+
+    def inverse(self, on: Index | None, refuses: bool) -> Array:
+        """Inverse of W on some rows; on all without them."""
+        W = self.W.copy() if on is None else self.W[np.ix_(on, on)]
+        return definite_inverse(W, refuses) if self.stable else indefinite_inverse(W)
+
+
+class Zone:
+    """The stiffness of the gaps and slips of some points, the others free; of one solve at a time.
+
+    Parameters
+    ----------
+    whole : Compliance
+    keep : ndarray of bool, shape (m,), optional
+        Points that may carry a force; by default all.
+    refuses : bool
+        Whether rows that depend on each other are refused.
+
+    Attributes
+    ----------
+    good : bool
+        False where the points that are kept do not hold the bodies; then there is no `space`.
+    space : PointSpace
+        Over the rows of the points that are kept.
+    """
+
+    def __init__(self, whole: Compliance, keep: Mask | None = None, refuses: bool = False) -> None:
+        normal, tangential, q = whole.normal_rows, whole.tangential_rows, whole.q
+        self.left = keep is not None
+        self._normal, self._tangential, self.good = normal, tangential, True
+        self.keep = np.ones(len(normal), dtype=bool) if keep is None else keep
+        self._dropped, self.count = ~self.keep, np.count_nonzero(self.keep)
+        on = None
+        if keep is not None:
+            place = np.full(q + 1, -1)
+            rows = np.concatenate([normal[keep], tangential[keep].ravel()])
+            self.rows = rows = np.sort(rows[rows >= 0])
+            place[rows] = np.arange(len(rows))
+            normal = np.where(keep, place[normal], -1)
+            tangential = np.where(keep[:, None], place[tangential], -1)
+            on = np.append(rows, np.arange(q, len(whole.W)))
+            self.rest = np.setdiff1d(np.arange(q), rows)
+            q = len(rows)
+            self._across = whole.W[np.ix_(self.rest, on)]
+        A = whole.inverse(on, refuses)
+        self._A_zq, self._A_qq = A[:q, q:].copy(), A[q:, q:].copy()
+        try:
+            self._rigid = lu(self._A_qq - np.eye(len(A) - q))
+        except LinAlgError:
+            if keep is None:
+                raise SingularMatrix("the contact points do not hold the bodies") from None
+            self.good = False
+            return
+        held = np.min(self._rigid.diagonal, initial=np.inf)
+        self.good = bool(keep is None or held >= LOOSE * np.max(self._A_qq, initial=0.0))
+        S = without_anchors(A, self._A_zq, self._rigid)
+        self._loads = _Loads(S, self._A_zq, self._rigid, on)
+        self.space = PointSpace(S, normal, tangential, self._loads)
+
+    def anew(self) -> Zone:
+        """The same with a memory of its own."""
+        new, space = copy(self), self.space
+        new._loads = copy(self._loads)
+        new.space = PointSpace(space.S, space.normal_rows, space.tangential_rows, new._loads)
+        return new
+
+    def keeps(self, needed: Mask) -> bool:
+        """Whether all these points are kept."""
+        return not np.count_nonzero(needed & self._dropped)
+
+    def solve(self, conditions: Conditions, load: Load, key: object) -> Response:
+        """Gaps, slips and forces of all points under conditions that close no other ones."""
+        found = self.space.unknowns(conditions, load, key)
+        response, z = self.space.response(conditions, load, found), found.z
+        z0, q0 = self._loads.moved(load)
+        q = q0  # none, as a rule
+        if len(q):
+            q = self._rigid.solve(self._A_qq @ q0 - self._A_zq.T @ (z - z0))
+        if self.left:
+            assert load.moved is not None
+            full = np.zeros(len(self.rows) + len(self.rest) + 1)  # the last for rows of -1
+            full[self.rows] = z
+            full[self.rest] = load.moved[self.rest] + self._across.dot(np.append(found.p, q))
+            left, z = self._dropped, full[:-1]
+            response.gap[left] += full[self._normal[left]]
+            response.slip[left] += full[self._tangential[left]]
+        response.solution = np.append(z, q) if len(q) else z
+        return response
+
+
+class _Loads:
+    """Forces h on the rows of a zone: of the load that was asked for last they are known.
+
+    (Apart from the zone, which would be part of a cycle else, and keep its memory.)
+    """
+
+    def __init__(self, S: Array, A_zq: Array, rigid: DenseFactors, on: Index | None) -> None:
+        self._S, self._A_zq, self._rigid, self._on = S, A_zq, rigid, on
+        self._last: tuple[Load, Array] | None = None
+
+    def __call__(self, load: Load) -> Array:
+        last = self._last
+        if last is None or last[0] is not load:
+            # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
+            z0, q0 = self.moved(load)
+            h = self._S.dot(z0)
+            if len(q0):
+                h -= self._A_zq @ self._rigid.solve(q0)
+            last = self._last = load, h
+        return last[1]
+
+    def moved(self, load: Load) -> tuple[Array, Array]:
+        """What gaps and slips do where contact carries nothing, and what anchors do."""
+        assert load.moved is not None
+        moved, q = load.moved if self._on is None else load.moved[self._on], len(self._S)
+        return moved[:q], moved[q:]
+
+
+def indefinite_inverse(W: Array) -> Array:
+    """Inverse of a symmetric matrix that is not positive definite, as of bodies that are not stable.
+
+    Raises
+    ------
+    LinAlgError
+        Rows depend on each other.
+    """
+    size = np.sqrt(np.max(np.abs(W), axis=1))
+    divide(W, size)
+    factors = lu(W)
+    if not factors.even(thresholds.DEPENDENT**2):
+        raise LinAlgError("dependent contact rows")
+    inverse = factors.solve(np.eye(len(W)))
+    symmetrise(inverse)
+    divide(inverse, size)
+    return inverse
+
+
+def definite_inverse(W: Array, refuses: bool = True) -> Array:
+    """Inverse of a symmetric positive definite matrix, in its place; dependent rows may be refused.
+
+    No diagonal entry is zero: rows without free coefficients are left out before, and the flexibility
+    of the bodies is positive definite.
+
+    Raises
+    ------
+    LinAlgError
+        Rows depend on each other; `W` is lost.
+    """
+    scale = np.sqrt(np.diag(W))
+    factors = cholesky(W.T, overwrite=True)
+    if refuses and np.min(factors.diagonal / scale, initial=1.0) < thresholds.DEPENDENT:
+        raise LinAlgError("dependent contact rows")
+    return factors.inverse()
+
+
+def without_anchors(A: Array, A_zq: Array, rigid: DenseFactors) -> Array:
+    """``A_zz - A_zq R A_qz``, in the place of A; R is the inverse of what `rigid` factorises."""
+    q = len(A_zq)
+    if len(A) == q:
+        return A
+    # the rows close up, from the first one on: NumPy copies what is not in one piece for every product
+    S = A.reshape(-1)[: q * q].reshape(q, q)
+    for rows in blocks(q):
+        S[rows] = A[rows, :q]
+    subtract_product(S, A_zq, rigid.solve(A_zq.T))
+    symmetrise(S)
+    return S
