@@ -27,6 +27,7 @@ The packages stand in the order of the theory, and each imports only from those 
 * `bodies`: what the user gives;
 * `pairing`, `obstacles`: what meets what;
 * `conditions`: gaps, slips, friction, loads;
+* `assemblies`: bolts, and tables of joints;
 * `elimination`: constraints, ``u = T u_r + c``;
 * `linalg`: linear solvers;
 * `problem`: bodies reduced to gaps, slips and forces of the contact points;
@@ -59,6 +60,7 @@ try:
     from skfem_contact.answers.uniqueness import Uniqueness
     from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
     from skfem_contact.answers.values import ContactValues
+    from skfem_contact.assemblies.bolt import Bolt, BoltValues
     from skfem_contact.bodies.body import Body
     from skfem_contact.bodies.surface import ContactSurface
     from skfem_contact.bodies.system import System, stack
@@ -110,6 +112,8 @@ __all__ = [
     "AffineConstraint",
     "Archard",
     "Body",
+    "Bolt",
+    "BoltValues",
     "Certificate",
     "ConstraintError",
     "ConstraintRows",
