@@ -61,6 +61,7 @@ try:
     from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
     from skfem_contact.answers.values import ContactValues
     from skfem_contact.assemblies.bolt import Bolt, BoltValues
+    from skfem_contact.assemblies.joints import Joint, Joints, LoadCases
     from skfem_contact.bodies.body import Body
     from skfem_contact.bodies.surface import ContactSurface
     from skfem_contact.bodies.system import System, stack
@@ -100,7 +101,7 @@ if TYPE_CHECKING:
     from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
     from skfem_contact.obstacles.triangles import RigidSurface
     from skfem_contact.output.plot_bodies import plot_deformed
-    from skfem_contact.output.plot_contacts import plot_contact
+    from skfem_contact.output.plot_contacts import plot_contact, plot_joints
     from skfem_contact.output.plot_histories import plot_force, plot_history
     from skfem_contact.output.scene import scene
     from skfem_contact.output.stress import nodal_stress, von_mises
@@ -132,9 +133,12 @@ __all__ = [
     "ErrorSources",
     "FrictionLaw",
     "InputError",
+    "Joint",
+    "Joints",
     "Kinematics",
     "LevelSet",
     "LinearSolveError",
+    "LoadCases",
     "NoEquilibrium",
     "NotConverged",
     "Options",
@@ -162,6 +166,7 @@ __all__ = [
     "plot_deformed",
     "plot_force",
     "plot_history",
+    "plot_joints",
     "scene",
     "stack",
     "von_mises",
@@ -194,6 +199,7 @@ _LATER = {
     "plot_deformed": "output.plot_bodies",
     "plot_force": "output.plot_histories",
     "plot_history": "output.plot_histories",
+    "plot_joints": "output.plot_contacts",
     "scene": "output.scene",
     "von_mises": "output.stress",
     "write": "output.vtk",
