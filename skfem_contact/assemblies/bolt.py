@@ -221,6 +221,12 @@ class BoltValues:
         Moment about `Bolt.point` across the axis, its size; NaN if axisymmetric [force length].
     torsion : float
         Moment about the axis; zero in the plane [force length].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> print(BoltValues("M8", 15e3, 0.02, np.zeros(3), 120.0, 0.0))
+    M8: force 15000, stretch 0.02, bending 120
     """
 
     name: str

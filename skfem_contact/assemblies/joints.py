@@ -123,6 +123,12 @@ class Joint:
         Over what touches; the largest at a point [stress].
     energy : float
         Lost by friction since the start of the history [energy].
+
+    Examples
+    --------
+    >>> joint = Joint("seat", np.array([3.0, 20.0]), 1.5, 1.0, 0.7, 0.9, 10.0, 14.0, 0.0)
+    >>> joint.closed, joint.slip_margin
+    (1.0, 0.7)
     """
 
     name: str
@@ -171,6 +177,16 @@ class Joints(Table):
     Parameters
     ----------
     joints : sequence of Joint
+
+    Examples
+    --------
+    >>> joint = Joint("seat", np.array([3.0, 20.0]), 1.5, 1.0, 0.7, 0.9, 10.0, 14.0, 0.0)
+    >>> joints = Joints([joint])
+    >>> print(joints)
+    joint  force    moment  closed  slip margin  sticking  mean pressure  largest pressure  energy
+    seat   (3, 20)     1.5       1          0.7       0.9             10                14       0
+    >>> joints["seat"].sticking
+    0.9
     """
 
     def __init__(self, joints: Sequence[Joint]) -> None:
@@ -201,6 +217,29 @@ class LoadCases(Table, Mapping[str, Any]):
     Parameters
     ----------
     results : dict of ContactResult
+
+    Examples
+    --------
+    A block under two loads:
+
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="left", name="block")
+    >>> foot = sc.Contact(block.surface("right"), sc.RigidPlane((1, 0), (-1, 0)), name="foot")
+    >>> loads = {
+    ...     "none": {"f": {"block": {"right": (0.0, 0.0)}}},
+    ...     "push": {"interference": {"foot": 0.05}},
+    ... }
+    >>> cases = sc.ContactSolver(block, foot).cases(loads)
+    >>> print(cases)
+    case  closed  closed of  slip margin  slip margin of  largest pressure  largest pressure of
+    none       1  foot                 -  -                              0  foot
+    push       1  foot                 -  -                           0.05  foot
+    >>> cases["push"].force.round(9).tolist()
+    [-0.05, 0.0]
     """
 
     def __init__(self, results: Mapping[str, Any]) -> None:
