@@ -43,7 +43,7 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import copied
 from skfem_contact.conditions.loads import BoltLoads, LoadCase
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
@@ -334,7 +334,9 @@ class Bolts:
         out = {}
         for b, (name, bolt) in enumerate(zip(self.names, self.bolts, strict=True)):
             shift, force = known[name]
-            load = self._resisted[b] @ self.stretched(self._body[b], u[self._span[b]], known)
+            drawn = self.stretched(self._body[b], u[self._span[b]], known)
+            load, terms = self._resisted[b] @ drawn, abs(self._resisted[b]) @ np.abs(drawn)
+            load[np.abs(load) < COMPUTED * terms] = 0.0
             d, axis = bolt.body.dim, bolt.axis
             if bolt.body.axisymmetric:
                 out[name] = BoltValues(name, force, shift, np.zeros(d), np.nan, 0.0)

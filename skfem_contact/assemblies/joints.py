@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN, STICK
+from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
+from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
 
@@ -158,10 +160,16 @@ class Joint:
             sticking = float(area[values.status == STICK].sum()) / touching
         middle = np.average(values.points, axis=0, weights=area)
         normal = float(values.normal_force.sum())
+        # what cancels is printed as zero
+        least = COMPUTED * float(np.abs(values.forces).sum())
+        arm = float(np.abs(values.points - middle).max())
+        force, moment = values.force, np.asarray(values.moment(middle))
+        force = np.where(np.abs(force) < least, 0.0, force)
+        moment = np.where(np.abs(moment) < least * arm, 0.0, moment)
         return cls(
             name=values.name,
-            force=values.force,
-            moment=values.moment(middle),
+            force=sealed(force),
+            moment=sealed(moment) if moment.ndim else float(moment),
             closed=float(share),
             slip_margin=margin,
             sticking=sticking,
