@@ -61,8 +61,8 @@ def flange(side, **held):
         plate = (z > 1) & (z < 12) & ~hole
         return (out > 15) & (plate | (out < 19) | ((z < 1) & (out < 21.5)))
 
-    faces = {f"{what}": lambda x, z=side * z: x[2] == z for what, z in (("joint", 0), ("end", 24))}
-    faces["seat"] = lambda x: x[2] == 12 * side
+    levels = {"joint": 0, "seat": 12 * side, "end": 24 * side}
+    faces = {face: (lambda x, z=z: x[2] == z) for face, z in levels.items()}
     return body([across, across, up], solid, faces, "upper" if side > 0 else "lower", **held)
 
 
@@ -106,8 +106,8 @@ area = 38**2 - 30**2
 pulled = list(solver.history([{"f": {"upper": {"end": (0, 0, p / area)}}} for p in pulls], start=tight))
 for pull, result in zip(pulls, pulled, strict=True):
     force, joint = result.bolts["bolt 1"].force, result.joints()["joint"]
-    carried = f"bolt 1 {force:6.0f} N, joint {joint.force[2]:6.0f} N"
-    print(f"pull {pull:6.0f}: {carried}, closed {joint.closed:.2f}")
+    words = f"bolt 1 {force:6.0f} N, joint {joint.force[2]:6.0f} N"
+    print(f"pull {pull:6.0f}: {words}, closed {joint.closed:.2f}")
 cases = {
     "pull": {"f": {"upper": {"end": (0, 0, 30e3 / area)}}},
     "side": {"f": {"upper": {"end": (4e3 / area, 0, 0)}}},
@@ -129,11 +129,9 @@ errors = []
 for pull, result in zip([0, *pulls], [tight, *pulled], strict=True):
     carried = [b.force for b in result.bolts.values()]
     errors.append(sum(carried) - result["joint"].force[2] - pull)
-    for name, force in zip(places, carried, strict=True):
-        errors += [
-            result[f"head of {name}"].force[2] - force,
-            result[f"nut of {name}"].force[2] + force,
-        ]
+    for name, own in zip(places, carried, strict=True):
+        errors.append(result[f"head of {name}"].force[2] - own)
+        errors.append(result[f"nut of {name}"].force[2] + own)
 error = float(np.max(np.abs(errors)) / tightened)
 tolerance = 1e-9
 assert error < tolerance

@@ -174,11 +174,16 @@ class Answer:
         """Displacements of one body, by name or itself, as its basis numbers them, (n_body,)."""
         return self.u[self.system.slice(body)]
 
+    @property
+    def bolt_names(self) -> tuple[str, ...]:
+        """Of the bolts."""
+        return () if self.bolts is None else self.bolts.names
+
     @once
     def tightness(self) -> dict[str, tuple[float, float]]:
         """Shift and force of each bolt by name, from all displacements [length], [force]."""
         bolts = self.bolts
-        return bolts.found(self.case, self.u) if bolts is not None and bolts.names else {}
+        return {} if bolts is None or not bolts.names else bolts.found(self.case, self.u)
 
     def stretched(self, body: Member | str) -> Array:
         """Displacements (n_body,) that have the strains of a body: with its bolts drawn together."""

@@ -393,6 +393,8 @@ def _first_lines(result: ContactResult, estimate: bool) -> list[str]:
     lines = [f"Contact result: {_headline(result)}"]
     for values in result:
         lines += ["", *contact_lines(values, estimate)]
+    if result.bolts:
+        lines += ["", *map(str, result.bolts.values())]
     if result.rotations:
         turned = ", ".join(f"{name} {angle:.2g} rad" for name, angle in result.rotations.items())
         lines += ["", f"rotation of the contact surfaces (linear bodies follow to 0.1): {turned}"]

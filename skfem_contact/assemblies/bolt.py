@@ -22,7 +22,7 @@ ABAQUS Analysis User's Guide, Prescribed assembly loads: a section by nodes and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -292,13 +292,23 @@ class Bolts:
         return copied(case, f=f, bolts=BoltLoads(shift, force, case.applied))
 
     def step(
-        self, before: LoadCase, target: LoadCase, known: dict[str, tuple[float, float]]
+        self,
+        before: LoadCase,
+        target: LoadCase,
+        known: Callable[[], Mapping[str, tuple[float, float]]],
     ) -> tuple[LoadCase, LoadCase]:
-        """The loads before and after a step, `known` being shift and force of bolts before it."""
-        shift, force = np.array([known.get(name, (0.0, 0.0)) for name in self.names]).T
-        locked = np.full(len(shift), np.nan)
+        """The loads before and after a step, `known` telling shift and force of bolts before it.
+
+        It is not asked where the bolts are locked and stay so, as it takes all displacements.
+        """
+        locked = np.full(len(self.names), np.nan)
         asked = target.bolts or BoltLoads(locked, locked)
         given = asked.given
+        if before.bolts is not None and not (given | before.bolts.given).any():
+            shift, force = before.bolts.shift, locked
+        else:
+            found = known()
+            shift, force = np.array([found.get(name, (0.0, 0.0)) for name in self.names]).T
         goal = np.where(given, np.nan, np.where(np.isnan(asked.shift), shift, asked.shift))
         begin = np.where(given, np.nan, shift), np.where(given, force, np.nan)
         return self.posed(before, *begin), self.posed(target, goal, asked.force)

@@ -81,6 +81,11 @@ class SavedState:
     u: Array
     tightness: dict[str, tuple[float, float]] = field(default_factory=dict)
 
+    @property
+    def bolt_names(self) -> tuple[str, ...]:
+        """Of the bolts."""
+        return tuple(self.tightness)
+
 
 def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     """Write a state to an ``.npz`` file; see `ContactSolver.save_state`."""
@@ -227,7 +232,7 @@ class PartialResults:
         """Keep a result; `reader` knows the loads that a number stands for."""
         answer = answer_of(result)
         # a number stands for the loads, but not for those of bolts
-        named = answer.factor is None or bool(answer.tightness)
+        named = answer.factor is None or bool(answer.bolt_names)
         light = copied(answer) if named else _with_loads(answer, NONE, NONE)
         self._light.append((light, reader))
         self._alive.append(weakref.ref(result))
@@ -238,7 +243,7 @@ class PartialResults:
         for (light, reader), alive in zip(self._light, self._alive, strict=True):
             result = alive()
             if result is None:
-                if light.factor is not None and not light.tightness:
+                if light.factor is not None and not light.bolt_names:
                     loads = reader.read(light.factor, light.case)
                     light = _with_loads(light, loads.f, loads.x)
                 result = ContactResult(light)

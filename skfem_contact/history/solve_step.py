@@ -111,7 +111,8 @@ class StepSolver(ByFields):
         else:
             state, before = start.state, self.left(start)
         if self.bolts.names:
-            before, target = self.bolts.step(before, target, {} if start is None else start.tightness)
+            told = (lambda: start.tightness) if start is not None else dict
+            before, target = self.bolts.step(before, target, told)
         issued = check_loads(model.system, model.interface, kin, fixed, target, _issued(start))
         warm = guess or start
         known = None if warm is None else warm.state
@@ -180,7 +181,7 @@ class StepSolver(ByFields):
                 "`.results` of the exception) in smaller steps; as starting values alone this one can "
                 "be the `guess` of solve(...)."
             )
-        strange = sorted(set(start.tightness) - set(self.bolts.names))
+        strange = sorted(set(start.bolt_names) - set(self.bolts.names))
         if strange:
             raise InputError(
                 f"{what} is a state with bolts {', '.join(map(repr, strange))}, which this solver does "
