@@ -1,6 +1,7 @@
 """Bolts: tightened by force or stretch, locked, one after the other; what they carry."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -146,6 +147,19 @@ def test_a_section_is_a_mesh_that_is_cut():
                 ours[name].forces, theirs[name].forces, atol=1e-8 * scale, err_msg=name
             )
         assert -theirs["cut"].force[2] == pytest.approx(ours.bolts["M"].force, rel=1e-8)
+
+
+def test_a_step_that_is_cut_ends_at_the_given_force():
+    """Parts of the step have parts of the force, from the one that the bolt had."""
+    whole = clamped(parts(fem.MeshHex))
+    far = [replace(contact, sliding="finite") for contact in whole.contacts]
+    hasty, bodies = sc.Options(max_iterations=4), whole.system.bodies
+    bolt = sc.Bolt(bodies[0], point=(0, 0, 0.4), axis=(0, 0, 1))
+    solver = sc.ContactSolver(bodies, far, bolts=[bolt], options=hasty)
+    (tight,) = solver.history([{"bolt": {"bolt 1": {"force": 8e3}}}])
+    assert "step cut" in tight.message
+    assert tight["head"].force[2] == pytest.approx(8e3, rel=1e-9)
+    assert tight.certificate.worst < 1e-9
 
 
 def rotation():
