@@ -11,6 +11,7 @@ from skfem.helpers import grad
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact.conditions import LoadCase
 
 ROUTES = ["condensed", "iterated", sc.Direct(), pytest.param(sc.AMG(), marks=pytest.mark.slow)]
 
@@ -77,11 +78,19 @@ def test_saved_states_keep_bolts(tmp_path):
         assert found.bolts["M"].force == pytest.approx(11.0, rel=1e-10)
         (more,) = solver.history([{"bolt": {"M": {"force": 20.0}}}], start=begin)
         assert more.bolts["M"].force == pytest.approx(20.0, rel=1e-10)
+        assert more.bolts["M"].stretch == pytest.approx(2 * tight.bolts["M"].stretch, rel=1e-10)
+    # with a load that a step has named, which stays as well
+    saved = solver.load_state(solver.save_state(tmp_path / "pulled.npz", found))
+    for begin in (found, saved):
+        again = solver.solve(start=begin)
+        assert abs(again.u - found.u).max() < 1e-12 * abs(found.u).max()
+        assert again.bolts["M"].force == pytest.approx(11.0, rel=1e-10)
         assert solver.solve({"head": {"y": 5.0}}, start=begin).bolts["M"].force == pytest.approx(11.0)
     with pytest.raises(sc.InputError) as stopped:  # results before what failed are as they were
         list(solver.history([TIGHTEN, 1.0, pull, {"bolt": 1.0}]))
     kept = [result.bolts["M"].force for result in stopped.value.results]
     np.testing.assert_allclose(kept, [10.0, 10.0, 11.0], rtol=1e-10)
+    assert max(result.certificate.worst for result in stopped.value.results) < 1e-9
     copy = pickle.loads(pickle.dumps(tight))
     assert copy.bolts["M"].force == tight.bolts["M"].force
     assert str(copy.joints()) == str(tight.joints())
@@ -149,17 +158,31 @@ def test_a_section_is_a_mesh_that_is_cut():
         assert -theirs["cut"].force[2] == pytest.approx(ours.bolts["M"].force, rel=1e-8)
 
 
-def test_a_step_that_is_cut_ends_at_the_given_force():
+@pytest.mark.slow
+def test_a_step_that_is_cut_ends_at_the_given_force(monkeypatch):
     """Parts of the step have parts of the force, from the one that the bolt had."""
+    seen, whole_way = [], LoadCase.towards
+
+    def watched(case, other, share):
+        found = whole_way(case, other, share)
+        seen.append((share, case.bolts.force[0], found.bolts.force[0]))
+        return found
+
+    monkeypatch.setattr(LoadCase, "towards", watched)
     whole = clamped(parts(fem.MeshHex))
     far = [replace(contact, sliding="finite") for contact in whole.contacts]
     hasty, bodies = sc.Options(max_iterations=4), whole.system.bodies
     bolt = sc.Bolt(bodies[0], point=(0, 0, 0.4), axis=(0, 0, 1))
     solver = sc.ContactSolver(bodies, far, bolts=[bolt], options=hasty)
-    (tight,) = solver.history([{"bolt": {"bolt 1": {"force": 8e3}}}])
-    assert "step cut" in tight.message
-    assert tight["head"].force[2] == pytest.approx(8e3, rel=1e-9)
-    assert tight.certificate.worst < 1e-9
+    steps = [{"bolt": {"bolt 1": {"force": force}}} for force in (8e3, 2e4)]
+    for before, force, tight in zip((0.0, 8e3), (8e3, 2e4), solver.history(steps), strict=True):
+        assert "step cut" in tight.message
+        assert tight["head"].force[2] == pytest.approx(force, rel=1e-9)
+        assert tight.certificate.worst < 1e-9
+        share, at_first, there = seen[0]
+        assert at_first == pytest.approx(before, abs=1e-9)
+        assert there == pytest.approx(before + share * (force - before))
+        seen.clear()
 
 
 def rotation():
@@ -321,6 +344,7 @@ def test_stresses_are_those_of_the_bolt_drawn_together():
     plate = tight.system.solids["plate"]
     assert np.array_equal(tight.stretched(plate), tight.displacement(plate))
     assert tight.validity.holds
+    assert tight.validity.strain["bolt"] == pytest.approx(10 / 2e6, rel=1e-9)
 
 
 # -- bad input -------------------------------------------------------------------------------------
