@@ -87,7 +87,8 @@ def test_saved_states_keep_bolts(tmp_path):
         assert again.bolts["M"].force == pytest.approx(11.0, rel=1e-10)
         assert solver.solve({"head": {"y": 5.0}}, start=begin).bolts["M"].force == pytest.approx(11.0)
     with pytest.raises(sc.InputError) as stopped:  # results before what failed are as they were
-        list(solver.history([TIGHTEN, 1.0, pull, {"bolt": 1.0}]))
+        for _ in solver.history([TIGHTEN, 1.0, pull, {"bolt": 1.0}]):
+            pass  # nobody holds them
     kept = [result.bolts["M"].force for result in stopped.value.results]
     np.testing.assert_allclose(kept, [10.0, 10.0, 11.0], rtol=1e-10)
     assert max(result.certificate.worst for result in stopped.value.results) < 1e-9
