@@ -117,7 +117,7 @@ print(f"\n{solver.cases(cases, start=tight)}")
 
 # %% Picture
 figure = sc.plot_joints(pulled[1], units={"length": "mm", "stress": "MPa"})
-figure.savefig(out / "tightened_flange.png", dpi=80)
+figure.savefig(out / "tightened_flange.png", dpi=60)
 plt.close(figure)
 
 # %% Check what the first lines say

@@ -162,8 +162,10 @@ def plot_joints(result: ContactResult, *, units: Mapping[str, str] | None = None
     for i, name in enumerate(result.names):
         ax = figure.add_subplot(rows, columns, i + 1, **settings)
         plot_contact(result, i, ax, units=units)
-        if not solid:  # pictures of solids have a title of their own
-            ax.set_title(name, fontsize="medium", loc="right")
+        # in space a long title and the legend would stand in each other's way
+        ax.set_title(name, fontsize="medium", loc="center" if solid else "right")
+        if solid and ax.get_legend() is not None:
+            ax.get_legend().remove()
     return figure
 
 
