@@ -11,6 +11,7 @@ from skfem.helpers import grad
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact.answers import answer_of
 from skfem_contact.conditions import LoadCase
 
 ROUTES = ["condensed", "iterated", sc.Direct(), pytest.param(sc.AMG(), marks=pytest.mark.slow)]
@@ -431,3 +432,16 @@ def test_a_bolt_that_nothing_holds_is_named():
                 bodies, loose, bolts=[sc.Bolt(bodies[0], point=(0.5, 4), axis=(0, 1), name="M")]
             ).history([TIGHTEN])
         )
+
+
+def test_a_bolt_of_many_elements_stays_sparse():
+    """What a given force adds to the stiffness is in the layer of elements next to the section."""
+    bolt = clamped([mesh.refined(1) for mesh in parts(fem.MeshHex)]).system.solids["bolt"]
+    floor = sc.RigidPlane((0, 0, -3), (0, 0, 1))
+    nut = sc.Contact(bolt.surface(lambda x: abs(x[2] + 3) < 1e-6), floor, tied=True)
+    head = sc.RigidBody(sc.RigidPlane((0, 0, 3), (0, 0, -1)), about=(0, 0, 3), K=[1e5] * 6)
+    seat = sc.Contact(bolt.surface(lambda x: abs(x[2] - 3) < 1e-6), head, tied=True)
+    section = sc.Bolt(bolt, point=(0, 0, 0.4), axis=(0, 0, 1), name="M")
+    (tight,) = sc.ContactSolver([bolt, head], [nut, seat], bolts=[section]).history([TIGHTEN])
+    (loose, _) = answer_of(tight).stiffness
+    assert loose.nnz < 1.5 * bolt.K.nnz

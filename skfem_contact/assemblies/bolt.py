@@ -269,9 +269,11 @@ class Bolts:
         self._body = [system.index(bolt.body) for bolt in bolts]
         self._span = [system.slice(bolt.body) for bolt in bolts]
         own = [stiffness[i] for i in self._body]
-        self.pushed = [K @ bolt.slide for bolt, K in zip(bolts, own, strict=True)]
+        self.pushed = [_forces(K, bolt.slide) for bolt, K in zip(bolts, own, strict=True)]
         self.k = np.array([p @ bolt.slide for p, bolt in zip(self.pushed, bolts, strict=True)])
-        self._resisted = [csr_matrix((K @ bolt.motions).T) for bolt, K in zip(bolts, own, strict=True)]
+        self._resisted = [
+            csr_matrix(_forces(K, bolt.motions).T) for bolt, K in zip(bolts, own, strict=True)
+        ]
         for i, bolt in enumerate(bolts):
             for j in range(i):
                 if (
@@ -356,6 +358,16 @@ class Bolts:
             bending = float(np.linalg.norm(moment - torsion * axis if d == 3 else moment))
             out[name] = BoltValues(name, force, shift, sealed(across), bending, torsion)
         return out
+
+
+def _forces(K: Any, motion: Array) -> Array:
+    """``K`` times motions: zero but in the layer of elements next to the section.
+
+    The round-off elsewhere would make products of these forces matrices without a zero.
+    """
+    forces = np.asarray(K @ motion)
+    forces[np.abs(forces) < COMPUTED * (abs(K) @ np.abs(motion))] = 0.0
+    return forces
 
 
 def bolted(system: System, bolts: Any) -> tuple[System, tuple[Bolt, ...], tuple[str, ...]]:
