@@ -28,6 +28,7 @@ The packages stand in the order of the theory, and each imports only from those 
 * `bodies`: what the user gives;
 * `pairing`, `obstacles`: what meets what;
 * `conditions`: gaps, slips, friction, loads;
+* `assemblies`: bodies from files, contacts found, bolts, and tables of joints;
 * `elimination`: constraints, ``u = T u_r + c``;
 * `linalg`: linear solvers;
 * `problem`: bodies reduced to gaps, slips and forces of the contact points;
@@ -35,7 +36,6 @@ The packages stand in the order of the theory, and each imports only from those 
 * `answers`: results, their certificate, validity and error;
 * `history`: load steps and the solver;
 * `output`: pictures and files;
-* `assemblies`: many bodies: read from files, and their contacts found;
 * `petsc`: linear solvers over MPI ranks, which nothing else knows of.
 
 All of them use `errors`, `arguments` and `arrays` (checks of what users pass), `digits` (what is zero),
@@ -61,6 +61,8 @@ try:
     from skfem_contact.answers.uniqueness import Uniqueness
     from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
     from skfem_contact.answers.values import ContactValues
+    from skfem_contact.assemblies.bolt import Bolt, BoltValues
+    from skfem_contact.assemblies.joints import Joint, Joints, LoadCases
     from skfem_contact.bodies.body import Body
     from skfem_contact.bodies.surface import ContactSurface
     from skfem_contact.bodies.system import System, stack
@@ -107,7 +109,7 @@ if TYPE_CHECKING:
     from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
     from skfem_contact.obstacles.triangles import RigidSurface
     from skfem_contact.output.plot_bodies import plot_deformed
-    from skfem_contact.output.plot_contacts import plot_contact
+    from skfem_contact.output.plot_contacts import plot_contact, plot_joints
     from skfem_contact.output.plot_histories import plot_force, plot_history
     from skfem_contact.output.scene import scene
     from skfem_contact.output.stress import nodal_stress, von_mises
@@ -120,6 +122,8 @@ __all__ = [
     "AffineConstraint",
     "Archard",
     "Body",
+    "Bolt",
+    "BoltValues",
     "Certificate",
     "ConstraintError",
     "ConstraintRows",
@@ -141,9 +145,12 @@ __all__ = [
     "FoundContacts",
     "FrictionLaw",
     "InputError",
+    "Joint",
+    "Joints",
     "Kinematics",
     "LevelSet",
     "LinearSolveError",
+    "LoadCases",
     "MaterialError",
     "MooneyRivlin",
     "NeoHooke",
@@ -176,6 +183,7 @@ __all__ = [
     "plot_deformed",
     "plot_force",
     "plot_history",
+    "plot_joints",
     "read_bodies",
     "scene",
     "stack",
@@ -218,6 +226,7 @@ _LATER = {
     "plot_force": "output.plot_histories",
     "plot_history": "output.plot_histories",
     "read_bodies": "assemblies.reading",
+    "plot_joints": "output.plot_contacts",
     "scene": "output.scene",
     "von_mises": "output.stress",
     "write": "output.vtk",

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.validity.validity import Diagnostics
+from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.boundaries import boundary_dofs
 from skfem_contact.bodies.member import Member
@@ -64,6 +65,8 @@ class Answer:
         A sentence per motion that nothing loads and nothing holds.
     springs : bool
         Whether contact rows depend on each other, so that points were seen through springs.
+    bolts : Bolts or None
+        Of the solver.
     diagnostics : Diagnostics
         What every step tells of the bounds of the model; `validity` has more.
     """
@@ -91,6 +94,7 @@ class Answer:
     linear: str = ""
     indifferent: tuple[str, ...] = ()
     springs: bool = False
+    bolts: Bolts | None = field(default=None, repr=False)
     diagnostics: Diagnostics = field(default_factory=Diagnostics, repr=False)
 
     def __post_init__(self) -> None:
@@ -169,6 +173,24 @@ class Answer:
     def displacement(self, body: Any) -> Array:
         """Displacements of one body, by name or itself, as its basis numbers them, (n_body,)."""
         return self.u[self.system.slice(body)]
+
+    @property
+    def bolt_names(self) -> tuple[str, ...]:
+        """Of the bolts."""
+        return () if self.bolts is None else self.bolts.names
+
+    @once
+    def tightness(self) -> dict[str, tuple[float, float]]:
+        """Shift and force of each bolt by name, from all displacements [length], [force]."""
+        bolts = self.bolts
+        return {} if bolts is None or not bolts.names else bolts.found(self.case, self.u)
+
+    def stretched(self, body: Member | str) -> Array:
+        """Displacements (n_body,) that have the strains of a body: with its bolts drawn together."""
+        u, known = self.displacement(body), self.tightness
+        if self.bolts is None or not known:
+            return u
+        return self.bolts.stretched(self.system.index(body), u, known)
 
     def slices(self) -> list[slice]:
         """The points of each contact in the joint numbering."""

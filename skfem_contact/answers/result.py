@@ -24,6 +24,8 @@ from skfem_contact.answers.validity.strain import rigid_rotations
 from skfem_contact.answers.validity.validity import Validity
 from skfem_contact.answers.values import contact_lines, status_words
 from skfem_contact.arguments import known_keywords
+from skfem_contact.assemblies.bolt import BoltValues
+from skfem_contact.assemblies.joints import Joint, Joints
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import System
@@ -200,6 +202,29 @@ class ContactResult(ByContact):
         """
         return reaction(self._answer, body, boundary)
 
+    @property
+    def bolts(self) -> dict[str, BoltValues]:
+        """What each bolt carries, by name; see `BoltValues`."""
+        answer = self._answer
+        known = answer.tightness
+        return answer.bolts.values(answer.u, known) if answer.bolts is not None and known else {}
+
+    def joints(self) -> Joints:
+        """A table of all contacts: force, moment, closed share, slip margin, pressure, energy lost.
+
+        It prints, shows in notebooks, and gives a pandas frame by ``.to_frame()``; see `Joint`.
+        """
+        return Joints([Joint.of(values) for values in self.values])
+
+    def stretched(self, body: Member | str) -> Array:
+        """Displacements that have the strains of a body, in its basis' numbering, (n_body,) [length].
+
+        Of a body with bolts those of `displacement` with the bolts drawn together: for stresses. Of
+        any other body `displacement` itself.
+        """
+        own = self.system.index(body)
+        return self._answer.stretched(body) if own in self.system.slides else self.displacement(body)
+
     # -- energy -------------------------------------------------------------------------------
 
     @property
@@ -368,6 +393,8 @@ def _first_lines(result: ContactResult, estimate: bool) -> list[str]:
     lines = [f"Contact result: {_headline(result)}"]
     for values in result:
         lines += ["", *contact_lines(values, estimate)]
+    if result.bolts:
+        lines += ["", *map(str, result.bolts.values())]
     if result.rotations:
         turned = ", ".join(f"{name} {angle:.2g} rad" for name, angle in result.rotations.items())
         lines += ["", f"rotation of the contact surfaces (linear bodies follow to 0.1): {turned}"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -35,6 +36,9 @@ class System:
         A body without a name is "body 1", "body 2", ... after its position.
     offsets : ndarray of int, shape (number of bodies + 1,)
         Body `i` has the DOFs ``offsets[i]`` to ``offsets[i + 1]``.
+    slides : dict
+        Of bodies with bolts, by their number: motions (n_body, j) besides the rigid ones that the
+        stiffness does not resist while a bolt has a given force, and their names.
 
     Examples
     --------
@@ -55,6 +59,18 @@ class System:
     bodies: tuple[Member, ...]
     names: tuple[str, ...]
     offsets: np.ndarray
+    slides: dict[int, tuple[np.ndarray, tuple[str, ...]]] = field(default_factory=dict)
+
+    def modes(self, body: Member | int) -> np.ndarray:
+        """Motions (n_body, k) that the stiffness of a body may leave free: rigid ones, and `slides`."""
+        i = body if isinstance(body, int) else self.index(body)
+        rigid = self.bodies[i].rigid_modes
+        return np.column_stack([rigid, self.slides[i][0]]) if i in self.slides else rigid
+
+    def mode_names(self, body: Member | int) -> tuple[str, ...]:
+        """The motions of `modes` in words."""
+        i = body if isinstance(body, int) else self.index(body)
+        return self.bodies[i].rigid_mode_names + (self.slides[i][1] if i in self.slides else ())
 
     @property
     def n(self) -> int:

@@ -87,6 +87,40 @@ class Motion:
         return self.translation, self.angle, self.centre
 
 
+@dataclass(frozen=True, eq=False)
+class BoltLoads:
+    """What holds the bolts of a load case: either a shift or a force of each, NaN for the other.
+
+    Both are NaN where a step does not name the bolt, which is locked then.
+
+    Attributes
+    ----------
+    shift : ndarray, shape (b,)
+        By how much each bolt is drawn shorter than it was made [length].
+    force : ndarray, shape (b,)
+        [force]
+    applied : ndarray, shape (n,), or None
+        The load of the case without that of its bolts; None while that is not in it [force].
+    """
+
+    shift: Array
+    force: Array
+    applied: Array | None = None
+
+    @property
+    def given(self) -> NDArray[np.bool_]:
+        """Bolts that have a given force, (b,)."""
+        return ~np.isnan(self.force)
+
+    def towards(self, other: BoltLoads, share: float) -> BoltLoads:
+        """The same bolts on the straight way to other values."""
+        shift = self.shift + share * (other.shift - self.shift)
+        force = self.force + share * (other.force - self.force)
+        if self.applied is None or other.applied is None:
+            return BoltLoads(shift, force)
+        return BoltLoads(shift, force, self.applied + share * (other.applied - self.applied))
+
+
 @dataclass(eq=False)
 class LoadCase(ByFields):
     """The loads in force over all bodies and contact points.
@@ -111,6 +145,8 @@ class LoadCase(ByFields):
         Of which multiple of the bodies' own f and x these are; None where they were named.
     factor : float or None
         The number of the load step, where it was one.
+    bolts : BoltLoads or None
+        What holds the bolts, where there are any.
     """
 
     f: Array
@@ -122,6 +158,13 @@ class LoadCase(ByFields):
     own: tuple[bool, ...] = ()
     scale: tuple[float | None, float | None] = (None, None)
     factor: float | None = None
+    bolts: BoltLoads | None = None
+
+    @property
+    def applied(self) -> Array:
+        """The load without that of bolts, (n,) [force]."""
+        bolts = self.bolts
+        return self.f if bolts is None or bolts.applied is None else bolts.applied
 
     @cached_property
     def largest_force(self) -> float:
@@ -148,4 +191,5 @@ class LoadCase(ByFields):
             self.interference + share * (other.interference - self.interference),
             tuple(a.towards(b, share) for a, b in zip(self.motion, other.motion, strict=True)),
             other.own,
+            bolts=other.bolts and self.bolts and self.bolts.towards(other.bolts, share),
         )

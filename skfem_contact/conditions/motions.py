@@ -164,10 +164,10 @@ class RigidMotions(ByFields):
         u = self.modes @ combination
         scale = np.max(np.abs(u))
         bodies, motions = [], []
-        for body, name, part in zip(self.system.bodies, self.system.names, self._parts(u), strict=True):
+        for i, (name, part) in enumerate(zip(self.system.names, self._parts(u), strict=True)):
             if np.max(np.abs(part)) > GIVEN * scale:
                 bodies.append(name)
-                motions.append(motion_words(body.rigid_modes, body.rigid_mode_names, part))
+                motions.append(motion_words(self.system.modes(i), self.system.mode_names(i), part))
         same = len(set(motions)) == 1
         words = motions[0] if same else "; ".join(map(": ".join, zip(bodies, motions, strict=True)))
         return tuple(bodies), words
@@ -184,7 +184,7 @@ class RigidMotions(ByFields):
             if isinstance(body, RigidBody) and body.obstacle.turns_in_itself(body.about):
                 size = np.linalg.norm(part[: body.dim])
             if size > GIVEN * np.linalg.norm(u):
-                words = motion_words(body.rigid_modes, body.rigid_mode_names, part)
+                words = motion_words(self.system.modes(body), self.system.mode_names(body), part)
                 sentences.append((name, words))
         return tuple(
             f"The place of body '{name}' is indifferent ({words}): {why}, and the forces are the same "
@@ -200,8 +200,8 @@ class RigidMotions(ByFields):
 def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matrix]) -> RigidMotions:
     """Find the rigid motions that neither prescribed DOFs nor the stiffness resist."""
     blocks = []
-    for body, K in zip(system.bodies, stiffness, strict=True):
-        R = body.rigid_modes / largest(body.rigid_modes)
+    for i, (body, K) in enumerate(zip(system.bodies, stiffness, strict=True)):
+        R = system.modes(i) / largest(system.modes(i))
         # prescribed DOFs and springs to the ground: rows that a free motion leaves at zero
         left = null_space(R[body.D])
         if left.shape[1]:  # where supports hold all motions, springs have none to hold

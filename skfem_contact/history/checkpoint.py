@@ -46,6 +46,8 @@ class SavedState:
     converged : bool
         A state that is not can be a `guess`, but no `start`.
     message : str
+    tightness : dict
+        Shift and force of each bolt by name [length], [force].
     u : ndarray, shape (n,)
         Displacements of all bodies, from which movement counts where a place is indifferent [length].
 
@@ -77,6 +79,12 @@ class SavedState:
     converged: bool
     message: str
     u: Array
+    tightness: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def bolt_names(self) -> tuple[str, ...]:
+        """Of the bolts."""
+        return tuple(self.tightness)
 
 
 def save_state(path: str | Path, result: Answer | SavedState) -> Path:
@@ -86,8 +94,11 @@ def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     case = result.case
     data: dict[str, Any] = {"format": FORMAT, "u": result.u}
     data |= {f"state_{name}": value for name, value in vars(result.state).items()}
-    for name in ("f", "x", "gap0", "slip0", "interference"):
+    for name in ("x", "gap0", "slip0", "interference"):
         data[f"case_{name}"] = getattr(case, name)
+    data["case_f"] = case.applied
+    if result.tightness:
+        data |= {"bolts": list(result.tightness), "tightness": list(result.tightness.values())}
     data |= _motions(case.motion)
     data["case_own"] = case.own
     data["case_scale"] = [np.nan if scale is None else scale for scale in (*case.scale, case.factor)]
@@ -197,7 +208,9 @@ def _state(path: Path, data: dict[str, Any], identity: Identity) -> SavedState:
     )
     lost = data["dissipation_before"], data["dissipation_by_contact"]
     converged, message = bool(data["converged"]), str(data["message"])
-    return SavedState(state, case, *lost, own, converged, message, data["u"])
+    bolts = dict(zip(map(str, data.get("bolts", ())), data.get("tightness", ()), strict=True))
+    tightness = {name: (float(shift), float(force)) for name, (shift, force) in bolts.items()}
+    return SavedState(state, case, *lost, own, converged, message, data["u"], tightness)
 
 
 def _motions(motions: tuple[Motion, ...]) -> dict[str, Any]:
@@ -218,7 +231,9 @@ class PartialResults:
     def add(self, result: ContactResult, reader: StepReader) -> None:
         """Keep a result; `reader` knows the loads that a number stands for."""
         answer = answer_of(result)
-        light = copied(answer) if answer.factor is None else _with_loads(answer, NONE, NONE)
+        # a number stands for the loads, but not for those of bolts
+        named = answer.factor is None or bool(answer.bolt_names)
+        light = copied(answer) if named else _with_loads(answer, NONE, NONE)
         self._light.append((light, reader))
         self._alive.append(weakref.ref(result))
 
@@ -228,7 +243,7 @@ class PartialResults:
         for (light, reader), alive in zip(self._light, self._alive, strict=True):
             result = alive()
             if result is None:
-                if light.factor is not None:
+                if light.factor is not None and not light.bolt_names:
                     loads = reader.read(light.factor, light.case)
                     light = _with_loads(light, loads.f, loads.x)
                 result = ContactResult(light)

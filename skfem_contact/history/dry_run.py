@@ -65,6 +65,8 @@ def dry_run(solver: Solver) -> str:
         lines.append(f"body {name}: {body.n} DOFs, {len(body.D)} prescribed, {what}")
         if isinstance(body, Body):
             lines += body_words(body, K is body.K, solver.contacts)
+        for slide in system.slides.get(system.index(body), ((), ()))[1]:
+            lines.append(f"  load steps may tighten it: {slide}")
     lines += _size_words(solver)
     lines.append(_free_words(solver))
     for contact, name, pairing in zip(

@@ -16,13 +16,13 @@ from skfem_contact.carried import copied
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import point_slices
-from skfem_contact.conditions.loads import LoadCase, Motion
+from skfem_contact.conditions.loads import BoltLoads, LoadCase, Motion
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import read_motion
 from skfem_contact.obstacles.rigid_body import RigidBody
 
 Array = NDArray[np.float64]
-KEYS = ("f", "x", "interference", "motion")
+KEYS = ("f", "x", "interference", "motion", "bolt")
 
 
 class StepReader:
@@ -35,8 +35,9 @@ class StepReader:
         names: tuple[str, ...],
         geometry: Geometry,
         own_f: Array,
+        bolts: tuple[str, ...] = (),
     ) -> None:
-        self.system, self.contacts, self.names = system, contacts, names
+        self.system, self.contacts, self.names, self.bolts = system, contacts, names, bolts
         self.kin, self._own, self.own_f = geometry.kin, geometry.interference, own_f
         self._spans = slices(system.offsets)  # DOFs of each body
         self.point_slices = point_slices(contacts)
@@ -73,7 +74,7 @@ class StepReader:
         ]
         return copied(
             self._placed(start.interference, start.motion),
-            f=start.f if f is None else f * self.own_f,
+            f=start.applied if f is None else f * self.own_f,
             x=found if x is None else x * self.system.x,
             own=tuple(own),
             scale=start.scale,
@@ -116,7 +117,7 @@ class StepReader:
             if unknown:
                 raise InputError(
                     f"a load step names {sorted(map(str, unknown))}; it may name {list(KEYS)}, each "
-                    "a dict by body, contact or obstacle name."
+                    "a dict by body, contact, obstacle or bolt name."
                 )
             f, x = step.get("f"), step.get("x")
             return copied(
@@ -125,6 +126,7 @@ class StepReader:
                 x=self.vector("x", x, before.x, self.system.x),
                 scale=(before.scale[0] if f is None else None, before.scale[1] if x is None else None),
                 factor=None,
+                bolts=self._tightened(step.get("bolt")),
             )
         try:
             factor = number(step, "a load step", "")
@@ -142,7 +144,7 @@ class StepReader:
                 "an interference is not scaled by a number, write {'interference': {...}}."
             )
         f, x = factor * self.own_f, factor * self.system.x
-        return copied(before, f=f, x=x, scale=(factor, factor), factor=factor)
+        return copied(before, f=f, x=x, scale=(factor, factor), factor=factor, bolts=None)
 
     def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:
         """A stacked vector from a dict by body name, a stacked vector, or None."""
@@ -222,6 +224,27 @@ class StepReader:
                 moved[i] = Motion(*read_motion(value, self.kin.points.shape[1], whose))
         placed = self._placed(values, tuple(moved))
         return copied(placed, f=before.f, x=before.x, own=tuple(own), scale=before.scale)
+
+    def _tightened(self, given: Any) -> BoltLoads | None:
+        """The forces or stretches of bolts that a step names; None where it names no bolt."""
+        if given is None:
+            return None
+        shift, force = np.full((2, len(self.bolts)), np.nan)
+        usage = "give {'force': 15e3} or {'stretch': 0.02}"
+        for name, value in self._named(given, "bolt").items():
+            if name not in self.bolts:
+                raise InputError(f"bolt: there is no bolt {name!r}{suggest(name, self.bolts, 'bolts')}")
+            if not isinstance(value, Mapping) or list(value) not in (["force"], ["stretch"]):
+                raise InputError(f"bolt {name!r} in a load step is {shown(value)}; {usage}")
+            (what, size), i = next(iter(value.items())), self.bolts.index(name)
+            found = number(size, f"{what} of bolt {name!r}", usage)
+            if not np.isfinite(found) or (what == "force" and found < 0):
+                raise InputError(
+                    f"{what} of bolt {name!r} is {found:g}: a bolt pulls, by a finite force >= 0; to "
+                    "let it loose give the force 0, or a stretch"
+                )
+            (force if what == "force" else shift)[i] = found
+        return BoltLoads(shift, force)
 
     def _obstacles(self, name: Any) -> list[int]:
         """The contacts with an obstacle of this name."""

@@ -23,6 +23,7 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.validity import Issued
 from skfem_contact.answers.validity.watch import Watch
 from skfem_contact.arguments import check_kind
+from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.checks import check_loads
 from skfem_contact.conditions.loads import LoadCase
@@ -59,6 +60,7 @@ class StepSolver(ByFields):
 
     stepper: Stepper
     reader: StepReader
+    bolts: Bolts
 
     def solve(
         self,
@@ -69,8 +71,25 @@ class StepSolver(ByFields):
         throw: bool,
     ) -> Answer:
         """The answer under these loads; see `ContactSolver.solve` for the other arguments."""
+        bolts = target.bolts
+        solver = self if bolts is None or not bolts.given.any() else self._loosened(bolts.given)
         with Workspace() as workspace:
-            return self._solved(target, start, guess, callback, throw, workspace)
+            return solver._solved(target, start, guess, callback, throw, workspace)
+
+    def _loosened(self, given: NDArray[np.bool_]) -> StepSolver:
+        """The solver of steps that give forces to some bolts: their sections slide."""
+        model, key = self.stepper.model, b"bolts" + given.tobytes()
+        other = model.with_other(key, lambda: self.bolts.loosened(given, model.stiffness))
+        known: dict[bytes, StepSolver] = self._variants
+        if key not in known or known[key].stepper.model is not other:
+            stepper = Stepper(other, self.stepper.loop, self.stepper.options)
+            known[key] = StepSolver(stepper, self.reader, self.bolts)
+        return known[key]
+
+    @once
+    def _variants(self) -> dict[bytes, StepSolver]:
+        """Solvers with other bolts loose, as far as they were needed."""
+        return {}
 
     def _solved(
         self,
@@ -85,13 +104,16 @@ class StepSolver(ByFields):
         model = self.stepper.model
         geometry, kin = model.geometry, model.kin
         fixed = geometry.prescribed
-        issued = check_loads(model.system, model.interface, kin, fixed, target, _issued(start))
         if start is None:
             before = self.reader.unloaded()
             state = natural_state(kin, len(geometry.surface_dofs))
             state = replace(state, gap=before.gap0)  # without interference
         else:
             state, before = start.state, self.left(start)
+        if self.bolts.names:
+            told = (lambda: start.tightness) if start is not None else dict
+            before, target = self.bolts.step(before, target, told)
+        issued = check_loads(model.system, model.interface, kin, fixed, target, _issued(start))
         warm = guess or start
         known = None if warm is None else warm.state
         step = LoadStep(state, before, target, known, callback, workspace=workspace)
@@ -159,6 +181,12 @@ class StepSolver(ByFields):
                 "`.results` of the exception) in smaller steps; as starting values alone this one can "
                 "be the `guess` of solve(...)."
             )
+        strange = sorted(set(start.bolt_names) - set(self.bolts.names))
+        if strange:
+            raise InputError(
+                f"{what} is a state with bolts {', '.join(map(repr, strange))}, which this solver does "
+                "not have: pass the same bolts=[...], with the same names"
+            )
         if what == "start":
             words = self.reader.other_interference(start.case)
             if words:
@@ -206,6 +234,7 @@ class StepSolver(ByFields):
             linear=model.choice.said,
             indifferent=self._places(found),
             springs=attempt.problem.springs is not None,
+            bolts=self.bolts,
         )
 
     def _places(self, found: EquilibriumSearch) -> tuple[str, ...]:

@@ -26,6 +26,8 @@ from skfem_contact.arguments import (
     shown,
     with_known_keywords,
 )
+from skfem_contact.assemblies.bolt import Bolt, Bolts, bolted
+from skfem_contact.assemblies.joints import LoadCases
 from skfem_contact.bodies.inputs import Loads
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
@@ -85,6 +87,7 @@ class ProblemSetup:
         loop: str,
         linear: Any,
         options: Options | None,
+        bolts: Sequence[Bolt] | Bolt = (),
     ) -> None:
         start = time.perf_counter()
         if not isinstance(loop, str) or loop not in LOOPS:
@@ -93,7 +96,7 @@ class ProblemSetup:
             check_kind(options, Options, "options", "give Options(tolerance=...) and the like")
         self.options = options or Options()
         self.loop, self.linear = loop, linear
-        self.system = stack(bodies)
+        self.system, self._bolts, self._bolt_names = bolted(stack(bodies), bolts)
         usage = "make each by Contact(surface, other, ...)"
         self.contacts = tuple(members(contacts, Contact, "contacts", usage))
         self.names = contact_names(self.contacts)
@@ -124,6 +127,7 @@ class ProblemSetup:
             self.timings,
             reuse,
         )
+        self._tightened = Bolts(self._bolts, self._bolt_names, self.system, self._stiffness)
         self._answering = self._new_step_solver()
 
     def _copied(self: S) -> S:
@@ -135,10 +139,12 @@ class ProblemSetup:
         return {**vars(self), "linear": carried(self.linear, "linear")}
 
     def _new_reader(self) -> StepReader:
-        return StepReader(self.system, self.contacts, self.names, self.geometry, self._own_f)
+        mine = self.system, self.contacts, self.names, self.geometry, self._own_f
+        return StepReader(*mine, self._bolt_names)
 
     def _new_step_solver(self) -> StepSolver:
-        return StepSolver(Stepper(self.linear_model, self.loop, self.options), self._reader)
+        stepper = Stepper(self.linear_model, self.loop, self.options)
+        return StepSolver(stepper, self._reader, self._tightened)
 
     @property
     def model(self) -> AnyBodies:
@@ -372,7 +378,7 @@ OF_SOLVER |= dict.fromkeys(("loop", "linear", "options"), "it belongs to Contact
 OF_SOLVER |= dict.fromkeys(("mu", "friction"), "write solver.with_friction(Coulomb(mu))")
 OF_STEP = {
     name: f"it belongs to a step, solver.history([{{{name!r}: ...}}])"
-    for name in ("interference", "motion")
+    for name in ("interference", "motion", "bolt")
 }
 
 
@@ -400,6 +406,8 @@ class ContactSolver(Variants):
         anything that scikit-fem takes as ``solver(A, b)``. "auto" takes one of the first three by the
         memory of each, and by the load steps that are known to come; ``print(solver)`` says why.
     options : Options
+    bolts : sequence of Bolt
+        That load steps may tighten.
 
     Raises
     ------
@@ -445,8 +453,9 @@ class ContactSolver(Variants):
         loop: str = "newton",
         linear: Any = "auto",
         options: Options | None = None,
+        bolts: Sequence[Bolt] | Bolt = (),
     ) -> None:
-        super().__init__(bodies, contacts, loop, linear, options)
+        super().__init__(bodies, contacts, loop, linear, options, bolts)
 
     @known_keywords(**OF_SOLVER, **OF_STEP)
     def solve(
@@ -514,8 +523,9 @@ class ContactSolver(Variants):
             A number is the factor on all bodies' own f and x. A dict replaces just what it names:
             ``f`` and ``x`` (dict by body name; an array, a number as a factor on the body's own, or
             a dict by boundary name, see below), ``interference`` (by contact name), ``motion`` (by
-            obstacle name: total translation (d,), or (translation, angle, centre)). What a step does
-            not name stays as it was.
+            obstacle name: total translation (d,), or (translation, angle, centre)), ``bolt`` (by name
+            of the bolt: ``{"force": ...}`` or ``{"stretch": ...}``). What a step does not name stays
+            as it was; bolts are locked.
         start : ContactResult, optional
             The state to continue from, or one from `load_state`, as in `solve`.
         progress : bool
@@ -577,6 +587,33 @@ class ContactSolver(Variants):
             raise
         finally:
             shown_as.close()
+
+    @known_keywords(**OF_SOLVER, **OF_STEP)
+    def cases(
+        self, steps: Mapping[str, Any], *, start: ContactResult | SavedState | None = None
+    ) -> LoadCases:
+        """Solve several load cases, each from the same state, such as that of an assembly tightened.
+
+        Parameters
+        ----------
+        steps : dict
+            By the name of the case a load step, as in `history`.
+        start : ContactResult, optional
+            The state that each begins from, or one from `load_state`.
+
+        Returns
+        -------
+        LoadCases
+            A table that prints; ``cases["name"]`` is the `ContactResult`.
+
+        Raises
+        ------
+        NotConverged, NoEquilibrium
+            Of the first case that has no answer.
+        """
+        if not isinstance(steps, Mapping) or not steps:
+            raise InputError(f"cases are {shown(steps)}; give a dict, {{'name': step, ...}}")
+        return LoadCases({case: next(self.history([s], start=start)) for case, s in steps.items()})
 
     @known_keywords()
     def save_state(self, path: str | Path, result: ContactResult | SavedState) -> Path:

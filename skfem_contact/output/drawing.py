@@ -96,6 +96,11 @@ def new_axes(ax: Any, size: tuple[float, float]) -> Any:
     return ax if ax is not None else _pyplot().subplots(figsize=size, layout="compressed")[1]
 
 
+def new_figure(size: tuple[float, float]) -> Any:
+    """A new figure without axes."""
+    return _pyplot().figure(figsize=size, layout="compressed")
+
+
 def solid_axes(ax: Any, size: tuple[float, float]) -> Any:
     """The same in space; what is drawn later stands before what is drawn first."""
     if ax is None:

@@ -86,7 +86,9 @@ def bodies_grid(result: ContactResult, stress: Fields | None, units: Mapping[str
         numbers.append(np.full(len(table), i + 1, dtype=np.int32))
         names[f"body {i + 1}: {name}"] = i + 1
         for key, function in wanted.items():
-            columns = as_columns(checked_field(function(body, u), len(nodes), name))
+            columns = as_columns(
+                checked_field(function(body, result.stretched(body)), len(nodes), name)
+            )
             fields.setdefault(key, []).append(columns)
         start += len(nodes)
     moved = np.concatenate(values)

@@ -275,7 +275,9 @@ def colours(result: ContactResult, body: Body, stress: Stress | None, component:
         raise InputError(f"stress has {len(fields)} fields; a picture shows one, {USAGE}")
     ((name, function),) = fields.items()
     name_of = result.system.names[result.system.index(body)]
-    return component_of(checked_field(function(body, u), len(nodes), name_of), component, name)
+    return component_of(
+        checked_field(function(body, result.stretched(body)), len(nodes), name_of), component, name
+    )
 
 
 def _figure_size(box: Box) -> tuple[float, float]:

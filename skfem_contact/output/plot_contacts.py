@@ -22,6 +22,7 @@ from skfem_contact.output.drawing import (
     arc_length,
     is_solid,
     new_axes,
+    new_figure,
     note,
     open_words,
     which,
@@ -119,6 +120,53 @@ def plot_contact(
     ax.legend(frameon=False, fontsize="small", **ABOVE)
     ax.spines[["top", "right"]].set_visible(False)
     return ax
+
+
+@known_keywords()
+def plot_joints(result: ContactResult, *, units: Mapping[str, str] | None = None) -> Any:
+    """Plot the pressure of all contacts of a result in one figure, each as `plot_contact` draws it.
+
+    Parameters
+    ----------
+    result : ContactResult
+    units : dict, optional
+        Words for labels, ``{"length": "mm", "stress": "MPa"}``.
+
+    Returns
+    -------
+    matplotlib Figure
+
+    Raises
+    ------
+    InputError
+        As `plot_contact` does.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> feet = [sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), name="foot")]
+    >>> feet += [sc.Contact(block.surface("left"), sc.RigidPlane((0, 0), (1, 0)), name="side")]
+    >>> figure = sc.plot_joints(sc.ContactSolver(block, feet).solve())
+    >>> [ax.get_title("right") for ax in figure.axes]
+    ['foot', 'side']
+    """
+    solid, columns = is_solid(result), int(np.ceil(np.sqrt(len(result))))
+    rows = -(-len(result) // columns)
+    figure = new_figure((5.0 * columns, (4.5 if solid else 3.2) * rows))
+    settings = {"projection": "3d"} if solid else {}
+    for i, name in enumerate(result.names):
+        ax = figure.add_subplot(rows, columns, i + 1, **settings)
+        plot_contact(result, i, ax, units=units)
+        # in space a long title and the legend would stand in each other's way
+        ax.set_title(name, fontsize="medium", loc="center" if solid else "right")
+        if solid and ax.get_legend() is not None:
+            ax.get_legend().remove()
+    return figure
 
 
 def _window(s: Array, closed: NDArray[np.bool_]) -> tuple[float, float]:

@@ -209,8 +209,9 @@ class Choice:
     def _sizes(self, kind: type[Substructure]) -> dict[str, FactorSize]:
         check_whole(self.stiffness, "a factorisation, and its size, needs all of it")
         out, wanted = {}, self._wanted()
-        for body, name, K in zip(self.system.bodies, self.system.names, self.stiffness, strict=True):
+        for i, (name, K) in enumerate(zip(self.system.names, self.stiffness, strict=True)):
+            body = self.system.bodies[i]
             mine = wanted_of(body, self.system, wanted)
             if len(mine):
-                out[name] = kind(body, K, mine).factor_size()
+                out[name] = kind(body, K, mine, modes=self.system.modes(i)).factor_size()
         return out

@@ -43,7 +43,7 @@ class FullSystem:
         self.K = csr_matrix(block_diag(stiffness))
         self.points = np.concatenate([body.dof_points for body in system.bodies])
         if self.backend.uses_modes:
-            self.modes = dense_block_diag(*(body.rigid_modes for body in system.bodies))
+            self.modes = dense_block_diag(*map(system.modes, range(len(system.bodies))))
 
     def surface(self, source: Source, case: LoadCase) -> Array:
         """Displacements of all DOFs (n,)."""

@@ -162,7 +162,7 @@ class GridBody(WholeBody):
     def grids(self) -> Hierarchy:
         """Grids of the body; of a rigid one its few equations themselves."""
         if isinstance(self.body, Body):
-            return hierarchy(self.K_free, self.body.rigid_modes[self.free])
+            return hierarchy(self.K_free, self.modes[self.free])
         inverse = np.linalg.inv(self.K_free.toarray())
         return Hierarchy(inverse.dot, inverse.nbytes)
 

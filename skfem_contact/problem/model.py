@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -158,22 +158,30 @@ class LinearModel:
         """The same with springs to the ground on its DOFs (n,); kept, as load steps ask again."""
         if not springs.any():
             return self
-        key = springs.tobytes()
+        parts = [springs[self.system.slice(body)] for body in self.system.bodies]
+        return self.with_other(
+            springs.tobytes(),
+            lambda: {
+                i: self.stiffness[i] + csr_matrix(diags(own))
+                for i, own in enumerate(parts)
+                if own.any()
+            },
+        )
+
+    def with_other(self, key: bytes, changed: Callable[[], Mapping[int, Any]]) -> LinearModel:
+        """The same with another stiffness of some bodies, by their number; kept by a key."""
         with self._lock:
             known = self._sprung.get(key)
             if known is None:
                 if len(self._sprung) >= MOST_TWINS:
                     self._sprung.pop(next(iter(self._sprung)))
-                known = self._sprung[key] = self._with(springs)
+                known = self._sprung[key] = self._with(changed())
             return known
 
-    def _with(self, springs: NDArray[np.float64]) -> LinearModel:
-        stiffness, reuse = [], []
-        substructures = self.substructures or [None] * len(self.stiffness)
-        for body, K, part in zip(self.system.bodies, self.stiffness, substructures, strict=True):
-            own = springs[self.system.slice(body)]
-            stiffness.append(K + csr_matrix(diags(own)) if own.any() else K)
-            reuse.append(None if own.any() else part)
+    def _with(self, changed: Mapping[int, Any]) -> LinearModel:
+        stiffness = [changed.get(i, K) for i, K in enumerate(self.stiffness)]
+        parts_now = self.substructures or [None] * len(stiffness)
+        reuse = [None if i in changed else part for i, part in enumerate(parts_now)]
         motions = rigid_motions(self.system, self.kin, stiffness)
         return self._anew(stiffness, motions, reuse, self.choice.steps)
 

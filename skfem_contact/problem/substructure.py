@@ -178,6 +178,8 @@ class Substructure:
         bodies it touches, or their digits are lost [force/length].
     backend : Backend, optional
         What factorises it; the multifrontal method of this process if there is none.
+    modes : ndarray, shape (n, k), optional
+        Motions that K may leave free; the rigid ones if not given.
 
     Attributes
     ----------
@@ -198,13 +200,15 @@ class Substructure:
         wanted: Index,
         firm: float = 0.0,
         backend: Backend | None = None,
+        modes: Array | None = None,
     ) -> None:
         self.body, self.K, self._firm = body, K, firm
         self._backend = backend or Direct()
+        self.modes = body.rigid_modes if modes is None else modes
         self.free = np.delete(np.arange(body.n), body.D)
         self.anchors = wanted
         if len(wanted):
-            self.anchors = anchors(body, wanted) if isinstance(body, Body) else self.free
+            self.anchors = anchors(body, wanted, self.modes) if isinstance(body, Body) else self.free
         self.columns = np.union1d(wanted, self.anchors)
         self.kept = self.columns if self.keeps_contact else self.anchors
 
@@ -363,13 +367,13 @@ class Substructure:
         return f[self.free] + self._by_supports(x[self.body.D])
 
 
-def anchors(body: Body, wanted: Index) -> Index:
+def anchors(body: Body, wanted: Index, modes: Array) -> Index:
     """Free DOFs of a few nodes away from contact that stop the motions which supports leave free.
 
     A few nodes for each part of the mesh that prescribed DOFs do not hold: springs on them make
     the condensed stiffness definite, and as further kept DOFs they do the same for the interior.
     """
-    R = body.rigid_modes / largest(body.rigid_modes)
+    R = modes / largest(modes)
     points, chosen = body.dof_points, np.zeros(0, dtype=int)
     touched = np.zeros(body.n, dtype=bool)
     touched[body.D], touched[wanted] = True, True
@@ -432,7 +436,8 @@ def substructures_of(
         old = reuse[i] if len(reuse) else None
         if not isinstance(old, kind):
             firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
-            old = kind(body, stiffness[i], wanted_of(body, system, wanted), firm, backend)
+            mine = wanted_of(body, system, wanted)
+            old = kind(body, stiffness[i], mine, firm, backend, system.modes(i))
         found.append(old)
     return found
 

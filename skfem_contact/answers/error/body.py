@@ -46,7 +46,7 @@ def bodies_error(result: Answer, values: ContactValues) -> tuple[float, dict[str
             return np.nan, {}
         # where the body itself is touched: with finite sliding that is not where the other one was
         near, weight = _near(body, body.dof_points[dofs])
-        lost, stored = energy_error(body, result.displacement(body), near)
+        lost, stored = energy_error(body, result.stretched(body), near)
         found[name] = near, weight * lost
         error, total = error + float(weight @ lost), total + float(weight @ stored)
     shares = {name: (near, lost / error if error else lost) for name, (near, lost) in found.items()}

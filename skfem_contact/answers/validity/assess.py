@@ -134,7 +134,7 @@ class Assessment:
     @_once
     def strains(self, name: str) -> tuple[float, float, float]:
         """Mean and largest strain, and rotation, of a body; see `strain.strains`."""
-        return strains(self.solids[name], self.result.displacement(name))
+        return strains(self.solids[name], self.result.stretched(name))
 
     @_once
     def boundary(self, name: str) -> Boundary:

@@ -74,7 +74,7 @@ def locked(result: Answer, name: str) -> float:
     key = "locked", name
     if key not in result.measured:
         body = result.system.solids[name]
-        result.measured[key] = locked_share(body, result.displacement(name))
+        result.measured[key] = locked_share(body, result.stretched(name))
     return result.measured[key]
 
 
