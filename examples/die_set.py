@@ -90,7 +90,7 @@ print(formed)
 
 # %% Picture
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 5.0), layout="constrained")
-pairs.plot(ax=left)
+sc.plot_pairs(pairs, ax=left)
 for name in pairs.names:
     points, pressure = formed[name].points, [r[name].pressure for r in (shrunk, formed)]
     order = np.argsort(np.arctan2(points[:, 1], points[:, 0]))

@@ -111,6 +111,7 @@ if TYPE_CHECKING:
     from skfem_contact.output.plot_bodies import plot_deformed
     from skfem_contact.output.plot_contacts import plot_contact, plot_joints
     from skfem_contact.output.plot_histories import plot_force, plot_history
+    from skfem_contact.output.plot_pairs import plot_pairs
     from skfem_contact.output.scene import scene
     from skfem_contact.output.stress import nodal_stress, von_mises
     from skfem_contact.output.vtk import write, write_series
@@ -184,6 +185,7 @@ __all__ = [
     "plot_force",
     "plot_history",
     "plot_joints",
+    "plot_pairs",
     "read_bodies",
     "scene",
     "stack",
@@ -227,6 +229,7 @@ _LATER = {
     "plot_history": "output.plot_histories",
     "read_bodies": "assemblies.reading",
     "plot_joints": "output.plot_contacts",
+    "plot_pairs": "output.plot_pairs",
     "scene": "output.scene",
     "von_mises": "output.stress",
     "write": "output.vtk",

@@ -322,13 +322,13 @@ def test_pairs_are_drawn(d):
     from matplotlib import pyplot
 
     pairs = sc.find_contacts(stack(d, 1, 1, 1), within=0.01)
-    ax = pairs.plot()
+    ax = sc.plot_pairs(pairs)
     assert [text.get_text() for text in ax.get_legend().get_texts()] == list(pairs.names)
     assert len(ax.collections) == 3 + 2 * 2
     ax.figure.canvas.draw()
     pyplot.close("all")
     with pytest.raises(sc.InputError, match="no pairs to draw"):
-        pairs.drop("*").plot()
+        sc.plot_pairs(pairs.drop("*"))
 
 
 # ------------------------------------------------------------------------------- bad input

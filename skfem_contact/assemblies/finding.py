@@ -72,8 +72,8 @@ class FoundContact:
 class FoundContacts(Named[Contact]):
     """Contacts that `find_contacts` has found: a sequence of `Contact`, by number or by name.
 
-    ``print(pairs)`` shows them as a table, `plot` as a picture. It does not change: `drop`, `keep` and
-    `change` return another one.
+    ``print(pairs)`` shows them as a table, `plot_pairs` as a picture. It does not change: `drop`,
+    `keep` and `change` return another one.
 
     Attributes
     ----------
@@ -175,22 +175,6 @@ class FoundContacts(Named[Contact]):
         if self.not_taken:
             lines += ["", "near, and not taken:", *(f"  {line}" for line in self.not_taken)]
         return "\n".join(lines)
-
-    def plot(self, ax: Any = None) -> Any:
-        """Draw the bodies pale, and the pairs in colours; with matplotlib.
-
-        Parameters
-        ----------
-        ax : matplotlib axes, optional
-            Of a solid with ``projection="3d"``. A new figure if not given.
-
-        Returns
-        -------
-        matplotlib axes
-        """
-        from skfem_contact.assemblies.picture import draw_pairs  # with output, which is slow to import
-
-        return draw_pairs(self, self.names, ax)
 
 
 def _name(pair: FoundContact) -> str:

@@ -4,7 +4,7 @@
 * `tools`: rigid obstacles as lines and triangles;
 * `grids`, `vtk`: files for ParaView;
 * `view`, `drawing`: what stands where in a picture, and what all pictures have;
-* `plot_bodies`, `plot_contacts`, `plot_histories`, `solids` (in 3-D): pictures with matplotlib;
+* `plot_bodies`, `plot_contacts`, `plot_pairs`, `plot_histories`, `solids`: pictures with matplotlib;
 * `scene`: pictures in space with PyVista.
 """
 

@@ -1,4 +1,4 @@
-"""A picture of pairs that were found: the bodies pale, both sides of each pair in one colour."""
+"""`plot_pairs`: the pairs of surfaces that may touch, each in a colour of its own."""
 
 from __future__ import annotations
 
@@ -20,8 +20,42 @@ Array = NDArray[np.float64]
 PALE, LINE, STRONG = 0.06, 0.4, 0.8
 
 
-def draw_pairs(contacts: Sequence[Contact], names: Sequence[str], ax: Any) -> Any:
-    """Draw the surfaces of contacts, and the boundaries of their bodies; return the axes."""
+def plot_pairs(contacts: Sequence[Contact], ax: Any = None) -> Any:
+    """Draw the two surfaces of each contact in one colour, and the bodies pale; with matplotlib.
+
+    Parameters
+    ----------
+    contacts : FoundContacts or sequence of Contact
+        Contacts with rigid obstacles are left out.
+    ax : matplotlib axes, optional
+        Of solids with ``projection="3d"``. A new figure if not given.
+
+    Returns
+    -------
+    matplotlib axes
+
+    Raises
+    ------
+    InputError
+        There is no pair of surfaces.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> element = fem.ElementVector(fem.ElementQuad1())
+    >>> low = fem.MeshQuad().refined(2).with_defaults()
+    >>> meshes = {"block": low, "lid": low.translated((0.0, 1.01))}
+    >>> bodies = [
+    ...     sc.Body(fem.Basis(mesh, element), linear_elasticity(), name=name)
+    ...     for name, mesh in meshes.items()
+    ... ]
+    >>> ax = plot_pairs(sc.find_contacts(bodies, within=0.02))
+    >>> len(ax.get_legend().get_texts())
+    1
+    """
+    names = [contact.name or "" for contact in contacts]
     sides = [(c.secondary, c.primary) for c in contacts if isinstance(c.primary, ContactSurface)]
     if not sides:
         raise InputError("there are no pairs to draw; print(pairs) says what was near")
