@@ -97,11 +97,12 @@ def _cycle(
     for k in range(most):
         Z[k] = precondition(V[k])  # kept, as what they add up to would cost one more
         w = product(Z[k])
-        for _ in range(2):  # once more, as the first pass leaves round-off of what it has taken away
+        before, beyond = np.inf, float(np.linalg.norm(w))
+        while beyond < 0.5 * before:  # once more where what was taken away leaves little but its round-off
             along = V[: k + 1] @ w
-            w = w - along @ V[: k + 1]
+            w -= along @ V[: k + 1]
             H[: k + 1, k] += along
-        beyond = float(np.linalg.norm(w))
+            before, beyond = beyond, float(np.linalg.norm(w))
         for i, (c, s) in enumerate(turns):
             H[i, k], H[i + 1, k] = c * H[i, k] + s * H[i + 1, k], c * H[i + 1, k] - s * H[i, k]
         length = float(np.hypot(H[k, k], beyond))

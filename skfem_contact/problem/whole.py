@@ -282,7 +282,9 @@ class Layers:
         shared = csr_matrix(G @ diags(self._softness))
         Q = csr_matrix(shared @ G.T)
         alone = Q.diagonal() == 0.0
-        solve = splu((Q + diags(alone.astype(float))).tocsc()).solve
+        # as LU of a symmetric matrix: half the time of the order that knows nothing of it
+        order = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
+        solve = splu((Q + diags(alone.astype(float))).tocsc(), diag_pivot_thresh=0.0, **order).solve
 
         def force(z: Array) -> Array:
             u = shared.T @ solve(z)
