@@ -154,7 +154,9 @@ class Hierarchy:
         x = np.zeros_like(b)
         gauss_seidel(grid.lower, x, b, sweep="forward")
         left = grid.diagonal * x - grid.upper @ x
-        x += grid.P @ self._from(number + 1, (grid.P.T @ left).astype(float, copy=False)).astype(b.dtype)
+        x += grid.P @ self._from(number + 1, (grid.P.T @ left).astype(float, copy=False)).astype(
+            b.dtype
+        )
         gauss_seidel(grid.upper, x, b + grid.diagonal * x - grid.lower @ x, sweep="backward")
         return x.astype(float, copy=False)
 
@@ -245,10 +247,10 @@ def _round_off(A: Any, x: np.ndarray) -> float:
 
     (N. J. Higham, Accuracy and stability of numerical algorithms, 2002, section 3.1.)
     """
-    return float(terms(A) * 0.5 * np.finfo(float).eps * np.linalg.norm(abs(A) @ np.abs(x)))
+    return float(longest_row(A) * 0.5 * np.finfo(float).eps * np.linalg.norm(abs(A) @ np.abs(x)))
 
 
-def terms(A: Any) -> int:
+def longest_row(A: Any) -> int:
     """Entries of the longest row."""
     return int(np.diff(A.indptr).max()) * (A.blocksize[1] if A.format == "bsr" else 1)
 

@@ -30,7 +30,14 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import SOLVED
-from skfem_contact.linalg.amg import AMG, Hierarchy, conjugate_gradients, hierarchy, not_within, terms
+from skfem_contact.linalg.amg import (
+    AMG,
+    Hierarchy,
+    conjugate_gradients,
+    hierarchy,
+    longest_row,
+    not_within,
+)
 from skfem_contact.once import once
 from skfem_contact.problem.forces import HeldForces, OnForces, could_not
 from skfem_contact.problem.full import FullProblem, FullSystem
@@ -161,7 +168,9 @@ class GridBody(WholeBody):
         if len(self.free) % size:
             return K
         blocks = K.tobsr((size, size))
-        return blocks if 2 * blocks.data.nbytes < 3 * K.data.nbytes else K  # of 8 bytes, and 4 of indices
+        return (
+            blocks if 2 * blocks.data.nbytes < 3 * K.data.nbytes else K
+        )  # of 8 bytes, and 4 of indices
 
     @once
     def grids(self) -> Hierarchy:
@@ -334,7 +343,7 @@ class _Fields(HeldForces):
         held by springs, whose extensions q contact takes back. A sum of n terms is known to n roundings
         of their sizes (Higham 2002, section 3.1).
         """
-        per_row = max(terms(part.K_free) for part in self.bodies.substructures)
+        per_row = max(longest_row(part.K_free) for part in self.bodies.substructures)
         u_c, G = u[self.bodies.place], abs(self.G)
         bodies = self.bodies.times_K(np.abs(u), absolute=True)
         bodies[self.bodies.place] += G.T @ np.abs(p) + abs(self.P) @ np.abs(q)

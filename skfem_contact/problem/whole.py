@@ -228,7 +228,7 @@ class Layer:
         factor = MultifrontalCholesky(K_ll, part.body.dof_points[layer])
         near = np.unique(self._K_cl.indices)
         self._K_cl = self._K_cl[:, near]
-        self._inverse = SurfaceResponse(factor, near)
+        self._inverse = SurfaceResponse(factor, near, single=True)
 
     def stiffness(self, u: Array) -> Array:
         """Forces on the contact DOFs that hold them at displacements, (n_c,) -> (n_c,)."""
