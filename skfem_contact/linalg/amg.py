@@ -170,15 +170,21 @@ def hierarchy(A: Any, modes: np.ndarray | None) -> Hierarchy:
     modes : ndarray, shape (n, k), or None
         Rigid motions.
     """
-    levels = smoothed_aggregation_solver(
-        A,
-        B=None if modes is None else np.array(modes, dtype=float),
-        strength=("symmetric", {"theta": 0.0}),
-        presmoother=None,
-        postsmoother=None,
-        # rigid motions are what K barely resists: smoothing them first takes time and no iteration away
-        improve_candidates=None,
-    ).levels
+    # PyAMG estimates eigenvalues from NumPy's own random numbers: answers would not repeat
+    state = np.random.get_state()  # noqa: NPY002
+    np.random.seed(0)  # noqa: NPY002
+    try:
+        levels = smoothed_aggregation_solver(
+            A,
+            B=None if modes is None else np.array(modes, dtype=float),
+            strength=("symmetric", {"theta": 0.0}),
+            presmoother=None,
+            postsmoother=None,
+            # rigid motions are what K barely resists: smoothing them first takes time for nothing
+            improve_candidates=None,
+        ).levels
+    finally:
+        np.random.set_state(state)  # noqa: NPY002
     kinds = [np.float32, *len(levels) * [np.float64]]
     grids = [Grid.of(level.A, level.P, kind) for level, kind in zip(levels[:-1], kinds, strict=False)]
     return Hierarchy(grids, splu(sp.csc_matrix(levels[-1].A)).solve)
