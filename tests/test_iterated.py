@@ -153,19 +153,6 @@ def test_number_of_iterations_hardly_grows_with_the_number_of_points():
     assert counts[2][0] <= counts[1][0] + 4
 
 
-def test_bodies_in_equilibrium_stay_so_on_the_way():
-    """Forces are found first, and then what they do to bodies: two digits take few iterations."""
-    blocks = two_blocks(9, 4)
-    x = np.zeros(blocks.system.n)
-    x[blocks.system.offsets[1] + blocks.system.bodies[1].D] = -0.01
-    case, asked = blocks.case(np.zeros_like(x), x), conditions(blocks)
-    _, iterated, multigrid = posed(blocks)
-    for problem in (iterated, multigrid):
-        problem.solve(replace(asked, rough=True), problem.load(case))
-    # through exact factors forces are all that is iterated; cycles cost one more, the other order two
-    assert multigrid.iterations[0] <= iterated.iterations[0] + 1
-
-
 def test_points_that_do_not_hold_a_body():
     """A body that the closed points leave free to move is a singular problem, said so."""
     blocks = two_blocks(4, 2, floating=True)

@@ -9,12 +9,12 @@ With K held by the springs on the anchors (`condensed`), the equations are those
 
     K u - B'p - P q = f,      what is held of B u and p,      P'u - q = 0.
 
-GMRES solves them for u, p and q at once. It is preconditioned by the stiffness of a layer under the
-surfaces (`whole`) for the forces, then by a V-cycle of multigrid for K. What multigrid is prepared for
-is K, which contact never changes: points that close, stick or slip cost no new preparation, and
-slipping points, whose equations are unsymmetric, no more iterations. (With contact eliminated,
-``T'KT`` is another matrix in every iteration; it took up to 160 iterations where friction follows the
-normal force and these take 30.)
+GMRES solves them for u, p and q at once. It is preconditioned by a V-cycle of multigrid for K, then by
+the stiffness of a layer under the surfaces (`whole`) for the forces. What multigrid is prepared for is
+K, which contact never changes: points that close, stick or slip cost no new preparation, and slipping
+points, whose equations are unsymmetric, no more iterations. (With contact eliminated, ``T'KT`` is
+another matrix in every iteration; it took up to 160 iterations where friction follows the normal
+force and these take 30.)
 """
 
 from __future__ import annotations
@@ -365,14 +365,9 @@ class _Fields(HeldForces):
         return np.concatenate([f / self.diagonal, held, self.P.T @ u_c - q])
 
     def _precondition(self, r: Array) -> Array:
-        """Forces first, then what they and the loads do to the bodies.
-
-        So bodies that are in equilibrium stay so, but for what the cycle leaves. The other way round
-        every change of forces leaves bodies out of equilibrium, which takes one iteration more.
-        """
         f, known, rest = np.split(r, self._ends)
-        p, q = self.solved(known / self.scale, rest)
-        f = f * self.diagonal
-        f[self.bodies.place] += self.G.T @ p + self.P @ q
-        u = self.bodies.cycle(f)
+        u = self.bodies.cycle(f * self.diagonal)
+        u_c = u[self.bodies.place]
+        by_u = self.held.equations(self.G @ u_c, np.zeros(len(known)))
+        p, q = self.solved(known / self.scale - by_u, rest - self.P.T @ u_c)
         return np.concatenate([u * self.diagonal, p / self.scale, q])
