@@ -10,6 +10,7 @@ import pytest
 import scipy.sparse as sp
 import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
+from pyamg import smoothed_aggregation_solver
 from quick_elasticity import linear_elasticity
 from scipy.sparse.linalg import spsolve
 from skfem.models.elasticity import lame_parameters
@@ -205,6 +206,39 @@ def test_amg_needs_few_iterations_with_rigid_modes(dim):
     assert np.linalg.norm(K @ x - b) <= 1e-10 * np.linalg.norm(b)
     with pytest.raises(LinearSolveError, match=r"after 25 iterations, above tol=1.0e-10"):
         AMG(max_iterations=25).factorize(K).solve(b)
+
+
+@pytest.mark.parametrize("size", [1e-30, 1.0, 1e30])
+def test_cycle_is_that_of_pyamg(size):
+    """With sweeps of whole matrices in double precision, in any unit of the load."""
+    K, points = body(3, cells=10)
+    K, modes, b = sp.csr_matrix(K), modes_of(points), np.sin(np.arange(len(points)))
+    np.random.seed(0)  # noqa: NPY002 (as PyAMG asks for them)
+    grids = smoothed_aggregation_solver(
+        K,
+        B=modes,
+        strength=("symmetric", {"theta": 0.0}),
+        presmoother=("gauss_seidel", {"sweep": "forward"}),
+        postsmoother=("gauss_seidel", {"sweep": "backward"}),
+        improve_candidates=None,
+    )
+    assert len(grids.levels) > 2
+    exact = grids.aspreconditioner() @ b
+    found = hierarchy(K, modes).cycle(b * size) / size
+    # single precision of the finest grid, 6e-8, in sums of some tens of terms
+    assert_allclose(found, exact, rtol=0, atol=3e-6 * np.abs(exact).max())
+
+
+def test_grids_leave_random_numbers_alone_and_repeat():
+    """The same matrix has the same grids to the last bit, whatever was drawn before."""
+    K, points = body(cells=20)
+    cycles = []
+    for seed in range(2):
+        np.random.seed(seed)  # noqa: NPY002
+        state = np.random.get_state()[1].copy()  # noqa: NPY002
+        cycles.append(hierarchy(sp.csr_matrix(K), modes_of(points)).cycle(np.ones(len(points))))
+        assert_array_equal(np.random.get_state()[1], state)  # noqa: NPY002
+    assert_array_equal(*cycles)
 
 
 def test_amg_does_not_fail_silently():

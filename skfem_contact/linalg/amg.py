@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import LinearOperator, cg, gmres
+from pyamg import smoothed_aggregation_solver
+from pyamg.relaxation.relaxation import gauss_seidel
+from scipy.sparse.linalg import LinearOperator, cg, gmres, splu
 
 from skfem_contact.arguments import with_known_keywords
 from skfem_contact.linalg.backend import Backend, Factorisation, LinearSolveError, by_column
@@ -71,19 +73,92 @@ class AMG(Backend):
 
 
 @dataclass(frozen=True, eq=False)
-class Hierarchy:
-    """Grids of a matrix.
+class Grid:
+    """A matrix of a hierarchy in two triangles, and what leads to the next coarser one.
+
+    A sweep of Gauss and Seidel from zero is a substitution in one triangle, what it leaves a product
+    with the other: a cycle reads every entry twice, where sweeps and residuals read them three times.
 
     Attributes
     ----------
-    cycle : callable
-        A V-cycle, ``b -> x`` with ``A x`` about b: symmetric.
-    memory : int
-        Of all grids [bytes].
+    lower, upper : csr_matrix, shape (n, n)
+        Both with the diagonal.
+    diagonal : ndarray, shape (n,)
+    P : csr_matrix, shape (n, n_coarse)
     """
 
-    cycle: Callable[[np.ndarray], np.ndarray]
-    memory: int
+    lower: sp.csr_matrix
+    upper: sp.csr_matrix
+    diagonal: np.ndarray
+    P: sp.csr_matrix
+
+    @classmethod
+    def of(cls, A: Any, P: Any, kind: type) -> Grid:
+        """In numbers of some precision."""
+        A = sp.csr_matrix(A, dtype=kind)
+        A.sort_indices()
+        row = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
+        lower, upper = _entries(A, A.indices <= row), _entries(A, A.indices >= row)
+        return cls(lower, upper, A.diagonal(), sp.csr_matrix(P, dtype=kind))
+
+    @property
+    def memory(self) -> int:
+        """Bytes."""
+        parts = self.lower, self.upper, self.P
+        return sum(part.data.nbytes + part.indices.nbytes + part.indptr.nbytes for part in parts)
+
+
+def _entries(A: sp.csr_matrix, mask: np.ndarray) -> sp.csr_matrix:
+    """Some entries of a matrix that has no empty rows."""
+    counts = np.add.reduceat(mask, A.indptr[:-1], dtype=A.indptr.dtype)
+    ends = np.append(0, np.cumsum(counts)).astype(A.indptr.dtype)
+    return sp.csr_matrix((A.data[mask], A.indices[mask], ends), shape=A.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Hierarchy:
+    """Grids of a matrix.
+
+    The finest is in single precision: reading it is what a cycle takes its time for. A cycle is a
+    preconditioner only, and what it leaves is measured in double precision.
+
+    Attributes
+    ----------
+    grids : sequence of Grid
+        From the finest on.
+    coarsest : callable
+        Solves with the matrix of the last one.
+    """
+
+    grids: Sequence[Grid]
+    coarsest: Callable[[np.ndarray], np.ndarray]
+
+    @property
+    def memory(self) -> int:
+        """Of all grids [bytes]."""
+        return sum(grid.memory for grid in self.grids)
+
+    def cycle(self, b: np.ndarray) -> np.ndarray:
+        """A V-cycle, ``b -> x`` with ``A x`` about b: symmetric."""
+        size = float(np.linalg.norm(b))
+        if size == 0.0:
+            return np.zeros_like(b)
+        return size * self._from(0, b / size)  # single precision has a short range, too
+
+    def _from(self, number: int, b: np.ndarray) -> np.ndarray:
+        """From one grid down, without the residuals that PyAMG measures before and after."""
+        if number == len(self.grids):
+            return np.ravel(self.coarsest(b))
+        grid = self.grids[number]
+        b = b.astype(grid.P.dtype, copy=False)
+        x = np.zeros_like(b)
+        gauss_seidel(grid.lower, x, b, sweep="forward")
+        left = grid.diagonal * x - grid.upper @ x
+        x += grid.P @ self._from(number + 1, (grid.P.T @ left).astype(float, copy=False)).astype(
+            b.dtype
+        )
+        gauss_seidel(grid.upper, x, b + grid.diagonal * x - grid.lower @ x, sweep="backward")
+        return x.astype(float, copy=False)
 
 
 def hierarchy(A: Any, modes: np.ndarray | None) -> Hierarchy:
@@ -95,37 +170,24 @@ def hierarchy(A: Any, modes: np.ndarray | None) -> Hierarchy:
     modes : ndarray, shape (n, k), or None
         Rigid motions.
     """
-    from pyamg import smoothed_aggregation_solver  # imports slowly, and only this solver needs it
-
-    grids = smoothed_aggregation_solver(
-        A,
-        B=None if modes is None else np.array(modes, dtype=float),
-        strength=("symmetric", {"theta": 0.0}),
-        presmoother=("gauss_seidel", {"sweep": "forward"}),
-        postsmoother=("gauss_seidel", {"sweep": "backward"}),
-        # rigid motions are what K barely resists: smoothing them first takes time and no iteration away
-        improve_candidates=None,
-        coarse_solver="splu",  # the default, a pseudo-inverse, takes ten times as long
-    )
-    parts = [level.A for level in grids.levels]
-    parts += [part for level in grids.levels[:-1] for part in (level.P, level.R)]
-    memory = sum(part.data.nbytes + part.indices.nbytes + part.indptr.nbytes for part in parts)
-    # it factorises when it is first asked: now, and not where several threads ask at once
-    coarse = grids.levels[-1].A
-    grids.coarse_solver(coarse, np.zeros(coarse.shape[0]))
-    return Hierarchy(lambda b: _v_cycle(grids, b), memory)
-
-
-def _v_cycle(grids: Any, b: np.ndarray, number: int = 0) -> np.ndarray:
-    """A V-cycle from one grid down, without the residuals that PyAMG measures before and after."""
-    grid = grids.levels[number]
-    if number == len(grids.levels) - 1:
-        return np.ravel(grids.coarse_solver(grid.A, b))
-    x = np.zeros_like(b)
-    grid.presmoother(grid.A, x, b)
-    x += grid.P @ _v_cycle(grids, grid.R @ (b - grid.A @ x), number + 1)
-    grid.postsmoother(grid.A, x, b)
-    return x
+    # PyAMG estimates eigenvalues from NumPy's own random numbers: answers would not repeat
+    state = np.random.get_state()  # noqa: NPY002
+    np.random.seed(0)  # noqa: NPY002
+    try:
+        levels = smoothed_aggregation_solver(
+            A,
+            B=None if modes is None else np.array(modes, dtype=float),
+            strength=("symmetric", {"theta": 0.0}),
+            presmoother=None,
+            postsmoother=None,
+            # rigid motions are what K barely resists: smoothing them first takes time for nothing
+            improve_candidates=None,
+        ).levels
+    finally:
+        np.random.set_state(state)  # noqa: NPY002
+    kinds = [np.float32, *len(levels) * [np.float64]]
+    grids = [Grid.of(level.A, level.P, kind) for level, kind in zip(levels[:-1], kinds, strict=False)]
+    return Hierarchy(grids, splu(sp.csc_matrix(levels[-1].A)).solve)
 
 
 class _NoEnergy(Exception):
@@ -191,8 +253,12 @@ def _round_off(A: Any, x: np.ndarray) -> float:
 
     (N. J. Higham, Accuracy and stability of numerical algorithms, 2002, section 3.1.)
     """
-    terms = int(np.diff(A.indptr).max())
-    return float(terms * 0.5 * np.finfo(float).eps * np.linalg.norm(abs(A) @ np.abs(x)))
+    return float(longest_row(A) * 0.5 * np.finfo(float).eps * np.linalg.norm(abs(A) @ np.abs(x)))
+
+
+def longest_row(A: Any) -> int:
+    """Entries of the longest row."""
+    return int(np.diff(A.indptr).max()) * (A.blocksize[1] if A.format == "bsr" else 1)
 
 
 def _gmres(

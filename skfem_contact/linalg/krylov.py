@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.digits import GIVEN
+from skfem_contact.linalg.thresholds import AT_FIRST, CANCELS
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -85,9 +86,9 @@ def _cycle(
     product: Operator, precondition: Operator, r: Array, tolerance: float, most: int
 ) -> tuple[Array, int]:
     """The correction that leaves least of a residual, from a Krylov space of some directions."""
-    size = float(np.linalg.norm(r))
-    V = np.empty((most + 1, len(r)))
-    Z = np.empty((most, len(r)))
+    size, few = float(np.linalg.norm(r)), min(most, AT_FIRST)
+    V = np.empty((few + 1, len(r)))
+    Z = np.empty((few, len(r)))
     V[0] = r / size
     H = np.zeros((most + 1, most))
     left = np.zeros(most + 1)  # the residual in the coordinates of the rotated space
@@ -95,13 +96,16 @@ def _cycle(
     turns: list[tuple[float, float]] = []
     count = 0
     for k in range(most):
+        if k == len(Z):
+            V, Z = (np.concatenate([A, np.empty((k, len(r)))]) for A in (V, Z))
         Z[k] = precondition(V[k])  # kept, as what they add up to would cost one more
         w = product(Z[k])
-        for _ in range(2):  # once more, as the first pass leaves round-off of what it has taken away
+        before, beyond = np.inf, float(np.linalg.norm(w))
+        while beyond < CANCELS * before:  # once more where little but round-off is left
             along = V[: k + 1] @ w
-            w = w - along @ V[: k + 1]
+            w -= along @ V[: k + 1]
             H[: k + 1, k] += along
-        beyond = float(np.linalg.norm(w))
+            before, beyond = beyond, float(np.linalg.norm(w))
         for i, (c, s) in enumerate(turns):
             H[i, k], H[i + 1, k] = c * H[i, k] + s * H[i + 1, k], c * H[i + 1, k] - s * H[i, k]
         length = float(np.hypot(H[k, k], beyond))

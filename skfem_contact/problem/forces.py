@@ -213,10 +213,19 @@ class OnForces(OnContactDofs[W]):
         moved[: len(self.own)] -= self.give * p[:-1]
         return replace(load, moved=moved)
 
-    def stiffness(self, rows: NDArray[np.intp]) -> Callable[[Array], Array]:
-        """Forces on some of the rows that hold them at gaps and slips, nearly."""
-        bare, share = self.layers.stiffness(csr_matrix(self.G[rows])), np.sqrt(self._share[rows])
-        return lambda z: share * bare(share * z)
+    def _begin_anew(self) -> None:
+        super()._begin_anew()
+        self._stiffness: tuple[Index, Callable[[Array], Array]] | None = None
+
+    def stiffness(self, rows: Index) -> Callable[[Array], Array]:
+        """Forces on some of the rows that hold them at gaps and slips, nearly.
+
+        That of the rows of the last time is kept: what sticks or slips are the same rows.
+        """
+        if self._stiffness is None or not np.array_equal(self._stiffness[0], rows):
+            bare, share = self.layers.stiffness(csr_matrix(self.G[rows])), np.sqrt(self._share[rows])
+            self._stiffness = rows, lambda z: share * bare(share * z)
+        return self._stiffness[1]
 
     def _positions(self) -> Array:
         """Where the point of each row is, (r, d)."""

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import dgemm, dsyrk, dtrsm, dtrsv
+from scipy.linalg.blas import dgemm, dsyrk, dtrsm, dtrsv, strsv
 from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.errors import InputError
@@ -329,12 +329,14 @@ class SurfaceResponse:
 
     Only the fronts that eliminate these DOFs take part, and those above them: of a solid and one of
     its faces somewhat more than half of the factors. It is made for one vector at a time, for which
-    BLAS has faster ways than for several.
+    BLAS has faster ways than for several; it takes as long as they take to be read.
 
     Parameters
     ----------
     factor : MultifrontalCholesky
     dofs : ndarray of int, shape (m,)
+    single : bool
+        Whether it has its own factors in single precision, which preconditioners are content with.
 
     Examples
     --------
@@ -348,9 +350,10 @@ class SurfaceResponse:
     array([3.])
     """
 
-    def __init__(self, factor: MultifrontalCholesky, dofs: Index) -> None:
+    def __init__(self, factor: MultifrontalCholesky, dofs: Index, single: bool = False) -> None:
         fronts = factor.fronts
-        self._factor, self._place = factor, fronts.position[dofs]
+        self._place = fronts.position[dofs]
+        self._kind, self._substituted = (np.float32, strsv) if single else (np.float64, dtrsv)
         self._n, self._kept = fronts.order.size, int(fronts.start[-2])
         taking_part = np.zeros(fronts.parent.size, dtype=bool)
         taking_part[np.searchsorted(fronts.start, self._place, side="right") - 1] = True
@@ -360,10 +363,13 @@ class SurfaceResponse:
         start = fronts.start.tolist()
         # without what is kept, which is the last one, and boxes that own nothing
         self._along = [
-            (slice(start[f], start[f + 1]), *factor.panels[f], factor.borders[f])
+            (slice(start[f], start[f + 1]), *map(self._read, factor.panels[f]), factor.borders[f])
             for f in np.flatnonzero(taking_part[:-1]).tolist()
             if start[f] < start[f + 1]
         ]
+
+    def _read(self, panel: Array) -> NDArray[Any]:
+        return panel.astype(self._kind, copy=False)
 
     def __call__(self, force: Array, flexibility: Array | None = None) -> Array:
         """Displacements (m,) under forces (m,).
@@ -374,15 +380,16 @@ class SurfaceResponse:
         flexibility : ndarray, shape (nk, nk), optional
             ``(S + ...)^-1`` of what the factorisation keeps, with what holds it besides.
         """
-        x = np.zeros(self._n)
+        x = np.zeros(self._n, self._kind)
         x[self._place] = force
+        substituted = self._substituted
         with single_threaded():
             for pivots, L11, L21, border in self._along:
-                y = dtrsv(L11.T, x[pivots], lower=1)
+                y = substituted(L11.T, x[pivots], lower=1)
                 x[pivots] = y
                 x[border] -= y @ L21
             if flexibility is not None:
                 x[self._kept :] = flexibility @ x[self._kept :]
             for pivots, L11, L21, border in reversed(self._along):
-                x[pivots] = dtrsv(L11.T, x[pivots] - L21 @ x[border], lower=1, trans=1)
-        return np.asarray(x[self._place])
+                x[pivots] = substituted(L11.T, x[pivots] - L21 @ x[border], lower=1, trans=1)
+        return np.asarray(x[self._place], dtype=float)
