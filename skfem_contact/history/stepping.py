@@ -221,6 +221,8 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
     model, last = by.model, step.state
     interface = model.interface
     worn = interface.wear or np.count_nonzero(last.wear)
+    if step.pairing is not None:  # renewed by somebody else
+        return by.attempt(step, model.problem_on(*step.pairing), start)
     if not (worn or model.geometry.follows):  # as nearly always
         return by.attempt(step, step.workspace.borrowed(model.problem_on(None, None)), start)
     if not interface.wear:
@@ -382,17 +384,17 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
                 own = without_points(own, lost)
                 mismatch = geometry.mismatch(problem.kin, own, attempt.local, by.barred)
             if mismatch <= limit:
-                return _settled(by, attempt, own, mismatch)
+                return settled(by, attempt, own, mismatch)
         start, step = "warm", replace(step, known=attempt.state)
         problem = model.problem_on(next_kin, u)
-    point = geometry.least_settled(problem.kin, next_kin, attempt.local)
+    point = geometry.leastsettled(problem.kin, next_kin, attempt.local)
     words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e}): "
     words += model.interface.point_words(point, next_kin.points[point])
     words += " meets another partner in every round"
     return replace(attempt, mismatch=mismatch, failure=words, culprit=point)
 
 
-def _settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
+def settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
     """The attempt whose pairing is that of its own answer, with the gaps of that."""
     local = attempt.local
     gap = np.where(by.model.geometry.finite & (local.status == OPEN), own.gap0, local.gap)

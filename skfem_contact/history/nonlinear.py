@@ -1,0 +1,351 @@
+r"""One loop for bodies that are not linear and their contact: Newton's method on both.
+
+Near displacements ``u_k`` a body answers with its tangent ``K`` and its internal forces, from what it
+remembers of the beginning of the step. The linear problem
+
+    ``K u = f_ext - f_int(u_k) + K u_k + B' lambda``
+
+is one of bodies and contact, and solved as such: only bodies whose tangent is another one are condensed
+again. The first of a step is solved exactly for contact, as a tangent beyond yield may be singular
+without the right points closed; those after it take a few iterations of contact each, as it has hardly
+changed. Where contact slides far, each has the pairing at ``u_k``.
+
+A step may lead too far. It is halved until the residual of equilibrium of all bodies has become smaller,
+with contact forces between those of both ends. Where that fails, the load step is cut, here alone: in
+the linear problem of an iterate ``f`` is no load, and parts of it mean nothing. What a body remembers
+is a value that is passed on from one accepted part to the next, so that a cut changes nothing of it.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.newton import Iteration
+from skfem_contact.answers.placed import Placed, point_forces
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.errors import InputError, MaterialError
+from skfem_contact.history.equilibrium import ARRIVED, EquilibriumSearch, Verdict
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, nothing
+from skfem_contact.history.stepper import Stepper
+from skfem_contact.history.stepping import Bisection, settled
+from skfem_contact.history.thresholds import CONTACT_ITERATIONS, LONGER, NOISE, SHORTER
+from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.loops.step import Record
+from skfem_contact.loops.thresholds import DECREASE, HALVINGS
+from skfem_contact.problem.seam import Workspace
+from skfem_contact.records import dataclass
+from skfem_contact.sealed import sealed
+
+if TYPE_CHECKING:
+    from skfem_contact.history.equilibrium import Known
+    from skfem_contact.history.grip import Grip
+    from skfem_contact.history.neutral_equilibrium import Rest
+
+Array = NDArray[np.float64]
+
+logger = logging.getLogger("skfem_contact")
+
+
+@dataclass(eq=False)
+class Solved:
+    """The linear problem of an iterate as it was solved.
+
+    Attributes
+    ----------
+    attempt : Attempt
+    u : ndarray, shape (n,)
+        Displacements of all bodies [length].
+    forces : ndarray, shape (n,)
+        Of contact, on the DOFs [force].
+    verdict : Verdict
+    search : EquilibriumSearch or None
+        How contact was solved exactly; None where it took a few iterations.
+    """
+
+    attempt: Attempt | None
+    u: Array
+    forces: Array
+    verdict: Verdict = ARRIVED
+    search: EquilibriumSearch | None = None
+
+
+@dataclass(eq=False)
+class NonlinearSearch:
+    """Looks for the answer to one load step of bodies that are not linear; see `EquilibriumSearch`.
+
+    Attributes
+    ----------
+    stepper : Stepper
+        Its model has the tangents of the undeformed bodies.
+    step : LoadStep
+    start : Answer, SavedState or None
+    advance : Advance
+    placed : Placed
+        Where the bodies have come to, and what they remember of it.
+    newton : list of Iteration
+        Of all iterates, those of parts that failed included.
+    """
+
+    stepper: Stepper
+    step: LoadStep
+    start: Known
+    advance: Advance = field(init=False)
+    placed: Placed = field(init=False)
+    newton: list[Iteration] = field(default_factory=list)
+    _last: Placed | None = None
+    _search: EquilibriumSearch | None = None
+    _found: Recovery | None = None
+    _why: str = ""
+
+    @property
+    def settled(self) -> Rest | None:
+        """As of the last linear problem."""
+        return None if self._search is None else self._search.settled
+
+    @property
+    def grip(self) -> Grip | None:
+        """As of the last linear problem."""
+        return None if self._search is None else self._search.grip
+
+    @property
+    def recovery(self) -> Recovery:
+        """The displacements, which are known."""
+        assert self._found is not None
+        return self._found
+
+    def find(self) -> Verdict:
+        """Find the answer, in parts of the step where it does not come at once."""
+        model, options = self.stepper.model, self.stepper.options
+        if model.interface.wear:
+            raise InputError(WEAR)
+        self.advance = Advance(nothing(model.interface))
+        self.placed = Placed.of_start(model.system, model.stiffness, self.start)
+        parts = Bisection(options.max_cuts, SHORTER**options.max_cuts)
+        part = self.step
+        while True:
+            if parts.share < 1.0:
+                part = parts.of(self.step, part)
+            verdict = self._newton(part, parts)
+            way = self.advance
+            if verdict.arrived:
+                attempt = way.attempt
+                if model.interface.laws:
+                    way.energy += attempt.energy
+                if parts.aim >= 1.0:
+                    return verdict
+                part = replace(part, state=attempt.state, before=part.target, known=attempt.state)
+                way.substeps += 1
+                parts.go_on(attempt.travel)
+                continue
+            attempted = vars(way).get("attempt")
+            if parts.spent or (attempted is not None and attempted.stopped):
+                return self._refused(verdict, parts)
+            way.cuts += 1
+            parts.cut(0.0 if attempted is None else attempted.travel)
+            logger.info("step cut to %.4g of its size: %s", parts.share, self._why)
+
+    def _newton(self, part: LoadStep, parts: Bisection) -> Verdict:
+        """Solve one part of the load step; only where it arrives is `placed` another."""
+        begin, options = self.placed, self.stepper.options
+        try:
+            at = self._forecast(part)
+        except MaterialError as error:  # at what was an answer: the loads have gone
+            self._why = str(error)
+            return Verdict(advice=NO_DESCENT, reached=False)
+        left, forces, known = np.inf, None, part.known
+        exact, share, residual = True, 1.0, np.inf
+        for number in range(1, options.max_placements + 1):
+            solved = self._solve(part, at, known, exact)
+            if not solved.verdict.arrived or solved.attempt is None:
+                self._why = "contact has no answer"
+                return solved.verdict
+            attempt = solved.attempt
+            self.advance.trace.extend(attempt.outcome.trace)
+            self.advance.attempt = attempt
+            there, share, norm = self._stepped(part, begin, (at, forces, left), solved)
+            if there is None:
+                self._why = "no step from an iterate comes nearer to equilibrium"
+                return Verdict(advice=NO_DESCENT)
+            forces = solved.forces if forces is None else forces + share * (solved.forces - forces)
+            residual, limit = self._residual(part.target, there, forces)
+            record = Iteration(number, parts.aim, residual, share, len(attempt.outcome.trace))
+            self.newton.append(record)
+            logger.debug("%s", record)
+            at, left, known = there, norm, attempt.state
+            self._last = there
+            still = share == 1.0 and residual <= max(options.tolerance, limit)
+            if still and attempt.outcome.converged:
+                attempt = self._on_own_pairing(part, attempt, there)
+                if attempt.failure and attempt.travel > 1.0:
+                    self.advance.attempt, self._why = attempt, attempt.failure
+                    return Verdict(advice=attempt.failure)
+                if not attempt.failure:
+                    self._arrive(part, attempt, solved, there)
+                    return ARRIVED
+            exact = still
+        self._why = f"{options.max_placements} iterates did not reach equilibrium ({residual:.1e})"
+        return Verdict(advice=NO_DESCENT)
+
+    def _forecast(self, part: LoadStep) -> Placed:
+        """Where the bodies are linearised first: on the way of the step before, if this one goes on."""
+        begin, system = self.placed, self.stepper.model.system
+        moved, way = (part.target.x - part.before.x)[system.D], begin.trend[system.D]
+        ratio = 0.0
+        if way.any() and moved.any():
+            ratio = float(moved @ way / (way @ way))
+        elif not moved.any() and (part.target.f - part.before.f) @ begin.trend > 0:
+            ratio = part.share
+        if ratio > 0.0:
+            try:
+                return begin.moved(system, begin.u + min(ratio, LONGER) * begin.trend)
+            except MaterialError:
+                pass
+        return begin.moved(system, begin.u)
+
+    def _solve(self, part: LoadStep, at: Placed, known: object, exact: bool) -> Solved:
+        """The linear problem near an iterate: contact exactly, or with a few iterations."""
+        base, options = self.stepper.model, self.stepper.options
+        model = base.with_tangents(at.stiffness)
+        by = replace(self.stepper, model=model, options=replace(options, max_cuts=0))
+        f = part.target.f + at.fictitious(base.system)
+        target = replace(part.target, f=f, factor=None)
+        target = LoadCase(**{n: getattr(target, n) for n in LoadCase.__dataclass_fields__})
+        step = replace(part, target=target, known=known, workspace=Workspace())
+        if model.geometry.follows:
+            u = model.geometry.predicted(at.u[model.geometry.surface_dofs], part.target)
+            step = replace(step, pairing=(model.geometry.at(u, part.target), u))
+        if not exact and not model.motions.k:
+            few = replace(by.options, max_iterations=CONTACT_ITERATIONS)
+            try:
+                attempt = self._attempted(replace(by, options=few), step)
+            except (SingularMatrix, LinearSolveError):
+                attempt = None
+            if attempt is not None and np.isfinite(attempt.outcome.iterate.residual):
+                return self._of(attempt, Recovery.of(attempt)())
+        search = EquilibriumSearch(by, step, self.start)
+        try:
+            verdict = search.find()
+        except SingularMatrix:
+            return Solved(None, at.u, at.u, Verdict(advice=SINGULAR, reached=False))
+        if not verdict.arrived:
+            return Solved(vars(search).get("advance") and search.advance.attempt, at.u, at.u, verdict)
+        self._search = search
+        rest = search.settled
+        attempt = search.advance.attempt
+        recover = Recovery.of(attempt) if rest is None else rest.recover
+        return self._of(attempt, recover())
+
+    @staticmethod
+    def _attempted(by: Stepper, step: LoadStep) -> Attempt:
+        problem = by.model.problem_on(*(step.pairing or (None, None)))
+        return by.attempt(step, problem, "cold" if step.known is None else "warm")
+
+    @staticmethod
+    def _of(attempt: Attempt, u: Array) -> Solved:
+        return Solved(attempt, u, point_forces(attempt.problem.kin, attempt.local))
+
+    def _stepped(
+        self, part: LoadStep, begin: Placed, last: tuple[Placed, Array | None, float], solved: Solved
+    ) -> tuple[Placed | None, float, float]:
+        """As far towards the answer of a linear problem as the residual falls: where, share, residual.
+
+        The first step of a part is whole, as before it the supports have not moved.
+        """
+        at, forces, left = last
+        system, share = self.stepper.model.system, 1.0
+        for _ in range(HALVINGS):
+            u = solved.u if share == 1.0 else at.u + share * (solved.u - at.u)
+            try:
+                there = begin.moved(system, u)
+            except MaterialError as error:
+                self._why = str(error)
+            else:
+                reached = solved.forces
+                if forces is not None and share < 1.0:
+                    reached = forces + share * (solved.forces - forces)
+                missing = there.internal - part.target.f - reached
+                missing[system.D] = 0.0
+                norm = float(np.linalg.norm(missing))
+                if norm <= (1.0 - DECREASE * share) * left or norm <= self._noise(there):
+                    return there, share, norm
+            share *= 0.5
+        return None, share, left
+
+    def _noise(self, there: Placed) -> float:
+        """Round-off of the residual [force]."""
+        return NOISE * there.largest_term(self.stepper.model.system)
+
+    def _residual(self, case: LoadCase, there: Placed, forces: Array) -> tuple[float, float]:
+        """What is missing to equilibrium, and its round-off, over the largest force that acts."""
+        system = self.stepper.model.system
+        missing = there.internal - case.f - forces
+        reactions = np.max(np.abs(missing[system.D]), initial=0.0)
+        acting = [np.max(np.abs(case.f), initial=0.0), np.max(np.abs(forces), initial=0.0), reactions]
+        noise = self._noise(there)
+        scale = max(*acting, noise, np.finfo(float).tiny)
+        missing[system.D] = 0.0
+        return float(np.max(np.abs(missing), initial=0.0) / scale), noise / scale
+
+    def _on_own_pairing(self, part: LoadStep, attempt: Attempt, there: Placed) -> Attempt:
+        """The attempt judged on the pairing of its own answer, where contact slides far."""
+        geometry, options = self.stepper.model.geometry, self.stepper.options
+        if not geometry.follows:
+            return attempt
+        kin: Kinematics = attempt.problem.kin
+        own = geometry.at(there.u, part.target, kin)
+        mismatch = geometry.mismatch(kin, own, attempt.local, self.stepper.barred)
+        if mismatch > options.placement_tolerance:
+            return replace(attempt, mismatch=mismatch, failure=f"the pairing moves by {mismatch:.1e}")
+        return settled(self.stepper, attempt, own, mismatch)
+
+    def _arrive(self, part: LoadStep, attempt: Attempt, solved: Solved, there: Placed) -> None:
+        """Take a part of the step as it was found; from here on the bodies remember it."""
+        light = self.stepper.model.with_tangents(there.stiffness)  # condensed only if asked for
+        found = Recovery.of(attempt)
+        self._found = replace(found, model=light, components=None, u=there.u)
+        self.advance.attempt = replace(attempt, case=part.target)
+        trend = sealed((there.u - self.placed.u) / part.share)
+        self.placed = replace(there, trend=trend)
+
+    def _refused(self, verdict: Verdict, parts: Bisection) -> Verdict:
+        """Why there is no answer, with the load that was reached."""
+        attempt = vars(self.advance).get("attempt")
+        reached = attempt is not None
+        if attempt is not None:
+            self.placed = self._last or self.placed
+            self._found = replace(Recovery.of(attempt), u=self.placed.u)
+            self.advance.attempt = replace(attempt, failure=self._why, case=self.step.target)
+        share = parts.done
+        carries = f"The bodies bear up to {share:.4g} of this step" + _load(self.step, share) + ". "
+        return replace(verdict, carries=carries, reached=reached)
+
+
+def _load(step: LoadStep, share: float) -> str:
+    """The load factor at a share of a step, in words, where both ends have one."""
+    before, target = step.before.scale[0], step.target.factor
+    if target is None or before is None:
+        return ""
+    return f" (a load factor of {before + share * (target - before):.4g})"
+
+
+WEAR = (
+    "A contact with wear has a body that is not linear: what wears off is not solved together with the "
+    "deformation of such bodies. Leave out wear=..., or make the bodies linear."
+)
+SINGULAR = (
+    "The tangents of the bodies and contact are singular together: usually a limit load is reached, and "
+    "the bodies give way without bearing more. Prescribe displacements to go beyond it, or give the "
+    "material hardening; "
+)
+NO_DESCENT = (
+    "No smaller part of the step is in equilibrium near what was reached: usually a limit point, where "
+    "bodies yield as a whole, buckle or snap. Prescribe displacements instead of forces to go beyond it, "
+    "or take smaller steps; "
+)
