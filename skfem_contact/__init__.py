@@ -24,6 +24,7 @@ From the solver to the law of friction a load step passes, in this order::
 
 The packages stand in the order of the theory, and each imports only from those above it:
 
+* `materials`: what bodies are made of;
 * `bodies`: what the user gives;
 * `pairing`, `obstacles`: what meets what;
 * `conditions`: gaps, slips, friction, loads;
@@ -71,6 +72,7 @@ try:
         ContactError,
         ContactWarning,
         InputError,
+        MaterialError,
         NoEquilibrium,
         NotConverged,
         UnknownKeyword,
@@ -88,11 +90,15 @@ finally:
 
 if TYPE_CHECKING:
     from skfem_contact.answers.error.sources import ErrorEstimate, ErrorSources
+    from skfem_contact.bodies.nonlinear import NonlinearBody
     from skfem_contact.elimination.condense import ConstraintRows, condense, contact_rows
     from skfem_contact.elimination.constraint import AffineConstraint
     from skfem_contact.elimination.eliminate import eliminate
     from skfem_contact.history.checkpoint import SavedState
     from skfem_contact.linalg.amg import AMG
+    from skfem_contact.materials.elastic import Elastic
+    from skfem_contact.materials.hyperelastic import MooneyRivlin, NeoHooke
+    from skfem_contact.materials.plasticity import J2
     from skfem_contact.obstacles.level_set import LevelSet
     from skfem_contact.obstacles.polyline import RigidPolyline
     from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
@@ -107,6 +113,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AMG",
+    "J2",
     "AffineConstraint",
     "Archard",
     "Body",
@@ -124,6 +131,7 @@ __all__ = [
     "Coulomb",
     "Direct",
     "Drift",
+    "Elastic",
     "ErrorEstimate",
     "ErrorSources",
     "FrictionLaw",
@@ -131,7 +139,11 @@ __all__ = [
     "Kinematics",
     "LevelSet",
     "LinearSolveError",
+    "MaterialError",
+    "MooneyRivlin",
+    "NeoHooke",
     "NoEquilibrium",
+    "NonlinearBody",
     "NotConverged",
     "Options",
     "OrthotropicCoulomb",
@@ -172,9 +184,14 @@ _LATER = {
     "AMG": "linalg.amg",
     "AffineConstraint": "elimination.constraint",
     "ConstraintRows": "elimination.condense",
+    "Elastic": "materials.elastic",
     "ErrorEstimate": "answers.error.sources",
     "ErrorSources": "answers.error.sources",
+    "J2": "materials.plasticity",
     "LevelSet": "obstacles.level_set",
+    "MooneyRivlin": "materials.hyperelastic",
+    "NeoHooke": "materials.hyperelastic",
+    "NonlinearBody": "bodies.nonlinear",
     "PETSc": "petsc.backend",
     "RigidCylinder": "obstacles.shapes",
     "RigidPlane": "obstacles.shapes",

@@ -114,6 +114,34 @@ class ConstraintError(ContactError, ValueError):
         self.rows = tuple(int(row) for row in rows)
 
 
+class MaterialError(ContactError):
+    """A body has no answer to its displacements: an element is turned inside out, or so large a strain.
+
+    Newton's method meets it on its way, and shortens the step.
+
+    Attributes
+    ----------
+    element : int or None
+        The first element of the mesh where it is so.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skfem_contact as sc
+    >>> rubber = sc.NeoHooke(shear=1.0, bulk=2.0)
+    >>> folded = np.diag([-1.5, 0.0, 0.0])[:, :, None, None]  # a displacement gradient
+    >>> try:
+    ...     rubber(folded, {})
+    ... except sc.MaterialError as error:
+    ...     print(error.element)
+    0
+    """
+
+    def __init__(self, message: str, element: int | None = None) -> None:
+        super().__init__(message)
+        self.element = element
+
+
 class NoEquilibrium(ContactError):
     """A rigid motion is left free that contact and friction can not hold.
 

@@ -95,7 +95,7 @@ def assembled(form: BilinearForm, basis: Any) -> Assembled:
     """
     try:
         A = tensor(form, basis)
-        _check_numbering(basis)
+        check_numbering(basis)
         _check(form, A, basis)
     except NeedsMore as error:
         first, *others = (form.assemble(part) for part in parts(basis))
@@ -178,7 +178,7 @@ def _components(basis: Any) -> int:
     return 1 if basis.elem is scalar_element(basis.elem) else int(basis.elem.dim)
 
 
-def _check_numbering(basis: Any) -> None:
+def check_numbering(basis: Any) -> None:
     """Refuse a numbering in which the components of a node do not follow each other."""
     c, dofs = _components(basis), basis.element_dofs
     if c > 1 and not all(np.array_equal(dofs[i::c], dofs[::c] + i) for i in range(1, c)):
@@ -215,7 +215,7 @@ def _check(form: BilinearForm, A: Array, basis: Any) -> None:
 def _summed(A: Array, basis: Any) -> csr_matrix:
     """Return ``K_(ac)(be) = A_cjek L^jk_ab``, summed over all elements."""
     c = len(A)
-    indptr, indices, place = _pattern(basis.element_dofs[::c] // c, basis.N // c)
+    indptr, indices, place = pattern(basis.element_dofs[::c] // c, basis.N // c)
     L = _gradient_products(basis, place, len(indices))
     # the rows of a node's components follow each other, each with all blocks of the node; what is as
     # large as K is made once: memory that is touched for the first time costs more than the sums
@@ -237,7 +237,7 @@ def _summed(A: Array, basis: Any) -> csr_matrix:
     return K
 
 
-def _pattern(dofs: Index, n: int) -> tuple[Index, Index, Index]:
+def pattern(dofs: Index, n: int) -> tuple[Index, Index, Index]:
     """Return the pattern of a scalar matrix, and where the entries of element matrices go in it.
 
     Parameters
@@ -258,7 +258,7 @@ def _pattern(dofs: Index, n: int) -> tuple[Index, Index, Index]:
     --------
     Two rods, 0 - 1 - 2:
 
-    >>> indptr, indices, place = _pattern(np.array([[0, 1], [1, 2]]), 3)
+    >>> indptr, indices, place = pattern(np.array([[0, 1], [1, 2]]), 3)
     >>> indptr.tolist(), indices.tolist()
     ([0, 2, 5, 7], [0, 1, 0, 1, 2, 1, 2])
     >>> place.tolist()

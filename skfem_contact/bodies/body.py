@@ -30,6 +30,7 @@ from skfem_contact.bodies.inputs import (
     prescribed_values,
     stiffness_of,
 )
+from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.member import Meshed
 from skfem_contact.bodies.moduli import Moduli, mean_moduli, moduli
 from skfem_contact.bodies.pieces import pieces
@@ -39,6 +40,7 @@ from skfem_contact.bodies.stiffness import Stiffness
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError
+from skfem_contact.materials.elastic import Elastic
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal
 
@@ -57,9 +59,9 @@ class Body(Meshed):
     basis : skfem.CellBasis
         Basis of an `ElementVector` of P1, P2, Q1, Q2 or S2 elements; of the scalar element itself
         for heat conduction and the like (tied contact only).
-    K : sparse matrix, shape (n, n), or BilinearForm
-        Stiffness [force/length]. A form is assembled here, once, by the points of integration of
-        `basis`: pass the form itself, which takes a small part of the time of ``form.assemble(basis)``
+    K : sparse matrix, shape (n, n), or BilinearForm, or Elastic
+        Stiffness [force/length], or a material. A form is assembled here, once, by the points of
+        integration of `basis`: pass the form itself, which takes a small part of the time of ``form.assemble(basis)``
         where it sees the gradients of u and v alone, as elasticity does. Of a matrix whose last digits
         are not symmetric the symmetric part is kept. Springs to the ground are added to it.
     f : ndarray, shape (n,), or LinearForm, or dict by boundary name, optional
@@ -135,20 +137,12 @@ class Body(Meshed):
         measure: Callable[[Array], Array] | None = None,
         name: str | None = None,
     ) -> None:
-        check_name(name, "name of a body")
-        whose = f"body {name!r}" if name else "a body"
-        check_basis(basis, whose)
-        if measure is not None and not callable(measure):
-            raise InputError(
-                f"measure of {whose} is a {type(measure).__name__}, not a function of position; "
-                f"for a constant thickness pass measure=lambda x: {measure!r} + 0 * x[0]"
-            )
+        whose = self._place(basis, measure, name)
+        if isinstance(K, Elastic):
+            K = K.form(measure, axisymmetric=self.axisymmetric)
         stiffness = Stiffness.of(K, basis, whose)
         values = {
-            "basis": basis,
             "K": stiffness.K,
-            "measure": measure,
-            "name": name,
             "form": stiffness.form,
             "by_skfem": stiffness.by_skfem,
             "_stiffness": stiffness,
@@ -159,6 +153,20 @@ class Body(Meshed):
         object.__setattr__(self, "f", self.load(f, f"f of {whose}"))
         object.__setattr__(self, "x", self.prescribed(x, D is None, whose))
         seal(self)
+
+    def _place(self, basis: Any, measure: Any, name: Any) -> str:
+        """Take what does not depend on the stiffness; return the body in words."""
+        check_name(name, "name of a body")
+        whose = f"body {name!r}" if name else "a body"
+        check_basis(basis, whose)
+        if measure is not None and not callable(measure):
+            raise InputError(
+                f"measure of {whose} is a {type(measure).__name__}, not a function of position; "
+                f"for a constant thickness pass measure=lambda x: {measure!r} + 0 * x[0]"
+            )
+        for key, value in {"basis": basis, "measure": measure, "name": name}.items():
+            object.__setattr__(self, key, value)
+        return whose
 
     @classmethod
     @known_keywords(stiffness="write K", load="write f", springs="add their matrix to K")
@@ -224,12 +232,9 @@ class Body(Meshed):
             name=name,
         )
 
-    def linearize(self, u: Array | None = None) -> tuple[csr_matrix, Array]:
-        """The equations ``K v = f`` of the body's displacements v near u, see `Linearizable`.
-
-        Those of a linear body are the same everywhere.
-        """
-        return self.K, self.f
+    def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
+        """The stiffness, and the internal forces ``K u``, see `Linearizable`."""
+        return Linearized(self.K, np.zeros(self.n) if u is None else self.K @ u, {})
 
     def stiffness(self, K: Any, what: str) -> csr_matrix:
         """The stiffness (n, n) that a user means: a matrix, or a form."""
@@ -269,7 +274,8 @@ class Body(Meshed):
 
     def __repr__(self) -> str:
         return (
-            f"<Body {self.name or '(no name)'}: {self.n} DOFs, {len(self.D)} prescribed, "
+            f"<{type(self).__name__} {self.name or '(no name)'}: {self.n} DOFs, "
+            f"{len(self.D)} prescribed, "
             f"{type(self.basis.mesh).__name__} of {self.basis.mesh.nelements} elements>"
         )
 

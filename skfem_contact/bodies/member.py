@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.digits import SOLVED
 
 Index = np.ndarray
@@ -77,9 +78,17 @@ class Member(ABC):
         """DOFs that are rotations: angles, loaded by moments; none of a body with a mesh."""
         return np.flatnonzero(self.dof_component >= self.components)
 
+    nonlinear: bool = False
+    finite_strain: bool = False
+
+    @property
+    def initial_state(self) -> State:
+        """Internal variables of the undeformed body: none of a linear one."""
+        return {}
+
     @abstractmethod
-    def linearize(self, u: np.ndarray | None = None) -> tuple[csr_matrix, np.ndarray]:
-        """The equations ``K v = f`` of the body's displacements v near u, see `Linearizable`."""
+    def linearize(self, u: np.ndarray | None = None, state: State | None = None) -> Linearized:
+        """Stiffness and internal forces at displacements u, see `Linearizable`."""
 
     @abstractmethod
     def stiffness(self, K: Any, what: str) -> csr_matrix:

@@ -76,9 +76,10 @@ class System:
     def linearize(self) -> tuple[list[csr_matrix], np.ndarray]:
         """Stiffness of each body and the load of all, (n,), near the undeformed state."""
         bodies: tuple[Linearizable, ...] = self.bodies
-        equations = [body.linearize() for body in bodies]
-        K = [self.scaled(body, own) for body, (own, _) in zip(self.bodies, equations, strict=True)]
-        f = [f / self.scale(body) for body, (_, f) in zip(self.bodies, equations, strict=True)]
+        answers = [body.linearize() for body in bodies]
+        pairs = list(zip(self.bodies, answers, strict=True))
+        K = [self.scaled(body, answer.K) for body, answer in pairs]
+        f = [(body.f - answer.internal) / self.scale(body) for body, answer in pairs]
         return K, sealed(np.concatenate(f))
 
     def scale(self, body: Member | str) -> np.ndarray | float:

@@ -19,6 +19,7 @@ from skfem_contact.arguments import (
     with_known_keywords,
 )
 from skfem_contact.bodies.inputs import csr32
+from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.rigid_modes import motion_names
 from skfem_contact.bodies.surface import ContactSurface
@@ -235,9 +236,9 @@ class RigidBody(Member, Obstacle):
         """The motions in words."""
         return motion_names(self.dim, self.components)
 
-    def linearize(self, u: Array | None = None) -> tuple[csr_matrix, Array]:
-        """Its springs and loads, see `Linearizable`."""
-        return self.K, self.f
+    def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
+        """Its springs and their forces, see `Linearizable`."""
+        return Linearized(self.K, np.zeros(self.n) if u is None else self.K @ u, {})
 
     def stiffness(self, K: Any, what: str) -> csr_matrix:
         """Springs (n, n) that a user means: a stiffness for every DOF, a matrix, or none."""

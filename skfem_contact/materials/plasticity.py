@@ -1,0 +1,231 @@
+r"""`J2`: metals that yield, with isotropic and linear kinematic hardening, at small strains.
+
+Von Mises' yield function of the deviatoric stress s, the back stress ``beta = 2/3 C eps_p`` and the
+equivalent plastic strain p, with the flow along its normal (Prandtl and Reuss):
+
+    ``q = sqrt(3/2) |s - beta|``,    ``q <= Y(p)``,    ``d eps_p = 3/2 dp (s - beta) / q``.
+
+Over a step the flow has the direction of its end (backward Euler, radial return), so that p is the root of
+``q_trial = 3 mu (p - p_n) + C (p - p_n) + Y(p)``. See Simo and Hughes, Computational Inelasticity (1998),
+boxes 3.1 and 3.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skfem_contact.arguments import PrintedAsCall, number, numbers, take
+from skfem_contact.digits import COMPUTED
+from skfem_contact.errors import InputError, MaterialError
+from skfem_contact.materials.elastic import check_moduli
+from skfem_contact.materials.material import Material, State
+from skfem_contact.materials.tensors import deviator, double, isotropic, solid, symmetric, trace
+from skfem_contact.records import dataclass
+
+Array = NDArray[np.float64]
+
+#: Newton's steps for the plastic strain under a law of one's own: from a start without yield they gain
+#: half a digit each at worst, on laws with the steepest beginning, and 16 digits are all there are.
+STEPS = 50
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class J2(PrintedAsCall, Material):
+    """Von Mises plasticity with isotropic and linear kinematic hardening, at small strains.
+
+    Plane strain, axisymmetric, solid. On elements of first order the change of volume is the mean of the
+    element, see `NonlinearBody`: plastic flow keeps the volume, and they would lock.
+
+    Parameters
+    ----------
+    E, nu : float
+        Young's modulus [stress] and Poisson's ratio.
+    yield_stress : float, or array_like, shape (k, 2), or callable
+        True stress in uniaxial tension: one number without isotropic hardening; a table with rows of
+        stress and equivalent plastic strain, from plastic strain 0 on, as under Abaqus' ``*PLASTIC``:
+        straight between the rows, constant after the last; or a function of an array of plastic strains
+        that returns stress and slope, ``lambda p: (250 + 900 * p, 900 + 0 * p)``.
+    kinematic : float, optional
+        Slope C of the back stress over plastic strain in uniaxial tension [stress].
+
+    Raises
+    ------
+    InputError
+        No moduli; a table that does not begin at plastic strain 0 or whose strains do not increase, or
+        that falls faster than 3 mu + C, where equilibrium at a point is not unique.
+
+    Notes
+    -----
+    Internal variables: ``plastic_strain`` (3, 3, e, q) and ``equivalent_plastic_strain`` (e, q).
+
+    Examples
+    --------
+    >>> import skfem_contact as sc
+    >>> steel = sc.J2(210e3, 0.3, [(250, 0), (300, 0.01), (350, 0.05)])
+    >>> steel.yields(np.array([0.0, 0.005, 1.0]))[0].tolist()
+    [250.0, 275.0, 350.0]
+    >>> shear = np.zeros((3, 3, 1, 1))
+    >>> shear[0, 1] = 0.005
+    >>> stress, _, state = steel(shear, steel.initial_state(1, 1))
+    >>> stress[0, 1].round(1).tolist(), state["equivalent_plastic_strain"].round(5).tolist()
+    ([[149.3]], [[0.00181]])
+    """
+
+    E: float
+    nu: float
+    yield_stress: Any
+    kinematic: float = 0.0
+
+    mean_dilatation = True
+
+    def __init__(
+        self,
+        E: float,
+        nu: float,
+        yield_stress: ArrayLike | Callable[[Array], tuple[Array, Array]],
+        *,
+        kinematic: float = 0.0,
+    ) -> None:
+        take(
+            self,
+            E=number(E, "E", "give Young's modulus > 0"),
+            nu=number(nu, "nu", "give Poisson's ratio, -1 < nu < 0.5"),
+            yield_stress=yield_stress if callable(yield_stress) else _table(yield_stress),
+            kinematic=number(kinematic, "kinematic", "give a slope of stress over plastic strain"),
+        )
+
+    def __post_init__(self) -> None:
+        check_moduli(self.E, self.nu)
+        if not 0.0 <= self.kinematic < np.inf:
+            raise InputError(f"kinematic = {self.kinematic} is no slope of hardening; it is >= 0")
+        if not callable(self.yield_stress) and (np.diff(self._reach(self.yield_stress)) <= 0).any():
+            raise InputError(
+                "the table of yield stresses falls faster than 3 mu + C = "
+                f"{self._stiff:.4g}: stress is not unique at a strain. Look for a row out of place"
+            )
+
+    @property
+    def bulk(self) -> float:
+        """Bulk modulus [stress]."""
+        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus [stress]."""
+        return self.E / (2.0 * (1.0 + self.nu))
+
+    @property
+    def _stiff(self) -> float:
+        """By which the trial stress falls with plastic strain, ``3 mu + C``."""
+        return 3.0 * self.shear + self.kinematic
+
+    def _reach(self, table: Array) -> Array:
+        return self._stiff * table[:, 1] + table[:, 0]
+
+    def initial_state(self, elements: int, points: int) -> dict[str, Array]:
+        return {
+            "plastic_strain": np.zeros((3, 3, elements, points)),
+            "equivalent_plastic_strain": np.zeros((elements, points)),
+        }
+
+    def yields(self, p: Array) -> tuple[Array, Array]:
+        """Yield stress and its slope at equivalent plastic strains."""
+        if callable(self.yield_stress):
+            stress, slope = self.yield_stress(p)
+            return np.asarray(stress, dtype=float), np.asarray(slope, dtype=float)
+        Y, at = self.yield_stress.T
+        slopes = np.append(np.diff(Y) / np.diff(at), 0.0)
+        return np.interp(p, at, Y), slopes[np.searchsorted(at, p, side="right") - 1]
+
+    def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        d, mu = len(H), self.shear
+        old, p = state["plastic_strain"], state["equivalent_plastic_strain"]
+        xi = 2.0 * mu * deviator(symmetric(solid(H))) - (2.0 * mu + self.kinematic / 1.5) * old
+        q = np.sqrt(1.5 * double(xi, xi))
+        dp = np.zeros_like(q)
+        grows = np.zeros_like(q)  # share of q that p takes in further loading
+        flows = q > self.yields(p)[0]
+        if flows.any():
+            new = self._plastic_strain(q[flows] + self._stiff * p[flows], p[flows])
+            dp[flows] = new - p[flows]
+            grows[flows] = 3.0 * mu / (self._stiff + self.yields(new)[1])
+        over = 1.0 / np.where(flows, q, 1.0)
+        n = 1.5 * over * xi  # d eps_p / dp
+        strain = old + dp * n
+        stress = xi + self.kinematic / 1.5 * old - 2.0 * mu * dp * n
+        kept = 1.0 - 3.0 * mu * dp * over
+        tangent = isotropic(0.0, mu * kept, d)
+        m = n[:d, :d] * np.sqrt((grows - 1.0 + kept).clip(0.0) * 4.0 / 3.0 * mu)
+        tangent -= np.einsum("ij...,kl...->ijkl...", m, m)
+        return stress, tangent, {"plastic_strain": strain, "equivalent_plastic_strain": p + dp}
+
+    def _plastic_strain(self, reach: Array, p: Array) -> Array:
+        """Solve ``(3 mu + C) p + Y(p) = reach``, from plastic strains before the step."""
+        if not callable(self.yield_stress):
+            known = self._reach(self.yield_stress)  # increases: its inverse is as straight in parts
+            beyond = np.maximum(reach - known[-1], 0.0) / self._stiff
+            return np.maximum(np.interp(reach, known, self.yield_stress[:, 1]) + beyond, p)
+        for _ in range(STEPS):
+            Y, slope = self.yields(p)
+            change = (reach - self._stiff * p - Y) / (self._stiff + slope)
+            p = p + change
+            if np.all(np.abs(change) * self._stiff <= COMPUTED * reach):
+                return p
+        raise MaterialError("no plastic strain was found for the yield stress that is a function")
+
+    def volumetric(self, J: Array) -> tuple[Array, Array, Array]:
+        k = self.bulk
+        return 0.5 * k * (J - 1.0) ** 2, k * (J - 1.0), np.full_like(J, k)
+
+    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        stress, tangent, new = self.isochoric(H, state)
+        for i in range(3):
+            stress[i, i] += self.bulk * trace(H)
+        d = len(H)
+        for i, j in np.ndindex(d, d):
+            tangent[i, i, j, j] += self.bulk
+        return stress, tangent, new
+
+    def energy(self, H: Array, state: State) -> tuple[Array, Array]:
+        strain = symmetric(solid(H)) - state["plastic_strain"]
+        back = self.kinematic / 3.0 * double(state["plastic_strain"], state["plastic_strain"])
+        elastic = self.shear * double(deviator(strain), deviator(strain))
+        return elastic + back + self.volumetric(1.0 + trace(H))[0], self._work(
+            state["equivalent_plastic_strain"]
+        )
+
+    def _work(self, p: Array) -> Array:
+        """Work that isotropic hardening takes until p, the integral of Y: Gauss's points between rows."""
+        at = np.zeros(1) if callable(self.yield_stress) else self.yield_stress[:, 1]
+        x, w = np.polynomial.legendre.leggauss(8)
+        total = np.zeros_like(p)
+        for low, high in zip(at, [*at[1:], np.inf], strict=True):
+            width = np.minimum(p, high).clip(low) - low
+            for place, weight in zip(0.5 + 0.5 * x, 0.5 * w, strict=True):
+                total += weight * width * self.yields(low + place * width)[0]
+        return total
+
+
+def _table(values: ArrayLike) -> Array:
+    """Rows of yield stress and plastic strain, of a number or a table."""
+    table = numbers(
+        values, "yield_stress", "give a number, rows (stress, plastic strain), or a function"
+    )
+    if table.ndim == 0:
+        table = np.array([[float(table), 0.0]])
+    if table.ndim != 2 or table.shape[1] != 2 or not len(table):
+        raise InputError(
+            f"yield_stress has shape {table.shape}: give a number, or rows of stress and plastic strain"
+        )
+    if not np.isfinite(table).all() or not (table[:, 0] > 0).all():
+        raise InputError("yield stresses are finite and > 0; rows are (stress, plastic strain)")
+    if table[0, 1] != 0 or not (np.diff(table[:, 1]) > 0).all():
+        raise InputError(
+            f"plastic strains of yield_stress are {table[:, 1].tolist()}: they begin at 0 and increase. "
+            "Rows are (stress, plastic strain); total strains have to be less stress / E"
+        )
+    return table
