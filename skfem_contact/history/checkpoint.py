@@ -210,9 +210,7 @@ def _state(path: Path, data: dict[str, Any], identity: Identity) -> SavedState:
             _, i, name = key.split("_", 2)
             material[int(i)][name] = value
     trend = data.get("trend", np.zeros(len(data["u"])))
-    return SavedState(
-        state, case, *lost, own, converged, message, data["u"], tuple(material), trend
-    )
+    return SavedState(state, case, *lost, own, converged, message, data["u"], tuple(material), trend)
 
 
 def _materials(result: Answer | SavedState) -> dict[str, Any]:

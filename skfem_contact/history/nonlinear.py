@@ -8,7 +8,7 @@ remembers of the beginning of the step. The linear problem
 is one of bodies and contact, and solved as such: only bodies whose tangent is another one are condensed
 again. The first of a step is solved exactly for contact, as a tangent beyond yield may be singular
 without the right points closed; those after it take a few iterations of contact each, as it has hardly
-changed. Where contact slides far, each has the pairing at ``u_k``.
+changed. Where contact slides far, they are on pairings that approach that of their own answer.
 
 A step may lead too far. It is halved until the residual of equilibrium of all bodies has become smaller,
 with contact forces between those of both ends. Where that fails, the load step is cut, here alone: in
@@ -27,17 +27,18 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.newton import Iteration
 from skfem_contact.answers.placed import Placed, point_forces
+from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import ARRIVED, EquilibriumSearch, Verdict
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, nothing
 from skfem_contact.history.stepper import Stepper
-from skfem_contact.history.stepping import Bisection, settled
-from skfem_contact.history.thresholds import CONTACT_ITERATIONS, LONGER, NOISE, SHORTER
+from skfem_contact.history.stepping import Bisection, settled, travelled
+from skfem_contact.history.thresholds import CONTACT_ITERATIONS, FAR, LONGER, NOISE, SHORTER
 from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.loops.step import Record
 from skfem_contact.loops.thresholds import DECREASE, HALVINGS
 from skfem_contact.problem.seam import Workspace
 from skfem_contact.records import dataclass
@@ -156,42 +157,80 @@ class NonlinearSearch:
         begin, options = self.placed, self.stepper.options
         try:
             at = self._forecast(part)
-        except MaterialError as error:  # at what was an answer: the loads have gone
-            self._why = str(error)
-            return Verdict(advice=NO_DESCENT, reached=False)
-        left, forces, known = np.inf, None, part.known
-        exact, share, residual = True, 1.0, np.inf
+        except MaterialError as error:  # at what was an answer
+            return self._gives_up(str(error))
+        left, forces, residual, exact = np.inf, None, np.inf, True
+        step, secant = replace(part, pairing=self._pairing(part, at.u)), Anderson()
         for number in range(1, options.max_placements + 1):
-            solved = self._solve(part, at, known, exact)
+            solved = self._solve(step, at, exact)
             if not solved.verdict.arrived or solved.attempt is None:
                 self._why = "contact has no answer"
                 return solved.verdict
             attempt = solved.attempt
             self.advance.trace.extend(attempt.outcome.trace)
-            self.advance.attempt = attempt
             there, share, norm = self._stepped(part, begin, (at, forces, left), solved)
             if there is None:
-                self._why = "no step from an iterate comes nearer to equilibrium"
-                return Verdict(advice=NO_DESCENT)
+                return self._gives_up("no step from an iterate comes nearer to equilibrium")
             forces = solved.forces if forces is None else forces + share * (solved.forces - forces)
             residual, limit = self._residual(part.target, there, forces)
             record = Iteration(number, parts.aim, residual, share, len(attempt.outcome.trace))
             self.newton.append(record)
             logger.debug("%s", record)
-            at, left, known = there, norm, attempt.state
-            self._last = there
-            still = share == 1.0 and residual <= max(options.tolerance, limit)
-            if still and attempt.outcome.converged:
-                attempt = self._on_own_pairing(part, attempt, there)
-                if attempt.failure and attempt.travel > 1.0:
-                    self.advance.attempt, self._why = attempt, attempt.failure
-                    return Verdict(advice=attempt.failure)
-                if not attempt.failure:
-                    self._arrive(part, attempt, solved, there)
-                    return ARRIVED
-            exact = still
-        self._why = f"{options.max_placements} iterates did not reach equilibrium ({residual:.1e})"
-        return Verdict(advice=NO_DESCENT)
+            at, left, self._last = there, norm, there
+            own = self._pairing(part, there.u)
+            attempt = self._judged(step, attempt, own, FAR if number == 1 else 1.0)
+            self.advance.attempt = attempt
+            if attempt.travel > 1.0 and attempt.failure:
+                return self._gives_up(attempt.failure)
+            balanced = share == 1.0 and residual <= max(options.tolerance, limit)
+            if balanced and attempt.good:
+                self._arrive(part, attempt, there)
+                return ARRIVED
+            # a pairing that has settled stays, and Newton's method is quick again
+            if attempt.failure:
+                step = self._next(part, step, there.u, secant)
+            exact, step = balanced, replace(step, known=attempt.state)
+        return self._gives_up(
+            f"{options.max_placements} iterates did not reach equilibrium ({residual:.1e})"
+        )
+
+    def _gives_up(self, why: str) -> Verdict:
+        """No answer to a part of the step, which may be cut."""
+        self._why = why
+        return Verdict(advice=NO_DESCENT, reached="attempt" in vars(self.advance))
+
+    def _pairing(self, part: LoadStep, u: Array) -> tuple[Kinematics, Array] | None:
+        """The pairing at displacements u (n,); None where it is that of the undeformed bodies."""
+        geometry = self.stepper.model.geometry
+        if not geometry.follows:
+            return None
+        u = geometry.predicted(u[geometry.surface_dofs], part.target)
+        before = None if part.pairing is None else part.pairing[0]
+        return geometry.at(u, part.target, before), u
+
+    def _next(self, part: LoadStep, step: LoadStep, u: Array, secant: Anderson) -> LoadStep:
+        """The step on another pairing: where secants lead from those of the last answers."""
+        if step.pairing is None:
+            return step
+        dofs = self.stepper.model.geometry.surface_dofs
+        ahead = np.array(u)
+        ahead[dofs] = secant.next(step.pairing[1][dofs], u[dofs])
+        return replace(step, pairing=self._pairing(part, ahead))
+
+    def _judged(
+        self, step: LoadStep, attempt: Attempt, own: tuple[Kinematics, Array] | None, far: float
+    ) -> Attempt:
+        """The attempt beside the pairing of its own answer, where contact slides far."""
+        if own is None or step.pairing is None:
+            return attempt
+        by, geometry = self.stepper, self.stepper.model.geometry
+        attempt = travelled(by, attempt, far)
+        if attempt.failure:
+            return attempt
+        mismatch = geometry.mismatch(step.pairing[0], own[0], attempt.local, by.barred)
+        if mismatch > by.options.placement_tolerance:
+            return replace(attempt, mismatch=mismatch, failure=f"the pairing moves by {mismatch:.1e}")
+        return settled(by, attempt, own[0], mismatch)
 
     def _forecast(self, part: LoadStep) -> Placed:
         """Where the bodies are linearised first: on the way of the step before, if this one goes on."""
@@ -209,18 +248,13 @@ class NonlinearSearch:
                 pass
         return begin.moved(system, begin.u)
 
-    def _solve(self, part: LoadStep, at: Placed, known: object, exact: bool) -> Solved:
+    def _solve(self, step: LoadStep, at: Placed, exact: bool) -> Solved:
         """The linear problem near an iterate: contact exactly, or with a few iterations."""
         base, options = self.stepper.model, self.stepper.options
         model = base.with_tangents(at.stiffness)
         by = replace(self.stepper, model=model, options=replace(options, max_cuts=0))
-        f = part.target.f + at.fictitious(base.system)
-        target = replace(part.target, f=f, factor=None)
-        target = LoadCase(**{n: getattr(target, n) for n in LoadCase.__dataclass_fields__})
-        step = replace(part, target=target, known=known, workspace=Workspace())
-        if model.geometry.follows:
-            u = model.geometry.predicted(at.u[model.geometry.surface_dofs], part.target)
-            step = replace(step, pairing=(model.geometry.at(u, part.target), u))
+        target = copied(step.target, f=step.target.f + at.fictitious(base.system), factor=None)
+        step = replace(step, target=target, workspace=Workspace())
         if not exact and not model.motions.k:
             few = replace(by.options, max_iterations=CONTACT_ITERATIONS)
             try:
@@ -293,19 +327,7 @@ class NonlinearSearch:
         missing[system.D] = 0.0
         return float(np.max(np.abs(missing), initial=0.0) / scale), noise / scale
 
-    def _on_own_pairing(self, part: LoadStep, attempt: Attempt, there: Placed) -> Attempt:
-        """The attempt judged on the pairing of its own answer, where contact slides far."""
-        geometry, options = self.stepper.model.geometry, self.stepper.options
-        if not geometry.follows:
-            return attempt
-        kin: Kinematics = attempt.problem.kin
-        own = geometry.at(there.u, part.target, kin)
-        mismatch = geometry.mismatch(kin, own, attempt.local, self.stepper.barred)
-        if mismatch > options.placement_tolerance:
-            return replace(attempt, mismatch=mismatch, failure=f"the pairing moves by {mismatch:.1e}")
-        return settled(self.stepper, attempt, own, mismatch)
-
-    def _arrive(self, part: LoadStep, attempt: Attempt, solved: Solved, there: Placed) -> None:
+    def _arrive(self, part: LoadStep, attempt: Attempt, there: Placed) -> None:
         """Take a part of the step as it was found; from here on the bodies remember it."""
         light = self.stepper.model.with_tangents(there.stiffness)  # condensed only if asked for
         found = Recovery.of(attempt)
@@ -340,12 +362,12 @@ WEAR = (
     "deformation of such bodies. Leave out wear=..., or make the bodies linear."
 )
 SINGULAR = (
-    "The tangents of the bodies and contact are singular together: usually a limit load is reached, and "
-    "the bodies give way without bearing more. Prescribe displacements to go beyond it, or give the "
-    "material hardening; "
+    "The tangents of the bodies and contact are singular together: usually a limit load is reached, "
+    "and the bodies give way without bearing more. Prescribe displacements to go beyond it, or give "
+    "the material hardening; "
 )
 NO_DESCENT = (
     "No smaller part of the step is in equilibrium near what was reached: usually a limit point, where "
-    "bodies yield as a whole, buckle or snap. Prescribe displacements instead of forces to go beyond it, "
-    "or take smaller steps; "
+    "bodies yield as a whole, buckle or snap. Prescribe displacements instead of forces to go beyond "
+    "it, or take smaller steps; "
 )

@@ -127,7 +127,9 @@ class StepSolver(ByFields):
         raise verdict.error(self.stepper.loop, ContactResult(result))
 
     def _nonlinear(self, step: LoadStep, start: Known) -> NonlinearSearch:
-        from skfem_contact.history.nonlinear import NonlinearSearch  # many jobs have linear bodies alone
+        from skfem_contact.history.nonlinear import (
+            NonlinearSearch,
+        )  # many jobs have linear bodies alone
 
         return NonlinearSearch(self.stepper, step, start)
 

@@ -362,7 +362,7 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
         attempt = replace(attempt, outcome=outcome)
         if not attempt.good:
             return attempt
-        attempt = _travelled(by, attempt, 1.0 if number else FAR)
+        attempt = travelled(by, attempt, 1.0 if number else FAR)
         if attempt.failure:
             return attempt
         there = attempt.local.surface
@@ -387,7 +387,7 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
                 return settled(by, attempt, own, mismatch)
         start, step = "warm", replace(step, known=attempt.state)
         problem = model.problem_on(next_kin, u)
-    point = geometry.leastsettled(problem.kin, next_kin, attempt.local)
+    point = geometry.least_settled(problem.kin, next_kin, attempt.local)
     words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e}): "
     words += model.interface.point_words(point, next_kin.points[point])
     words += " meets another partner in every round"
@@ -400,10 +400,10 @@ def settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> 
     gap = np.where(by.model.geometry.finite & (local.status == OPEN), own.gap0, local.gap)
     # an obstacle takes its points along without another condition, and forces act where they are now
     attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap), own_action=own.action)
-    return _travelled(by, attempt, 1.0)
+    return travelled(by, attempt, 1.0)
 
 
-def _travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
+def travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
     """Measure how far points slid, over what is allowed; refuse what is beyond a limit."""
     geometry, interface = by.model.geometry, by.model.interface
     last, new = attempt.start, attempt.local

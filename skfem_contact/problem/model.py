@@ -98,8 +98,8 @@ class LinearModel:
         known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
         for made in ("_wanted", "choice"):
             known.pop(made, None)
-        made = "_bodies", "_base", "_for_pivoting", "_moves", "_tangent_of"
-        return known | dict.fromkeys(made)
+        computed = "_bodies", "_base", "_for_pivoting", "_moves", "_tangent_of"
+        return known | dict.fromkeys(computed)
 
     @cached_property
     def diagonals(self) -> tuple[Array, ...]:
@@ -177,7 +177,7 @@ class LinearModel:
         return LinearModel(*parts, self.linear, self.limits, self.timings, reuse)
 
     def with_tangents(self, stiffness: Sequence[csr_matrix]) -> LinearModel:
-        """The same bodies with the tangents of an iterate; those whose matrix is the same stay condensed.
+        """The same bodies with the tangents of an iterate; those with the same matrix stay condensed.
 
         What is condensed for one iterate serves those that follow, whoever began.
         """
