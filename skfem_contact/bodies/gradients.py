@@ -91,7 +91,7 @@ class Gradients:
         return out
 
     def _by_slot(self, T: Array, i: int, j: int) -> Any:
-        """Entry of a tensor that belongs to the component i and the direction j of G; None if none does."""
+        """Entry of a tensor for the component i and the direction j of G; None if there is none."""
         if j < self.d:
             return T[i, j]
         return T[2, 2] if i == 0 else None

@@ -51,7 +51,7 @@ class FromFelupe(Material):
         self.function, self.statevars, self.parameters = function, tuple(statevars), parameters
 
     def initial_state(self, elements: int, points: int) -> dict[str, Array]:
-        shapes = {"strain": (3, 3), "stress": (3, 3)}
+        shapes: dict[str, tuple[int, ...]] = {"strain": (3, 3), "stress": (3, 3)}
         shapes |= {f"statevar_{i + 1}": tuple(shape) for i, shape in enumerate(self.statevars)}
         return {name: np.zeros((*shape, elements, points)) for name, shape in shapes.items()}
 

@@ -123,9 +123,9 @@ class NeoHooke(PrintedAsCall, Hyperelastic):
 class MooneyRivlin(PrintedAsCall, Hyperelastic):
     r"""Rubber that nearly keeps its volume.
 
-    ``W = C10 (J^-2/3 I1 - 3) + C01 (J^-4/3 I2 - 3) + bulk/2 (J - 1)^2``. Plane strain, axisymmetric, solid.
-    On quadrilaterals and hexahedra of first order the change of volume is the mean of the element, and
-    they do not lock; of triangles and tetrahedra take those of second order.
+    ``W = C10 (J^-2/3 I1 - 3) + C01 (J^-4/3 I2 - 3) + bulk/2 (J - 1)^2``. Plane strain, axisymmetric,
+    solid. On quadrilaterals and hexahedra of first order the change of volume is the mean of the element,
+    and they do not lock; of triangles and tetrahedra take those of second order.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ class SaintVenantKirchhoff(PrintedAsCall, Material):
 
 
 def deformation(H: Array) -> tuple[Array, Array, Array]:
-    """Return F (3, 3, e, q), its determinant (e, q), and its inverse transposed; it has to be positive."""
+    """Return F (3, 3, e, q), its determinant (e, q), which has to be positive, and F^-T."""
     F = solid(H) + unit(H.ndim - 2)
     cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]], axis=0)
     J = np.einsum("i...,i...->...", F[:, 0], cofactor[:, 0])

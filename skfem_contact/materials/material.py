@@ -20,15 +20,15 @@ class Material(ABC):
     r"""Stress, tangent and internal variables at points of integration.
 
     All arrays have components first, then elements and points of integration: a displacement gradient
-    is ``H[i, j, e, q]``, the derivative of the displacement i by the coordinate j. In plane strain d is 2;
-    solids and axisymmetric bodies have 3, the third axis of the latter being the hoop direction with
-    ``H[2, 2] = u_r / r``.
+    is ``H[i, j, e, q]``, the derivative of the displacement i by the coordinate j. In plane strain d
+    is 2; solids and axisymmetric bodies have 3, the third axis of the latter being the hoop direction
+    with ``H[2, 2] = u_r / r``.
 
     Attributes
     ----------
     finite_strain : bool
-        False: strain is the symmetric part of H, stress is Cauchy's. True: ``F = 1 + H`` may be large, and
-        stress is the first Piola-Kirchhoff stress, force by initial area.
+        False: strain is the symmetric part of H, stress is Cauchy's. True: ``F = 1 + H`` may be large,
+        and stress is the first Piola-Kirchhoff stress, force by initial area.
     mean_dilatation : bool
         Whether `NonlinearBody` should take means of the change of volume over elements of first order,
         which lock otherwise. Such materials have `isochoric` and `volumetric`.

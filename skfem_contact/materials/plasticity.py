@@ -5,9 +5,9 @@ equivalent plastic strain p, with the flow along its normal (Prandtl and Reuss):
 
     ``q = sqrt(3/2) |s - beta|``,    ``q <= Y(p)``,    ``d eps_p = 3/2 dp (s - beta) / q``.
 
-Over a step the flow has the direction of its end (backward Euler, radial return), so that p is the root of
-``q_trial = 3 mu (p - p_n) + C (p - p_n) + Y(p)``. See Simo and Hughes, Computational Inelasticity (1998),
-boxes 3.1 and 3.2.
+Over a step the flow has the direction of its end (backward Euler, radial return), so that p is the
+root of ``q_trial = (3 mu + C) (p - p_n) + Y(p)``. See Simo and Hughes, Computational Inelasticity
+(1998), boxes 3.1 and 3.2.
 """
 
 from __future__ import annotations
@@ -32,13 +32,15 @@ Array = NDArray[np.float64]
 #: half a digit each at worst, on laws with the steepest beginning, and 16 digits are all there are.
 STEPS = 50
 
+USAGE = "give a number, rows of stress and plastic strain, or a function"
+
 
 @dataclass(frozen=True, eq=False, init=False)
 class J2(PrintedAsCall, Material):
     """Von Mises plasticity with isotropic and linear kinematic hardening, at small strains.
 
-    Plane strain, axisymmetric, solid. On elements of first order the change of volume is the mean of the
-    element, see `NonlinearBody`: plastic flow keeps the volume, and they would lock.
+    Plane strain, axisymmetric, solid. On elements of first order the change of volume is the mean of
+    the element, see `NonlinearBody`: plastic flow keeps the volume, and they would lock.
 
     Parameters
     ----------
@@ -72,7 +74,7 @@ class J2(PrintedAsCall, Material):
     >>> shear[0, 1] = 0.005
     >>> stress, _, state = steel(shear, steel.initial_state(1, 1))
     >>> stress[0, 1].round(1).tolist(), state["equivalent_plastic_strain"].round(5).tolist()
-    ([[149.3]], [[0.00181]])
+    ([[149.6]], [[0.00182]])
     """
 
     E: float
@@ -199,7 +201,7 @@ class J2(PrintedAsCall, Material):
         )
 
     def _work(self, p: Array) -> Array:
-        """Work that isotropic hardening takes until p, the integral of Y: Gauss's points between rows."""
+        """Work that isotropic hardening takes until p, the integral of Y, by Gauss's points."""
         at = np.zeros(1) if callable(self.yield_stress) else self.yield_stress[:, 1]
         x, w = np.polynomial.legendre.leggauss(8)
         total = np.zeros_like(p)
@@ -212,20 +214,16 @@ class J2(PrintedAsCall, Material):
 
 def _table(values: ArrayLike) -> Array:
     """Rows of yield stress and plastic strain, of a number or a table."""
-    table = numbers(
-        values, "yield_stress", "give a number, rows (stress, plastic strain), or a function"
-    )
+    table = numbers(values, "yield_stress", USAGE)
     if table.ndim == 0:
         table = np.array([[float(table), 0.0]])
     if table.ndim != 2 or table.shape[1] != 2 or not len(table):
-        raise InputError(
-            f"yield_stress has shape {table.shape}: give a number, or rows of stress and plastic strain"
-        )
+        raise InputError(f"yield_stress has shape {table.shape}: {USAGE}")
     if not np.isfinite(table).all() or not (table[:, 0] > 0).all():
         raise InputError("yield stresses are finite and > 0; rows are (stress, plastic strain)")
     if table[0, 1] != 0 or not (np.diff(table[:, 1]) > 0).all():
         raise InputError(
-            f"plastic strains of yield_stress are {table[:, 1].tolist()}: they begin at 0 and increase. "
-            "Rows are (stress, plastic strain); total strains have to be less stress / E"
+            f"plastic strains of yield_stress are {table[:, 1].tolist()}: they begin at 0 and "
+            "increase. Rows are (stress, plastic strain); total strains have to be less stress / E"
         )
     return table
