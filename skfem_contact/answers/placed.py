@@ -76,6 +76,14 @@ class Placed:
                 internal[part] = stiffness[i] @ u[part]
         return Placed(sealed(u), tuple(stiffness), sealed(internal), tuple(states), self.trend)
 
+    def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
+        """With a share of the tangents of the undeformed bodies added to those of here."""
+        if not share:
+            return self
+        pairs = zip(self.stiffness, undeformed, strict=True)
+        stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
+        return Placed(self.u, stiffness, self.internal, self.material, self.trend)
+
     def fictitious(self, system: System) -> Array:
         """What the loads of the linear problem near here have besides, ``K u - f_int``, (n,).
 

@@ -10,6 +10,10 @@ again. The first of a step is solved exactly for contact, as a tangent beyond yi
 without the right points closed; those after it take a few iterations of contact each, as it has hardly
 changed. Where contact slides far, they are on pairings that approach that of their own answer.
 
+At a limit load of perfect plasticity tangents are singular in the motions of plastic flow. Where the
+residual does not fall, the tangents of the undeformed bodies are added in the sixth digit: such motions
+stay finite then, and the others come as near with every iterate as before, but for that digit.
+
 A step may lead too far. It is halved until the residual of equilibrium of all bodies has become smaller,
 with contact forces between those of both ends. Where that fails, the load step is cut, here alone: in
 the linear problem of an iterate ``f`` is no load, and parts of it mean nothing. What a body remembers
@@ -30,6 +34,7 @@ from skfem_contact.answers.placed import Placed, point_forces
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import ARRIVED, EquilibriumSearch, Verdict
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, nothing
@@ -154,23 +159,25 @@ class NonlinearSearch:
 
     def _newton(self, part: LoadStep, parts: Bisection) -> Verdict:
         """Solve one part of the load step; only where it arrives is `placed` another."""
-        begin, options = self.placed, self.stepper.options
+        begin, options, base = self.placed, self.stepper.options, self.stepper.model
         try:
             at = self._forecast(part)
         except MaterialError as error:  # at what was an answer
-            return self._gives_up(str(error))
-        left, forces, residual, exact = np.inf, None, np.inf, True
+            self._why = str(error)
+            return self._gives_up()
+        left, forces, residual, exact, shift = np.inf, None, np.inf, True, 0.0
         step, secant = replace(part, pairing=self._pairing(part, at.u)), Anderson()
         for number in range(1, options.max_placements + 1):
-            solved = self._solve(step, at, exact)
-            if not solved.verdict.arrived or solved.attempt is None:
-                self._why = "contact has no answer"
-                return solved.verdict
-            attempt = solved.attempt
-            self.advance.trace.extend(attempt.outcome.trace)
+            solved = self._solve(step, at.stiffened(base.stiffness, shift), exact)
+            if solved.attempt is not None:
+                self.advance.trace.extend(solved.attempt.outcome.trace)
             there, share, norm = self._stepped(part, begin, (at, forces, left), solved)
-            if there is None:
-                return self._gives_up("no step from an iterate comes nearer to equilibrium")
+            if there is None or solved.attempt is None:
+                if shift:
+                    return self._gives_up(solved.verdict)
+                exact, shift = True, GIVEN
+                continue
+            attempt = solved.attempt
             forces = solved.forces if forces is None else forces + share * (solved.forces - forces)
             residual, limit = self._residual(part.target, there, forces)
             record = Iteration(number, parts.aim, residual, share, len(attempt.outcome.trace))
@@ -181,7 +188,8 @@ class NonlinearSearch:
             attempt = self._judged(step, attempt, own, FAR if number == 1 else 1.0)
             self.advance.attempt = attempt
             if attempt.travel > 1.0 and attempt.failure:
-                return self._gives_up(attempt.failure)
+                self._why = attempt.failure
+                return self._gives_up()
             balanced = share == 1.0 and residual <= max(options.tolerance, limit)
             if balanced and attempt.good:
                 self._arrive(part, attempt, there)
@@ -190,13 +198,13 @@ class NonlinearSearch:
             if attempt.failure:
                 step = self._next(part, step, there.u, secant)
             exact, step = balanced, replace(step, known=attempt.state)
-        return self._gives_up(
-            f"{options.max_placements} iterates did not reach equilibrium ({residual:.1e})"
-        )
+        self._why = f"{options.max_placements} iterates left {residual:.1e} of the largest force"
+        return self._gives_up()
 
-    def _gives_up(self, why: str) -> Verdict:
+    def _gives_up(self, verdict: Verdict = ARRIVED) -> Verdict:
         """No answer to a part of the step, which may be cut."""
-        self._why = why
+        if not verdict.arrived:
+            return verdict
         return Verdict(advice=NO_DESCENT, reached="attempt" in vars(self.advance))
 
     def _pairing(self, part: LoadStep, u: Array) -> tuple[Kinematics, Array] | None:
@@ -293,6 +301,9 @@ class NonlinearSearch:
         The first step of a part is whole, as before it the supports have not moved.
         """
         at, forces, left = last
+        if not solved.verdict.arrived:
+            self._why = "contact has no answer near an iterate"
+            return None, 0.0, left
         system, share = self.stepper.model.system, 1.0
         for _ in range(HALVINGS):
             u = solved.u if share == 1.0 else at.u + share * (solved.u - at.u)
@@ -310,6 +321,7 @@ class NonlinearSearch:
                 if norm <= (1.0 - DECREASE * share) * left or norm <= self._noise(there):
                     return there, share, norm
             share *= 0.5
+        self._why = self._why or "no step from an iterate comes nearer to equilibrium"
         return None, share, left
 
     def _noise(self, there: Placed) -> float:
