@@ -4,7 +4,8 @@
 * `assembly`: stiffness from a form; `quadrature`: points of integration, and gradients at them;
 * `boundaries`: tractions and displacements by the names of boundaries;
 * `member`, `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked
-  of them; `nonlinear`: bodies that yield or stretch, `continuum` and `gradients`: their equations;
+  of them; `nonlinear`: bodies that yield or stretch, `continuum` (with `gradients`) and `forms`:
+  their equations;
   `stiffness`, `moduli`, `rigid_modes`, `pieces` of a mesh;
 * `remote`: a stiffness that is held elsewhere, by a backend over several processes;
 * `surface`: a boundary as contact sees it; `nodes`: its nodes; `bare`: one without a body;

@@ -63,7 +63,8 @@ class Body(Meshed):
         Stiffness [force/length], or a material. A form is assembled here, once, by the points of
         integration of `basis`: pass the form itself, which takes a small part of the time of
         ``form.assemble(basis)`` where it sees the gradients of u and v alone, as elasticity does. Of a
-        matrix whose last digits are not symmetric the symmetric part is kept. Springs to the ground are added to it.
+        matrix whose last digits are not symmetric the symmetric part is kept. Springs to the ground are
+        added to it.
     f : ndarray, shape (n,), or LinearForm, or dict by boundary name, optional
         Load [force]; zero if not given. A form is integrated over the volume of `basis`. A dict
         gives uniform tractions on boundaries, ``{"top": (0.0, -5.0)}``, in global axes [stress];

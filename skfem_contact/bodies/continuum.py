@@ -13,21 +13,36 @@ so that ``P = P_iso + U'(Jm) ∂J/∂F``, and the tangent has besides the usual 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.bodies.forms import ASYMMETRIC
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.thresholds import BYTES_AT_ONCE
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
+from skfem_contact.materials.hyperelastic import deformation
 from skfem_contact.materials.material import Material
-from skfem_contact.materials.tensors import trace
+from skfem_contact.materials.tensors import solid, trace, unit
 from skfem_contact.sealed import sealed_matrix
 
 Array = NDArray[np.float64]
+
+
+class Response(NamedTuple):
+    """The answer of a material on some elements: stress, tangent, internal variables.
+
+    With mean dilatation also ``∂J/∂F`` at the points, and ``U''/V`` of the elements.
+    """
+
+    P: Array
+    A: Array
+    state: State
+    slope: Array | None = None
+    stiff: Array | None = None
 
 
 class Continuum:
@@ -56,85 +71,100 @@ class Continuum:
         H = on.of(u)
         K, f, states = [], [], []
         for some in self._parts():
-            P, A, new, mean = self._answer(H[:, :, some], part_of(state, some), some)
-            Ke = on.stiffness(A, some)
-            if mean is not None:
-                g = on.forces(mean[1], some)
-                Ke += mean[0][:, None, None] * g[:, :, None] * g[:, None]
-            K.append(Ke)
-            f.append(on.forces(P, some))
-            states.append(new)
-        Ke, fe = np.concatenate(K), np.concatenate(f)
+            answer = self._response(H[:, :, some], state, some)
+            Ke = on.stiffness(answer.A, some)
+            if answer.slope is not None and answer.stiff is not None:
+                g = on.forces(answer.slope, some)
+                Ke += answer.stiff[:, None, None] * g[:, :, None] * g[:, None]
+            K.append(symmetrised(Ke, self.whose))
+            f.append(on.forces(answer.P, some))
+            states.append(answer.state)
         new = {key: np.concatenate([s[key] for s in states], axis=-2) for key in states[0]}
-        return Linearized(sealed_matrix(on.summed(symmetrised(Ke, self.whose))), on.scattered(fe), new)
+        return Linearized(
+            sealed_matrix(on.summed(np.concatenate(K))), on.scattered(np.concatenate(f)), new
+        )
+
+    def stress(self, u: Array, state: State) -> Array:
+        """Cauchy's stress (3, 3, e, q), by internal variables of before or after the step."""
+        H, found = self.gradients.of(u), []
+        for some in self._parts():
+            P = solid(self._response(H[:, :, some], state, some).P)
+            if self.finite_strain:
+                F, J, _ = deformation(H[:, :, some])
+                P = np.einsum("im...,jm...->ij...", P, F) / J
+            found.append(P)
+        return np.concatenate(found, axis=2)
+
+    def energy(self, u: Array, state: State) -> tuple[float, float]:
+        """Energy stored and dissipated until now, of accepted internal variables."""
+        H, dx = self.gradients.of(u), self.gradients.dx
+        try:
+            stored, dissipated = self.material.energy(H, state)
+        except NotImplementedError as error:
+            raise InputError(f"{self.whose}: {error}; its material needs `energy`") from error
+        if self.mean_dilatation:
+            J, volume = dilatation(H, self.finite_strain)[0], dx.sum(axis=1)
+            mean = self.material.volumetric((J * dx).sum(axis=1) / volume)[0]
+            stored = stored - self.material.volumetric(J)[0] + mean[:, None]
+        return float(np.sum(stored * dx)), float(np.sum(dissipated * dx))
 
     def _parts(self) -> Iterator[slice]:
         """Elements that are looked at together: tangents fill the memory."""
         k, d = self.gradients.G.shape[1], self.gradients.G.shape[2]
-        each = 8 * (self.gradients.points * d**4 * (2 + k) + 2 * (k * d) ** 2)
+        each = 8 * (self.gradients.points * d**3 * (2 * d + k) + 2 * (k * d) ** 2)
         count = max(1, BYTES_AT_ONCE // each)
         for first in range(0, self.gradients.elements, count):
             yield slice(first, min(first + count, self.gradients.elements))
 
-    def _answer(self, H: Array, state: State, some: slice) -> tuple[Array, Array, State, Any]:
-        """Stress, tangent, new state, and of the mean dilatation ``U''/V`` and ``∂J/∂F``."""
+    def _response(self, H: Array, state: State, some: slice) -> Response:
+        """Ask the material, and take means of the change of volume if they are wanted."""
+        state = {name: value[..., some, :] for name, value in state.items()}
         try:
             if not self.mean_dilatation:
-                P, A, new = self.material(H, state)
-                return *self._checked(P, A, new, H, state), None
+                return self._checked(self.material(H, state), H, state)
             P, A, new = self.material.isochoric(H, state)
-            dx = self.gradients.dx[some]
-            J, slope, bend = dilatation(H, self.material.finite_strain)
-            volume = dx.sum(axis=1)
-            _, p, dp = self.material.volumetric((J * dx).sum(axis=1) / volume)
-            d = len(H)
-            P = P[:d, :d] + p[:, None] * slope
-            if bend is not None:
-                A = A + p[:, None] * bend
-            return P, A, new, (dp / volume, slope)
+            J, slope, bend = dilatation(H, self.finite_strain)
         except MaterialError as error:
             element = None if error.element is None else error.element + some.start
             where = "" if element is None else f", element {element}"
             raise MaterialError(f"{self.whose}{where}: {error}", element) from None
+        dx = self.gradients.dx[some]
+        volume = dx.sum(axis=1)
+        _, p, dp = self.material.volumetric((J * dx).sum(axis=1) / volume)
+        P = P + p[:, None] * slope
+        if bend is not None:
+            A = A + p[:, None] * bend
+        return Response(P, A, new, slope, dp / volume)
 
-    def _checked(self, P: Any, A: Any, new: Any, H: Array, state: State) -> tuple[Any, Any, Any]:
+    def _checked(self, answer: Any, H: Array, state: State) -> Response:
         """Refuse what a user's function returns in another shape."""
+        P, A, new = answer
         P, A, d, at = np.asarray(P), np.asarray(A), len(H), H.shape[2:]
         for what, T, rank in (("stress", P, 2), ("tangent", A, 4)):
             if T.shape[:rank] not in ((d,) * rank, (3,) * rank) or T.ndim != rank + 2:
-                wanted = (d,) * rank + at
                 raise InputError(
-                    f"{what} of the material of {self.whose} has shape {T.shape}, not {wanted}: "
-                    "components come first, then elements and points of integration"
+                    f"{what} of the material of {self.whose} has shape {T.shape}, not "
+                    f"{(d,) * rank + at}: components come first, then elements and points of integration"
                 )
-        if not np.isfinite(P).all() or not np.isfinite(A).all():
-            bad = np.argwhere(~np.isfinite(P.sum(axis=(0, 1)) + A.sum(axis=(0, 1, 2, 3))))
+        bad = np.argwhere(~np.isfinite(P.sum(axis=(0, 1)) + A.sum(axis=(0, 1, 2, 3))))
+        if len(bad):
             raise MaterialError("stress or tangent is NaN or infinite", int(bad[0, 0]))
         if not isinstance(new, dict) or set(new) != set(state):
             raise InputError(
                 f"the material of {self.whose} returns the internal variables {sorted(new or ())}, "
                 f"and was given {sorted(state)}"
             )
-        return P, A, new
-
-
-def part_of(state: State, some: slice) -> dict[str, Array]:
-    """Internal variables of some elements."""
-    return {name: value[..., some, :] for name, value in state.items()}
+        return Response(np.broadcast_to(P, P.shape[:2] + at), A, new)
 
 
 def dilatation(H: Array, finite: bool) -> tuple[Array, Array, Array | None]:
-    """Return J (e, q), its derivative by H (d, d, e, q), and the second one; None if it is zero."""
-    d = len(H)
-    one = np.eye(d)[:, :, None, None]
+    """Return J (e, q), its derivative (3, 3, e, q), and d rows of the second one; None if it is zero."""
     if not finite:
-        return 1.0 + trace(H), np.broadcast_to(one, H.shape), None
-    F = H + one
-    J = np.linalg.det(np.moveaxis(F, (0, 1), (-2, -1)))
-    G = np.moveaxis(np.linalg.inv(np.moveaxis(F, (0, 1), (-1, -2))), (-2, -1), (0, 1))
-    cofactor = J * G
-    bend = np.einsum("ij...,kl...->ijkl...", cofactor, G)
-    return J, cofactor, bend - bend.transpose(0, 3, 2, 1, 4, 5)
+        return 1.0 + trace(H), np.broadcast_to(unit(2), (3, 3, *H.shape[2:])), None
+    _, J, G = deformation(H)
+    g = G[: len(H), : len(H)]
+    bend = np.einsum("ij...,kl...->ijkl...", J * g, g)
+    return J, J * G, bend - bend.transpose(0, 3, 2, 1, 4, 5)
 
 
 def symmetrised(K: Array, whose: str) -> Array:
@@ -142,9 +172,5 @@ def symmetrised(K: Array, whose: str) -> Array:
     transpose = K.swapaxes(1, 2)
     largest, scale = np.abs(K - transpose).max(), np.abs(K).max()
     if largest > GIVEN * scale:
-        raise InputError(
-            f"the tangent of {whose} is not symmetric: the largest entry of K - K' of an element is "
-            f"{largest:.3g}, of K {scale:.3g}. Non-associated plasticity and the like are not for "
-            "this method; or the tangent is not the derivative of the stress"
-        )
+        raise InputError(ASYMMETRIC.format(whose=whose, largest=largest, scale=scale))
     return np.asarray(0.5 * (K + transpose))

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
-from skfem.assembly import CellBasis
+from numpy.typing import ArrayLike, NDArray
+from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
-from skfem_contact.arguments import check_switch, with_known_keywords
+from skfem_contact.arguments import check_switch, shown, with_known_keywords
 from skfem_contact.arrays import check_finite, check_size, rectangular
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.continuum import Continuum
+from skfem_contact.bodies.forms import Differentiated, Forms
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
 from skfem_contact.bodies.linearizable import Linearized, State
@@ -25,38 +26,95 @@ from skfem_contact.records import dataclass
 Array = NDArray[np.float64]
 
 
-@with_known_keywords(load="write f")
+@with_known_keywords(load="write f", K="NonlinearBody has a material, or forms", form="write residual")
 @dataclass(frozen=True, eq=False, init=False)
 class NonlinearBody(Body):
     """A body that yields or strains by large amounts.
+
+    Its equations come from a material; or from a residual and a tangent; or from an energy, or a
+    residual alone, which JAX differentiates.
 
     Parameters
     ----------
     basis : skfem.CellBasis
         Basis of an `ElementVector`, as for `Body`.
     material : Material or callable
-        One of `skfem_contact.materials`, or a function ``(H, state) -> stress, tangent, state`` of
-        small strain without internal variables; see `FromFunction` for others.
-    f, D, x, measure, name
+        `J2`, `MooneyRivlin` or another of `skfem_contact.materials`; or a function
+        ``(H, state) -> stress, tangent, state`` of small strains without internal variables, see
+        `skfem_contact.materials.FromFunction` for others. Plane bodies are in plane strain.
+    f, D, x, name
         As for `Body`.
+    measure : callable, optional
+        Weight of the area, as for `Body`: with ``lambda x: 2 * np.pi * x[0]`` the body is
+        axisymmetric, and its material gets the hoop strain. Forms have their weight in themselves.
+    residual : LinearForm or callable
+        Work of the internal forces on v, with the displacements ``w["u"]``. Without a `tangent` a
+        function of u, v and w.
+    tangent : BilinearForm
+        The derivative of `residual`, symmetric.
+    state, initial : callable and dict
+        Internal variables of forms: a function of w that returns their new values by name, arrays
+        (..., e, q), from ``w["u"]`` and the values at the beginning of the step, ``w["prev"].name``;
+        and their first values at a point.
+    energy : callable
+        Energy by volume, a function of u and w.
+    finite_strain : bool, optional
+        Whether a body that is given by forms may turn and strain by any amount: contact is then on the
+        deformed mesh. Materials know it.
+    mean_dilatation : bool, optional
+        Whether the change of volume is the mean of the element. If it is not given: for elements of
+        first order of `J2` and `MooneyRivlin`, which would lock.
 
     Attributes
     ----------
     K : csr_matrix, shape (n, n)
         The tangent of the undeformed body.
-    material : Material
+    material : Material or None
+        None of a body that is given by forms.
+    nonlinear : bool
+        True.
+
+    Raises
+    ------
+    InputError
+        As of `Body`; stress, tangent or internal variables of other shapes, a tangent that is not
+        symmetric; JAX is not installed.
+
+    Notes
+    -----
+    Mean dilatation is that of Simo, Taylor and Pister (1985), with small strains B-bar: quadrilaterals
+    and hexahedra of first order then bend and flow without changing volume. On triangles and
+    tetrahedra of first order it does nothing, and they lock: take those of second order.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> basis = fem.Basis(fem.MeshQuad().with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    >>> steel = sc.J2(210e3, 0.3, [(250, 0), (300, 0.01)])
+    >>> billet = sc.NonlinearBody(basis, steel, D="bottom", name="billet")
+    >>> u = 0.01 * basis.doflocs[0]
+    >>> K, internal, state = billet.linearize(u)
+    >>> state["equivalent_plastic_strain"].shape, billet.stress(u, state).shape
+    ((1, 4), (3, 3, 1, 4))
     """
 
     nonlinear: ClassVar[bool] = True  # type: ignore[misc]
-    material: Any = field(init=False)
+    material: Material | None = field(init=False)
     equations: Any = field(init=False, repr=False)
 
     def __init__(
         self,
         basis: CellBasis,
-        material: Any,
+        material: Material | Callable[..., Any] | None = None,
         f: Loads | None = None,
         *,
+        residual: LinearForm | Callable[..., Any] | None = None,
+        tangent: BilinearForm | None = None,
+        state: Callable[..., Any] | None = None,
+        initial: Mapping[str, ArrayLike] | None = None,
+        energy: Callable[..., Any] | None = None,
+        finite_strain: bool = False,
         D: Dofs | None = None,
         x: Values | None = None,
         measure: Callable[[Array], Array] | None = None,
@@ -67,18 +125,41 @@ class NonlinearBody(Body):
         if self.components == 1:
             raise InputError(f"{whose} is a scalar problem: NonlinearBody has displacements")
         check_points(basis, f"the internal force of {whose}")
+        check_switch(finite_strain, "finite_strain")
+        if sum(part is not None for part in (material, residual, energy)) != 1:
+            raise InputError(f"{whose} needs one of: a material, residual= (with tangent=), or energy=")
+        equations: Any
+        if material is not None:
+            if any(part is not None for part in (tangent, state, initial)) or finite_strain:
+                raise InputError(
+                    f"tangent, state, initial and finite_strain of {whose} belong to a residual; a "
+                    "material has its own, see skfem_contact.materials.FromFunction"
+                )
+            equations = self._continuum(material, mean_dilatation, whose)
+        elif energy is not None or (tangent is None and not isinstance(residual, LinearForm)):
+            equations = Differentiated(basis, energy, residual, finite_strain, whose)
+        else:
+            equations = Forms(basis, residual, tangent, state, initial, finite_strain, whose)
+        object.__setattr__(self, "material", getattr(equations, "material", None))
+        object.__setattr__(self, "equations", equations)
+        K = equations.linearize(np.zeros(self.n), equations.initial_state).K
+        super().__init__(basis, K, f, D=D, x=x, measure=measure, name=name)
+
+    def _continuum(self, material: Any, mean_dilatation: bool | None, whose: str) -> Continuum:
+        """Equations from a material."""
         if not isinstance(material, Material):
             material = FromFunction(material)
         if mean_dilatation is None:
-            first = isinstance(scalar_element(basis.elem), LINEAR)
+            first = isinstance(scalar_element(self.basis.elem), LINEAR)
             mean_dilatation = material.mean_dilatation and first
         check_switch(mean_dilatation, "mean_dilatation")
-        gradients = Gradients(basis, measure, self.axisymmetric, whose)
-        equations = Continuum(material, gradients, mean_dilatation, whose)
-        for key, value in {"material": material, "equations": equations}.items():
-            object.__setattr__(self, key, value)
-        K = equations.linearize(np.zeros(self.n), equations.initial_state).K
-        super().__init__(basis, K, f, D=D, x=x, measure=measure, name=name)
+        if mean_dilatation and type(material).volumetric is Material.volumetric:
+            raise InputError(
+                f"mean_dilatation of {whose}: {type(material).__name__} does not tell the change of "
+                "volume from the rest; it needs `isochoric` and `volumetric`"
+            )
+        gradients = Gradients(self.basis, self.measure, self.axisymmetric, whose)
+        return Continuum(material, gradients, mean_dilatation, whose)
 
     @property
     def finite_strain(self) -> bool:  # type: ignore[override]
@@ -87,12 +168,48 @@ class NonlinearBody(Body):
 
     @property
     def initial_state(self) -> State:
-        """Internal variables of the undeformed body."""
+        """Internal variables of the undeformed body, arrays (..., e, q) by name."""
         return dict(self.equations.initial_state)
 
     def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
         """Tangent, internal forces and internal variables at displacements u, see `Linearizable`."""
         return self.equations.linearize(self._displacements(u), self._state(state))
+
+    def energy(self, u: ArrayLike, state: State | None = None) -> tuple[float, float]:
+        """Energy that is stored, and that was dissipated until now, of internal variables after a step.
+
+        Raises
+        ------
+        InputError
+            If what the body is given by does not tell its energy.
+        """
+        if not hasattr(self.equations, "energy"):
+            raise InputError(f"body {self.name!r} is given by forms: its energy is not known")
+        return self.equations.energy(self._displacements(u), self._state(state))
+
+    def stress(self, u: ArrayLike, state: State | None = None) -> Array:
+        """Cauchy's stress at points of integration.
+
+        Parameters
+        ----------
+        u : ndarray, shape (n,)
+            Displacements of this body [length].
+        state : dict of ndarray, optional
+            Internal variables that go with u; those of the virgin material if not given.
+
+        Returns
+        -------
+        ndarray, shape (3, 3, e, q)
+            The third axis is the thickness, or the hoop direction [stress].
+
+        Raises
+        ------
+        InputError
+            If the body is given by forms, which do not tell stresses.
+        """
+        if not hasattr(self.equations, "stress"):
+            raise InputError(f"body {self.name!r} is given by forms: its stresses are not known")
+        return self.equations.stress(self._displacements(u), self._state(state))
 
     def _displacements(self, u: Any) -> Array:
         if u is None:
@@ -103,4 +220,12 @@ class NonlinearBody(Body):
         return values
 
     def _state(self, state: State | None) -> State:
-        return self.initial_state if state is None else state
+        """Internal variables by name, in the order of the initial ones."""
+        known = self.equations.initial_state
+        if state is None:
+            return known
+        if not isinstance(state, Mapping) or set(state) != set(known):
+            raise InputError(
+                f"state of body {self.name!r} is {shown(state)}, not a dict of {sorted(known)}"
+            )
+        return {key: state[key] for key in known}

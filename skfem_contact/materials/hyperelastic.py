@@ -124,8 +124,8 @@ class MooneyRivlin(PrintedAsCall, Hyperelastic):
     r"""Rubber that nearly keeps its volume.
 
     ``W = C10 (J^-2/3 I1 - 3) + C01 (J^-4/3 I2 - 3) + bulk/2 (J - 1)^2``. Plane strain, axisymmetric,
-    solid. On quadrilaterals and hexahedra of first order the change of volume is the mean of the element,
-    and they do not lock; of triangles and tetrahedra take those of second order.
+    solid. On quadrilaterals and hexahedra of first order the change of volume is the mean of the
+    element, and they do not lock; of triangles and tetrahedra take those of second order.
 
     Parameters
     ----------
