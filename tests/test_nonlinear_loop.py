@@ -1,4 +1,4 @@
-"""Bodies that are not linear and their contact, in one loop: closed forms, balances, and what is counted."""
+"""Bodies that are not linear and their contact, in one loop: closed forms, balances, counts."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
+from skfem_contact.materials import FromFunction
 
 E, NU, YIELD, H = 210e3, 0.3, 300.0, 2100.0
 
@@ -82,7 +83,7 @@ def test_equations_hold_with_the_internal_forces_themselves(results: list[sc.Con
 
 
 def test_residuals_fall_quadratically(results: list[sc.ContactResult]) -> None:
-    """The last three residuals of a step: each is below the square of the one before, times a factor."""
+    """The last three residuals of a step: each below the square of the one before, times a factor."""
     print(results[1].newton)
     a, b, c = (iteration.residual for iteration in results[1].newton[-3:])
     assert a < 1e-2
@@ -107,11 +108,13 @@ def test_the_tool_is_condensed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert counted.count(True) == sum(len(result.newton) for result in results)
 
 
-def test_restart_to_the_last_bit(results: list[sc.ContactResult], tmp_path: Path) -> None:
+def test_restart_to_the_last_bit(tmp_path: Path) -> None:
     """A file keeps what the material remembers: a history goes on from it as if never interrupted."""
     solver, step = pressed()
-    path = solver.save_state(tmp_path / "state", results[2])
-    *_, last = solver.history([step(*way) for way in WAY[3:]], start=solver.load_state(path))
+    ways = [(0.002, 0.0), (0.006, 0.0), (0.01, 0.0), (0.008, 0.0)]
+    results = list(solver.history([step(*way) for way in ways]))
+    path = solver.save_state(tmp_path / "state", results[1])
+    *_, last = solver.history([step(*way) for way in ways[2:]], start=solver.load_state(path))
     assert np.array_equal(last.u, results[-1].u)
     for name, value in results[-1].state["billet"].items():
         assert np.array_equal(last.state["billet"][name], value)
@@ -132,7 +135,7 @@ def test_a_state_of_linear_bodies_is_no_start() -> None:
 def test_cut_steps_change_nothing_committed(results: list[sc.ContactResult]) -> None:
     """A step that fails leaves the material as it was: what follows is the same to the last bit."""
     solver, step = pressed(options=sc.Options(max_placements=3, max_cuts=0))
-    before = next(solver.history([step(*WAY[0])]))
+    before = results[0]
     known = {name: np.array(value) for name, value in before.state["billet"].items()}
     with pytest.raises(sc.NotConverged, match="bear up to 0 of this step") as failed:
         solver.solve(**step(0.03, 0.02), start=before)
@@ -158,19 +161,20 @@ def test_a_step_is_cut_where_it_takes_too_long() -> None:
 def test_turned_and_in_other_units(results: list[sc.ContactResult], angle: float) -> None:
     """Turned, in metres and pascals for millimetres and megapascals, and listed the other way round."""
     solver, step = pressed(angle, scale=1e-3, stress=1e6, flipped=True)
-    *_, last = solver.history([step(*way) for way in WAY])
-    force = results[-1].force
+    *_, last, open_again = solver.history([step(*way) for way in WAY])
+    force = results[-2].force
     c, s = np.cos(angle), np.sin(angle)
-    turned_force = np.array([c * force[0] - s * force[1], s * force[0] + c * force[1]])
-    assert_allclose(last.force, 1e3 * turned_force, rtol=0, atol=1e-8 * 1e3 * np.linalg.norm(force))
-    strain = "plastic_strain"
-    assert_allclose(last.state["billet"][strain], results[-1].state["billet"][strain], atol=1e-8 * 0.01)
+    there = 1e3 * np.array([c * force[0] - s * force[1], s * force[0] + c * force[1]])
+    assert_allclose(last.force, there, rtol=0, atol=1e-8 * np.linalg.norm(there))
+    found, expected = open_again.state["billet"], results[-1].state["billet"]
+    found, expected = found["equivalent_plastic_strain"], expected["equivalent_plastic_strain"]
+    assert_allclose(found, expected, rtol=0, atol=1e-8 * expected.max())
 
 
 @pytest.mark.parametrize("sliding", ["small", "finite"])
 @pytest.mark.parametrize("elements", [(3, 4), (7, 5)])
 def test_confined_blocks(sliding: str, elements: tuple[int, int]) -> None:
-    """Two neo-Hookean blocks squeezed by 30 %: the pressure and stretches of the closed form, any mesh."""
+    """Two neo-Hookean blocks squeezed by 30 %: pressure and stretches of the closed form, any mesh."""
     low, high = rectangle(0, 1, 0, 1, elements[0], 2), rectangle(0, 1, 1, 2, elements[1], 3)
     blocks = []
     for basis, modulus, nu, end in ((low, 1.0, 0.3, "bottom"), (high, 3.0, 0.2, "top")):
@@ -216,7 +220,7 @@ def test_shrink_ring_beyond_yield() -> None:
     axial = [np.unique(basis.get_dofs(elements=True).all("u^2")) for basis in (inner, outer)]
     D = np.union1d(axial[0], inner.get_dofs("left").all("u^1"))
     shaft = sc.NonlinearBody(inner, sc.Elastic(E, NU), D=D, measure=measure, name="shaft")
-    law = sc.FromFunction(tresca(NU, YIELD), {"plastic": np.zeros((3, 3))})
+    law = FromFunction(tresca(NU, YIELD), {"plastic": np.zeros((3, 3))})
     hub = sc.NonlinearBody(outer, law, D=axial[1], measure=measure, name="hub")
     fit = sc.Contact(shaft.surface("right"), hub.surface("left"), name="fit")
     steps = [{"interference": {"fit": value}} for value in (0.065, 0.09, 0.13, 0.2, 0.26)]
@@ -253,19 +257,19 @@ def test_billets_between_rough_platens(friction: float, low: float, high: float)
 def test_a_limit_load_is_named() -> None:
     """Forces beyond the limit load have no equilibrium: the error says how much was borne."""
     basis = rectangle(0, 1, 0, 1, 4, 4)
-    D = np.union1d(basis.get_dofs("left").all("u^1"), basis.get_dofs("bottom").all("u^2"))
+    D = basis.get_dofs("left").all("u^1")
     block = sc.NonlinearBody(basis, sc.J2(1000.0, 0.3, 1.0), D=D, f={"top": (0.0, -1.0)}, name="block")
-    floor = sc.RigidPlane((1.5, 0), (-1, 0), name="wall")  # far away
-    solver = sc.ContactSolver(block, sc.Contact(block.surface("right"), floor))
-    # plane strain yields at 2 / sqrt(3) of the yield stress; steps are halved six times
-    with pytest.raises(sc.NotConverged, match=r"load factor of 1\.1[45]") as failed:
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    solver = sc.ContactSolver(block, sc.Contact(block.surface("bottom"), floor))
+    # in plane strain it yields at 2 / sqrt(3) = 1.1547; parts of a step are at least .3 / 64
+    with pytest.raises(sc.NotConverged, match=r"load factor of 1\.15") as failed:
         list(solver.history([1.0, 1.3]))
     assert "limit point" in str(failed.value)
     assert len(failed.value.results) == 1
 
 
 def test_energy_balance() -> None:
-    """Work of the supports goes into the bodies, into plastic flow and friction: small steps miss little.
+    """Work of the supports goes into bodies, plastic flow and friction: small steps miss little.
 
     The backward Euler steps of plastic flow miss a part of second order, which halves with the step.
     """
@@ -288,14 +292,16 @@ def test_energy_balance() -> None:
     assert missing[1] < 0.6 * missing[0]
 
 
-def test_contact_on_an_iterate_takes_few_iterations(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After the first linearisation of a step contact is not solved to its end each time."""
+def test_contact_on_an_iterate_takes_few_iterations() -> None:
+    """After the first linearisation of a step contact takes three iterations, of four that it wants.
+
+    With fewer a step like this is cut; with more the linearisations are as many.
+    """
     solver, step = pressed()
-    few = solver.solve(**step(0.01, 0.004))
-    assert max(iteration.contact for iteration in few.newton[1:-1]) <= 3
-    internals.replace(monkeypatch, "history.CONTACT_ITERATIONS", 1)
-    one = pressed()[0].solve(**step(0.01, 0.004))
-    assert_allclose(one.u, few.u, atol=1e-9 * np.abs(few.u).max())  # the same answer
+    first, *others = solver.solve(**step(0.005, 0.005)).newton
+    assert first.contact > 3
+    assert max(iteration.contact for iteration in others) == 3
+    assert len(others) <= 6
 
 
 def test_solve_and_history_take_the_same() -> None:
