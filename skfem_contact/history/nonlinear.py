@@ -15,9 +15,10 @@ residual does not fall, the tangents of the undeformed bodies are added in the s
 stay finite then, and the others come as near with every iterate as before, but for that digit.
 
 A step may lead too far. It is halved until the residual of equilibrium of all bodies has become
-smaller, with contact forces between those of both ends. Where that fails, the load step is cut, here alone: in
-the linear problem of an iterate ``f`` is no load, and parts of it mean nothing. What a body remembers
-is a value that is passed on from one accepted part to the next, so that a cut changes nothing of it.
+smaller, with contact forces between those of both ends. Where that fails, the load step is cut, here
+alone: in the linear problem of an iterate ``f`` is no load, and parts of it mean nothing. What a body
+remembers is a value that is passed on from one accepted part to the next, so that a cut changes nothing
+of it.
 """
 
 from __future__ import annotations

@@ -485,7 +485,7 @@ class ContactSolver(Variants):
 
     @known_keywords(
         **OF_SOLVER,
-        **{name: f"it belongs to a step, solver.history([{{{name!r}: ...}}])" for name in KEYS},
+        **{name: f"it belongs to the steps, [{{{name!r}: ...}}]" for name in KEYS},
         **dict.fromkeys(("callback", "throw"), "it belongs to solver.solve(...)"),
     )
     def history(
