@@ -25,7 +25,7 @@ from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import advance
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.pairing.vertices import Corners
-from skfem_contact.problem.model import EVEN_CLOSED
+from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
 from skfem_contact.records import dataclass
 
 if TYPE_CHECKING:
@@ -129,6 +129,11 @@ class EquilibriumSearch:
     def settled(self) -> Rest | None:
         """The answer that leaves motions free, where it is one."""
         return None if self.rest is None or self.rest.pull else self.rest
+
+    @property
+    def model(self) -> LinearModel:
+        """What is solved for, with the motions that it leaves free."""
+        return self.stepper.model
 
     @property
     def recovery(self) -> Recovery:

@@ -46,6 +46,7 @@ from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.thresholds import DECREASE, HALVINGS
+from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.seam import Workspace
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
@@ -122,6 +123,11 @@ class NonlinearSearch:
         return None if self._search is None else self._search.grip
 
     @property
+    def model(self) -> LinearModel:
+        """The model that these are of."""
+        return self.stepper.model if self._search is None else self._search.model
+
+    @property
     def recovery(self) -> Recovery:
         """The displacements, which are known."""
         assert self._found is not None
@@ -166,7 +172,7 @@ class NonlinearSearch:
         except MaterialError as error:  # at what was an answer
             self._why = str(error)
             return self._gives_up()
-        left, forces, residual, exact, shift = np.inf, None, np.inf, True, 0.0
+        left, most, forces, exact, shift = np.inf, 0.0, None, True, 0.0
         step, secant = replace(part, pairing=self._pairing(part, at.u)), Anderson()
         for number in range(1, options.max_placements + 1):
             solved = self._solve(step, at.stiffened(base.stiffness, shift), exact)
@@ -180,24 +186,29 @@ class NonlinearSearch:
                 continue
             attempt = solved.attempt
             forces = solved.forces if forces is None else forces + share * (solved.forces - forces)
-            residual, limit = self._residual(part.target, there, forces)
+            missing, limit, scale = self._residual(part.target, there, forces)
+            largest = float(np.max(np.abs(missing)))
+            residual = largest / scale
             record = Iteration(number, parts.aim, residual, share, len(attempt.outcome.trace))
             self.newton.append(record)
             logger.debug("%s", record)
-            at, left, self._last = there, norm, there
-            own = self._pairing(part, there.u)
+            at, left, most, self._last = there, norm, max(most, norm), there
+            own = self._pairing(step, there.u)
             attempt = self._judged(step, attempt, own, FAR if number == 1 else 1.0)
             self.advance.attempt = attempt
             if attempt.travel > 1.0 and attempt.failure:
                 self._why = attempt.failure
                 return self._gives_up()
-            balanced = share == 1.0 and residual <= max(options.tolerance, limit)
+            balanced = share == 1.0 and largest <= limit
             if balanced and attempt.good:
                 self._arrive(part, attempt, there)
                 return ARRIVED
             # a pairing that has settled stays, and Newton's method is quick again
-            if attempt.failure:
-                step = self._next(part, step, there.u, secant)
+            if attempt.failure:  # residuals on two pairings are two things: no smaller one is asked for
+                left = most
+                if share < 1.0:  # no answer on the pairing before, which secants are of
+                    secant = Anderson()
+                step = self._next(step, there.u, secant)
             exact, step = balanced, replace(step, known=attempt.state)
         self._why = f"{options.max_placements} iterates left {residual:.1e} of the largest force"
         return self._gives_up()
@@ -208,23 +219,23 @@ class NonlinearSearch:
             return verdict
         return Verdict(advice=NO_DESCENT, reached="attempt" in vars(self.advance))
 
-    def _pairing(self, part: LoadStep, u: Array) -> tuple[Kinematics, Array] | None:
-        """The pairing at displacements u (n,); None where it is that of the undeformed bodies."""
+    def _pairing(self, step: LoadStep, u: Array) -> tuple[Kinematics, Array] | None:
+        """The pairing at displacements u (n,), from the one before; None where it never changes."""
         geometry = self.stepper.model.geometry
         if not geometry.follows:
             return None
-        u = geometry.predicted(u[geometry.surface_dofs], part.target)
-        before = None if part.pairing is None else part.pairing[0]
-        return geometry.at(u, part.target, before), u
+        u = geometry.predicted(u[geometry.surface_dofs], step.target)
+        before = None if step.pairing is None else step.pairing[0]
+        return geometry.at(u, step.target, before), u
 
-    def _next(self, part: LoadStep, step: LoadStep, u: Array, secant: Anderson) -> LoadStep:
+    def _next(self, step: LoadStep, u: Array, secant: Anderson) -> LoadStep:
         """The step on another pairing: where secants lead from those of the last answers."""
         if step.pairing is None:
             return step
         dofs = self.stepper.model.geometry.surface_dofs
         ahead = np.array(u)
         ahead[dofs] = secant.next(step.pairing[1][dofs], u[dofs])
-        return replace(step, pairing=self._pairing(part, ahead))
+        return replace(step, pairing=self._pairing(step, ahead))
 
     def _judged(
         self, step: LoadStep, attempt: Attempt, own: tuple[Kinematics, Array] | None, far: float
@@ -316,29 +327,23 @@ class NonlinearSearch:
                 reached = solved.forces
                 if forces is not None and share < 1.0:
                     reached = forces + share * (solved.forces - forces)
-                missing = there.internal - part.target.f - reached
-                missing[system.D] = 0.0
+                missing, limit, _ = self._residual(part.target, there, reached)
                 norm = float(np.linalg.norm(missing))
-                if norm <= (1.0 - DECREASE * share) * left or norm <= self._noise(there):
+                if norm <= max((1.0 - DECREASE * share) * left, limit):
                     return there, share, norm
             share *= 0.5
         self._why = self._why or "no step from an iterate comes nearer to equilibrium"
         return None, share, left
 
-    def _noise(self, there: Placed) -> float:
-        """Round-off of the residual [force]."""
-        return NOISE * there.largest_term(self.stepper.model.system)
-
-    def _residual(self, case: LoadCase, there: Placed, forces: Array) -> tuple[float, float]:
-        """What is missing to equilibrium, and its round-off, over the largest force that acts."""
+    def _residual(self, case: LoadCase, there: Placed, forces: Array) -> tuple[Array, float, float]:
+        """What is missing to equilibrium (n,), what counts as none, and the largest force that acts."""
         system = self.stepper.model.system
         missing = there.internal - case.f - forces
-        reactions = np.max(np.abs(missing[system.D]), initial=0.0)
-        acting = [np.max(np.abs(case.f), initial=0.0), np.max(np.abs(forces), initial=0.0), reactions]
-        noise = self._noise(there)
+        acting = [np.max(np.abs(part), initial=0.0) for part in (case.f, forces, missing[system.D])]
+        missing[system.D] = 0.0  # supports bear it
+        noise = NOISE * there.largest_term(system)
         scale = max(*acting, noise, np.finfo(float).tiny)
-        missing[system.D] = 0.0
-        return float(np.max(np.abs(missing), initial=0.0) / scale), noise / scale
+        return missing, max(self.stepper.options.tolerance * scale, noise), float(scale)
 
     def _arrive(self, part: LoadStep, attempt: Attempt, there: Placed) -> None:
         """Take a part of the step as it was found; from here on the bodies remember it."""

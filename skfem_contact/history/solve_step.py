@@ -230,7 +230,7 @@ class StepSolver(ByFields):
 
     def _places(self, found: EquilibriumSearch | NonlinearSearch) -> tuple[str, ...]:
         """What is to be said of bodies that may stand elsewhere."""
-        model, rest, grip = self.stepper.model, found.settled, found.grip
+        model, rest, grip = found.model, found.settled, found.grip
         if rest is not None and rest.free.shape[1]:
             return model.motions.indifferent(rest.free, rest.why)
         if rest is not None:  # found on weak springs, and held by what carries
