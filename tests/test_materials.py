@@ -140,6 +140,17 @@ def test_hardening_by_table_and_by_function_agree():
     assert_allclose(rows.energy(H, state), law.energy(H, state), rtol=1e-12)
 
 
+def test_hardening_by_a_power_has_no_slope_where_it_begins():
+    """Y = 250 + 500 p^0.2: stress is on the curve, and 3 mu times the elastic strain."""
+    law = J2(E, NU, lambda p: (250 + 500 * p**0.2, 100 * p**-0.8))
+    for e in (1.3e-3, 0.01, 0.3):
+        stress, state = stress_of(law, [deviatoric(e)])
+        p = state["equivalent_plastic_strain"]
+        assert p.item() > 0
+        assert_allclose(1.5 * stress[0, 0], 250 + 500 * p**0.2, rtol=1e-9)
+        assert_allclose(1.5 * stress[0, 0], 3 * MU * (e - p), rtol=1e-9)
+
+
 def test_yield_stress_is_met_beyond_corners_of_the_table():
     """A step over several rows ends on the table, and after the last row the stress is constant."""
     material = J2(E, NU, TABLE)
@@ -306,9 +317,11 @@ def test_materials_go_to_other_processes(material):
         (lambda: J2(E, NU, 250, kinematic=-1), "slope"),
         (lambda: Elastic(-1.0, NU), "no modulus"),
         (lambda: Elastic(E, NU, density=np.inf), "not finite"),
-        (lambda: NeoHooke(shear=0.0, bulk=1.0), "finite and > 0"),
-        (lambda: MooneyRivlin(1.0, -2.0, bulk=1.0), "finite and > 0"),
+        (lambda: NeoHooke(shear=0.0, bulk=1.0), "have to be > 0"),
+        (lambda: MooneyRivlin(1.0, -2.0, bulk=1.0), "have to be > 0"),
         (lambda: FromFunction(3.0), "not a function"),
+        (lambda: J2(E, NU, 250, hardening=1.0), "write kinematic"),
+        (lambda: MooneyRivlin(1.0, bulc=1.0), "did you mean 'bulk'"),
     ],
 )
 def test_parameters_that_are_refused(make, message):

@@ -266,7 +266,10 @@ def taken():
             else:
                 continue
             for place, name in pairs:
-                if place.startswith(LIBRARY) and place != f"{LIBRARY}reference":
+                if place.startswith(LIBRARY) and place.removeprefix(LIBRARY) not in (
+                    "reference",
+                    "materials",
+                ):
                     inside = place.removeprefix(LIBRARY)
                     whole = f"{inside}.{name}" in MODULES  # the module itself is a place
                     found.setdefault(f"{inside}.{name}" if whole else inside, set()).add(name)

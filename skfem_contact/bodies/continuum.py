@@ -24,9 +24,8 @@ from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.thresholds import BYTES_AT_ONCE
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.hyperelastic import deformation
-from skfem_contact.materials.material import Material
-from skfem_contact.materials.tensors import solid, trace, unit
+from skfem_contact.materials.material import Material, Split, deformation, dilatation
+from skfem_contact.materials.tensors import solid
 from skfem_contact.sealed import sealed_matrix
 
 Array = NDArray[np.float64]
@@ -61,9 +60,14 @@ class Continuum:
         self, material: Material, gradients: Gradients, mean_dilatation: bool, whose: str
     ) -> None:
         self.material, self.gradients, self.whose = material, gradients, whose
-        self.mean_dilatation = mean_dilatation
+        self.split = material if mean_dilatation and isinstance(material, Split) else None
         self.finite_strain = material.finite_strain
         self.initial_state = material.initial_state(gradients.elements, gradients.points)
+
+    @property
+    def mean_dilatation(self) -> bool:
+        """Whether the change of volume is the mean of the element."""
+        return self.split is not None
 
     def linearize(self, u: Array, state: State) -> Linearized:
         """Stiffness, internal forces and internal variables."""
@@ -75,13 +79,15 @@ class Continuum:
             Ke = on.stiffness(answer.A, some)
             if answer.slope is not None and answer.stiff is not None:
                 g = on.forces(answer.slope, some)
-                Ke += answer.stiff[:, None, None] * g[:, :, None] * g[:, None]
-            K.append(symmetrised(Ke, self.whose))
+                Ke += answer.stiff * (g[:, None] * g)
+            K.append(Ke)
             f.append(on.forces(answer.P, some))
             states.append(answer.state)
         new = {key: np.concatenate([s[key] for s in states], axis=-2) for key in states[0]}
         return Linearized(
-            sealed_matrix(on.summed(np.concatenate(K))), on.scattered(np.concatenate(f)), new
+            sealed_matrix(on.summed(np.concatenate(K, axis=2))),
+            on.scattered(np.concatenate(f, axis=1)),
+            new,
         )
 
     def stress(self, u: Array, state: State) -> Array:
@@ -102,16 +108,16 @@ class Continuum:
             stored, dissipated = self.material.energy(H, state)
         except NotImplementedError as error:
             raise InputError(f"{self.whose}: {error}; its material needs `energy`") from error
-        if self.mean_dilatation:
+        if self.split is not None:
             J, volume = dilatation(H, self.finite_strain)[0], dx.sum(axis=1)
-            mean = self.material.volumetric((J * dx).sum(axis=1) / volume)[0]
-            stored = stored - self.material.volumetric(J)[0] + mean[:, None]
+            mean = self.split.volumetric((J * dx).sum(axis=1) / volume)[0]
+            stored = stored - self.split.volumetric(J)[0] + mean[:, None]
         return float(np.sum(stored * dx)), float(np.sum(dissipated * dx))
 
     def _parts(self) -> Iterator[slice]:
         """Elements that are looked at together: tangents fill the memory."""
-        k, d = self.gradients.G.shape[1], self.gradients.G.shape[2]
-        each = 8 * (self.gradients.points * d**3 * (2 * d + k) + 2 * (k * d) ** 2)
+        k, d = self.gradients.G.shape[:2]
+        each = 8 * (self.gradients.points * d**3 * (8 * d + k) + 2 * (k * d) ** 2)
         count = max(1, BYTES_AT_ONCE // each)
         for first in range(0, self.gradients.elements, count):
             yield slice(first, min(first + count, self.gradients.elements))
@@ -120,9 +126,9 @@ class Continuum:
         """Ask the material, and take means of the change of volume if they are wanted."""
         state = {name: value[..., some, :] for name, value in state.items()}
         try:
-            if not self.mean_dilatation:
+            if self.split is None:
                 return self._checked(self.material(H, state), H, state)
-            P, A, new = self.material.isochoric(H, state)
+            P, A, new = self.split.isochoric(H, state)
             J, slope, bend = dilatation(H, self.finite_strain)
         except MaterialError as error:
             element = None if error.element is None else error.element + some.start
@@ -130,11 +136,9 @@ class Continuum:
             raise MaterialError(f"{self.whose}{where}: {error}", element) from None
         dx = self.gradients.dx[some]
         volume = dx.sum(axis=1)
-        _, p, dp = self.material.volumetric((J * dx).sum(axis=1) / volume)
-        P = P + p[:, None] * slope
-        if bend is not None:
-            A = A + p[:, None] * bend
-        return Response(P, A, new, slope, dp / volume)
+        _, p, dp = self.split.volumetric((J * dx).sum(axis=1) / volume)
+        p = p[:, None]
+        return Response(P + p * slope, A + p * bend, new, slope, dp / volume)
 
     def _checked(self, answer: Any, H: Array, state: State) -> Response:
         """Refuse what a user's function returns in another shape."""
@@ -144,33 +148,21 @@ class Continuum:
             if T.shape[:rank] not in ((d,) * rank, (3,) * rank) or T.ndim != rank + 2:
                 raise InputError(
                     f"{what} of the material of {self.whose} has shape {T.shape}, not "
-                    f"{(d,) * rank + at}: components come first, then elements and points of integration"
+                    f"{(d,) * rank + at}: components first, then elements and points of integration"
                 )
         bad = np.argwhere(~np.isfinite(P.sum(axis=(0, 1)) + A.sum(axis=(0, 1, 2, 3))))
         if len(bad):
             raise MaterialError("stress or tangent is NaN or infinite", int(bad[0, 0]))
+        largest, scale = np.abs(A - A.transpose(2, 3, 0, 1, 4, 5)).max(), np.abs(A).max()
+        if largest > GIVEN * scale:
+            raise InputError(
+                ASYMMETRIC.format(
+                    whose=self.whose, largest=f"A_ijkl - A_klij is {largest:.3g}", scale=scale
+                )
+            )
         if not isinstance(new, dict) or set(new) != set(state):
             raise InputError(
                 f"the material of {self.whose} returns the internal variables {sorted(new or ())}, "
                 f"and was given {sorted(state)}"
             )
         return Response(np.broadcast_to(P, P.shape[:2] + at), A, new)
-
-
-def dilatation(H: Array, finite: bool) -> tuple[Array, Array, Array | None]:
-    """Return J (e, q), its derivative (3, 3, e, q), and d rows of the second one; None if it is zero."""
-    if not finite:
-        return 1.0 + trace(H), np.broadcast_to(unit(2), (3, 3, *H.shape[2:])), None
-    _, J, G = deformation(H)
-    g = G[: len(H), : len(H)]
-    bend = np.einsum("ij...,kl...->ijkl...", J * g, g)
-    return J, J * G, bend - bend.transpose(0, 3, 2, 1, 4, 5)
-
-
-def symmetrised(K: Array, whose: str) -> Array:
-    """Element matrices that are symmetric to the last digit; others are refused."""
-    transpose = K.swapaxes(1, 2)
-    largest, scale = np.abs(K - transpose).max(), np.abs(K).max()
-    if largest > GIVEN * scale:
-        raise InputError(ASYMMETRIC.format(whose=whose, largest=largest, scale=scale))
-    return np.asarray(0.5 * (K + transpose))

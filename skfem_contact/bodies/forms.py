@@ -20,6 +20,7 @@ from skfem_contact.arguments import shown
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
+from skfem_contact.materials.material import everywhere
 from skfem_contact.sealed import sealed_matrix
 
 Array = NDArray[np.float64]
@@ -55,11 +56,7 @@ class Forms:
             )
         self.basis, self.whose, self.finite_strain = basis, whose, finite_strain
         self.residual, self.tangent, self.state = residual, tangent, state
-        points = np.ones((basis.nelems, basis.X.shape[1]))
-        self.initial_state = {
-            name: np.multiply.outer(np.array(value, dtype=float), points)
-            for name, value in (initial or {}).items()
-        }
+        self.initial_state = everywhere(initial or {}, basis.nelems, basis.X.shape[1])
 
     def linearize(self, u: Array, state: State) -> Linearized:
         """Stiffness, internal forces and internal variables."""
@@ -88,9 +85,9 @@ class Differentiated:
             from skfem.autodiff import NonlinearForm
         except ImportError as error:
             raise InputError(
-                f"{whose} is given by {'an energy' if energy else 'a residual without a tangent'}, which "
-                "JAX differentiates, and it is not installed: pip install skfem-contact[autodiff]; or "
-                "give residual and tangent as forms, or a material"
+                f"{whose} is given by {'an energy' if energy else 'a residual alone'}, "
+                "which JAX differentiates, and it is not installed: pip install "
+                "skfem-contact[autodiff]; or give residual and tangent as forms, or a material"
             ) from error
         self.basis, self.whose, self.finite_strain = basis, whose, finite_strain
         self.form = NonlinearForm(energy, hessian=True) if energy else NonlinearForm(residual)
@@ -117,14 +114,16 @@ def checked(K: csr_matrix, f: Array, whose: str) -> csr_matrix:
     difference = K - K.T
     largest, scale = np.abs(difference.data).max(initial=0.0), np.abs(K.data).max(initial=0.0)
     if largest > GIVEN * scale:
-        raise InputError(ASYMMETRIC.format(whose=whose, largest=largest, scale=scale))
+        raise InputError(
+            ASYMMETRIC.format(whose=whose, largest=f"K - K' is {largest:.3g}", scale=scale)
+        )
     K = csr_matrix(K - 0.5 * difference)
     K.sort_indices()
     return sealed_matrix(K)
 
 
 ASYMMETRIC = (
-    "the tangent of {whose} is not symmetric: the largest entry of K - K' is {largest:.3g}, of K "
-    "{scale:.3g}. Non-associated plasticity and the like are not for this method; or the tangent is not "
-    "the derivative of the stress"
+    "the tangent of {whose} is not symmetric: the largest entry of {largest}, of the tangent itself "
+    "{scale:.3g}. Non-associated plasticity and the like are not for this method; or the tangent is "
+    "not the derivative of the stress"
 )

@@ -5,13 +5,14 @@ With the scalar shape functions N_a and ``G_aj = ∂_j N_a``,
     ``H_ij = u_ai G_aj``,    ``f_ai = ∫ G_aj P_ij``,    ``K_(ai)(bk) = ∫ G_aj A_ijkl G_bl``.
 
 An axisymmetric body has the third direction j = 2, with ``G_a2 = N_a / r``, for the radial component
-alone: ``H_22 = u_r / r``. All elements at once are products of small matrices, in half of the time of
-forms that are called for every two shape functions.
+alone: ``H_22 = u_r / r``. Elements are the last axis of all arrays here, so that each product is one of
+long vectors: forms that are called for every two shape functions take twice as long.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ class Gradients:
 
     Attributes
     ----------
-    G : ndarray, shape (e, k, j, q)
+    G : ndarray, shape (k, j, q, e)
         Gradients of the shape functions [1/length].
     dx : ndarray, shape (e, q)
         Weights of the points of integration, with the measure.
@@ -51,7 +52,7 @@ class Gradients:
             raise InputError(f"the basis of {whose}: {error}; take skfem.Basis") from error
         self.basis, self.axisymmetric = basis, axisymmetric
         self.d = int(basis.mesh.dim())
-        G = shape_gradients(basis, None).transpose(0, 2, 1, 3)
+        G = shape_gradients(basis, None).transpose(2, 1, 3, 0)
         self.dx = point_volumes(basis, None)
         if measure is not None or axisymmetric:
             x = np.asarray(basis.mapping.F(basis.X, None))
@@ -59,82 +60,77 @@ class Gradients:
             self.dx = self.dx * measure(x)
         if axisymmetric:
             element = scalar_element(basis.elem)
-            N = np.stack([element.lbasis(basis.X, a)[0] for a in range(G.shape[1])])  # (k, q)
-            G = np.concatenate([G, (N / x[0][:, None])[:, :, None]], axis=2)
+            N = np.stack([element.lbasis(basis.X, a)[0] for a in range(len(G))])  # (k, q)
+            G = np.concatenate([G, (N[:, :, None] / x[0].T)[:, None]], axis=1)
         self.G = np.ascontiguousarray(G)
 
     @property
     def elements(self) -> int:
-        return len(self.G)
+        return int(self.G.shape[-1])
 
     @property
     def points(self) -> int:
         """Points of integration of an element."""
-        return int(self.G.shape[-1])
-
-    @cached_property
-    def _flat(self) -> Array:
-        """The gradients, (e, k, j q)."""
-        return self.G.reshape(*self.G.shape[:2], -1)
+        return int(self.G.shape[2])
 
     def of(self, u: Array) -> Array:
         """Displacement gradient (d, d, e, q) of displacements (n,); of three rows if axisymmetric."""
-        e, k, J, q = self.G.shape
-        values = u[self.basis.element_dofs.T].reshape(e, k, self.d)
-        H = np.ascontiguousarray(
-            (values.swapaxes(1, 2) @ self._flat).reshape(e, self.d, J, q).transpose(1, 2, 0, 3)
-        )
+        values = u[self.basis.element_dofs].reshape(len(self.G), self.d, -1)
+        H = np.einsum("aie,ajqe->ijqe", values, self.G).swapaxes(2, 3)
         if not self.axisymmetric:
-            return H
-        out = solid(H[:, :2])
+            return np.ascontiguousarray(H)
+        out = solid(np.ascontiguousarray(H[:, :2]))
         out[2, 2] = H[0, 2]
         return out
 
-    def _by_slot(self, T: Array, i: int, j: int) -> Any:
-        """Entry of a tensor for the component i and the direction j of G; None if there is none."""
-        if j < self.d:
-            return T[i, j]
-        return T[2, 2] if i == 0 else None
+    def _slots(self, i: int) -> list[tuple[int, int, int]]:
+        """Directions j of G that the component i has, and the entry of a tensor for each."""
+        plain = [(j, i, j) for j in range(self.d)]
+        return [*plain, (2, 2, 2)] if self.axisymmetric and i == 0 else plain
 
     def forces(self, P: Array, some: slice = slice(None)) -> Array:
-        """``∫ G_aj P_ij`` of a stress (d, d, e, q) on some elements, shape (e, k d)."""
-        G, dx = self._flat[some], self.dx[some]
-        e, k, J, q = self.G[some].shape
-        slots = np.zeros((e, J, q, self.d))
-        for i, j in np.ndindex(self.d, J):
-            part = self._by_slot(P, i, j)
-            if part is not None:
-                np.multiply(part, dx, out=slots[..., i][:, j])
-        return (G @ slots.reshape(e, J * q, self.d)).reshape(e, k * self.d)
+        """``∫ G_aj P_ij`` of a stress (d, d, e, q) on some elements, shape (k d, e)."""
+        G, dx = self.G[..., some], self.dx[some]
+        out = np.zeros((len(G), self.d, len(dx)))
+        for i in range(self.d):
+            for j, row, column in self._slots(i):
+                weighted = np.ascontiguousarray((P[row, column] * dx).T)
+                out[:, i] += np.einsum("aqe,qe->ae", G[:, j], weighted)
+        return out.reshape(-1, len(dx))
 
     def stiffness(self, A: Array, some: slice = slice(None)) -> Array:
-        """``∫ G_aj A_ijkl G_bl`` of a tangent (d, d, d, d, e, q), shape (e, k d, k d)."""
-        G, dx = self.G[some], self.dx[some]
-        e, n, J, q = G.shape
-        along = np.zeros((e, self.d, self.d, n, J, q))  # A_ijkl G_bl
-        weighted = G * dx[:, None, None]
-        for i, j, k, l in np.ndindex(self.d, J, self.d, J):
-            rows = self._by_slot(A, i, j)
-            part = None if rows is None else self._by_slot(rows, k, l)
-            if part is not None:
-                along[:, i, k, :, j] += np.asarray(part)[:, None] * weighted[:, :, l]
-        K = self._flat[some] @ along.reshape(e, -1, J * q).swapaxes(1, 2)  # (e, a, i k b)
-        K = K.reshape(e, n, self.d, self.d, n).transpose(0, 1, 2, 4, 3)
-        return K.reshape(e, n * self.d, n * self.d)
+        """``∫ G_aj A_ijkl G_bl`` of a tangent (d, d, d, d, e, q), symmetric, shape (k d, k d, e)."""
+        G, dx = self.G[..., some], self.dx[some]
+        n, d = len(G), self.d
+        K = np.empty((n, d, n, d, len(dx)))
+        for i, k in combinations_with_replacement(range(d), 2):
+            block = np.zeros((n, n, len(dx)))
+            for j, r, s in self._slots(i):
+                along = np.zeros((n, *G.shape[2:]))  # A_ijkl G_bl
+                for l, t, v in self._slots(k):
+                    along += np.ascontiguousarray((A[r, s, t, v] * dx).T) * G[:, l]
+                block += np.einsum("aqe,bqe->abe", G[:, j], along)
+            other = block.swapaxes(0, 1)
+            if i == k:  # symmetric, to the last digit
+                block = 0.5 * (block + other)
+                other = block
+            K[:, i, :, k], K[:, k, :, i] = block, other
+        return K.reshape(n * d, n * d, len(dx))
 
     @cached_property
     def _pattern(self) -> tuple[Any, Any, Any]:
-        return pattern(self.basis.element_dofs, self.basis.N)
+        starts, columns, place = pattern(self.basis.element_dofs, self.basis.N)
+        return starts, columns, np.ascontiguousarray(place.transpose(1, 2, 0)).ravel()
 
     def summed(self, K: Array) -> csr_matrix:
-        """The matrix (n, n) of all element matrices."""
+        """The matrix (n, n) of all element matrices (k d, k d, e)."""
         starts, columns, place = self._pattern
-        data = np.bincount(place.ravel(), K.ravel(), minlength=len(columns))
+        data = np.bincount(place, K.ravel(), minlength=len(columns))
         out = csr_matrix((data, columns, starts), shape=(self.basis.N,) * 2)
         out.has_canonical_format = True
         return out
 
     def scattered(self, f: Array) -> Array:
-        """The vector (n,) of all element vectors (e, k d)."""
-        dofs = self.basis.element_dofs.T
-        return np.asarray(np.bincount(dofs.ravel(), f.ravel(), minlength=self.basis.N), dtype=float)
+        """The vector (n,) of all element vectors (k d, e)."""
+        dofs = self.basis.element_dofs.ravel()
+        return np.asarray(np.bincount(dofs, f.ravel(), minlength=self.basis.N), dtype=float)

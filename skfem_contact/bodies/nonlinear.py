@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
 from skfem_contact.arguments import check_switch, shown, with_known_keywords
@@ -20,14 +21,14 @@ from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, scalar_element
 from skfem_contact.errors import InputError
-from skfem_contact.materials.material import FromFunction, Material
+from skfem_contact.materials.material import FromFunction, Material, Split
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 
 
 @with_known_keywords(load="write f", K="NonlinearBody has a material, or forms", form="write residual")
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class NonlinearBody(Body):
     """A body that yields or strains by large amounts.
 
@@ -71,6 +72,7 @@ class NonlinearBody(Body):
         The tangent of the undeformed body.
     material : Material or None
         None of a body that is given by forms.
+    mean_dilatation : bool
     nonlinear : bool
         True.
 
@@ -90,7 +92,8 @@ class NonlinearBody(Body):
     --------
     >>> import skfem as fem
     >>> import skfem_contact as sc
-    >>> basis = fem.Basis(fem.MeshQuad().with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    >>> mesh = fem.MeshQuad().with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
     >>> steel = sc.J2(210e3, 0.3, [(250, 0), (300, 0.01)])
     >>> billet = sc.NonlinearBody(basis, steel, D="bottom", name="billet")
     >>> u = 0.01 * basis.doflocs[0]
@@ -100,7 +103,9 @@ class NonlinearBody(Body):
     """
 
     nonlinear: ClassVar[bool] = True  # type: ignore[misc]
-    material: Material | None = field(init=False)
+    K: csr_matrix = field(init=False)
+    material: Material | None = None
+    mean_dilatation: bool = False
     equations: Any = field(init=False, repr=False)
 
     def __init__(
@@ -140,7 +145,8 @@ class NonlinearBody(Body):
             equations = Differentiated(basis, energy, residual, finite_strain, whose)
         else:
             equations = Forms(basis, residual, tangent, state, initial, finite_strain, whose)
-        object.__setattr__(self, "material", getattr(equations, "material", None))
+        for key, default in {"material": None, "mean_dilatation": False}.items():
+            object.__setattr__(self, key, getattr(equations, key, default))
         object.__setattr__(self, "equations", equations)
         K = equations.linearize(np.zeros(self.n), equations.initial_state).K
         super().__init__(basis, K, f, D=D, x=x, measure=measure, name=name)
@@ -153,10 +159,10 @@ class NonlinearBody(Body):
             first = isinstance(scalar_element(self.basis.elem), LINEAR)
             mean_dilatation = material.mean_dilatation and first
         check_switch(mean_dilatation, "mean_dilatation")
-        if mean_dilatation and type(material).volumetric is Material.volumetric:
+        if mean_dilatation and not isinstance(material, Split):
             raise InputError(
                 f"mean_dilatation of {whose}: {type(material).__name__} does not tell the change of "
-                "volume from the rest; it needs `isochoric` and `volumetric`"
+                "volume from the rest; derive it from skfem_contact.materials.Split"
             )
         gradients = Gradients(self.basis, self.measure, self.axisymmetric, whose)
         return Continuum(material, gradients, mean_dilatation, whose)

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem.assembly import BilinearForm, LinearForm
 
-from skfem_contact.arguments import PrintedAsCall, number, take
-from skfem_contact.errors import InputError
-from skfem_contact.materials.material import Material, State
+from skfem_contact.arguments import PrintedAsCall, with_known_keywords
+from skfem_contact.materials.material import Isotropic, State, take_numbers
 from skfem_contact.materials.tensors import double, isotropic, solid, symmetric, trace, unit
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, init=False)
-class Elastic(PrintedAsCall, Material):
+@with_known_keywords()
+@dataclass(frozen=True, eq=False)
+class Elastic(PrintedAsCall, Isotropic):
     r"""Linear isotropic elasticity: ``sigma = lambda tr(eps - eps_T) 1 + 2 mu (eps - eps_T)``.
 
     Plane strain, axisymmetric, solid. `Body` takes it in the place of a form, `NonlinearBody` as a
@@ -50,33 +51,14 @@ class Elastic(PrintedAsCall, Material):
 
     E: float
     nu: float
-    density: float = 0.0
-    expansion: float = 0.0
-
-    def __init__(self, E: float, nu: float, *, density: float = 0.0, expansion: float = 0.0) -> None:
-        take(
-            self,
-            E=number(E, "E", "give Young's modulus > 0"),
-            nu=number(nu, "nu", "give Poisson's ratio, -1 < nu < 0.5"),
-            density=number(density, "density", "give the mass by volume"),
-            expansion=number(expansion, "expansion", "give the thermal strain by temperature"),
-        )
+    density: float = field(default=0.0, kw_only=True)
+    expansion: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
-        check_moduli(self.E, self.nu)
-        for name in ("density", "expansion"):
-            if not np.isfinite(getattr(self, name)):
-                raise InputError(f"{name} = {getattr(self, name)} is not finite")
-
-    @property
-    def bulk(self) -> float:
-        """Bulk modulus [stress]."""
-        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
-
-    @property
-    def shear(self) -> float:
-        """Shear modulus [stress]."""
-        return self.E / (2.0 * (1.0 + self.nu))
+        super().__post_init__()
+        take_numbers(
+            self, density="give the mass by volume", expansion="give the thermal strain by temperature"
+        )
 
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
         tangent = isotropic(self.bulk, self.shear, len(H))[..., None, None]
@@ -113,10 +95,6 @@ class Elastic(PrintedAsCall, Material):
             With the hoop strain ``u_r / r``.
         """
         lam, mu = self.bulk - 2.0 / 3.0 * self.shear, self.shear
-        if measure is None and not axisymmetric:
-            from skfem.models.elasticity import linear_elasticity
-
-            return linear_elasticity(lam, mu)
 
         def energy(u: Any, v: Any, w: Any) -> Any:
             a, b = (_strain(field, w, axisymmetric) for field in (u, v))
@@ -161,11 +139,3 @@ def _strain(u: Any, w: Any, axisymmetric: bool) -> Array:
     if axisymmetric:
         strain[2, 2] = np.asarray(u)[0] / w.x[0]
     return strain
-
-
-def check_moduli(E: float, nu: float) -> None:
-    """Refuse moduli of no elastic material."""
-    if not 0.0 < E < np.inf:
-        raise InputError(f"E = {E} is no modulus; it is finite and > 0.")
-    if not -1.0 < nu < 0.5:
-        raise InputError(f"nu = {nu} is no Poisson's ratio of linear elasticity; it is > -1 and < 0.5.")

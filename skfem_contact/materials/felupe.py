@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.materials.material import Material, State
+from skfem_contact.materials.material import Material, State, everywhere
 from skfem_contact.materials.tensors import solid, symmetric
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ class FromFelupe(Material):
     def initial_state(self, elements: int, points: int) -> dict[str, Array]:
         shapes: dict[str, tuple[int, ...]] = {"strain": (3, 3), "stress": (3, 3)}
         shapes |= {f"statevar_{i + 1}": tuple(shape) for i, shape in enumerate(self.statevars)}
-        return {name: np.zeros((*shape, elements, points)) for name, shape in shapes.items()}
+        return everywhere({name: np.zeros(shape) for name, shape in shapes.items()}, elements, points)
 
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
         strain = symmetric(solid(H))

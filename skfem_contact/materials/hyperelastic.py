@@ -8,22 +8,23 @@ See Holzapfel, Nonlinear Solid Mechanics (2000), chapter 6.
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arguments import PrintedAsCall, number, take
-from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.elastic import check_moduli
-from skfem_contact.materials.material import Material, State
-from skfem_contact.materials.tensors import double, isotropic, solid, trace, unit
+from skfem_contact.arguments import PrintedAsCall, with_known_keywords
+from skfem_contact.errors import InputError
+from skfem_contact.materials.elastic import Elastic
+from skfem_contact.materials.material import Isotropic, Split, State, deformation, take_numbers
+from skfem_contact.materials.tensors import deviator, double, isotropic, trace, unit
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 
 
-class Hyperelastic(Material):
+class Hyperelastic(Split):
     """What the materials here have in common."""
 
     finite_strain = True
@@ -49,16 +50,6 @@ class Hyperelastic(Material):
                 A += scale * a * value * (a * both - both.transpose(0, 3, 2, 1, 4, 5))
         return P, A, {}
 
-    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        P, A, _ = self.isochoric(H, state)
-        _, J, G = deformation(H)
-        _, p, dp = self.volumetric(J)
-        P += p * J * G
-        g = G[: len(H), : len(H)]
-        both = np.einsum("ij...,kl...->ijkl...", g, g)
-        A += J * ((p + dp * J) * both - p * both.transpose(0, 3, 2, 1, 4, 5))
-        return P, A, {}
-
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
         F, J, _ = deformation(H)
         stored = self.volumetric(J)[0]
@@ -67,7 +58,8 @@ class Hyperelastic(Material):
         return stored, np.zeros_like(J)
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@with_known_keywords()
+@dataclass(frozen=True, eq=False)
 class NeoHooke(PrintedAsCall, Hyperelastic):
     r"""Compressible neo-Hooke: ``W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2``.
 
@@ -93,22 +85,15 @@ class NeoHooke(PrintedAsCall, Hyperelastic):
     shear: float
     bulk: float
 
-    def __init__(self, shear: float, bulk: float) -> None:
-        take(
-            self,
-            shear=number(shear, "shear", "give the shear modulus > 0"),
-            bulk=number(bulk, "bulk", "give the bulk modulus > 2/3 shear"),
-        )
-
     def __post_init__(self) -> None:
-        if not 0.0 < self.shear < np.inf or not 0.0 < self.bulk < np.inf:
-            raise InputError(f"shear = {self.shear}, bulk = {self.bulk}: moduli are finite and > 0")
+        take_numbers(self, shear="give the shear modulus > 0", bulk="give the bulk modulus > 0")
+        check_positive(self.shear, self.bulk)
 
     @classmethod
     def of(cls, E: float, nu: float) -> NeoHooke:
         """The material with these moduli at small strains."""
-        check_moduli(E, nu)
-        return cls(E / (2.0 * (1.0 + nu)), E / (3.0 * (1.0 - 2.0 * nu)))
+        small = Elastic(E, nu)
+        return cls(small.shear, small.bulk)
 
     def _terms(self) -> tuple[tuple[float, float, int], ...]:
         return ((0.5 * self.shear, 0.0, 1),)
@@ -119,7 +104,8 @@ class NeoHooke(PrintedAsCall, Hyperelastic):
         return (0.5 * lam * log - mu) * log, p, (lam - lam * log + mu) / J**2
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@with_known_keywords()
+@dataclass(frozen=True, eq=False)
 class MooneyRivlin(PrintedAsCall, Hyperelastic):
     r"""Rubber that nearly keeps its volume.
 
@@ -143,25 +129,15 @@ class MooneyRivlin(PrintedAsCall, Hyperelastic):
     """
 
     C10: float
-    C01: float
-    bulk: float
+    C01: float = 0.0
+    bulk: float = field(kw_only=True)
 
     mean_dilatation = True
 
-    def __init__(self, C10: float, C01: float = 0.0, *, bulk: float) -> None:
-        take(
-            self,
-            C10=number(C10, "C10", "give a modulus"),
-            C01=number(C01, "C01", "give a modulus"),
-            bulk=number(bulk, "bulk", "give the bulk modulus > 0"),
-        )
-
     def __post_init__(self) -> None:
-        if not 0.0 < self.shear < np.inf or not 0.0 < self.bulk < np.inf:
-            raise InputError(
-                f"C10 = {self.C10}, C01 = {self.C01}, bulk = {self.bulk}: the shear modulus "
-                "2 (C10 + C01) and the bulk modulus are finite and > 0"
-            )
+        modulus = "give a modulus of the energy"
+        take_numbers(self, C10=modulus, C01=modulus, bulk="give the bulk modulus > 0")
+        check_positive(self.shear, self.bulk)
 
     @property
     def shear(self) -> float:
@@ -177,8 +153,9 @@ class MooneyRivlin(PrintedAsCall, Hyperelastic):
         return 0.5 * k * (J - 1.0) ** 2, k * (J - 1.0), np.full_like(J, k)
 
 
-@dataclass(frozen=True, eq=False, init=False)
-class SaintVenantKirchhoff(PrintedAsCall, Material):
+@with_known_keywords()
+@dataclass(frozen=True, eq=False)
+class SaintVenantKirchhoff(PrintedAsCall, Isotropic):
     """Linear elasticity of Green's strain, ``W = lambda/2 (tr E)^2 + mu E : E``.
 
     For metals and others that turn by large angles and strain little: under strong pressure it
@@ -205,22 +182,16 @@ class SaintVenantKirchhoff(PrintedAsCall, Material):
 
     finite_strain = True
 
-    def __init__(self, E: float, nu: float) -> None:
-        take(self, E=number(E, "E", "give Young's modulus > 0"), nu=number(nu, "nu", "give Poisson's"))
-
-    def __post_init__(self) -> None:
-        check_moduli(self.E, self.nu)
-
     def _stress(self, F: Array) -> tuple[Array, Array]:
         """Green's strain and the second Piola-Kirchhoff stress, (3, 3, ...)."""
         strain = 0.5 * (np.einsum("mi...,mj...->ij...", F, F) - unit(F.ndim - 2))
-        lam, mu = self.E * self.nu / (1 + self.nu) / (1 - 2 * self.nu), 0.5 * self.E / (1 + self.nu)
-        return strain, 2.0 * mu * strain + lam * trace(strain) * unit(F.ndim - 2)
+        spherical = self.bulk * trace(strain) * unit(F.ndim - 2)
+        return strain, 2.0 * self.shear * deviator(strain) + spherical
 
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
         d, F = len(H), deformation(H)[0]
         S = self._stress(F)[1]
-        C = isotropic(self.E / 3.0 / (1 - 2 * self.nu), 0.5 * self.E / (1 + self.nu), d)
+        C = isotropic(self.bulk, self.shear, d)
         f = F[:d, :d]
         A = np.einsum("im...,mjnl,kn...->ijkl...", f, C, f, optimize=True)
         A += np.einsum("ik,lj...->ijkl...", np.eye(d), S[:d, :d])
@@ -232,17 +203,10 @@ class SaintVenantKirchhoff(PrintedAsCall, Material):
         return stored, np.zeros_like(stored)
 
 
-def deformation(H: Array) -> tuple[Array, Array, Array]:
-    """Return F (3, 3, e, q), its determinant (e, q), which has to be positive, and F^-T."""
-    F = solid(H) + unit(H.ndim - 2)
-    cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]], axis=0)
-    J = np.einsum("i...,i...->...", F[:, 0], cofactor[:, 0])
-    if not (J > 0).all():  # or NaN
-        raise MaterialError(
-            f"an element is turned inside out: det F = {np.nanmin(J):.3g}",
-            int(np.argwhere(~(J > 0))[0, 0]),
-        )
-    return F, J, cofactor / J
+def check_positive(shear: float, bulk: float) -> None:
+    """Refuse moduli at small strains of an unstable material."""
+    if not (shear > 0.0 and bulk > 0.0):
+        raise InputError(f"the shear modulus is {shear}, the bulk modulus {bulk}: both have to be > 0")
 
 
 def _first(F: Array, d: int) -> tuple[Array, Array, Array]:

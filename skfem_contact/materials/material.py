@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.arguments import check_switch, shown
-from skfem_contact.errors import InputError
+from skfem_contact.arguments import check_switch, number, shown
+from skfem_contact.errors import InputError, MaterialError
+from skfem_contact.materials.tensors import solid, trace, unit
 
 Array = NDArray[np.float64]
 State = Mapping[str, Array]
@@ -31,7 +32,7 @@ class Material(ABC):
         and stress is the first Piola-Kirchhoff stress, force by initial area.
     mean_dilatation : bool
         Whether `NonlinearBody` should take means of the change of volume over elements of first order,
-        which lock otherwise. Such materials have `isochoric` and `volumetric`.
+        which lock otherwise; for materials that are `Split`.
     """
 
     finite_strain: bool = False
@@ -76,13 +77,24 @@ class Material(ABC):
         """
         raise NotImplementedError(f"{type(self).__name__} does not say its energy")
 
-    def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        """The part of `__call__` that does not depend on the change of volume."""
-        raise NotImplementedError
 
+class Split(Material):
+    """A material whose energy is one of the shape and one of the volume, ``W_iso(F) + U(J)``."""
+
+    @abstractmethod
+    def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        """Stress (3, 3, e, q), tangent and internal variables of the shape, as of `__call__`."""
+
+    @abstractmethod
     def volumetric(self, J: Array) -> tuple[Array, Array, Array]:
-        """Energy by initial volume of a change of volume J = 1 + tr H or det F, and two derivatives."""
-        raise NotImplementedError
+        """U by initial volume, and two derivatives, of ``J = det F``, ``1 + tr H`` at small strains."""
+
+    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        P, A, new = self.isochoric(H, state)
+        J, slope, bend = dilatation(H, self.finite_strain)
+        _, p, dp = self.volumetric(J)
+        s = slope[: len(H), : len(H)]
+        return P + p * slope, A + p * bend + np.einsum("ij...,kl...->ijkl...", dp * s, s), new
 
 
 class FromFunction(Material):
@@ -125,14 +137,79 @@ class FromFunction(Material):
             )
         check_switch(finite_strain, "finite_strain")
         self.function, self.finite_strain = function, finite_strain
-        self.initial = {name: np.array(value, dtype=float) for name, value in (initial or {}).items()}
+        self.initial = dict(initial or {})
 
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
         stress, tangent, new = self.function(H, state)
         return stress, tangent, new
 
     def initial_state(self, elements: int, points: int) -> dict[str, Array]:
-        return {
-            name: np.multiply.outer(value, np.ones((elements, points)))
-            for name, value in self.initial.items()
-        }
+        return everywhere(self.initial, elements, points)
+
+
+class Isotropic(Material):
+    """A material with Young's modulus `E` and Poisson's ratio `nu` at small strains."""
+
+    E: float
+    nu: float
+
+    def __post_init__(self) -> None:
+        take_numbers(self, E="give Young's modulus > 0", nu="give Poisson's ratio, -1 < nu < 0.5")
+        if not self.E > 0.0:
+            raise InputError(f"E = {self.E} is no modulus; it is finite and > 0.")
+        if not -1.0 < self.nu < 0.5:
+            raise InputError(
+                f"nu = {self.nu} is no Poisson's ratio of linear elasticity; it is > -1 and < 0.5."
+            )
+
+    @property
+    def bulk(self) -> float:
+        """Bulk modulus [stress]."""
+        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus [stress]."""
+        return self.E / (2.0 * (1.0 + self.nu))
+
+
+def take_numbers(material: Any, **usage: str) -> None:
+    """Check the parameters of these names, and keep them as numbers; what each is ends its message."""
+    for name, use in usage.items():
+        value = number(getattr(material, name), name, use)
+        if not np.isfinite(value):
+            raise InputError(f"{name} = {value} is not finite; {use}")
+        vars(material)[name] = value
+
+
+def everywhere(values: Mapping[str, ArrayLike], elements: int, points: int) -> dict[str, Array]:
+    """Return internal variables of one point at all of them, arrays (..., e, q).
+
+    >>> everywhere({"p": 0.5}, 1, 2)["p"].tolist()
+    [[0.5, 0.5]]
+    """
+    ones = np.ones((elements, points))
+    return {key: np.multiply.outer(np.array(value, dtype=float), ones) for key, value in values.items()}
+
+
+def deformation(H: Array) -> tuple[Array, Array, Array]:
+    """Return F (3, 3, e, q), its determinant (e, q), which has to be positive, and F^-T."""
+    F = solid(H) + unit(H.ndim - 2)
+    cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]], axis=0)
+    J = np.einsum("i...,i...->...", F[:, 0], cofactor[:, 0])
+    if not (J > 0).all():  # or NaN
+        raise MaterialError(
+            f"an element is turned inside out: det F = {np.nanmin(J):.3g}",
+            int(np.argwhere(~(J > 0))[0, 0]),
+        )
+    return F, J, cofactor / J
+
+
+def dilatation(H: Array, finite: bool) -> tuple[Array, Array, Any]:
+    """Return J (e, q), its derivative (3, 3, e, q), and d rows of the second one."""
+    if not finite:
+        return 1.0 + trace(H), np.broadcast_to(unit(2), (3, 3, *H.shape[2:])), 0.0
+    _, J, G = deformation(H)
+    g = G[: len(H), : len(H)]
+    bend = np.einsum("ij...,kl...->ijkl...", J * g, g)
+    return J, J * G, bend - bend.transpose(0, 3, 2, 1, 4, 5)
