@@ -370,7 +370,7 @@ OF_SOLVER |= dict.fromkeys(("mu", "friction"), "write solver.with_friction(Coulo
     **IN_STEPS,
 )
 class ContactSolver(Variants):
-    """Contact and friction between linear elastic bodies, reusable over many loads.
+    """Contact and friction between deformable bodies, reusable over many loads.
 
     Parameters
     ----------
