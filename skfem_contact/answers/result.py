@@ -186,14 +186,14 @@ class ContactResult(ByContact):
         Raises
         ------
         InputError
-            There is no such body, or its stiffness was given without a material.
+            There is no such body, or it keeps no material, as linear ones do not.
         """
         i = self.system.index(body)
         own, name = self.system.bodies[i], self.system.names[i]
         if not hasattr(own, "stress"):
             raise InputError(
-                f"body {name!r} has no material, so nobody knows its stress: make it of one, "
-                "Body(basis, Elastic(E, nu)) or NonlinearBody(...)"
+                f"body {name!r} keeps no material that would tell its stress: sc.nodal_stress(...) "
+                "has that of linear bodies; a NonlinearBody(basis, Elastic(E, nu)) keeps its own"
             )
         state = self._answer.material[i] if self._answer.material else {}
         return np.asarray(own.stress(self.displacement(own), state))
