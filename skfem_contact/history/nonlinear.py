@@ -341,7 +341,9 @@ class NonlinearSearch:
         missing = there.internal - case.f - forces
         acting = [np.max(np.abs(part), initial=0.0) for part in (case.f, forces, missing[system.D])]
         missing[system.D] = 0.0  # supports bear it
-        noise = NOISE * there.largest_term(system)
+        noise = 0.0  # which takes a moment to tell, and is less than this
+        if np.max(np.abs(missing)) <= GIVEN * max(acting) or not any(acting):
+            noise = NOISE * there.largest_term(system)
         scale = max(*acting, noise, np.finfo(float).tiny)
         return missing, max(self.stepper.options.tolerance * scale, noise), float(scale)
 
