@@ -44,6 +44,8 @@ def pressed(
     stress: float = 1.0,
     flipped: bool = False,
     options: Any = None,
+    law: Any = None,
+    mu: float = 0.2,
 ) -> tuple[sc.ContactSolver, Callable[[float, float], dict[str, Any]]]:
     """A billet that yields under an elastic tool with friction; and its steps: down and along."""
     low = turned(rectangle(0, 1, 0, 1, 6, 6), angle, scale)
@@ -376,5 +378,5 @@ def test_random_scenes(seed: int) -> None:
         turned = np.array([other.force[1], -other.force[0]])
         assert_allclose(turned, one.force, rtol=0, atol=1e-8 * scale)
     billet = found[0][-1].system.solids["billet"]
-    lost = [billet.energy(r.displacement("billet"), r.state["billet"])[1] for r in found[0]]  # type: ignore[attr-defined]
+    lost = [billet.energy(r.displacement("billet"), r.state["billet"])[1] for r in found[0]]
     assert np.all(np.diff(lost) >= -1e-12 * max(lost))

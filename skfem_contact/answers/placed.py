@@ -96,13 +96,6 @@ class Placed:
                 out[part] = K @ self.u[part] - self.internal[part]
         return out
 
-    def largest_term(self, system: System) -> float:
-        """Of the sums ``K u``: their sizes, added up instead of cancelling [force]."""
-        return max(
-            float(np.max(abs(K) @ np.abs(self.u[system.slice(body)]), initial=0.0))
-            for body, K in zip(system.bodies, self.stiffness, strict=True)
-        )
-
 
 def point_forces(kin: Kinematics, state: LocalState) -> Array:
     """Forces of all contacts on the DOFs, ``B_n' lambda - B_t' tau``, shape (n,) [force]."""

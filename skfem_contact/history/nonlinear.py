@@ -341,9 +341,8 @@ class NonlinearSearch:
         missing = there.internal - case.f - forces
         acting = [np.max(np.abs(part), initial=0.0) for part in (case.f, forces, missing[system.D])]
         missing[system.D] = 0.0  # supports bear it
-        noise = 0.0  # which takes a moment to tell, and is less than this
-        if np.max(np.abs(missing)) <= GIVEN * max(acting) or not any(acting):
-            noise = NOISE * there.largest_term(system)
+        moved = [float(np.max(np.abs(there.u[system.slice(body)]))) for body in system.bodies]
+        noise = NOISE * float(np.max(np.multiply(self.stepper.model.stiffest, moved)))
         scale = max(*acting, noise, np.finfo(float).tiny)
         return missing, max(self.stepper.options.tolerance * scale, noise), float(scale)
 
