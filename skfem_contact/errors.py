@@ -115,7 +115,7 @@ class ConstraintError(ContactError, ValueError):
 
 
 class MaterialError(ContactError):
-    """A body has no answer to its displacements: an element is turned inside out, or so large a strain.
+    """A body has no answer to its displacements: an element is turned inside out, or stress is unknown.
 
     Newton's method meets it on its way, and shortens the step.
 

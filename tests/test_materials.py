@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+import skfem as fem
 from numpy.testing import assert_allclose
 
 import skfem_contact as sc
@@ -294,6 +295,26 @@ def test_elastic_says_stress_of_strain_and_temperature():
     assert_allclose(steel.stress(12e-4 * np.eye(3), 100.0), 0, atol=1e-10)
     strain = np.diag([1e-3, -NU * 1e-3, -NU * 1e-3])
     assert_allclose(steel.stress(strain), np.diag([210.0, 0, 0]), atol=1e-11)
+
+
+def test_weight_and_warmth_of_a_ring():
+    """Weight is density times volume; a warmed ring that is free expands without stress."""
+    measure = {"measure": lambda x: 2 * np.pi * x[0]}
+    mesh = fem.MeshQuad.init_tensor(np.linspace(1, 2, 4), np.linspace(0, 1, 3)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    steel = Elastic(E, NU, density=2.0, expansion=1e-5)
+    weight = steel.weight((0.0, -10.0), **measure).assemble(basis)
+    assert_allclose(weight.sum(), -10 * 2.0 * np.pi * (2**2 - 1**2), rtol=1e-12)
+    warm = steel.warmed(lambda x: 100.0 + 0 * x[0], **measure, axisymmetric=True)
+    held = basis.get_dofs("bottom").all("u^2")
+    ring = sc.Body(basis, steel, f=warm, D=held, **measure)
+    u = fem.solve(*fem.condense(ring.K, ring.f, D=ring.D))
+    free = 1e-3 * basis.doflocs[ring.dof_component, np.arange(ring.n)]
+    assert_allclose(u, free, atol=1e-13)
+    stress = sc.NonlinearBody(basis, steel, **measure).stress(u)
+    assert_allclose(
+        stress, steel.stress(1e-3 * np.eye(3)[:, :, None, None]) + 0 * stress, rtol=1e-9, atol=1e-9 * E
+    )
 
 
 @pytest.mark.parametrize("material", [METALS["table"], RUBBERS["MooneyRivlin"], METALS["elastic"]])

@@ -7,6 +7,7 @@ import importlib.util
 import pickle
 import sys
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -136,8 +137,6 @@ def test_rigid_rotation(material, name):
 
 def test_large_bodies_are_looked_at_in_parts(monkeypatch):
     """Elements a few at a time, or all at once: the same."""
-    import internals
-
     basis, _ = basis_of("hexahedron", 2)
     body = sc.NonlinearBody(basis, MATERIALS["J2"][0])
     u = 1e-3 * np.cos(np.arange(body.n))
@@ -381,6 +380,15 @@ def bad(P=None, A=None, state=None):
         ({"material": 3.0}, "not a function"),
         ({"residual": residual}, "tangent of body 'b' is None"),
         ({"residual": residual, "tangent": tangent, "initial": {"p": 0.0}}, "need both"),
+        (
+            {
+                "residual": residual,
+                "tangent": tangent,
+                "initial": {"plastic strain": 0.0},
+                "state": lambda w: {},
+            },
+            "words without blanks",
+        ),
         ({"material": NeoHooke(1.0, 1.0), "mean_dilatation": True, "name": "c"}, None),
         ({"material": bad(), "mean_dilatation": True}, "does not tell the change of volume"),
         ({"material": bad(P=lambda H: H.transpose(2, 3, 0, 1))}, "components first"),
@@ -421,8 +429,9 @@ def test_states_and_displacements_that_are_refused():
         own.energy(np.zeros(body.n))
 
 
-def test_an_element_that_turns_inside_out_is_named():
-    """The body and the element; numbers go through the mesh however it is looked at."""
+def test_an_element_that_turns_inside_out_is_named(monkeypatch):
+    """The body and the element, by its number in the mesh, though elements are looked at in parts."""
+    internals.replace(monkeypatch, "bodies.BYTES_AT_ONCE", 50_000)
     basis, _ = basis_of("quad", 2)
     u = np.zeros(basis.N)
     element = 11
@@ -433,11 +442,21 @@ def test_an_element_that_turns_inside_out_is_named():
         with pytest.raises(sc.MaterialError, match=r"body 'rubber', element .* inside out") as error:
             body.linearize(u)
         outside.append(error.value.element)
-    assert outside[0] == outside[1]
+    assert outside[0] == outside[1] > 2
     assert basis.element_dofs[0, element] in basis.element_dofs[:, outside[0]]
     forms = sc.NonlinearBody(basis, residual=residual, tangent=tangent, name="rubber")
     with np.errstate(invalid="ignore"), pytest.raises(sc.MaterialError, match="NaN"):
         forms.linearize(u)
+
+
+@pytest.mark.parametrize("kind", [(fem.MeshTri, fem.ElementTriP1), (fem.MeshTet, fem.ElementTetP1)])
+def test_simplices_of_first_order_lock_and_it_is_said(kind):
+    """Of materials that keep their volume; others have them without a word."""
+    mesh, element = kind
+    basis = fem.Basis(mesh(), fem.ElementVector(element()))
+    with pytest.warns(sc.ContactWarning, match="Take elements of second order"):
+        sc.NonlinearBody(basis, J2(E, NU, Y))
+    sc.NonlinearBody(basis, NeoHooke.of(1.0, 0.3))
 
 
 def test_nan_of_a_material_is_an_error():

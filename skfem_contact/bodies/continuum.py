@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.bodies.forms import ASYMMETRIC
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.thresholds import BYTES_AT_ONCE
@@ -156,9 +155,9 @@ class Continuum:
         largest, scale = np.abs(A - A.transpose(2, 3, 0, 1, 4, 5)).max(), np.abs(A).max()
         if largest > GIVEN * scale:
             raise InputError(
-                ASYMMETRIC.format(
-                    whose=self.whose, largest=f"A_ijkl - A_klij is {largest:.3g}", scale=scale
-                )
+                f"the tangent of the material of {self.whose} is not symmetric: the largest entry of "
+                f"A_ijkl - A_klij is {largest:.3g}, of A {scale:.3g}. Non-associated plasticity and "
+                "the like are not for this method; or it is not the derivative of the stress"
             )
         if not isinstance(new, dict) or set(new) != set(state):
             raise InputError(

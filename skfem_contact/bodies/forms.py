@@ -17,11 +17,10 @@ from skfem.assembly import BilinearForm, LinearForm
 from skfem.assembly.form.form import FormExtraParams
 
 from skfem_contact.arguments import shown
+from skfem_contact.bodies.inputs import stiffness_of
 from skfem_contact.bodies.linearizable import Linearized, State
-from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.material import everywhere
-from skfem_contact.sealed import sealed_matrix
 
 Array = NDArray[np.float64]
 
@@ -54,6 +53,12 @@ class Forms:
                 f"internal variables of {whose} need both: initial, a dict of their first values at a "
                 "point, and state, a function of w that returns a dict of their new values"
             )
+        wrong = [name for name in initial or {} if not name.isidentifier() or name.startswith("_")]
+        if wrong:
+            raise InputError(
+                f"internal variables of {whose} are named {wrong}; forms read w['prev'].name, so that "
+                "names are words without blanks and without _ at their beginning"
+            )
         self.basis, self.whose, self.finite_strain = basis, whose, finite_strain
         self.residual, self.tangent, self.state = residual, tangent, state
         self.initial_state = everywhere(initial or {}, basis.nelems, basis.X.shape[1])
@@ -72,7 +77,7 @@ class Forms:
                 )
         K = self.tangent.assemble(self.basis, **fields)
         f = self.residual.assemble(self.basis, **fields)
-        return Linearized(checked(K, f, self.whose), f, new)
+        return Linearized(checked(K, f, self.basis, self.whose), f, new)
 
 
 class Differentiated:
@@ -96,7 +101,7 @@ class Differentiated:
     def linearize(self, u: Array, state: State) -> Linearized:
         """Stiffness and internal forces; there are no internal variables."""
         K, minus = self.form.assemble(self.basis, x=u)
-        return Linearized(checked(K, minus, self.whose), -minus, {})
+        return Linearized(checked(K, minus, self.basis, self.whose), -minus, {})
 
     def energy(self, u: Array, state: State) -> tuple[float, float]:
         """Energy stored and dissipated."""
@@ -107,23 +112,8 @@ class Differentiated:
         return float(np.sum(density * self.basis.dx)), 0.0
 
 
-def checked(K: csr_matrix, f: Array, whose: str) -> csr_matrix:
-    """The symmetric part of a tangent that is symmetric; others, and NaN, are refused."""
+def checked(K: csr_matrix, f: Array, basis: Any, whose: str) -> csr_matrix:
+    """A tangent that is symmetric; others, and NaN, are refused."""
     if not np.isfinite(f).all() or not np.isfinite(K.data).all():
         raise MaterialError(f"{whose}: internal forces or tangent are NaN or infinite")
-    difference = K - K.T
-    largest, scale = np.abs(difference.data).max(initial=0.0), np.abs(K.data).max(initial=0.0)
-    if largest > GIVEN * scale:
-        raise InputError(
-            ASYMMETRIC.format(whose=whose, largest=f"K - K' is {largest:.3g}", scale=scale)
-        )
-    K = csr_matrix(K - 0.5 * difference)
-    K.sort_indices()
-    return sealed_matrix(K)
-
-
-ASYMMETRIC = (
-    "the tangent of {whose} is not symmetric: the largest entry of {largest}, of the tangent itself "
-    "{scale:.3g}. Non-associated plasticity and the like are not for this method; or the tangent is "
-    "not the derivative of the stress"
-)
+    return stiffness_of(K, basis, whose)

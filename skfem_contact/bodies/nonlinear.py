@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
+from skfem import ElementTetP1, ElementTriP1
 from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
 from skfem_contact.arguments import check_switch, shown, with_known_keywords
@@ -20,11 +21,14 @@ from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, scalar_element
-from skfem_contact.errors import InputError
+from skfem_contact.errors import InputError, warn
 from skfem_contact.materials.material import FromFunction, Material, Split
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
+
+#: Elements of first order that the mean change of volume does not help: theirs is constant.
+SIMPLICES = ElementTriP1, ElementTetP1
 
 
 @with_known_keywords(load="write f", K="NonlinearBody has a material, or forms", form="write residual")
@@ -86,7 +90,7 @@ class NonlinearBody(Body):
     -----
     Mean dilatation is that of Simo, Taylor and Pister (1985), with small strains B-bar: quadrilaterals
     and hexahedra of first order then bend and flow without changing volume. On triangles and
-    tetrahedra of first order it does nothing, and they lock: take those of second order.
+    tetrahedra of first order it does nothing, and they lock, with a warning: take second order.
 
     Examples
     --------
@@ -155,9 +159,16 @@ class NonlinearBody(Body):
         """Equations from a material."""
         if not isinstance(material, Material):
             material = FromFunction(material)
+        element = scalar_element(self.basis.elem)
+        if material.mean_dilatation and isinstance(element, SIMPLICES):
+            kind = type(element).__name__
+            warn(
+                f"{whose}: {kind} can not keep its volume, as {type(material).__name__} has to, and "
+                "locks: forces may be several times too large. Take elements of second order, or "
+                "quadrilaterals and hexahedra"
+            )
         if mean_dilatation is None:
-            first = isinstance(scalar_element(self.basis.elem), LINEAR)
-            mean_dilatation = material.mean_dilatation and first
+            mean_dilatation = material.mean_dilatation and isinstance(element, LINEAR)
         check_switch(mean_dilatation, "mean_dilatation")
         if mean_dilatation and not isinstance(material, Split):
             raise InputError(
