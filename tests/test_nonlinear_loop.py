@@ -258,13 +258,14 @@ def test_billets_between_rough_platens(friction: float, low: float, high: float)
 
 def test_a_limit_load_is_named() -> None:
     """Forces beyond the limit load have no equilibrium: the error says how much was borne."""
-    basis = rectangle(0, 1, 0, 1, 4, 4)
+    basis = rectangle(0, 1, 0, 1, 2, 2)
     D = basis.get_dofs("left").all("u^1")
     block = sc.NonlinearBody(basis, sc.J2(1000.0, 0.3, 1.0), D=D, f={"top": (0.0, -1.0)}, name="block")
     floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
-    solver = sc.ContactSolver(block, sc.Contact(block.surface("bottom"), floor))
-    # in plane strain it yields at 2 / sqrt(3) = 1.1547; parts of a step are at least .3 / 64
-    with pytest.raises(sc.NotConverged, match=r"load factor of 1\.15") as failed:
+    foot = sc.Contact(block.surface("bottom"), floor)
+    solver = sc.ContactSolver(block, foot, options=sc.Options(max_cuts=4))
+    # in plane strain it yields at 2 / sqrt(3) = 1.1547; parts of a step are at least .3 / 16
+    with pytest.raises(sc.NotConverged, match=r"load factor of 1\.1[45]") as failed:
         list(solver.history([1.0, 1.3]))
     assert "limit point" in str(failed.value)
     assert len(failed.value.results) == 1
@@ -276,7 +277,7 @@ def test_energy_balance() -> None:
     The backward Euler steps of plastic flow miss a part of second order, which halves with the step.
     """
     missing = []
-    for count in (8, 16):
+    for count in (4, 8):
         solver, step = pressed()
         work, last, force = 0.0, np.zeros(2), np.zeros(2)
         steps = [np.array(WAY[1]) * k / count for k in range(1, count + 1)]
@@ -333,7 +334,7 @@ def test_a_column_that_buckles() -> None:
     """Rubber pressed beyond its buckling load: tangents are not positive definite on the way, and pass.
 
     Euler's load of a column of width b and height L that both ends hold upright strains it by
-    (pi b / L)^2 / 3: 3.7 % of this one, which is pressed by 12 %, and gives way to the side.
+    (pi b / L)^2 / 3: 3.7 % of this one, which is pressed by 7 %, and gives way to the side.
     """
     basis = rectangle(-0.5, 0.5, 0, 9.5, 2, 19)
     rubber = sc.NeoHooke.of(1.0, 0.3)
@@ -343,7 +344,7 @@ def test_a_column_that_buckles() -> None:
     plate = rectangle(-2, 2, 9.5, 10.5, 4, 1)
     head = sc.Body(plate, sc.Elastic(1000.0, 0.3), D="top", name="head")
     foot = sc.Contact(column.surface("top"), head.surface("bottom"), tied=True)
-    steps = [{"x": {"head": {"top": (0.0, -0.05 * k)}}} for k in range(1, 25)]
+    steps = [{"x": {"head": {"top": (0.0, -0.05 * k)}}} for k in range(1, 15)]
     solver = sc.ContactSolver([column, head], [foot])
     forces, aside = [], []
     for result in solver.history(steps):
@@ -351,7 +352,7 @@ def test_a_column_that_buckles() -> None:
         aside.append(result.displacement("column")[basis.get_dofs("right").all("u^1")].max())
         assert result.certificate.equilibrium < 1e-9
     assert aside[-1] > 1.0  # half of a width and more
-    assert max(forces) < 1.25 * forces[6]  # that of a straight column grows to three times
+    assert max(forces) < 1.25 * forces[6]  # of a straight column twice that
 
 
 @pytest.mark.slow
