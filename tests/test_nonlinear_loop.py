@@ -318,6 +318,32 @@ def test_solve_and_history_take_the_same() -> None:
     assert_allclose(guessed.u, one.u, atol=1e-8 * np.abs(one.u).max())
 
 
+def test_a_callback_ends_the_loop() -> None:
+    """A StopIteration ends the solve where it stands, as with linear bodies."""
+    seen: list[sc.Record] = []
+
+    def impatient(record: sc.Record) -> None:
+        seen.append(record)
+        if len(seen) == 2:
+            raise StopIteration
+
+    solver, step = pressed()
+    result = solver.solve(**step(0.005, 0.005), callback=impatient, throw=False)
+    assert not result.converged
+    assert "stopped by the callback" in result.message
+    assert len(seen) == 2
+
+
+def test_a_body_that_nothing_holds_is_named() -> None:
+    """A billet that is pushed along a smooth floor has no equilibrium, linear or not."""
+    basis = rectangle(0, 1, 0, 1, 2, 2)
+    load = {"top": (0.1, -1.0)}
+    block = sc.NonlinearBody(basis, sc.J2(1000.0, 0.3, 2.0), f=load, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    with pytest.raises(sc.NoEquilibrium, match="translation along x"):
+        sc.ContactSolver(block, sc.Contact(block.surface("bottom"), floor)).solve()
+
+
 def test_wear_is_refused() -> None:
     """What wears off is not solved together with bodies that are not linear."""
     solver, _ = pressed()

@@ -178,6 +178,9 @@ class NonlinearSearch:
             solved = self._solve(step, at.stiffened(base.stiffness, shift), exact)
             if solved.attempt is not None:
                 self.advance.trace.extend(solved.attempt.outcome.trace)
+                if solved.attempt.stopped:
+                    self.advance.attempt, self._why = solved.attempt, solved.attempt.reason
+                    return self._gives_up()
             there, share, norm = self._stepped(part, begin, (at, forces, left), solved)
             if there is None or solved.attempt is None:
                 if shift:
@@ -289,12 +292,10 @@ class NonlinearSearch:
         except SingularMatrix:
             return Solved(None, at.u, at.u, Verdict(advice=SINGULAR, reached=False))
         if not verdict.arrived:
-            return Solved(vars(search).get("advance") and search.advance.attempt, at.u, at.u, verdict)
+            attempt = search.advance.attempt if verdict.reached else None
+            return Solved(attempt, at.u, at.u, verdict)
         self._search = search
-        rest = search.settled
-        attempt = search.advance.attempt
-        recover = Recovery.of(attempt) if rest is None else rest.recover
-        return self._of(attempt, recover())
+        return self._of(search.advance.attempt, search.recovery())
 
     @staticmethod
     def _attempted(by: Stepper, step: LoadStep) -> Attempt:
