@@ -318,6 +318,27 @@ def test_solve_and_history_take_the_same() -> None:
     assert_allclose(guessed.u, one.u, atol=1e-8 * np.abs(one.u).max())
 
 
+def test_solids_that_yield_under_friction() -> None:
+    """In space, where directions of friction turn: as quick as in the plane."""
+    ends = [(0.0, 1.0, 3, 2), (1.0, 1.5, 4, 1)]
+    bases = []
+    for low, high, n, m in ends:
+        side = np.linspace(0, 1, n + 1)
+        mesh = fem.MeshHex.init_tensor(side, side, np.linspace(low, high, m + 1))
+        bases.append(fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2))
+    foot = bases[0].get_dofs(lambda x: x[2] < 1e-9)
+    head = bases[1].get_dofs(lambda x: x[2] > 1.5 - 1e-9)
+    move = bases[1].zeros()
+    move[head.all("u^3")], move[head.all("u^1")] = -0.01, 0.004
+    billet = sc.NonlinearBody(bases[0], hardening(), D=foot, name="billet")
+    tool = sc.Body(bases[1], sc.Elastic(2 * E, NU), D=head, x=move, name="tool")
+    sides = [body.surface(lambda x: np.abs(x[2] - 1) < 1e-9) for body in (billet, tool)]
+    contact = sc.Contact(*sides, friction=sc.Coulomb(0.2))
+    for result in sc.ContactSolver([billet, tool], [contact]).history([0.5, 1.0]):
+        assert len(result.newton) <= 8
+        assert result.certificate.worst < 1e-9
+
+
 def test_a_callback_ends_the_loop() -> None:
     """A StopIteration ends the solve where it stands, as with linear bodies."""
     seen: list[sc.Record] = []

@@ -172,7 +172,7 @@ class NonlinearSearch:
         except MaterialError as error:  # at what was an answer
             self._why = str(error)
             return self._gives_up()
-        left, most, forces, exact, shift = np.inf, 0.0, None, True, 0.0
+        left, most, forces, exact, closing, shift = np.inf, 0.0, None, True, False, 0.0
         step, secant = replace(part, pairing=self._pairing(part, at.u)), Anderson()
         for number in range(1, options.max_placements + 1):
             solved = self._solve(step, at.stiffened(base.stiffness, shift), exact)
@@ -212,7 +212,8 @@ class NonlinearSearch:
                 if share < 1.0:  # no answer on the pairing before, which secants are of
                     secant = Anderson()
                 step = self._next(step, there.u, secant)
-            exact, step = balanced, replace(step, known=attempt.state)
+            closing = closing or balanced  # contact alone is left, and is solved to its end from now on
+            exact, step = closing, replace(step, known=attempt.state)
         self._why = f"{options.max_placements} iterates left {residual:.1e} of the largest force"
         return self._gives_up()
 
@@ -278,7 +279,9 @@ class NonlinearSearch:
         by = replace(self.stepper, model=model, options=replace(options, max_cuts=0))
         target = copied(step.target, f=step.target.f + at.fictitious(base.system), factor=None)
         step = replace(step, target=target, workspace=Workspace())
-        if not exact and not model.motions.k:
+        # in space directions of friction turn, which takes more than a few: the next begins anew
+        turns = model.kin.tangents > 1 and bool(model.interface.laws)
+        if not (exact or turns or model.motions.k):
             few = replace(by.options, max_iterations=CONTACT_ITERATIONS)
             try:
                 attempt = self._attempted(replace(by, options=few), step)
