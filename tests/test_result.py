@@ -203,7 +203,7 @@ def test_several_contacts_are_not_joined(result):
             assert not hasattr(result, name)
             with pytest.raises(AttributeError, match=rf"2 of them \(base, joint\).*\['base'\].{name}"):
                 getattr(result, name)
-    assert not hasattr(result, "state") and not hasattr(result, "presure")
+    assert not hasattr(result, "wear_depth") and not hasattr(result, "presure")
 
 
 def test_one_contact_is_the_result_itself():

@@ -1,7 +1,8 @@
 """What an answer is and what can be said of it.
 
 * `answer`: all numbers of a load step, for the modules of this library, and forces of supports;
-  `fields`, `values`: those of each contact, between its points and at them;
+  `fields`, `values`: those of each contact, between its points and at them; `placed`, `newton`: where
+  bodies that are not linear are and what they remember, and how their residuals fell;
 * `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers, by
   the `pieces` of the equation, or a proof that there is only one; other forces;
 * `validity`: whether the model holds; `error`: how far the mesh may be off;

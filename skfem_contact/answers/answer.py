@@ -13,10 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.newton import Newton
+from skfem_contact.answers.placed import Placed, point_forces
 from skfem_contact.answers.validity.validity import Diagnostics
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.boundaries import boundary_dofs
+from skfem_contact.bodies.linearizable import State as Internal
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
@@ -67,6 +70,10 @@ class Answer:
         Whether contact rows depend on each other, so that points were seen through springs.
     bolts : Bolts or None
         Of the solver.
+    placed : Placed or None
+        Where bodies that are not linear are, and what they remember; None where all are linear.
+    newton : Newton
+        Their linearisations.
     diagnostics : Diagnostics
         What every step tells of the bounds of the model; `validity` has more.
     """
@@ -95,6 +102,8 @@ class Answer:
     indifferent: tuple[str, ...] = ()
     springs: bool = False
     bolts: Bolts | None = field(default=None, repr=False)
+    placed: Placed | None = field(default=None, repr=False)
+    newton: Newton = field(default_factory=Newton, repr=False)
     diagnostics: Diagnostics = field(default_factory=Diagnostics, repr=False)
 
     def __post_init__(self) -> None:
@@ -149,6 +158,27 @@ class Answer:
     def iterations(self) -> int:
         """Of the load step, with all its attempts and parts."""
         return len(self.trace)
+
+    @property
+    def material(self) -> tuple[Internal, ...]:
+        """Internal variables of each body; empty where all are linear."""
+        return () if self.placed is None else self.placed.material
+
+    @property
+    def trend(self) -> Array:
+        """How the displacements changed last, of bodies that are not linear; see `Placed`."""
+        return np.zeros(self.system.n) if self.placed is None else self.placed.trend
+
+    @cached_property
+    def internal(self) -> Array:
+        """Internal forces of all bodies, (n,) [force]: ``K u`` of linear ones."""
+        if self.placed is not None:
+            return self.placed.internal
+        parts = [
+            K @ self.u[self.system.slice(body)]
+            for body, K in zip(self.system.bodies, self.stiffness, strict=True)
+        ]
+        return np.concatenate(parts)
 
     @cached_property
     def measured(self) -> dict[tuple[str, str], float]:
@@ -210,11 +240,7 @@ def answer_of(result: Any) -> Answer:
 
 def contact_forces(answer: Answer) -> Array:
     """Forces of all contacts on the DOFs, ``B_n' lambda - B_t' tau``, shape (n,) [force]."""
-    kin, state = answer.kin, answer.local
-    contact: Array = kin.B_n.T @ state.normal_force
-    if state.tangential_force.any():
-        contact = contact - kin.B_t.T @ state.tangential_force.ravel()
-    return contact
+    return point_forces(answer.kin, answer.local)
 
 
 def reaction(answer: Answer, body: Member | str, boundary: str | None) -> Array:
@@ -240,7 +266,7 @@ def reaction(answer: Answer, body: Member | str, boundary: str | None) -> Array:
             f"body {name!r} has no prescribed DOFs{place}, so no support pushes there. Forces of a "
             "contact are in result[contact].force."
         )
-    residual = answer.stiffness[i] @ answer.displacement(body) - answer.case.f[span]
+    residual = answer.internal[span] - answer.case.f[span]
     residual -= contact_forces(answer)[span]
     if not isinstance(own, Body):  # force and moment: rotations are lengths in the system, see `scale`
         supports = np.zeros(own.n)

@@ -7,7 +7,7 @@ notebooks.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer, reaction
 from skfem_contact.answers.by_contact import ByContact
 from skfem_contact.answers.certificate import Certificate, certify
+from skfem_contact.answers.newton import Newton
 from skfem_contact.answers.thresholds import FALLING, FURTHER, MOST_ROWS
 from skfem_contact.answers.uniqueness import Uniqueness, undetermined, uniqueness
 from skfem_contact.answers.validity.assess import assess
@@ -96,6 +97,14 @@ class ContactResult(ByContact):
         return self._answer.trace
 
     @property
+    def newton(self) -> Newton:
+        """The linearisations of bodies that are not linear, with their residuals; printed, a line each.
+
+        Empty where all bodies are linear.
+        """
+        return self._answer.newton
+
+    @property
     def timings(self) -> dict[str, float]:
         """Seconds by stage."""
         return dict(self._answer.timings)
@@ -161,6 +170,35 @@ class ContactResult(ByContact):
                 f"{own!r} is no rigid body; result.displacement(...) has what its nodes have moved by"
             )
         return own.motion(self.displacement(own))
+
+    @property
+    def state(self) -> dict[str, Mapping[str, Any]]:
+        """Internal variables of the bodies that are not linear, by name of the body.
+
+        Each is a dict of arrays, with elements and points of integration as their last two axes; what
+        they are is the material's matter.
+        """
+        named = zip(self.system.names, self._answer.material, strict=False)
+        return {name: state for name, state in named if self.system.solids[name].nonlinear}
+
+    @known_keywords()
+    def stress(self, body: Member | str) -> Array:
+        """Cauchy stress of a body with a material, (3, 3, elements, points of integration) [stress].
+
+        Raises
+        ------
+        InputError
+            There is no such body, or it keeps no material, as linear ones do not.
+        """
+        i = self.system.index(body)
+        own, name = self.system.bodies[i], self.system.names[i]
+        if not hasattr(own, "stress"):
+            raise InputError(
+                f"body {name!r} keeps no material that would tell its stress: sc.nodal_stress(...) "
+                "has that of linear bodies; a NonlinearBody(basis, Elastic(E, nu)) keeps its own"
+            )
+        state = self._answer.material[i] if self._answer.material else {}
+        return np.asarray(own.stress(self.displacement(own), state))
 
     @known_keywords()
     def reaction(self, body: Member | str, boundary: str | None = None) -> Array:

@@ -90,12 +90,12 @@ class System:
         return sealed(np.concatenate([body.f / self.scale(body) for body in self.bodies]))
 
     def linearize(self) -> tuple[list[csr_matrix], np.ndarray]:
-        """Stiffness of each body and the load of all, (n,), near the undeformed state."""
+        """Stiffness of each undeformed body and the loads that act on all from outside, (n,)."""
         bodies: tuple[Linearizable, ...] = self.bodies
         answers = [body.linearize() for body in bodies]
         pairs = list(zip(self.bodies, answers, strict=True))
         K = [self.scaled(body, answer.K) for body, answer in pairs]
-        f = [(body.f - answer.internal) / self.scale(body) for body, answer in pairs]
+        f = [body.f / self.scale(body) for body in self.bodies]
         return K, sealed(np.concatenate(f))
 
     def scale(self, body: Member | str) -> np.ndarray | float:

@@ -50,6 +50,10 @@ class SavedState:
         Shift and force of each bolt by name [length], [force].
     u : ndarray, shape (n,)
         Displacements of all bodies, from which movement counts where a place is indifferent [length].
+    material : tuple of dict
+        Internal variables of each body; empty where all are linear.
+    trend : ndarray, shape (n,)
+        How the displacements of bodies that are not linear changed last [length].
 
     Examples
     --------
@@ -80,6 +84,8 @@ class SavedState:
     message: str
     u: Array
     tightness: dict[str, tuple[float, float]] = field(default_factory=dict)
+    material: tuple[dict[str, Any], ...] = ()
+    trend: Array = field(default_factory=lambda: np.zeros(0), repr=False)
 
     @property
     def bolt_names(self) -> tuple[str, ...]:
@@ -106,6 +112,7 @@ def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     data["dissipation_by_contact"] = result.dissipation_by_contact
     data |= {f"identity_{name}": value for name, value in result.identity.as_arrays().items()}
     data |= {"converged": result.converged, "message": result.message}
+    data |= _materials(result)
     _write(path, data)
     if not result.converged:
         warn(
@@ -210,7 +217,24 @@ def _state(path: Path, data: dict[str, Any], identity: Identity) -> SavedState:
     converged, message = bool(data["converged"]), str(data["message"])
     bolts = dict(zip(map(str, data.get("bolts", ())), data.get("tightness", ()), strict=True))
     tightness = {name: (float(shift), float(force)) for name, (shift, force) in bolts.items()}
-    return SavedState(state, case, *lost, own, converged, message, data["u"], tightness)
+    material = [dict[str, Any]() for _ in range(int(data.get("bodies", 0)))]
+    for key, value in data.items():
+        if key.startswith("material_"):
+            _, i, name = key.split("_", 2)
+            material[int(i)][name] = value
+    trend = data.get("trend", np.zeros(len(data["u"])))
+    more = tightness, tuple(material), trend
+    return SavedState(state, case, *lost, own, converged, message, data["u"], *more)
+
+
+def _materials(result: Answer | SavedState) -> dict[str, Any]:
+    """What bodies that are not linear remember; nothing where there are none."""
+    if not result.material:
+        return {}
+    data: dict[str, Any] = {"bodies": len(result.material), "trend": result.trend}
+    for i, state in enumerate(result.material):
+        data |= {f"material_{i}_{name}": value for name, value in state.items()}
+    return data
 
 
 def _motions(motions: tuple[Motion, ...]) -> dict[str, Any]:

@@ -20,12 +20,12 @@ from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
 from skfem_contact.conditions.statics import drives, escape
 from skfem_contact.errors import NoEquilibrium, NotConverged
 from skfem_contact.history.grip import Grip
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, rough_at_rest
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, rough_at_rest
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import advance
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.pairing.vertices import Corners
-from skfem_contact.problem.model import EVEN_CLOSED
+from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
 from skfem_contact.records import dataclass
 
 if TYPE_CHECKING:
@@ -129,6 +129,17 @@ class EquilibriumSearch:
     def settled(self) -> Rest | None:
         """The answer that leaves motions free, where it is one."""
         return None if self.rest is None or self.rest.pull else self.rest
+
+    @property
+    def model(self) -> LinearModel:
+        """What is solved for, with the motions that it leaves free."""
+        return self.stepper.model
+
+    @property
+    def recovery(self) -> Recovery:
+        """What the displacements of the answer follow from."""
+        rest = self.settled
+        return Recovery.of(self.advance.attempt) if rest is None else rest.recover
 
     def find(self) -> Verdict:
         """Find the answer; where it leaves motions free, at the place that moves least."""

@@ -14,6 +14,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.arrays import lengths
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, SLIP, LocalState, State
 from skfem_contact.linalg.resources import single_threaded
@@ -147,6 +148,9 @@ class LoadStep:
         Of the user's step.
     workspace : Workspace
         What the solve of the user's step remembers from attempt to attempt.
+    pairing : pair of Kinematics and ndarray, or None
+        The pairing that it is solved on, and the displacements (n,) of the surfaces that it was made
+        at, where contact slides far and somebody else renews it.
     """
 
     state: State
@@ -156,6 +160,7 @@ class LoadStep:
     callback: Callable[[Record], object] | None = None
     share: float = 1.0
     workspace: Workspace = field(default_factory=Workspace, repr=False)
+    pairing: tuple[Kinematics, Array] | None = None
 
 
 @dataclass(eq=False)
@@ -283,6 +288,8 @@ class Recovery:
         Gaps and slips of the contact problem; zero where it is not on these.
     shift : ndarray, shape (n,), optional
         Along motions that nothing resists, see `neutral_equilibrium` [length].
+    u : ndarray, shape (n,), optional
+        The displacements, where they are known: of bodies that are not linear [length].
     """
 
     model: LinearModel
@@ -292,6 +299,7 @@ class Recovery:
     moved: bool
     unknowns: int
     shift: Array | None = None
+    u: Array | None = None
 
     @classmethod
     def of(cls, attempt: Attempt, shift: Array | None = None) -> Recovery:
@@ -317,10 +325,12 @@ class Recovery:
         return source
 
     def __call__(self) -> Array:
-        return _recovered([self])[0]
+        return _recovered([self])[0] if self.u is None else self.u
 
     def at_contact(self) -> Array:
         """Displacements (n,) known without the interior: contact DOFs and prescribed ones."""
+        if self.u is not None:
+            return self.u
         u = self.model.bodies.surface(self.source, self.case)
         return u if self.shift is None else u + self.shift
 

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer, answer_of
+from skfem_contact.answers.newton import Newton
+from skfem_contact.answers.placed import Placed
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.validity import Issued
 from skfem_contact.answers.validity.watch import Watch
@@ -31,7 +33,7 @@ from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, warn
 from skfem_contact.history.equilibrium import EquilibriumSearch
 from skfem_contact.history.grip import Grip
-from skfem_contact.history.load_step import Attempt, LoadStep, Recovery
+from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.thresholds import HARDLY_MOVES, PRESSED
@@ -50,6 +52,7 @@ from skfem_contact.records import dataclass
 if TYPE_CHECKING:
     from skfem_contact.history.checkpoint import SavedState
     from skfem_contact.history.equilibrium import Known
+    from skfem_contact.history.nonlinear import NonlinearSearch
 
 Array = NDArray[np.float64]
 
@@ -117,7 +120,11 @@ class StepSolver(ByFields):
         warm = guess or start
         known = None if warm is None else warm.state
         step = LoadStep(state, before, target, known, callback, workspace=workspace)
-        found = EquilibriumSearch(self.stepper, step, start)
+        found: EquilibriumSearch | NonlinearSearch
+        if any(body.nonlinear for body in model.system.bodies):
+            found = self._nonlinear(step, start)
+        else:
+            found = EquilibriumSearch(self.stepper, step, start)
         verdict = found.find()
         if not verdict.reached:
             raise verdict.error(self.stepper.loop, None)
@@ -140,6 +147,13 @@ class StepSolver(ByFields):
         if verdict.arrived or not throw:
             return result
         raise verdict.error(self.stepper.loop, ContactResult(result))
+
+    def _nonlinear(self, step: LoadStep, start: Known) -> NonlinearSearch:
+        from skfem_contact.history.nonlinear import (
+            NonlinearSearch,
+        )  # many jobs have linear bodies alone
+
+        return NonlinearSearch(self.stepper, step, start)
 
     def left(self, start: Answer | SavedState) -> LoadCase:
         """The loads of a state to go on from, with the places that new supports find DOFs at.
@@ -200,16 +214,20 @@ class StepSolver(ByFields):
             return True  # before finding out what tells them from others
         return start.identity is geometry.identity
 
-    def _answer(self, found: EquilibriumSearch, seconds: float) -> Answer:
-        model, rest, way = self.stepper.model, found.settled, found.advance
-        attempt = way.attempt
+    def _answer(self, found: EquilibriumSearch | NonlinearSearch, seconds: float) -> Answer:
+        way = found.advance
+        attempt, recovery = way.attempt, found.recovery
+        # of bodies that are not linear a model of their own, with the tangents of this answer
+        placed: Placed | None = getattr(found, "placed", None)
+        model = self.stepper.model if placed is None else recovery.model
         before = np.zeros(len(model.interface.contacts))
         start = found.start
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
-        message = attempt.reason
+        message, newton = attempt.reason, Newton(getattr(found, "newton", ()))
         if attempt.good:  # with all rounds, attempts and substeps that came before the last one
             message = converged_words(len(way.trace)) + attempt.outcome.note
+            message += f" of contact, {len(newton)} of the bodies" if newton else ""
         return Answer(
             model=model,
             contacts=model.interface.contacts,
@@ -228,18 +246,20 @@ class StepSolver(ByFields):
             dissipation_by_contact=way.energy.lost,
             residual_by_contact=way.energy.residual,
             dissipation_before=before,
-            recover=Recovery.of(attempt) if rest is None else rest.recover,
+            recover=recovery,
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
             linear=model.choice.said,
             indifferent=self._places(found),
             springs=attempt.problem.springs is not None,
             bolts=self.bolts,
+            placed=placed,
+            newton=newton,
         )
 
-    def _places(self, found: EquilibriumSearch) -> tuple[str, ...]:
+    def _places(self, found: EquilibriumSearch | NonlinearSearch) -> tuple[str, ...]:
         """What is to be said of bodies that may stand elsewhere."""
-        model, rest, grip = self.stepper.model, found.settled, found.grip
+        model, rest, grip = found.model, found.settled, found.grip
         if rest is not None and rest.free.shape[1]:
             return model.motions.indifferent(rest.free, rest.why)
         if rest is not None:  # found on weak springs, and held by what carries

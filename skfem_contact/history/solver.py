@@ -42,7 +42,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.errors import InputError
 from skfem_contact.history.load_step import recover_all
-from skfem_contact.history.read import StepReader
+from skfem_contact.history.read import KEYS, StepReader
 from skfem_contact.history.solve_step import StepSolver
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
@@ -376,10 +376,6 @@ IN_STEPS = dict.fromkeys(("f", "x", "start", "guess", "callback"), "it belongs t
 OF_SOLVER = {name: f"{words} of ContactSolver(...)" for name, words in IN_OPTIONS.items()}
 OF_SOLVER |= dict.fromkeys(("loop", "linear", "options"), "it belongs to ContactSolver(...)")
 OF_SOLVER |= dict.fromkeys(("mu", "friction"), "write solver.with_friction(Coulomb(mu))")
-OF_STEP = {
-    name: f"it belongs to a step, solver.history([{{{name!r}: ...}}])"
-    for name in ("interference", "motion", "bolt")
-}
 
 
 @with_known_keywords(
@@ -389,7 +385,7 @@ OF_STEP = {
     **IN_STEPS,
 )
 class ContactSolver(Variants):
-    """Contact and friction between linear elastic bodies, reusable over many loads.
+    """Contact and friction between deformable bodies, reusable over many loads.
 
     Parameters
     ----------
@@ -457,12 +453,15 @@ class ContactSolver(Variants):
     ) -> None:
         super().__init__(bodies, contacts, loop, linear, options, bolts)
 
-    @known_keywords(**OF_SOLVER, **OF_STEP)
+    @known_keywords(**OF_SOLVER)
     def solve(
         self,
         f: ArrayLike | Mapping[str, Any] | None = None,
         x: ArrayLike | Mapping[str, Any] | None = None,
         *,
+        interference: Mapping[str, Any] | None = None,
+        motion: Mapping[str, Any] | None = None,
+        bolt: Mapping[str, Any] | None = None,
         start: ContactResult | SavedState | None = None,
         guess: ContactResult | SavedState | None = None,
         callback: Callable[[Record], object] | None = None,
@@ -475,6 +474,8 @@ class ContactSolver(Variants):
         f, x : dict by body name, or ndarray (n,), optional
             Load [force] and prescribed displacements [length], as in the steps of `history`; what is
             not named is the bodies' own, or with `start` what it is in that state.
+        interference, motion, bolt : dict, optional
+            By the names of contacts, obstacles and bolts, as in the steps of `history`.
         start : ContactResult, optional
             The state to continue from, or one from `load_state`: friction remembers it, and what is
             not named stays as it is there; loads that are a multiple of the bodies' own, that multiple
@@ -496,7 +497,8 @@ class ContactSolver(Variants):
         before = self._answering.known(start, "start")
         known = self._answering.known(guess, "guess")
         target = self._begin(before)
-        named = {what: given for what, given in (("f", f), ("x", x)) if given is not None}
+        given = {"f": f, "x": x, "interference": interference, "motion": motion, "bolt": bolt}
+        named = {what: value for what, value in given.items() if value is not None}
         if named:
             target = self._reader.read(named, target)
         self._expect(1)
@@ -504,15 +506,15 @@ class ContactSolver(Variants):
 
     @known_keywords(
         **OF_SOLVER,
-        **OF_STEP,
-        **dict.fromkeys(("f", "x"), "it belongs to the steps, [{'f': ..., 'x': ...}]"),
-        **dict.fromkeys(("guess", "callback", "throw"), "it belongs to solver.solve(...)"),
+        **{name: f"it belongs to the steps, [{{{name!r}: ...}}]" for name in KEYS},
+        **dict.fromkeys(("callback", "throw"), "it belongs to solver.solve(...)"),
     )
     def history(
         self,
         steps: Iterable[Any],
         *,
         start: ContactResult | SavedState | None = None,
+        guess: ContactResult | SavedState | None = None,
         progress: bool = False,
     ) -> Iterator[ContactResult]:
         """Solve load steps one after the other, each from the state of the one before.
@@ -528,6 +530,8 @@ class ContactSolver(Variants):
             as it was; bolts are locked.
         start : ContactResult, optional
             The state to continue from, or one from `load_state`, as in `solve`.
+        guess : ContactResult, optional
+            Starting values of the first step only.
         progress : bool
             Show a bar with the load factor, the iterations of the last step, and the time left, by the
             mean of the steps before. The condensation of the bodies comes first and is not counted.
@@ -557,6 +561,7 @@ class ContactSolver(Variants):
         """
         check_switch(progress, "history: progress")
         before = self._answering.known(start, "start")
+        known = self._answering.known(guess, "guess")
         target = self._begin(before)
         single = isinstance(steps, str | bytes | Mapping) or getattr(steps, "shape", None) == ()
         if single or not isinstance(steps, Iterable):
@@ -573,7 +578,8 @@ class ContactSolver(Variants):
             for i, step in enumerate(steps, start=1):
                 logger.debug("step %d begins", i)
                 target = self._reader.read(step, target)
-                before = self._answering.solve(target, before, None, None, True)
+                before = self._answering.solve(target, before, known, None, True)
+                known = None
                 if logger.isEnabledFor(logging.INFO):
                     logger.info("%s", line(i, total, before))
                 result = ContactResult(before)
@@ -588,7 +594,7 @@ class ContactSolver(Variants):
         finally:
             shown_as.close()
 
-    @known_keywords(**OF_SOLVER, **OF_STEP)
+    @known_keywords(**OF_SOLVER)
     def cases(
         self, steps: Mapping[str, Any], *, start: ContactResult | SavedState | None = None
     ) -> LoadCases:

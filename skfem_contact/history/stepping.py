@@ -221,6 +221,8 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
     model, last = by.model, step.state
     interface = model.interface
     worn = interface.wear or np.count_nonzero(last.wear)
+    if step.pairing is not None:  # renewed by somebody else
+        return by.attempt(step, model.problem_on(*step.pairing), start)
     if not (worn or model.geometry.follows):  # as nearly always
         return by.attempt(step, step.workspace.borrowed(model.problem_on(None, None)), start)
     if not interface.wear:
@@ -360,7 +362,7 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
         attempt = replace(attempt, outcome=outcome)
         if not attempt.good:
             return attempt
-        attempt = _travelled(by, attempt, 1.0 if number else FAR)
+        attempt = travelled(by, attempt, 1.0 if number else FAR)
         if attempt.failure:
             return attempt
         there = attempt.local.surface
@@ -382,7 +384,7 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
                 own = without_points(own, lost)
                 mismatch = geometry.mismatch(problem.kin, own, attempt.local, by.barred)
             if mismatch <= limit:
-                return _settled(by, attempt, own, mismatch)
+                return settled(by, attempt, own, mismatch)
         start, step = "warm", replace(step, known=attempt.state)
         problem = model.problem_on(next_kin, u)
     point = geometry.least_settled(problem.kin, next_kin, attempt.local)
@@ -392,16 +394,16 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
     return replace(attempt, mismatch=mismatch, failure=words, culprit=point)
 
 
-def _settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
+def settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:
     """The attempt whose pairing is that of its own answer, with the gaps of that."""
     local = attempt.local
     gap = np.where(by.model.geometry.finite & (local.status == OPEN), own.gap0, local.gap)
     # an obstacle takes its points along without another condition, and forces act where they are now
     attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap), own_action=own.action)
-    return _travelled(by, attempt, 1.0)
+    return travelled(by, attempt, 1.0)
 
 
-def _travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
+def travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
     """Measure how far points slid, over what is allowed; refuse what is beyond a limit."""
     geometry, interface = by.model.geometry, by.model.interface
     last, new = attempt.start, attempt.local

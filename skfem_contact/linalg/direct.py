@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,6 +29,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend, BodyFactor, Factorisation, LinearSolveError, by_column
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
+from skfem_contact.linalg.multifrontal.fronts import Pattern
 from skfem_contact.linalg.multifrontal.ordering import dissection_order
 from skfem_contact.linalg.singular import (
     NotPositiveDefinite,
@@ -35,7 +37,7 @@ from skfem_contact.linalg.singular import (
     check_pivots,
     singular,
 )
-from skfem_contact.linalg.thresholds import ACCEPTED
+from skfem_contact.linalg.thresholds import ACCEPTED, LEAF
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,9 @@ class Direct(Backend):
 
     def condensed(self, body: Member, K: Any, free: np.ndarray, keep: np.ndarray) -> BodyFactor:
         """By the multifrontal method, whatever `method` is."""
-        return MultifrontalCholesky(K, body.dof_points[free], keep, free=free)
+        points = body.dof_points[free]
+        pattern = _pattern(body, K, points, keep, free) if body.nonlinear else None
+        return MultifrontalCholesky(K, points, keep, free=free, pattern=pattern)
 
     def _factorize(
         self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
@@ -177,6 +181,18 @@ def as_linear_solver(linear: Any) -> Backend:
         f"linear={linear!r} is no linear solver: use Direct(), AMG(), PETSc(), Dense() or a scikit-fem "
         "solver such as skfem.utils.solver_direct_scipy()."
     )
+
+
+#: Of bodies that are factorised at every iterate: their tangents have entries in the same places.
+_PATTERNS: WeakKeyDictionary[Member, tuple[tuple[np.ndarray, ...], Pattern]] = WeakKeyDictionary()
+
+
+def _pattern(body: Member, K: Any, points: np.ndarray, keep: np.ndarray, free: np.ndarray) -> Pattern:
+    """Where the entries of a tangent go, found once for a body; parameters as of `condensed`."""
+    given, known = (K.indptr, K.indices, keep, free), _PATTERNS.get(body)
+    if known is None or not all(map(np.array_equal, known[0], given)):
+        known = _PATTERNS[body] = given, Pattern.of(K, points, keep, LEAF, free)
+    return known[1]
 
 
 def _multifrontal(A: Any, points: np.ndarray) -> Factorisation:

@@ -262,7 +262,7 @@ def _force_and_way(
         raise InputError(f"body {known[i]!r} has boundaries: say of which one, boundary='top'")
     dofs = boundary_dofs(own.basis, boundary, f"force on body {known[i]!r}")
     span, u = answer.system.slice(own), answer.displacement(own)
-    outside = (answer.stiffness[i] @ u - contact_forces(answer)[span])[dofs]
+    outside = (answer.internal[span] - contact_forces(answer)[span])[dofs]
     axis = own.dof_component[dofs]
     force = np.array([outside[axis == k].sum() for k in range(own.components)])
     return force, np.array([u[dofs][axis == k].mean() for k in range(own.components)])

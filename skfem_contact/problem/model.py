@@ -93,6 +93,7 @@ class LinearModel:
         self._for_pivoting: Condensed | None = None
         self._sprung: dict[bytes, LinearModel] = {}
         self._moves: tuple[Array, tuple[float, ...]] | None = None
+        self._tangent_of: LinearModel | None = None
         self._lock = Lock()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -100,7 +101,8 @@ class LinearModel:
         known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
         for made in ("_wanted", "choice"):
             known.pop(made, None)
-        return known | dict.fromkeys(("_bodies", "_base", "_for_pivoting", "_moves"))
+        computed = "_bodies", "_base", "_for_pivoting", "_moves", "_tangent_of"
+        return known | dict.fromkeys(computed)
 
     @cached_property
     def diagonals(self) -> tuple[Array, ...]:
@@ -207,6 +209,33 @@ class LinearModel:
             self.choice = choice
             return self
 
+    def with_tangents(self, stiffness: Sequence[csr_matrix]) -> LinearModel:
+        """The same bodies with the tangents of an iterate; those with the same matrix stay condensed.
+
+        What is condensed for one iterate serves those that follow, whoever began.
+        """
+        same = [new is old for new, old in zip(stiffness, self.stiffness, strict=True)]
+        parts = self.substructures or [None] * len(same)
+        reuse = [part if is_same else None for part, is_same in zip(parts, same, strict=True)]
+        # without supports it is a matter of the tangent what holds: a stressed one resists rotations
+        motions = self.motions
+        if motions.k:
+            motions = rigid_motions(self.system, self.kin, list(stiffness))
+        given = self.geometry, self.interface, stiffness, motions
+        twin = LinearModel(*given, self.linear, self.limits, self.timings, reuse)
+        twin._tangent_of = self
+        for name in ("_wanted", "_prefer", "labels", "choice"):  # of the pairing and the pattern of K
+            vars(twin)[name] = getattr(self, name)
+        return twin
+
+    def _keep_parts(self, twin: LinearModel) -> None:
+        """Take the bodies that another model has condensed, and that are the same here."""
+        if self._bodies is not None or self.substructures:
+            return
+        parts = twin.substructures
+        known = zip(parts, self.stiffness, twin.stiffness, strict=True) if parts else ()
+        self._reuse = [part if own is other else None for part, own, other in known]
+
     def prepare(self) -> None:
         """Do now what the first load step would do once."""
         if self.geometry.follows:
@@ -226,6 +255,9 @@ class LinearModel:
                         made = self._made(self.route)
                     self.timings["condensation"] = time.perf_counter() - start
                     self._bodies = made
+                    if self._tangent_of is not None:
+                        self._tangent_of._keep_parts(self)
+                        self._tangent_of = None
         return self._bodies
 
     def _made(self, route: str) -> AnyBodies:

@@ -230,6 +230,11 @@ class Substructure:
         try:
             return self._backend.condensed(self.body, self.K, self.free, place)
         except LinAlgError as error:
+            if self.body.nonlinear:  # on the way of Newton's method, or of a body that buckles
+                from skfem_contact.linalg.indefinite import IndefiniteFactor
+
+                K = csr_matrix(self.K[self.free][:, self.free])
+                return IndefiniteFactor(K, self.body.dof_points[self.free], place)
             raise InputError(
                 f"The stiffness of body '{self.body.name or 'unnamed'}' is not positive definite "
                 f"({error}). Usually a material parameter is negative or zero, nodes belong to no "

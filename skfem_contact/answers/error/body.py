@@ -42,7 +42,7 @@ def bodies_error(result: Answer, values: ContactValues) -> tuple[float, dict[str
         dofs = touching[(touching >= span.start) & (touching < span.stop)] - span.start
         if not len(dofs) or not isinstance(body, Body):
             continue
-        if body.form is None or result.stiffness[i] is not body.K:
+        if body.nonlinear or body.form is None or result.stiffness[i] is not body.K:
             return np.nan, {}
         # where the body itself is touched: with finite sliding that is not where the other one was
         near, weight = _near(body, body.dof_points[dofs])

@@ -166,7 +166,9 @@ def _advice(
     said = _of_largest(contact, values, ends, largest, share, elements, across)
     if not np.isnan(sources.bodies):
         return said
-    return f"{said}. What the meshes of the bodies lose is not in it: a K was given as a matrix"
+    sides = [s.body for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
+    why = "a body is not linear" if any(b.nonlinear for b in sides) else "a K was given as a matrix"
+    return f"{said}. What the meshes of the bodies lose is not in it: {why}"
 
 
 def _sharp_edge(contact: Contact, values: ContactValues, ends: Mask, point: int) -> str:

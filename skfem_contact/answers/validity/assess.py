@@ -76,7 +76,7 @@ def assess(result: Answer) -> Validity:
             label = f"Contact {name!r} ({contact.label}): "
             found = measured.of_contact(i)
             problems |= {(kind, name): label + words for kind, words in found.items()}
-    for name in measured.solids:
+    for name in measured.bounded:
         found = measured.of_body(name)
         problems |= {(kind, name): words for kind, words in found.items()}
     problems |= leaning(result.diagnostics.leaning)
@@ -86,7 +86,7 @@ def assess(result: Answer) -> Validity:
         if result.converged and not issued:
             warn(text)
     size, largest, rotation = (
-        {name: measured.strains(name)[k] for name in measured.solids} for k in range(3)
+        {name: measured.strains(name)[k] for name in measured.bounded} for k in range(3)
     )
     contacts = range(len(result.names)) if result.diagnostics.tracks else ()
     return Validity(
@@ -126,6 +126,8 @@ class Assessment:
     def __init__(self, result: Answer) -> None:
         self.result, self.system = result, result.system
         self.solids: dict[str, Body] = {n: b for n, b in self.system.solids.items() if b.components > 1}
+        # those that strains and turns have bounds of: materials of finite strain follow them
+        self.bounded = [name for name, body in self.solids.items() if not body.finite_strain]
         self.lockable = lockable(result)
         self._known: dict[tuple[str, Any], Any] = {}
 

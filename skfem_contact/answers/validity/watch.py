@@ -69,7 +69,9 @@ class Watch:
         self.tracks = [w.track for w in self.watches]
         # whether motions of bodies that slide freely show in the interior alone
         self.inside = any(watch.inside for watch in self.watches)
-        self.solids = [n for n, body in self.system.solids.items() if body.components > 1]
+        # what follows large strains and turns has no bounds of them
+        solids = self.system.solids.items()
+        self.solids = [n for n, body in solids if body.components > 1 and not body.finite_strain]
         # where supports do not hold a body against contact, only its surfaces tell how it is strained
         loose = {b for watch in self.watches if not watch.held for b in watch.bodies}
         self.floating = {

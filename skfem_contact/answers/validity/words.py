@@ -78,9 +78,9 @@ def facet_words(drift: Drift, rigid: bool = False) -> str:
 def strain_words(name: str, strain: float) -> str:
     """What linear elasticity does wrong, and what to do."""
     return (
-        f"Body {name!r} is strained by about {strain:.2g} where most of its energy is. Bodies are "
-        f"linear: errors are of that order, {100 * strain:.0f} %. Check units, load and modulus; large "
-        "strains need a body that is linearised in each step (solver.update)."
+        f"Body {name!r} is strained by about {strain:.2g} where most of its energy is. Its equations "
+        f"are those of small strains: errors are of that order, {100 * strain:.0f} %. Check units, "
+        "load and modulus; large strains need a NonlinearBody with a material of finite strain."
     )
 
 

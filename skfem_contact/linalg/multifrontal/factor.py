@@ -40,12 +40,11 @@ from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import mirror
 from skfem_contact.linalg.multifrontal.fronts import (
     Leftovers,
-    analyse_entries,
+    Pattern,
     checked_matrix,
     dense_block,
     extend_add,
     find_runs,
-    gather,
     panels,
 )
 from skfem_contact.linalg.resources import single_threaded
@@ -73,6 +72,8 @@ class MultifrontalCholesky:
         there, but without a copy of `K`. DOFs are counted among these; `points` are theirs alone.
     leaf : int
         Size of the smallest boxes [DOFs].
+    pattern : Pattern, optional
+        That of `K`, where it is known from another matrix.
 
     Attributes
     ----------
@@ -123,13 +124,14 @@ class MultifrontalCholesky:
         *,
         free: np.ndarray | None = None,
         leaf: int = LEAF,
+        pattern: Pattern | None = None,
     ) -> None:
         K, points, self.keep = checked_matrix(K, points, keep, free)
-        fronts, entries = analyse_entries(K, points, self.keep, leaf, free)
-        self.fronts = fronts
+        pattern = pattern or Pattern.of(K, points, self.keep, leaf, free)
+        self.fronts = fronts = pattern.fronts
         self.S = dense_block(K, self.keep if free is None else free[self.keep])
-        self._data = gather(K, fronts, entries)
-        del entries  # as large as K
+        self._data = pattern.gather(K)
+        del pattern  # which is as large as K
         self.panels = panels(self._data, fronts)
         self.borders = [fronts.border[a:b] for a, b in pairwise(fronts.first.tolist())]
         diagonal = K.diagonal() if free is None else K.diagonal()[free]

@@ -292,9 +292,38 @@ def checked_matrix(
     return K, points, keep
 
 
-def gather(K: Any, fronts: Fronts, entries: Entries) -> np.ndarray:
-    """Storage for all factors, with the entries of `K` in their places."""
-    which, i, j, far = entries
+class Pattern(NamedTuple):
+    """What a factorisation takes of where the entries of a matrix are, whatever they are.
+
+    Attributes
+    ----------
+    fronts : Fronts
+    which, place : ndarray of int
+        Entries of the matrix that factors begin with, and their places in the storage of all factors.
+    """
+
+    fronts: Fronts
+    which: np.ndarray
+    place: np.ndarray
+
+    @classmethod
+    def of(
+        cls, K: Any, points: np.ndarray, keep: np.ndarray, leaf: int, free: np.ndarray | None
+    ) -> Pattern:
+        """That of a matrix; parameters are those of `MultifrontalCholesky`."""
+        fronts, entries = analyse_entries(K, points, keep, leaf, free)
+        return cls(fronts, entries.which, _places(fronts, entries))
+
+    def gather(self, K: Any) -> np.ndarray:
+        """Storage for all factors, with the entries of `K` in their places."""
+        data = np.zeros(self.fronts.panel[-2])
+        data[self.place] = K.data[self.which]
+        return data
+
+
+def _places(fronts: Fronts, entries: Entries) -> np.ndarray:
+    """Where entries of the matrix are in the storage of all factors."""
+    _, i, j, far = entries
     front, pivots, size = fronts.owner, np.diff(fronts.start), np.diff(fronts.first)
     start, panel, p = fronts.start[front], fronts.panel[front], pivots[front]
     column = np.arange(front.size) - start  # in its front
@@ -304,9 +333,7 @@ def gather(K: Any, fronts: Fronts, entries: Entries) -> np.ndarray:
     place = near.take(j) + i
     i, j = i[far], j[far]
     place[far] = beyond.take(j) + np.searchsorted(fronts.keys, front.take(j) * front.size + i)
-    data = np.zeros(fronts.panel[-2])
-    data[place] = K.data[which]
-    return data
+    return place
 
 
 def dense_block(K: Any, keep: np.ndarray) -> np.ndarray:

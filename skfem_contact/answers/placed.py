@@ -1,0 +1,105 @@
+"""`Placed`: where bodies that are not linear are, what they resist with, and what they remember."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from skfem_contact.bodies.linearizable import State
+from skfem_contact.bodies.system import System
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.state import LocalState
+from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
+from skfem_contact.sealed import sealed
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """All bodies at some displacements.
+
+    Attributes
+    ----------
+    u : ndarray, shape (n,)
+        [length]
+    stiffness : tuple of csr_matrix
+        The tangent of each body; of linear ones the very matrix that they always have.
+    internal : ndarray, shape (n,)
+        Internal forces [force].
+    material : tuple of State
+        Internal variables of each body there; none of linear ones.
+    trend : ndarray, shape (n,)
+        How the displacements changed in the last part of a load step, over its share of it [length].
+    """
+
+    u: Array
+    stiffness: tuple[csr_matrix, ...]
+    internal: Array
+    material: tuple[State, ...]
+    trend: Array
+
+    @classmethod
+    def of_start(cls, system: System, stiffness: Sequence[csr_matrix], start: Any) -> Placed:
+        """Where a load step begins: undeformed, or at the end of a step before; not linearised yet."""
+        states = tuple(body.initial_state for body in system.bodies)
+        u = trend = np.zeros(system.n)
+        if start is not None:
+            u, states, trend = start.u, start.material, start.trend
+            if not states:
+                raise InputError(
+                    "start has no internal variables of the bodies that are not linear here: it is a "
+                    "state of linear ones. Begin without start, or with a state of this kind of bodies."
+                )
+        return cls(u, tuple(stiffness), np.zeros(system.n), states, trend)
+
+    def moved(self, system: System, u: Array) -> Placed:
+        """The bodies at other displacements, from what they remember here.
+
+        Raises
+        ------
+        MaterialError
+            A body has no answer.
+        """
+        stiffness, states = list(self.stiffness), list(self.material)
+        internal = np.zeros(system.n)
+        for i, body in enumerate(system.bodies):
+            part = system.slice(body)
+            if body.nonlinear:
+                stiffness[i], internal[part], states[i] = body.linearize(u[part], self.material[i])
+            else:
+                internal[part] = stiffness[i] @ u[part]
+        return Placed(sealed(u), tuple(stiffness), sealed(internal), tuple(states), self.trend)
+
+    def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
+        """With a share of the tangents of the undeformed bodies added to those of here."""
+        if not share:
+            return self
+        pairs = zip(self.stiffness, undeformed, strict=True)
+        stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
+        return Placed(self.u, stiffness, self.internal, self.material, self.trend)
+
+    def fictitious(self, system: System) -> Array:
+        """What the loads of the linear problem near here have besides, ``K u - f_int``, (n,).
+
+        Zero of linear bodies, whose loads stay what they are.
+        """
+        out = np.zeros(system.n)
+        for body, K in zip(system.bodies, self.stiffness, strict=True):
+            if body.nonlinear:
+                part = system.slice(body)
+                out[part] = K @ self.u[part] - self.internal[part]
+        return out
+
+
+def point_forces(kin: Kinematics, state: LocalState) -> Array:
+    """Forces of all contacts on the DOFs, ``B_n' lambda - B_t' tau``, shape (n,) [force]."""
+    contact: Array = kin.B_n.T @ state.normal_force
+    if state.tangential_force.any():
+        contact = contact - kin.B_t.T @ state.tangential_force.ravel()
+    return contact

@@ -1,0 +1,430 @@
+"""Bodies that are not linear and their contact, in one loop: closed forms, balances, counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import internals
+import numpy as np
+import pytest
+import skfem as fem
+from numpy.testing import assert_allclose
+from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+import skfem_contact as sc
+from skfem_contact.materials import FromFunction
+
+E, NU, YIELD, H = 210e3, 0.3, 300.0, 2100.0
+
+
+def rectangle(x0: float, x1: float, y0: float, y1: float, nx: int, ny: int) -> fem.Basis:
+    mesh = fem.MeshQuad.init_tensor(np.linspace(x0, x1, nx + 1), np.linspace(y0, y1, ny + 1))
+    return fem.Basis(mesh.with_defaults(), fem.ElementVector(fem.ElementQuad1()), intorder=2)
+
+
+def turned(basis: fem.Basis, angle: float, scale: float = 1.0) -> fem.Basis:
+    """The same body turned about the origin and scaled."""
+    c, s = np.cos(angle), np.sin(angle)
+    mesh = basis.mesh
+    mesh = type(mesh)(
+        scale * (np.array([[c, -s], [s, c]]) @ mesh.p), mesh.t, _boundaries=mesh.boundaries
+    )
+    return fem.Basis(mesh, basis.elem, intorder=2)
+
+
+def hardening(stress: float = 1.0) -> sc.J2:
+    return sc.J2(E * stress, NU, [[YIELD * stress, 0.0], [(YIELD + H) * stress, 1.0]])
+
+
+def pressed(
+    angle: float = 0.0,
+    scale: float = 1.0,
+    stress: float = 1.0,
+    flipped: bool = False,
+    options: Any = None,
+    law: Any = None,
+    mu: float = 0.2,
+) -> tuple[sc.ContactSolver, Callable[[float, float], dict[str, Any]]]:
+    """A billet that yields under an elastic tool with friction; and its steps: down and along."""
+    low = turned(rectangle(0, 1, 0, 1, 6, 6), angle, scale)
+    high = turned(rectangle(-0.25, 1.15, 1, 1.5, 8, 3), angle, scale)
+    billet = sc.NonlinearBody(low, law or hardening(stress), D="bottom", name="billet")
+    steel = linear_elasticity(*lame_parameters(E * stress, NU))
+    tool = sc.Body(high, steel, D="top", name="tool")
+    contact = sc.Contact(
+        billet.surface("top"), tool.surface("bottom"), friction=sc.Coulomb(mu), name="contact"
+    )
+    bodies = [tool, billet] if flipped else [billet, tool]
+
+    def step(down: float, along: float) -> dict[str, Any]:
+        c, s = np.cos(angle), np.sin(angle)
+        return {
+            "x": {"tool": {"top": (scale * (c * along + s * down), scale * (s * along - c * down))}}
+        }
+
+    return sc.ContactSolver(bodies, [contact], options=options), step
+
+
+WAY = [(0.002, 0.0), (0.006, 0.0), (0.01, 0.001), (0.01, 0.004), (0.008, 0.004)]
+
+
+@pytest.fixture(scope="module")
+def results() -> list[sc.ContactResult]:
+    solver, step = pressed()
+    return list(solver.history([step(*way) for way in WAY]))
+
+
+def test_equations_hold_with_the_internal_forces_themselves(results: list[sc.ContactResult]) -> None:
+    """The certificate judges f_int(u), not the last linearised problem: it holds beyond yield."""
+    for result in results:
+        assert result.certificate.worst < 1e-9  # the tolerance of equilibrium, and a digit
+    assert results[-1].state["billet"]["plastic_strain"].max() > 0.005
+    assert list(results[-1].state) == ["billet"]
+
+
+def test_residuals_fall_quadratically(results: list[sc.ContactResult]) -> None:
+    """The last three residuals of a step: each below the square of the one before, times a factor."""
+    print(results[1].newton)
+    a, b, c = (iteration.residual for iteration in results[1].newton[-3:])
+    assert a < 1e-2
+    assert b < 10 * a**2
+    assert c < max(10 * b**2, 1e-12)  # round-off of the forces
+    assert len(str(results[1].newton).splitlines()) == len(results[1].newton)
+
+
+def test_the_tool_is_condensed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A linear body keeps its factorisation over all iterates; the other has one for each."""
+    counted: list[int] = []
+    original = internals.original("problem.Substructure._factorised")
+
+    def counting(part: Any) -> Any:
+        counted.append(part.body.nonlinear)
+        return original(part)
+
+    internals.replace(monkeypatch, "problem.Substructure._factorised", counting)
+    solver, step = pressed()
+    results = list(solver.history([step(*way) for way in WAY[:3]]))
+    assert counted.count(False) == 1
+    assert counted.count(True) == sum(len(result.newton) for result in results)
+
+
+def test_restart_to_the_last_bit(tmp_path: Path) -> None:
+    """A file keeps what the material remembers: a history goes on from it as if never interrupted."""
+    solver, step = pressed()
+    ways = [(0.002, 0.0), (0.006, 0.0), (0.01, 0.0), (0.008, 0.0)]
+    results = list(solver.history([step(*way) for way in ways]))
+    path = solver.save_state(tmp_path / "state", results[1])
+    *_, last = solver.history([step(*way) for way in ways[2:]], start=solver.load_state(path))
+    assert np.array_equal(last.u, results[-1].u)
+    for name, value in results[-1].state["billet"].items():
+        assert np.array_equal(last.state["billet"][name], value)
+
+
+def test_a_state_of_linear_bodies_is_no_start() -> None:
+    """Nobody knows what a material remembers of a state of linear bodies."""
+    solver, step = pressed()
+    billet, tool = solver.system.bodies
+    assert isinstance(billet, sc.Body)
+    linear = sc.Body(billet.basis, billet.K, D="bottom", name="billet")
+    contact = sc.Contact(linear.surface("top"), tool.surface("bottom"), name="contact")
+    start = sc.ContactSolver([linear, tool], [contact]).solve(**step(0.001, 0.0))
+    with pytest.raises(sc.InputError, match="no internal variables"):
+        solver.solve(start=start)
+
+
+def test_cut_steps_change_nothing_committed(results: list[sc.ContactResult]) -> None:
+    """A step that fails leaves the material as it was: what follows is the same to the last bit."""
+    solver, step = pressed(options=sc.Options(max_placements=3, max_cuts=0))
+    before = results[0]
+    known = {name: np.array(value) for name, value in before.state["billet"].items()}
+    with pytest.raises(sc.NotConverged, match="bear up to 0 of this step") as failed:
+        solver.solve(**step(0.03, 0.02), start=before)
+    assert not failed.value.result.converged
+    assert failed.value.result.certificate.equilibrium > 1e-9  # and says so
+    for name, value in before.state["billet"].items():
+        assert np.array_equal(value, known[name])
+    again = pressed()[0].solve(**step(*WAY[1]), start=before)
+    assert np.array_equal(again.u, results[1].u)
+
+
+def test_a_step_is_cut_where_it_takes_too_long() -> None:
+    """Too few linearisations for the whole step: parts of it arrive, each from where the last ended."""
+    solver, step = pressed(options=sc.Options(max_placements=4))
+    result = solver.solve(**step(0.02, 0.0))
+    assert "step cut" in result.message
+    assert result.newton[-1].aim == 1.0 and result.newton[0].aim == 1.0
+    assert len({iteration.aim for iteration in result.newton}) > 1
+    assert result.certificate.worst < 1e-9
+
+
+@pytest.mark.parametrize("angle", [np.pi / 2, np.pi / 6])
+def test_turned_and_in_other_units(results: list[sc.ContactResult], angle: float) -> None:
+    """Turned, in metres and pascals for millimetres and megapascals, and listed the other way round."""
+    solver, step = pressed(angle, scale=1e-3, stress=1e6, flipped=True)
+    *_, last, open_again = solver.history([step(*way) for way in WAY])
+    force = results[-2].force
+    c, s = np.cos(angle), np.sin(angle)
+    there = 1e3 * np.array([c * force[0] - s * force[1], s * force[0] + c * force[1]])
+    assert_allclose(last.force, there, rtol=0, atol=1e-8 * np.linalg.norm(there))
+    found, expected = open_again.state["billet"], results[-1].state["billet"]
+    found, expected = found["equivalent_plastic_strain"], expected["equivalent_plastic_strain"]
+    assert_allclose(found, expected, rtol=0, atol=1e-8 * expected.max())
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+@pytest.mark.parametrize("elements", [(3, 4), (7, 5)])
+def test_confined_blocks(sliding: str, elements: tuple[int, int]) -> None:
+    """Two neo-Hookean blocks squeezed by 30 %: pressure and stretches of the closed form, any mesh."""
+    low, high = rectangle(0, 1, 0, 1, elements[0], 2), rectangle(0, 1, 1, 2, elements[1], 3)
+    blocks = []
+    for basis, modulus, nu, end in ((low, 1.0, 0.3, "bottom"), (high, 3.0, 0.2, "top")):
+        D = np.union1d(basis.get_dofs(["left", "right"]).all("u^1"), basis.get_dofs(end).all())
+        blocks.append(sc.NonlinearBody(basis, sc.NeoHooke.of(modulus, nu), D=D, name=end))
+    contact = sc.Contact(blocks[1].surface("bottom"), blocks[0].surface("top"), sliding=sliding)
+    result = sc.ContactSolver(blocks, [contact]).solve(x={"top": {"top": (0.0, -0.6)}})
+    assert_allclose(result.pressure, 0.8547955137, rtol=1e-9)
+    below = result.displacement("bottom")[low.get_dofs("top").all("u^2")]
+    assert_allclose(1 + below, 0.6123119944, rtol=1e-9)
+    assert len(result.newton) <= 5
+    assert result.validity.holds  # a strain of .4 is no fault of these bodies
+
+
+def tresca(nu: float, limit: float) -> Callable[..., Any]:
+    """Tresca's yield in the plane of hoop and radius, of an axisymmetric body; no hardening."""
+    lame, mu = lame_parameters(E, nu)
+    flow, one = np.diag([-1.0, 0.0, 1.0])[:, :, None, None], np.eye(3)
+    elastic = lame * np.einsum("ij,kl->ijkl", one, one)
+    elastic += mu * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
+    flows = mu * np.einsum("ij,kl->ijkl", flow[..., 0, 0], flow[..., 0, 0])[..., None, None]
+
+    def law(gradient: Any, state: Any) -> Any:
+        strain = 0.5 * (gradient + gradient.swapaxes(0, 1)) - state["plastic"]
+        stress = np.einsum("ijkl,kl...->ij...", elastic, strain)
+        beyond = np.maximum(stress[2, 2] - stress[0, 0] - limit, 0.0)
+        plastic = beyond / (4 * mu) * flow
+        tangent = elastic[..., None, None] - np.where(beyond > 0, flows, 0.0)
+        return stress - 2 * mu * plastic, tangent, {"plastic": state["plastic"] + plastic}
+
+    return law
+
+
+def test_shrink_ring_beyond_yield() -> None:
+    """A hub shrunk on a solid shaft yields from inside (Hill): pressures over the interference."""
+    a, b, count = 50.0, 100.0, 20
+    mesh = [
+        fem.MeshQuad.init_tensor(np.linspace(*ends, count + 1), np.array([0.0, 1.0])).with_defaults()
+        for ends in ((0.0, a), (a, b))
+    ]
+    inner, outer = (fem.Basis(m, fem.ElementVector(fem.ElementQuad2()), intorder=4) for m in mesh)
+    measure = lambda x: 2 * np.pi * x[0]  # noqa: E731
+    axial = [np.unique(basis.get_dofs(elements=True).all("u^2")) for basis in (inner, outer)]
+    D = np.union1d(axial[0], inner.get_dofs("left").all("u^1"))
+    shaft = sc.NonlinearBody(inner, sc.Elastic(E, NU), D=D, measure=measure, name="shaft")
+    law = FromFunction(tresca(NU, YIELD), {"plastic": np.zeros((3, 3))})
+    hub = sc.NonlinearBody(outer, law, D=axial[1], measure=measure, name="hub")
+    fit = sc.Contact(shaft.surface("right"), hub.surface("left"), name="fit")
+    steps = [{"interference": {"fit": value}} for value in (0.065, 0.09, 0.13, 0.2, 0.26)]
+    results = list(sc.ContactSolver([shaft, hub], [fit]).history(steps))
+    pressures = [result.pressure.mean() for result in results]
+    # the radius to which it yields lies within an element: 1e-4 at 20 of second order
+    assert_allclose(pressures, [112.5, 146.8903, 178.9721, 203.2049, 207.9442], rtol=1e-4)
+    assert all(len(result.newton) <= 5 for result in results)
+
+
+def billet(friction: float, n: int, hardening: float = 0.0) -> sc.ContactSolver:
+    """Half of a cylinder as high as its radius, under a rough platen; yield stress 1."""
+    basis = rectangle(0, 1, 0, 0.5, n, n // 2)
+    D = np.union1d(basis.get_dofs("left").all("u^1"), basis.get_dofs("bottom").all("u^2"))
+    law = sc.J2(1000.0, 0.3, [[1.0, 0.0], [1.0 + hardening, 1.0]])
+    body = sc.NonlinearBody(basis, law, D=D, measure=lambda x: 2 * np.pi * x[0], name="billet")
+    platen = sc.RigidPlane((0, 0.5), (0, -1), name="platen")
+    limit = sc.Tresca(friction / 3**0.5) if friction else None
+    return sc.ContactSolver(body, sc.Contact(body.surface("top"), platen, friction=limit))
+
+
+@pytest.mark.parametrize(
+    ("friction", "low", "high"),
+    # without friction the yield stress; else between that and the upper bound of a parallel flow
+    [(0.0, 1 - 1e-6, 1 + 1e-6), (0.5, 1.0, 1.1925), (1.0, 1.0, 1.385)],
+)
+def test_billets_between_rough_platens(friction: float, low: float, high: float) -> None:
+    """The limit load of a billet without hardening, whose tangents are singular in plastic flow."""
+    steps = [{"motion": {"platen": (0, -down)}} for down in (0.0005, 0.001, 0.002, 0.004)]
+    *_, result = billet(friction, 12).history(steps)
+    assert low < -result.force[1] / np.pi < high
+
+
+def test_a_limit_load_is_named() -> None:
+    """Forces beyond the limit load have no equilibrium: the error says how much was borne."""
+    basis = rectangle(0, 1, 0, 1, 2, 2)
+    D = basis.get_dofs("left").all("u^1")
+    block = sc.NonlinearBody(basis, sc.J2(1000.0, 0.3, 1.0), D=D, f={"top": (0.0, -1.0)}, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    foot = sc.Contact(block.surface("bottom"), floor)
+    solver = sc.ContactSolver(block, foot, options=sc.Options(max_cuts=4))
+    # in plane strain it yields at 2 / sqrt(3) = 1.1547; parts of a step are at least .3 / 16
+    with pytest.raises(sc.NotConverged, match=r"load factor of 1\.1[45]") as failed:
+        list(solver.history([1.0, 1.3]))
+    assert "limit point" in str(failed.value)
+    assert len(failed.value.results) == 1
+
+
+def test_energy_balance() -> None:
+    """Work of the supports goes into bodies, plastic flow and friction: small steps miss little.
+
+    The backward Euler steps of plastic flow miss a part of second order, which halves with the step.
+    """
+    missing = []
+    for count in (4, 8):
+        solver, step = pressed()
+        work, last, force = 0.0, np.zeros(2), np.zeros(2)
+        steps = [np.array(WAY[1]) * k / count for k in range(1, count + 1)]
+        steps += [np.array(WAY[1]) + (0, 0.003 * k / count) for k in range(1, count + 1)]
+        for way, result in zip(steps, solver.history([step(*w) for w in steps]), strict=True):
+            now = result.reaction("tool")
+            work += 0.5 * (now + force) @ (np.array([way[1], -way[0]]) - last)
+            last, force = np.array([way[1], -way[0]]), now
+        billet, tool = solver.system.bodies
+        u = result.displacement(tool)
+        stored, lost = billet.energy(result.displacement(billet), result.state["billet"])
+        total = stored + lost + 0.5 * u @ tool.K @ u + result.dissipation_total
+        missing.append(abs(work - total) / work)
+    assert missing[1] < 0.02
+    assert missing[1] < 0.6 * missing[0]
+
+
+def test_contact_on_an_iterate_takes_few_iterations() -> None:
+    """After the first linearisation of a step contact takes three iterations, of four that it wants.
+
+    With fewer a step like this is cut; with more the linearisations are as many.
+    """
+    solver, step = pressed()
+    first, *others = solver.solve(**step(0.005, 0.005)).newton
+    assert first.contact > 3
+    assert max(iteration.contact for iteration in others) == 3
+    assert len(others) <= 6
+
+
+def test_solve_and_history_take_the_same() -> None:
+    """A load step may be given to either, with interference and motion; a guess changes no answer."""
+    solver = billet(0.5, 6)
+    down = {"motion": {"platen": (0, -0.002)}}
+    one = solver.solve(**down)
+    (other,) = solver.history([down])
+    assert np.array_equal(one.u, other.u)
+    (guessed,) = solver.history([down], guess=one)
+    assert_allclose(guessed.u, one.u, atol=1e-8 * np.abs(one.u).max())
+
+
+def test_solids_that_yield_under_friction() -> None:
+    """In space, where directions of friction turn: as quick as in the plane."""
+    ends = [(0.0, 1.0, 3, 2), (1.0, 1.5, 4, 1)]
+    bases = []
+    for low, high, n, m in ends:
+        side = np.linspace(0, 1, n + 1)
+        mesh = fem.MeshHex.init_tensor(side, side, np.linspace(low, high, m + 1))
+        bases.append(fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2))
+    foot = bases[0].get_dofs(lambda x: x[2] < 1e-9)
+    head = bases[1].get_dofs(lambda x: x[2] > 1.5 - 1e-9)
+    move = bases[1].zeros()
+    move[head.all("u^3")], move[head.all("u^1")] = -0.01, 0.004
+    billet = sc.NonlinearBody(bases[0], hardening(), D=foot, name="billet")
+    tool = sc.Body(bases[1], sc.Elastic(2 * E, NU), D=head, x=move, name="tool")
+    sides = [body.surface(lambda x: np.abs(x[2] - 1) < 1e-9) for body in (billet, tool)]
+    contact = sc.Contact(*sides, friction=sc.Coulomb(0.2))
+    for result in sc.ContactSolver([billet, tool], [contact]).history([0.5, 1.0]):
+        assert len(result.newton) <= 8
+        assert result.certificate.worst < 1e-9
+
+
+def test_a_callback_ends_the_loop() -> None:
+    """A StopIteration ends the solve where it stands, as with linear bodies."""
+    seen: list[sc.Record] = []
+
+    def impatient(record: sc.Record) -> None:
+        seen.append(record)
+        if len(seen) == 2:
+            raise StopIteration
+
+    solver, step = pressed()
+    result = solver.solve(**step(0.005, 0.005), callback=impatient, throw=False)
+    assert not result.converged
+    assert "stopped by the callback" in result.message
+    assert len(seen) == 2
+
+
+def test_a_body_that_nothing_holds_is_named() -> None:
+    """A billet that is pushed along a smooth floor has no equilibrium, linear or not."""
+    basis = rectangle(0, 1, 0, 1, 2, 2)
+    load = {"top": (0.1, -1.0)}
+    block = sc.NonlinearBody(basis, sc.J2(1000.0, 0.3, 2.0), f=load, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    with pytest.raises(sc.NoEquilibrium, match="translation along x"):
+        sc.ContactSolver(block, sc.Contact(block.surface("bottom"), floor)).solve()
+
+
+def test_wear_is_refused() -> None:
+    """What wears off is not solved together with bodies that are not linear."""
+    solver, _ = pressed()
+    billet, tool = solver.system.bodies
+    assert isinstance(billet, sc.Body) and isinstance(tool, sc.Body)
+    contact = sc.Contact(
+        billet.surface("top"), tool.surface("bottom"), friction=sc.Coulomb(0.2), wear=sc.Archard(1e-6)
+    )
+    with pytest.raises(sc.InputError, match="wear"):
+        sc.ContactSolver([billet, tool], [contact]).solve()
+
+
+def test_a_column_that_buckles() -> None:
+    """Rubber pressed beyond its buckling load: tangents are not positive definite on the way, and pass.
+
+    Euler's load of a column of width b and height L that both ends hold upright strains it by
+    (pi b / L)^2 / 3: 3.7 % of this one, which is pressed by 7 %, and gives way to the side.
+    """
+    basis = rectangle(-0.5, 0.5, 0, 9.5, 2, 19)
+    rubber = sc.NeoHooke.of(1.0, 0.3)
+    push = basis.zeros()
+    push[basis.get_dofs(lambda x: abs(x[1] - 4.75) < 0.3).all("u^1")] = 1e-5
+    column = sc.NonlinearBody(basis, rubber, f=push, D="bottom", name="column")
+    plate = rectangle(-2, 2, 9.5, 10.5, 4, 1)
+    head = sc.Body(plate, sc.Elastic(1000.0, 0.3), D="top", name="head")
+    foot = sc.Contact(column.surface("top"), head.surface("bottom"), tied=True)
+    steps = [{"x": {"head": {"top": (0.0, -0.05 * k)}}} for k in range(1, 15)]
+    solver = sc.ContactSolver([column, head], [foot])
+    forces, aside = [], []
+    for result in solver.history(steps):
+        forces.append(-result.reaction("head")[1])
+        aside.append(result.displacement("column")[basis.get_dofs("right").all("u^1")].max())
+        assert result.certificate.equilibrium < 1e-9
+    assert aside[-1] > 1.0  # half of a width and more
+    assert max(forces) < 1.25 * forces[6]  # of a straight column twice that
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(40))
+def test_random_scenes(seed: int) -> None:
+    """Materials, friction and ways at random: equilibrium, no energy from nothing, order and turns."""
+    rng = np.random.default_rng(seed)
+    laws = [
+        sc.J2(E, NU, [[YIELD, 0.0], [YIELD * (1 + rng.uniform(0.1, 5)), 1.0]]),
+        sc.J2(E, NU, YIELD, kinematic=rng.uniform(500, 5000)),
+        sc.NeoHooke.of(rng.uniform(500, 5000), rng.uniform(0.1, 0.45)),
+    ]
+    law, mu = laws[seed % 3], rng.uniform(0.05, 0.5)
+    ways = np.cumsum(np.column_stack([rng.uniform(0, 3e-3, 6), rng.uniform(-2e-3, 2e-3, 6)]), axis=0)
+    ways[4:, 0] = ways[3, 0] - (ways[4:, 0] - ways[3, 0])  # and up again
+    found = []
+    for angle, flipped in ((0.0, False), (np.pi / 2, True)):
+        solver, step = pressed(angle, flipped=flipped, law=law, mu=mu)
+        found.append(list(solver.history([step(*way) for way in ways])))
+    for one, other in zip(*found, strict=True):
+        assert one.certificate.worst < 1e-8
+        assert one.dissipation >= 0.0
+        scale = max(np.linalg.norm(r.force) for r in found[0])
+        turned = np.array([other.force[1], -other.force[0]])
+        assert_allclose(turned, one.force, rtol=0, atol=1e-8 * scale)
+    billet = found[0][-1].system.solids["billet"]
+    lost = [billet.energy(r.displacement("billet"), r.state["billet"])[1] for r in found[0]]
+    assert np.all(np.diff(lost) >= -1e-12 * max(lost))
