@@ -18,6 +18,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
 from skfem_contact.conditions.statics import drives, escape
+from skfem_contact.digits import GIVEN
 from skfem_contact.errors import NoEquilibrium, NotConverged
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, rough_at_rest
@@ -175,7 +176,7 @@ class EquilibriumSearch:
         motions, free, shown = attempt.problem.motions, attempt.outcome.free, self.refuted is not None
         carries = _carries(self.advance)
         if free is None and self.refuted is not None:
-            motions, free = model.motions, self.refuted[:, None]
+            motions, free = model.motions, self._sliding(self.refuted)[:, None]
         if free is not None:
             return Verdict(free, motions, f=attempt.case.f, shown=shown, carries=carries)
         interface, kin, culprit = model.interface, attempt.problem.kin, attempt.culprit
@@ -187,6 +188,16 @@ class EquilibriumSearch:
         if changes and rough_at_rest(interface, attempt.local.area, kin.tangents):
             return Verdict(advice=JUMPS + USUALLY)
         return Verdict(carries=carries, advice=TOO_MUCH if attempt.at_limit else USUALLY)
+
+    def _sliding(self, motion: Array) -> Array:
+        """The part of a motion (k,) that closed points do not hold; all of it, where it opens them.
+
+        Friction at its bound is refuted by motions that lift as they slide, along the rim of its cone.
+        """
+        model = self.stepper.model
+        free = model.motions.free(model.kin.paired, np.zeros(len(model.kin.paired), dtype=bool))
+        part = free @ (free.T @ motion)
+        return part if np.linalg.norm(part) > GIVEN * np.linalg.norm(motion) else motion
 
     def _doubt(self, failed: Attempt, last: bool) -> bool:
         """After a failure: is there no equilibrium, or one that leaves a motion free?
