@@ -551,17 +551,17 @@ def test_progress_needs_tqdm(monkeypatch):
     assert len(list(pair().history([0.5, 1.0], progress=True))) == 2
 
 
-def test_progress_has_load_iterations_and_no_condensation(capsys):
+def test_progress_has_load_iterations_and_no_condensation(capsys, monkeypatch):
     """The bar counts the steps, whose time is that after the bodies have been condensed."""
     pytest.importorskip("tqdm")
     solver, seen = pair(), []
-    prepare = solver.prepare
+    prepare = solver.linear_model.prepare
 
     def prepared():
         seen.append("condensed")
         return prepare()
 
-    solver.prepare = prepared
+    monkeypatch.setattr(solver.linear_model, "prepare", prepared)
     for i, result in enumerate(solver.history([0.5, 1.0, 1.5], progress=True)):
         seen.append(result.factor)
         if i == 1:

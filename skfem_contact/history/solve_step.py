@@ -31,7 +31,7 @@ from skfem_contact.conditions.checks import check_loads
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, warn
-from skfem_contact.history.equilibrium import EquilibriumSearch
+from skfem_contact.history.equilibrium import EquilibriumSearch, Verdict
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.read import StepReader
@@ -40,7 +40,7 @@ from skfem_contact.history.thresholds import HARDLY_MOVES, PRESSED
 from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import SingularMatrix
-from skfem_contact.loops.driver import converged_words
+from skfem_contact.loops.driver import NOTHING_HOLDS, converged_words
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
@@ -128,7 +128,7 @@ class StepSolver(ByFields):
         verdict = found.find()
         if not verdict.reached:
             raise verdict.error(self.stepper.loop, None)
-        result = self._answer(found, time.perf_counter() - begin)
+        result = self._answer(found, verdict, time.perf_counter() - begin)
         if verdict.arrived:
             diagnostics = self.watch.look(
                 result.state,
@@ -214,7 +214,9 @@ class StepSolver(ByFields):
             return True  # before finding out what tells them from others
         return start.identity is geometry.identity
 
-    def _answer(self, found: EquilibriumSearch | NonlinearSearch, seconds: float) -> Answer:
+    def _answer(
+        self, found: EquilibriumSearch | NonlinearSearch, verdict: Verdict, seconds: float
+    ) -> Answer:
         way = found.advance
         attempt, recovery = way.attempt, found.recovery
         # of bodies that are not linear a model of their own, with the tangents of this answer
@@ -228,6 +230,8 @@ class StepSolver(ByFields):
         if attempt.good:  # with all rounds, attempts and substeps that came before the last one
             message = converged_words(len(way.trace)) + attempt.outcome.note
             message += f" of contact, {len(newton)} of the bodies" if newton else ""
+        elif verdict.free is not None:
+            message = NOTHING_HOLDS
         return Answer(
             model=model,
             contacts=model.interface.contacts,
