@@ -420,8 +420,8 @@ def grains(seed: int) -> tuple[np.ndarray, np.ndarray, float]:
 
 @pytest.mark.parametrize("seed", [9, 26, 40, 51])
 def test_the_proximal_point_answers_in_the_plane(friction: Any, seed: int) -> None:
-    """Of 400 such problems Newton answers two thirds, and this the others but one; if springs began at rest under no forces in
-    the end, more would be missed, these among them."""
+    """Of 400 such problems Newton answers two thirds, and this the others but one; if springs began at
+    rest under no forces in the end, more would be missed, these among them."""
     from scipy.sparse import csr_matrix
 
     W, q, mu = grains(seed)
