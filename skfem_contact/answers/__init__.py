@@ -16,7 +16,7 @@ __getattr__ = entrances(
     __name__,
     {
         "answer": "answer_of",
-        "error.faces": "Net",
+        "error.net": "Net",
         "fields": "Segments closed_area contour edge_positions find_edges interpolate",
         "pieces": "critical_friction orientation turning_springs",
         "uniqueness": "Form unique_up_to",
