@@ -20,7 +20,7 @@ __getattr__ = entrances(
         "fields": "Segments closed_area contour edge_positions find_edges interpolate",
         "pieces": "critical_friction orientation turning_springs",
         "uniqueness": "Form unique_up_to",
-        "validity.chords": "bends sagittas tool_sagittas",
+        "validity.chords": "bends sagittas",
         "validity.deformed_boundaries": "Boundary boundary",
         "validity.edges": "crossings sharp_edges_of",
         "validity.obstacle_overlaps": "pierced",
