@@ -17,7 +17,7 @@ __getattr__ = entrances(
     {
         "answer": "answer_of",
         "error.net": "Net",
-        "fields": "Segments closed_area contour edge_positions find_edges interpolate",
+        "fields": "Segments closed_area contact_edge contour edge_positions find_edges interpolate",
         "pieces": "critical_friction orientation turning_springs",
         "uniqueness": "Form unique_up_to",
         "validity.chords": "bends sagittas",

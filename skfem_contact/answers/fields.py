@@ -397,20 +397,16 @@ class NormalEquations:
     Attributes
     ----------
     terms : ndarray, shape (p, k)
-        One, the coordinates along the surface, and what else.
     weight : ndarray, shape (p,)
     row : ndarray of int, shape (p,)
         The point that each row belongs to.
     n : int
-    ways : int
-        Number of coordinates.
     """
 
     terms: Array
     weight: Array
     row: Index
     n: int
-    ways: int = 2
 
     @cached_property
     def _weighted(self) -> Array:
@@ -432,8 +428,7 @@ class NormalEquations:
         A = self._matrices
         diagonal = np.sqrt(np.maximum(np.einsum("nii->ni", A), np.finfo(float).tiny))
         # both directions alike: points on a line along one of the axes do not span a plane
-        along = diagonal[:, 1 : 1 + self.ways]
-        along[:] = np.sqrt(np.mean(along**2, axis=1, keepdims=True))
+        diagonal[:, 1:3] = np.sqrt(np.mean(diagonal[:, 1:3] ** 2, axis=1, keepdims=True))
         scaled = A / (diagonal[:, :, None] * diagonal[:, None, :])
         return np.asarray(np.linalg.eigvalsh(scaled)[:, 0] > GIVEN)
 

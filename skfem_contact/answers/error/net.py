@@ -41,7 +41,7 @@ class Fits:
     node : ndarray of int, shape (p,)
         Whose value stands in each row of these.
     scale : ndarray, shape (terms,)
-        From coefficients of coordinates without a unit to derivatives.
+        From coefficients of coordinates without a unit to those of lengths.
     """
 
     normal: NormalEquations
@@ -117,10 +117,10 @@ class Net:
         return self._fits(csr_matrix(pairs), quadratic=True)
 
     @cached_property
-    def _seconds(self) -> list[tuple[int, int, float]]:
-        """The second derivatives of a parabola, by their two directions; half of those of squares."""
+    def _seconds(self) -> list[tuple[int, int]]:
+        """The products of coordinates that a parabola has, by their two directions."""
         ways = range(self.surface.kind.dim)
-        return [(i, j, 0.5 if i == j else 1.0) for i in ways for j in ways if i <= j]
+        return [(i, j) for i in ways for j in ways if i <= j]
 
     def _fits(self, pairs: csr_matrix, quadratic: bool) -> Fits:
         entries = pairs.tocoo()
@@ -130,10 +130,10 @@ class Net:
         u = np.einsum("pd,pkd->kp", x[node] - x[row], t[row]) / size
         terms = [np.ones(len(row)), *u]
         if quadratic:
-            terms += [part * u[i] * u[j] for i, j, part in self._seconds]
+            terms += [u[i] * u[j] for i, j in self._seconds]
         scale = size ** -np.minimum(np.ceil(np.arange(len(terms)) / len(u)), 2.0)
         weight = self.weight[node] if quadratic and self.weight is not None else np.ones(len(row))
-        normal = NormalEquations(np.column_stack(terms), weight, row, len(x), len(u))
+        normal = NormalEquations(np.column_stack(terms), weight, row, len(x))
         return Fits(normal, node, scale)
 
     def misfit(self, values: Array) -> Array:
@@ -149,9 +149,9 @@ class Net:
         second = self.parabolas(values)[:, 1 + self.surface.kind.dim :]
         t = tangents(self.surface.normals)
         H = np.zeros((*t.shape[::2], t.shape[2], values.shape[1]))
-        for k, (i, j, part) in enumerate(self._seconds):
+        for k, (i, j) in enumerate(self._seconds):
             both = t[:, i, :, None] * t[:, j, None, :]
-            H += np.einsum("mk,mij->mijk", part * second[:, k], both + np.swapaxes(both, 1, 2))
+            H += np.einsum("mk,mij->mijk", second[:, k], both + np.swapaxes(both, 1, 2))
         return np.where(self.parabolas.there[:, None, None, None], H, 0.0)
 
 
