@@ -141,7 +141,7 @@ def test_triangles_and_parts_fill_the_face(name):
     """Triangles, linear faces and cuts all have the area of the face, and none is turned over."""
     kind = KINDS[name]
     at = np.vstack([kind.locations, kind.middle])
-    for parts in (kind.triangles, kind.cut, kind.linear_parts):
+    for parts in (kind.simplices, kind.cut, kind.linear_parts):
         x, y = np.moveaxis(at[np.asarray(parts)], 2, 0)
         area = 0.5 * np.sum(x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y, axis=1)
         assert np.all(area > 0)

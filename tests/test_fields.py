@@ -11,7 +11,14 @@ from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.answers import Segments, closed_area, edge_positions, find_edges, interpolate
+from skfem_contact.answers import (
+    Segments,
+    closed_area,
+    contact_edge,
+    edge_positions,
+    find_edges,
+    interpolate,
+)
 
 ROUND_OFF = 1e-12
 
@@ -41,6 +48,17 @@ def test_edges_of_the_asymptotic_gap(top, a):
     edges = edge_positions(top, closed, gap)
     assert_allclose(edges, [[a, 1.0], [-a, 1.0]], rtol=0, atol=1e-9)
     assert_allclose(closed_area(top, closed, gap), 2 * a, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("a", [0.75, 0.85])
+def test_distances_from_the_edge(a):
+    """Negative inside and zero on the edge, also where that is before the last closed node."""
+    top = TWENTY[0]
+    x, order = top.points[:, 0], np.argsort(top.points[:, 0])
+    pieces, heights = contact_edge(top, np.abs(x) < 0.81, opened(x, a)[1])
+    assert_allclose(pieces, [[[a, 1.0]] * 2, [[-a, 1.0]] * 2], rtol=0, atol=1e-9)
+    assert_allclose(heights, np.abs(x) - a, rtol=0, atol=1e-9)
+    assert_allclose(np.interp([-a, a], x[order], heights[order]), 0.0, atol=1e-9)
 
 
 def test_graded_steps():

@@ -248,12 +248,35 @@ def contour(surface: ContactSurface, closed: Mask, gap: Array) -> Contour:
     gap : ndarray, shape (m,)
         ``inf`` where a point has no partner [length].
     """
-    corners = surface.kind.triangles
+    corners = surface.kind.simplices
     h = heights(surface, closed, gap)
     height = with_centres(surface, h)[:, corners].reshape(-1, 3)
     x = with_centres(surface, surface.points)[:, corners].reshape(-1, 3, 3)
     part, segments = _cut(height, x)
-    return Contour(segments, float(part @ triangle_areas(surface, x)), h)
+    return Contour(segments, float(part @ simplex_areas(surface, x)), h)
+
+
+def contact_edge(surface: ContactSurface, closed: Mask, gap: Array) -> tuple[Array, Array]:
+    """The edge of contact, and how far from it nodes are, on curves and faces alike.
+
+    Returns
+    -------
+    pieces : ndarray, shape (s, 2, d)
+        In the plane points, as pieces without a length [length].
+    heights : ndarray, shape (m,)
+        Negative inside, and zero on the edge where they are interpolated.
+    """
+    if surface.dim == 3:
+        found = contour(surface, closed, gap)
+        return found.segments, found.heights
+    edges = find_edges(Segments.of(surface), closed, gap)
+    x, inside, part = surface.points, edges.inside, edges.part[:, None]
+    ends = (1 - part) * x[inside] + part * x[edges.outside]
+    if not len(ends):
+        return np.zeros((0, 2, 2)), np.where(closed, -1.0, 1.0)
+    outer = ~closed
+    outer[inside[edges.part < 0]] = True
+    return np.stack([ends, ends], axis=1), np.where(outer, 1.0, -1.0) * Tree(ends).distances(x)
 
 
 def heights(surface: ContactSurface, closed: Mask, gap: Array) -> Array:
@@ -303,9 +326,11 @@ def neighbours(surface: ContactSurface) -> csr_matrix:
     return beside
 
 
-def triangle_areas(surface: ContactSurface, x: Array) -> Array:
-    """Areas of the triangles x (t, 3, 3) of all faces, which add up to those of the faces, (t,)."""
-    area = 0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
+def simplex_areas(surface: ContactSurface, x: Array) -> Array:
+    """Areas of the pieces or triangles x (t, d, d) of all facets, which add up to the facets', (t,)."""
+    side = x[:, 1:] - x[:, :1]
+    across = side[:, 0] if surface.dim == 2 else 0.5 * np.cross(side[:, 0], side[:, 1])
+    area = np.linalg.norm(across, axis=1)
     area = area.reshape(len(surface.facets), -1)
     area = (area * (surface.facet_areas / area.sum(axis=1))[:, None]).ravel()
     measure = surface.body.measure

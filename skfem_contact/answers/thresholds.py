@@ -32,13 +32,13 @@ FARTHEST = 10.0
 # share of it they are within a factor of three; beyond, points are too few to say by how much.
 ESTIMATED = 0.3
 
-# -- error.surface -----------------------------------------------
+# -- error.net ---------------------------------------------------
 
 # At the end of stick a square root misfits its nodes at least ten times as much as those beside
 # them, a smooth function with a jump in its curvature about as much.
 SHARPER = 3.0
 
-# -- error.faces -------------------------------------------------
+# -- error.surface -----------------------------------------------
 
 # Pieces of the edge of contact whose middles are nearest, among which the nearest piece is.
 SEGMENTS_NEAR = 6

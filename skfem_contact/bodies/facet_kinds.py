@@ -117,16 +117,19 @@ class FacetKind:
 
     @cached_property
     def linear_parts(self) -> Index:
-        """The linear faces that a face is cut into (p, c), all triangles or all quadrilaterals."""
+        """The linear facets that a facet is cut into (p, c), all triangles or all quadrilaterals."""
         unlike = len({len(part) for part in self.parts}) > 1
         return self.cut if unlike else np.array(self.parts)
 
     @cached_property
-    def triangles(self) -> Index:
-        """Triangles (t, 3) that prefer no diagonal; k is one more node at the centre, if there is none.
+    def simplices(self) -> Index:
+        """Straight pieces (p, 2) of a line; of a face triangles (t, 3) that prefer no diagonal.
 
-        Those of `cut`, if all `parts` are triangles; else round the centre.
+        Those of `cut`, if all `parts` are triangles; else round the centre: k is one more node there,
+        if there is none.
         """
+        if self.dim == 1:
+            return np.array(self.parts)
         if all(len(part) == 3 for part in self.parts):
             return self.cut
         rim = self.edges[:, [0, 2, 1]] if self.quadratic else self.edges
@@ -135,8 +138,8 @@ class FacetKind:
 
     @property
     def centreless(self) -> bool:
-        """The `triangles` meet where there is no node."""
-        return bool(self.triangles.max() == self.nodes)
+        """The `simplices` meet where there is no node."""
+        return bool(self.simplices.max() == self.nodes)
 
     @cached_property
     def edges(self) -> Index:

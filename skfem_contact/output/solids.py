@@ -121,7 +121,7 @@ def _pieces(surface: ContactSurface, shown: Mask, places: Array, values: Array) 
         N, _ = kind.shapes(kind.middle)
         x = np.concatenate([x, np.einsum("k,fkd->fd", N, x)[:, None]], axis=1)
         v = np.concatenate([v, v[:, -4:].mean(axis=1)[:, None]], axis=1)
-    x, v = x[:, kind.triangles].reshape(-1, 3, 3), v[:, kind.triangles].reshape(-1, 3)
+    x, v = x[:, kind.simplices].reshape(-1, 3, 3), v[:, kind.simplices].reshape(-1, 3)
     while len(x) < 4000:  # as smooth as a picture can show
         x = np.einsum("qik,tkd->tqid", QUARTERS, x).reshape(-1, 3, 3)
         v = np.einsum("qik,tk->tqi", QUARTERS, v).reshape(-1, 3)

@@ -18,7 +18,7 @@ import skfem as fem
 from scenes import elastic
 
 import skfem_contact as sc
-from skfem_contact.answers import answer_of, pierced, tool_sagittas
+from skfem_contact.answers import answer_of, pierced, sagittas
 
 QUAD = fem.ElementVector(fem.ElementQuad1())
 LONG, NOTHING = "over the length of one facet the two sides stand", "presses on nothing"
@@ -115,14 +115,14 @@ def test_sides_that_fit_stand_off_little():
         (sc.RigidCylinder((0, 0), 2.0, hollow=True), 0.5),
         (sc.RigidCylinder((0, -2), 1.0), 2.0),
     ):
-        heights = tool_sagittas(rim, obstacle.bend)
+        heights = sagittas(rim, obstacle.bend)
         np.testing.assert_allclose(heights, share * alone, atol=0.02 * alone)
 
 
-def cube(n):
+def cube(n, element=fem.ElementHex1()):  # noqa: B008
     mesh = fem.MeshHex.init_tensor(*[np.linspace(-1, 1, n + 1)] * 2, np.linspace(-1, 0, 4))
     mesh = mesh.with_boundaries({"top": lambda x: x[2] == 0, "bottom": lambda x: x[2] == -1})
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    basis = fem.Basis(mesh, fem.ElementVector(element), intorder=2)
     return sc.Body(basis, elastic(1.0, 0.3), D="bottom", name="cube")
 
 
@@ -132,9 +132,12 @@ def test_solids():
     h = 0.25
     ball = sc.RigidSphere((0, 0, 3.0), 3.0)
     rod = sc.RigidCylinder((0, 0, 3.0), 3.0, axis=(0, 1, 0))
-    np.testing.assert_allclose(tool_sagittas(top, ball.bend), h**2 / 12, rtol=1e-12)
-    np.testing.assert_allclose(tool_sagittas(top, rod.bend), h**2 / 24, rtol=1e-12)
-    assert not tool_sagittas(top, sc.RigidPlane((0, 0, 1), (0, 0, -1)).bend).any()
+    np.testing.assert_allclose(sagittas(top, ball.bend), h**2 / 12, rtol=1e-12)
+    np.testing.assert_allclose(sagittas(top, rod.bend), h**2 / 24, rtol=1e-12)
+    assert not sagittas(top, sc.RigidPlane((0, 0, 1), (0, 0, -1)).bend).any()
+    # middle nodes see it, too: faces of half the length
+    fine = cube(8, fem.ElementHex2()).surface("top")
+    np.testing.assert_allclose(sagittas(fine, ball.bend), h**2 / 48, rtol=1e-12)
     # over the middle of a face its corners are half a diagonal away
     centre = np.array([h / 2, h / 2, 3.0])
     gap = np.linalg.norm(top.points - centre, axis=1) - 3.0 - 3e-3

@@ -6,6 +6,7 @@ import re
 import sys
 from pathlib import Path
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -19,11 +20,16 @@ from test_obstacles import punched
 from test_rings import DELTA, STEEL, mean, on_axes, whole_ring
 
 import skfem_contact as sc
+from skfem_contact.answers import Net
 from skfem_contact.reference import lame_rings
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 
 from effectivity import HIGH, LOW, inside, measure, problems
+
+between, near_ends, scatter = (
+    internals.beside(Net, name) for name in ("between", "near_ends", "scatter")
+)
 
 #: Problems whose estimate is more than three times the true error, and why.
 OUTSIDE = {
@@ -87,6 +93,49 @@ def test_edge_position_does_not_matter():
         true, _ = true_error(Answer(result, lambda x, e=exact: e.pressure(x[:, 0])))
         # measured .94 to 1.03; the true error itself varies by a factor of two
         assert 0.7 < result.error_estimate.pressure.total / true < 1.4
+
+
+def bent(n):
+    """The net of the bottom of a block, of unlike segments, and its coordinates."""
+    x = np.linspace(0, 1, n + 1)
+    x[1:-1] += 0.2 / n * np.cos(5 * np.arange(1, n))
+    basis = block_basis(x, np.linspace(0, 1, 3))
+    surface = sc.Body(basis, elastic(1.0, 0.3), D="top").surface("bottom")
+    return Net(surface, np.ones(n + 1, dtype=bool)), surface.points[:, 0]
+
+
+def test_neighbours_on_a_line_tell_parabolas():
+    """Nothing is left of what is linear; second derivatives are a parabola's, and so is its misfit."""
+    net, x = bent(8)
+    assert np.abs(net.misfit(np.column_stack([2 * x + 1, -x]))).max() < 1e-12
+    assert_allclose(net.curvatures(x[:, None] ** 2)[:, 0, 0, 0], 2.0, rtol=1e-9)
+    # a line misses (x - a)(x - b): minus the product of both ways, at ends their product
+    steps = np.diff(np.sort(x))
+    first = net.misfit(x[:, None] ** 2)[np.argsort(x), 0]
+    assert_allclose(first[1:-1], -steps[:-1] * steps[1:], rtol=1e-9)
+    assert_allclose(
+        first[[0, -1]], [steps[0] * steps[:2].sum(), steps[-1] * steps[-2:].sum()], rtol=1e-9
+    )
+
+
+@pytest.mark.parametrize("n", [5, 8])
+def test_a_parabola_between_nodes_of_a_line(n):
+    """Linear interpolation of x^2 on segments of h: the sum of h^5 / 30."""
+    net, x = bent(n)
+    found = between(net.surface, net, np.ones(n, dtype=bool), x[:, None] ** 2).sum()
+    assert found == pytest.approx(np.sum(np.diff(np.sort(x)) ** 5) / 30, rel=1e-9)
+
+
+@pytest.mark.parametrize(("phase", "factor"), [(np.pi, 1 / 3), (np.pi / 2, 2 / 3)])
+def test_scatter_along_a_line(phase, factor):
+    """Of fields of hats: the mean square of zigzags is 1/3 of that of heights, of waves of four 2/3."""
+    basis = block_basis(np.linspace(0, 1, 41), np.linspace(0, 1, 3))
+    surface = sc.Body(basis, elastic(1.0, 0.3), D="top").surface("bottom")
+    net, i = Net(surface, np.ones(41, dtype=bool)), np.round(40 * surface.points[:, 0])
+    field = 0.3 * np.cos(phase * i)[:, None]
+    square = scatter(net, net.misfit(field), near_ends(net, np.zeros(41, dtype=bool)))
+    inner = (i > 5) & (i < 35)
+    assert square[inner].mean() == pytest.approx(factor * np.mean(field[inner] ** 2), rel=0.1)
 
 
 def test_exact_answers_have_no_error():
@@ -159,7 +208,8 @@ def test_an_end_that_touches_nothing_is_no_sharp_edge():
     floor = sc.RigidPlane((0, 0), (0, 1))
     result = sc.ContactSolver(tip, sc.Contact(tip.surface("tip"), floor)).solve()
     assert np.sum(result.status != 0) == 1
-    assert np.argmax(result.error_estimate.indicator) != np.argmin(result.gap)
+    # the vertex is beside both ends of the surface
+    assert np.argmax(result.error_estimate.indicator) == np.argmin(result.gap)
     assert "most of it where contact or sticking ends (1 points across" in advice(result)
 
 

@@ -21,10 +21,10 @@ from statuses import OPEN, SLIP, STICK  # noqa: E402
 import skfem_contact as sc  # noqa: E402
 from skfem_contact.answers import Net  # noqa: E402
 
-_between = internals.beside(Net, "_between")
-_near_ends = internals.beside(Net, "_near_ends")
-_scatter = internals.beside(Net, "_scatter")
-_sharp = internals.beside(Net, "_sharp")
+_between = internals.beside(Net, "between")
+_near_ends = internals.beside(Net, "near_ends")
+_scatter = internals.beside(Net, "scatter")
+_sharp = internals.beside(Net, "sharp")
 
 PROBLEMS = dict(effectivity_solids.problems())
 FEW = "H2 rigid sphere, hexahedra, 4 per radius"

@@ -8,13 +8,16 @@ from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import skfem as fem
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 import judge_solids as bench
+import judge_warned
 from solid_checks import Court
 from solid_oracle import against_oracle, fits
 from solid_scenes import BodySpec, ContactSpec, Height, Scene, Way, build, make, scene, turned
@@ -333,3 +336,36 @@ def test_the_stored_run_is_on_the_page():
     assert stored["kinds"]["WRONG"] == 0
     assert sum(stored["kinds"].values()) == stored["scenes"]
     assert bench.table(stored) in bench.PAGE.read_text(encoding="utf-8")
+
+
+def test_a_winding_number_tells_inside():
+    """In a cube of hexahedra one, outside none; the depth is the distance from the nearest face."""
+    mesh = fem.MeshHex().refined(1)
+    made = SimpleNamespace(basis=fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2))
+    boundary = judge_warned.deformed(made, np.zeros(made.basis.N))
+    inside, outside = np.array([0.5, 0.4, 0.1]), np.array([0.5, 0.4, -0.1])
+    assert judge_warned.winding(inside, boundary) == pytest.approx(1.0, abs=1e-12)
+    assert judge_warned.winding(outside, boundary) == pytest.approx(0.0, abs=1e-12)
+    assert judge_warned.depth(inside, boundary) == pytest.approx(0.1, abs=1e-12)
+    assert judge_warned.depth(outside, boundary) == 0.0
+    # one facet that is seen from inside takes two solid angles away
+    boundary[0] = boundary[0][::-1]
+    assert judge_warned.winding(inside, boundary) < 1.0
+
+
+def test_overlaps_that_are_warned_of_are_there():
+    """A random scene on tetrahedra, whose overlap no contact condition sees."""
+    assert judge_warned.judge(5013) == (True, [])
+
+
+def test_an_overlap_that_is_made_up_is_noticed(monkeypatch):
+    """A warning that names a place beside the body."""
+    true = judge_warned.run
+
+    def beside(s, made):
+        found = true(s, made=made)
+        return replace(found, warned=tuple(w.replace("at (0.", "at (40.") for w in found.warned))
+
+    monkeypatch.setattr(judge_warned, "run", beside)
+    told, wrong = judge_warned.judge(5013)
+    assert told and len(wrong) == 1

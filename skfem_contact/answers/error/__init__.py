@@ -1,7 +1,7 @@
 """The discretisation error of tractions, estimated from the answer alone.
 
 * `sources`: what is estimated;
-* `surface`, `faces`: from the surface, curves or faces of solids;
+* `net`, `surface`: from the surface, by what the values around each node tell;
 * `body`: from the bodies behind it;
 * `estimate`: all together, with advice.
 """

@@ -19,7 +19,7 @@ from that of the continuous problem, in the L2 norm over the contact, from six s
     On curves of straight facets nodal forces act along normals of the curve, pressures along the
     facets'.
 
-The first three and the last are in `surface`, in 3-D the first three in `faces`, the others in `body`.
+The first three and the last are in `surface`, the others in `body`.
 An answer is not rated, and its total NaN, where one of them is not known: `chords` of second-order
 faces that stand straight for a curve, `scatter` where all points are near ends of the surface; and
 where a body locks (`validity.locking`), since its answer shows nothing of that error.
@@ -34,18 +34,19 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.error.body import bodies_error, stiffness_error
-from skfem_contact.answers.error.faces import FacesError
+from skfem_contact.answers.error.net import Net
 from skfem_contact.answers.error.sources import Elements, ErrorEstimate, ErrorSources
-from skfem_contact.answers.error.surface import Line, chords_error, net, points_across, surface_error
+from skfem_contact.answers.error.surface import SurfaceError, chords_error, net_of
 from skfem_contact.answers.thresholds import LOCKED
 from skfem_contact.answers.validity.locking import lockable, locked
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.state import OPEN
+from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.joints import rim_points
 
@@ -94,41 +95,32 @@ def _estimated(result: Answer, values: ContactValues) -> ErrorEstimate:
     if not closed.any():
         none = ErrorSources()
         return ErrorEstimate(none, none, np.zeros(len(closed)), {}, 0, "nothing touches")
-    if surface.dim == 3:
-        return _of_faces(result, values, contact)
-    # at prescribed nodes the support bears what contact would, and nobody knows how much of it
-    line = Line.of(surface, np.asarray(~surface.held.all(axis=1)))
-    p = values.pressure[:, None]
-    both = np.hstack([p, values.friction_stress])
-    bodies, elements = bodies_error(result, values)
-    of_pressure, _ = surface_error(values, line, p)
-    of_both, share = surface_error(values, line, both)
-    stiffness = stiffness_error(result, contact, values, both)
-    bodies, chords = net(result, bodies, chords_error(result, values))
-    pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
-    traction = ErrorSources(*of_both, bodies, stiffness, chords)
-    across = points_across(line, values.status)
-    advice = _advice(contact, values, line.ends, traction, share, elements, across)
-    return ErrorEstimate(pressure, traction, share, elements, across, advice)
-
-
-def _of_faces(result: Answer, values: ContactValues, contact: Contact) -> ErrorEstimate:
-    """The same in 3-D."""
-    surface = values.surface
     # as vectors: tangents may be another choice from one node to the next
     friction = values.traction - values.pressure[:, None] * values.normal
     both = np.hstack([values.pressure[:, None], friction])
     bodies, elements = bodies_error(result, values)
     stiffness = stiffness_error(result, contact, values, both)
-    error = FacesError(values, _between_nodes(result, values, contact))
+    error = SurfaceError(values, _between_nodes(result, values, contact))
     of_pressure, _ = error(values.pressure[:, None])
     of_both, share = error(both)
-    bodies, chords = net(result, bodies, chords_error(result, values))
+    bodies, chords = net_of(result, bodies, chords_error(result, values))
     pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
     traction = ErrorSources(*of_both, bodies, stiffness, chords)
+    across = points_across(error.net, values.status) if surface.dim == 2 else None
     ends = rim_points(surface, mirrored=False)
-    advice = _advice(contact, values, ends, traction, share, elements, None)
-    return ErrorEstimate(pressure, traction, share, elements, None, advice)
+    advice = _advice(contact, values, ends, traction, share, elements, across)
+    return ErrorEstimate(pressure, traction, share, elements, across, advice)
+
+
+def points_across(net: Net, status: Index) -> int:
+    """Points of the smallest zone of contact, or of sticking, that has an edge; 0 without one."""
+    fewest = []
+    for zone in (status != OPEN, status == STICK):
+        inside = np.flatnonzero(zone)
+        _, number = connected_components(net.joined[inside][:, inside], directed=False)
+        with_edge = np.unique(number[net.beside(~zone)[inside]])
+        fewest += np.bincount(number)[with_edge].tolist()
+    return min(fewest, default=0)
 
 
 def _between_nodes(result: Answer, values: ContactValues, contact: Contact) -> bool:

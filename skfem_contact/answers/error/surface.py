@@ -1,269 +1,228 @@
-"""Error of tractions along a surface: at edges, between nodes and across them, of straight facets.
+r"""Error of tractions along a surface, a curve or faces: at edges, between nodes, of straight facets.
 
-Every nodal value is compared with the polynomial through the nodes around it, without the node itself;
-at the end of contact with the square root that tractions are there. The value at a node less what its
-neighbours tell (`misfit`) is how it differs from a mesh of twice the size. By Richardson's argument the
-error of the mesh itself is that over ``2**p - 1``: over 1 where contact or stick ends and the order p
-is one, over 3 on linear facets and 7 on quadratic ones. At the edges of contact the misfit is the one
-from a square root, which does not depend on where between two nodes the edge lies.
+* *Edges of contact.* On the facets around the edge (`fields.contact_edge`) the nodal field is compared
+  with the square root of the distance from the edge that goes through the values of the second nodes
+  inside, which does not depend on where between two nodes the edge lies.
+* *Between nodes* with the parabola through a node and those around it, by least squares: on each facet
+  its difference to its own interpolation.
+* *Ends of stick, ends of the surface*: a node less the plane through its neighbours, where that is much
+  more than beside it. Of first order it is the error itself.
+* *Scatter*: that misfit taken once and twice more, which leaves what jumps from node to node.
 
-Nodal forces act along the curve, straight facets do not. The pressure p of a chord that spans the angle
-a acts along the normal of the chord. Along the normal of the curve, at the node between two, it has the
-force ``p L cos(a / 2)``: the nodal force over the length L shows a pressure that is ``1 - cos(a / 2)``
-too low, on matching meshes as well. Between two bodies it is the mean of both sides (more or less, by
-their stiffness). Faces have at each of their corners the angle between their own normal and that of the
-boundary in the place of ``a / 2``.
+Second-order facets are cut into linear ones where contact, stick and the surface end. Elsewhere they
+have one part in place of the second and the last: what their nodal values are off smooth ones.
+
+Multipliers of second-order facets scatter between corners and middles of edges, by some percent where
+both sides are curved. What a facet makes of it depends on its shape functions: serendipity ones have
+the fourfold opposite of the corners' in the middle, corners of quadratic triangles count next to
+nothing. So the difference of the nodal values to parabolas through those around, by least squares with
+the areas of the nodes, is interpolated on each facet as the traction is, and integrated.
+
+*Chords.* Nodal forces act along the boundary's normals, straight facets do not. The pressure p of a
+chord that spans the angle a acts along the normal of the chord. Along the normal of the curve, at the
+node between two, it has the force ``p L cos(a / 2)``: the nodal force over the length L shows a
+pressure that is ``1 - cos(a / 2)`` too low, on matching meshes as well. Between two bodies it is the
+mean of both sides (more or less, by their stiffness). Facets have at each of their corners the angle
+between their own normal and that of the boundary in the place of ``a / 2``.
 """
 
 from __future__ import annotations
 
-import itertools
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.error.net import Net, between, near_ends, scatter, sharp
 from skfem_contact.answers.error.sources import Three, relative
-from skfem_contact.answers.fields import Edges, Segments, find_edges
-from skfem_contact.answers.thresholds import SHARPER
+from skfem_contact.answers.fields import contact_edge, displaced, simplex_areas, with_centres
+from skfem_contact.answers.thresholds import SEGMENTS_NEAR
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.bodies.areas import tributary_areas
+from skfem_contact.bodies.facet_kinds import kind_of
+from skfem_contact.bodies.facets import twin_edges
+from skfem_contact.bodies.normal_field import sizes_and_normals
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.conditions.state import OPEN, STICK
-from skfem_contact.records import dataclass
+from skfem_contact.conditions.state import OPEN
+from skfem_contact.digits import SOLVED
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+#: Degrees of the quadrature of a root that begins within a facet, by the dimension: in the plane one
+#: facet has all of the kink, to a percent; in space it is at another place of each face.
+ROOT = {2: 24, 3: 8}
 
 
-#: Of a square root up to its zero: four digits, which no estimate needs.
-GAUSS = np.polynomial.legendre.leggauss(8)
+class SurfaceError:
+    """Errors of tractions on the facets of one contact.
 
-#: Nodes, by their rank before (0, 1, 2) and after (3, 4, 5), for parabolas: one from either side; at
-#: an end of the line the first of the others that exists. The nearest node is on both sides, so that
-#: these are the vertices and middles that a quadratic facet of twice the length would have.
-PARABOLAS = (((0, 1, 3), (0, 3, 4)), ((0, 1, 2),), ((3, 4, 5),))
-#: The same for straight lines, with two nodes on either side.
-LINES = (((0, 2),), ((0, 1),), ((2, 3),))
-
-
-@dataclass(frozen=True, eq=False)
-class Line:
-    """The nodes of a surface in 2-D and their neighbours along it; -1 where there is none.
-
-    Attributes
+    Parameters
     ----------
-    before, after : ndarray of int, shape (m,)
-    to_before, to_after : ndarray, shape (m,)
-        Distances along the surface [length].
-    segments : Segments
-        The facets, or halves of quadratic ones.
+    values : ContactValues
+    unlike : bool
+        Whether nodes press between others, so that values scatter; this part is NaN where all points
+        are so near to an end that none tells by how much.
     """
 
-    before: Index
-    after: Index
-    to_before: Array
-    to_after: Array
-    segments: Segments
+    def __init__(self, values: ContactValues, unlike: bool) -> None:
+        self.whole, surface = values.surface, cut(values.surface)
+        self.values, self.surface, self.unlike = values, surface, unlike
+        # at prescribed nodes the support bears what contact would, and nobody knows how much of it
+        self.net = Net(surface, np.asarray(~surface.held.all(axis=1)))
+        self.closed = np.asarray(values.status != OPEN)
+        self.rim = self.closed & self.net.beside(~self.closed)
+        self.at_rim = np.asarray(self.rim[surface.facets].any(axis=1))
 
-    @classmethod
-    def of(cls, surface: ContactSurface, known: NDArray[np.bool_]) -> Line:
-        """Along the nodes with a known value; the others interrupt the line."""
-        segments, m = Segments.of(surface), len(surface.points)
-        kept = known[segments.start] & known[segments.end]
-        start, end, length = segments.start[kept], segments.end[kept], segments.length[kept]
-        before, after = np.full(m, -1), np.full(m, -1)
-        to_before, to_after = np.zeros(m), np.zeros(m)
-        after[start], to_after[start] = end, length
-        before[end], to_before[end] = start, length
-        return cls(before, after, to_before, to_after, segments)
+    def __call__(self, traction: Array) -> tuple[Three, Array]:
+        """By edges, facets and scatter over the norm of a traction (m, k); the share of each point."""
+        surface, net, closed, rim = self.surface, self.net, self.closed, self.rim
+        area = surface.area
+        size = float(np.sum(area[:, None] * traction**2))
+        first = net.misfit(traction)
+        ends = sharp(net, self.values.status, first)
+        # a hat has a third of the square of its height over its area
+        of_edges = area / 3.0 * np.sum(first**2, axis=1) * (ends & ~rim)
+        if self.edge is not None:
+            of_edges += self.edge.misfit(traction)
+        if self.whole.kind.quadratic:
+            of_facets, (scattered, told) = np.zeros(len(area)), self._ripple(traction, ends)
+        else:
+            smooth = ~self.at_rim & ~ends[surface.facets].any(axis=1)
+            of_facets = between(surface, net, smooth & closed[surface.facets].any(axis=1), traction)
+            left_out = near_ends(net, ends | rim)
+            scattered, told = area * scatter(net, first, left_out), not left_out[closed].all()
+        (edges, facets, jumps), share = relative(of_edges, of_facets, scattered, size)
+        return (edges, facets, np.nan if self.unlike and not told else jumps), share
 
-    @property
-    def ends(self) -> NDArray[np.bool_]:
-        """Nodes without a neighbour on one side, shape (m,)."""
-        return (self.before < 0) | (self.after < 0)
+    def _ripple(self, traction: Array, ends: Mask) -> tuple[Array, bool]:
+        """Of second-order facets, by nodes: what values are off smooth ones; whether any tells."""
+        known = self.net.known & self.closed & ~self.rim & ~ends
+        net = Net(self.surface, known, np.maximum(self.values.area, 0.0))
+        known &= net.parabolas.there
+        facets = np.asarray(known[self.whole.facets].all(axis=1))
+        off = np.where(known[:, None], traction - net.parabolas(traction)[:, 0], 0.0)
+        return ripple(self.whole, facets, off), bool(facets.any())
 
-    def beside(self, marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """The marked nodes and their neighbours."""
-        out = marked.copy()
-        for link in (self.before, self.after):
-            out |= (link >= 0) & marked[link]
+    @cached_property
+    def edge(self) -> Edge | None:
+        """The edge of contact on the facets around it; None where there is none."""
+        placed = displaced(self.surface, self.values.points)
+        pieces, heights = contact_edge(placed, self.closed, self.values.gap)
+        if not (self.at_rim.any() and len(pieces)):
+            return None
+        # how steep the root is at the nodes of the edge, by the values of those behind them
+        behind = np.flatnonzero(self.closed & ~self.rim)
+        if not len(behind):
+            behind = np.flatnonzero(self.rim)
+        return Edge(placed, pieces, heights, self.rim, np.flatnonzero(self.at_rim), behind)
+
+
+class Edge:
+    """The edge of contact as the facets around it see it, whatever the traction.
+
+    Parameters
+    ----------
+    surface : ContactSurface
+    pieces, heights : ndarray
+        From `fields.contact_edge`.
+    rim : ndarray of bool, shape (m,)
+        Closed nodes beside open ones.
+    facets, behind : ndarray of int
+        The facets with such nodes, and the closed nodes behind these.
+    """
+
+    def __init__(
+        self,
+        surface: ContactSurface,
+        pieces: Array,
+        heights: Array,
+        rim: Mask,
+        facets: Index,
+        behind: Index,
+    ) -> None:
+        self.surface, self.facets, self.behind = surface, facets, behind
+        self.corners, d = surface.kind.simplices, surface.dim
+        x = with_centres(surface, surface.points)[:, self.corners]
+        area = simplex_areas(surface, x.reshape(-1, d, d))
+        self.area = area.reshape(len(surface.facets), -1)[facets]
+        kind = kind_of(d, d)
+        xi, self.weight = kind.quadrature(ROOT[d])
+        self.N = kind.shapes(xi)[0]
+        h = with_centres(surface, heights)[facets][:, self.corners]
+        h = np.where(np.isfinite(h), h, np.abs(h[np.isfinite(h)]).max(initial=1.0))
+        inside = (np.einsum("qa,fta->ftq", self.N, h) < 0).ravel()
+        places = np.einsum("qa,ftad->ftqd", self.N, x[facets])
+        self.shape, places = places.shape[:3], places.reshape(-1, d)
+        self.depth = _distance(pieces, surface.points[behind])
+        self.near = Tree(surface.points[behind]).query(places)[1]
+        self.root = np.zeros((len(places), 1))
+        self.root[inside, 0] = np.sqrt(_distance(pieces, places[inside]))
+        self.mine = rim[surface.facets[facets]]
+
+    def misfit(self, traction: Array) -> Array:
+        """Squares of the nodal field less a root of the distance from the edge, by nodes, (m,)."""
+        out = np.zeros(len(self.surface.points))
+        t = with_centres(self.surface, traction)[self.facets][:, self.corners]
+        steep = np.sqrt(self.depth)[:, None]
+        inside = steep > SOLVED * steep.max(initial=0.0)  # on the edge itself no root is told
+        slope = np.divide(
+            traction[self.behind], steep, out=np.zeros_like(traction[self.behind]), where=inside
+        )[self.near]
+        root = (slope * self.root).reshape(*self.shape, -1)
+        nodal = np.einsum("qa,ftak->ftqk", self.N, t)
+        weight = self.weight / self.weight.sum()
+        square = np.einsum("q,ftqk,ft->f", weight, (nodal - root) ** 2, self.area)
+        part = np.where(self.mine, (square / self.mine.sum(axis=1))[:, None], 0.0)
+        np.add.at(out, self.surface.facets[self.facets], part)
         return out
 
-    def edges(self, closed: NDArray[np.bool_], gap: Array) -> Edges:
-        """Where contact ends (`find_edges`) on the line, with two closed nodes before it."""
-        edges = find_edges(self.segments, closed, gap)
-        ahead = self.after[edges.inside] == edges.outside
-        inner = np.where(ahead, self.before[edges.inside], self.after[edges.inside])
-        kept = (ahead | (self.before[edges.inside] == edges.outside)) & (inner >= 0)
-        kept &= closed[inner]
-        return Edges(edges.inside[kept], edges.outside[kept], edges.segment[kept], edges.part[kept])
 
-    def around(self, reach: int) -> tuple[Index, Array]:
-        """The next nodes before and after, and their distances, negative before, (m, 2 reach)."""
-        nodes, places = [], []
-        for link, length, sign in ((self.before, self.to_before, -1), (self.after, self.to_after, 1)):
-            node, place = np.arange(len(link)), np.zeros(len(link))
-            for _ in range(reach):
-                there = node >= 0
-                place = np.where(there, place + sign * length[node], place)
-                node = np.where(there, link[node], -1)
-                nodes.append(node)
-                places.append(place)
-        return np.stack(nodes, axis=1), np.stack(places, axis=1)
+def _distance(pieces: Array, points: Array) -> Array:
+    """Distances of points (p, d) from the nearest of some pieces (s, 2, d), (p,)."""
+    few = min(SEGMENTS_NEAR, len(pieces))
+    near = Tree(pieces.mean(axis=1)).query(points, k=few)[1].reshape(len(points), few)
+    start, along = pieces[near, 0], pieces[near, 1] - pieces[near, 0]
+    away = points[:, None] - start
+    square = np.maximum(np.sum(along**2, axis=2), np.finfo(float).tiny)
+    part = np.clip(np.sum(away * along, axis=2) / square, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(away - part[..., None] * along, axis=2).min(axis=1))
 
 
-def misfit(line: Line, values: Array, quadratic: bool) -> Array:
-    """Values less what their neighbours tell, shape of `values`; zero where there are too few.
-
-    Parameters
-    ----------
-    line : Line
-    values : ndarray, shape (m, k)
-    quadratic : bool
-        Whether the neighbours tell a parabola, or a straight line.
-
-    Examples
-    --------
-    Of a parabola over equal segments a straight line misses half the second difference:
-
-    >>> i = np.arange(5)
-    >>> segments = Segments(i[:-1], i[1:], np.ones(4), np.ones(4))
-    >>> line = Line(i - 1, np.where(i < 4, i + 1, -1), np.ones(5), np.ones(5), segments)
-    >>> misfit(line, i[:, None] ** 2.0, quadratic=False)[1:4].ravel().tolist()
-    [-1.0, -1.0, -1.0]
-    >>> bool(abs(misfit(line, i[:, None] ** 2.0, quadratic=True)).max() < 1e-12)
-    True
-    """
-    nodes, places = line.around(3 if quadratic else 2)
-    recovered, found = np.zeros_like(values), np.zeros(len(values))
-    for choice in PARABOLAS if quadratic else LINES:
-        open_ = found == 0
-        for columns in choice:
-            there = open_ & (nodes[:, columns] >= 0).all(axis=1)
-            at = places[np.ix_(there, columns)]
-            recovered[there] += np.einsum("mc,mck->mk", _at_zero(at), values[nodes[there][:, columns]])
-            found += there
-    known = found > 0
-    recovered[known] = recovered[known] / found[known, None]
-    return np.where(known[:, None], values - recovered, 0.0)
+def cut(surface: ContactSurface) -> ContactSurface:
+    """The linear facets between the nodes of a second-order surface; a linear one as it is."""
+    if not surface.kind.quadratic:
+        return surface
+    parts = surface.kind.linear_parts
+    facets = np.concatenate([surface.facets[:, part] for part in parts])
+    kind = kind_of(surface.dim, facets.shape[1])
+    points, twins = surface.points, twin_edges(facets)
+    return replace(
+        surface,
+        facets=facets,
+        twins=twins,
+        mesh_facets=np.tile(surface.mesh_facets, len(parts)),
+        area=tributary_areas(points, facets, kind, surface.body.measure, surface.label),
+        **sizes_and_normals(points, facets, kind, surface.held, twins),
+    )
 
 
-def _at_zero(places: Array) -> Array:
-    """Lagrange's weights of the values at `places` (m, c) for that at zero."""
-    weight = np.ones_like(places)
-    for i, j in np.ndindex(places.shape[1], places.shape[1]):
-        if i != j:
-            weight[:, i] *= places[:, j] / (places[:, j] - places[:, i])
-    return weight
+def ripple(surface: ContactSurface, facets: Mask, off: Array) -> Array:
+    """Square integrals over facets of what nodal values (m, k) are off, by nodes, (m,)."""
+    out = np.zeros(len(surface.points))
+    at, weight = surface.kind.quadrature(4)
+    nodes = surface.facets[facets]
+    inner = np.einsum("qa,fak->fqk", surface.kind.shapes(at)[0], off[nodes])
+    square = np.einsum("q,fqk->f", weight / weight.sum(), inner**2) * surface.facet_areas[facets]
+    np.add.at(out, nodes, square[:, None] / nodes.shape[1])
+    return out
 
 
-def edge_misfit(line: Line, edges: Edges, values: Array) -> Array:
-    """Square integral, around each edge of contact, of the nodal field less a square root, (k, c).
-
-    The root begins at the edge and goes through the value of the second node inside. Straight lines
-    join zero at the open node, the value of the last closed node, and that of the second.
-
-    Parameters
-    ----------
-    line : Line
-    edges : Edges
-        Of `Line.edges`.
-    values : ndarray, shape (m, c)
-    """
-    segment, last = edges.segment, values[edges.inside]
-    ahead = line.after[edges.inside] == edges.outside
-    second = values[np.where(ahead, line.before[edges.inside], line.after[edges.inside])]
-    inner = np.where(ahead, line.to_before[edges.inside], line.to_after[edges.inside])
-    outer = line.segments.length[segment]
-    place = edges.part * outer  # of the edge beyond the last closed node
-    slope = second / np.sqrt(inner + place)[:, None]
-    # s runs from the edge inwards: open node, edge and last closed node in either order, second node
-    knots = np.sort([place - outer, np.minimum(place, 0), np.maximum(place, 0), place + inner], axis=0)
-    t, weight = GAUSS
-    total = np.zeros_like(last)
-    for a, b in itertools.pairwise(knots):
-        s = 0.5 * (a + b)[:, None] + 0.5 * (b - a)[:, None] * t
-        way = s - place[:, None]
-        rising = (1 + way / outer[:, None])[..., None] * last[:, None]
-        joining = (way / inner[:, None])[..., None] * (second - last)[:, None] + last[:, None]
-        nodal = np.where((way < 0)[..., None], rising, joining)
-        root = np.sqrt(np.maximum(s, 0))[..., None] * slope[:, None]
-        total += 0.5 * (b - a)[:, None] * np.einsum("q,kqc->kc", weight, (nodal - root) ** 2)
-    return total * (line.segments.area[segment] / outer)[:, None]
-
-
-def surface_error(values: ContactValues, line: Line, traction: Array) -> tuple[Three, Array]:
-    """Errors by edges, facets and scatter over the norm of the traction; the share of each point."""
-    surface = values.surface
-    area, quadratic = surface.area[:, None], surface.quadratic
-    size = float(np.sum(area * traction**2))
-    first = misfit(line, traction, quadratic)
-    sharp = _sharp(line, values.status, first, surface)
-    order = np.where(sharp, 1.0, 1 / 7 if quadratic else 1 / 3)[:, None]
-    # a hat function has a third of the square of its height, over its area
-    squares = area / 3.0 * (order * first) ** 2
-    edges = line.edges(values.status != OPEN, values.gap)
-    squares[edges.inside] = squares[edges.outside] = 0.0
-    squares[edges.inside] += edge_misfit(line, edges, traction)
-    sharp[edges.inside] = True
-    scatter = area / 3.0 * _scatter(line, first, sharp, quadratic)
-    of_nodes = squares.sum(axis=1)
-    parts = np.where(sharp, of_nodes, 0.0), np.where(sharp, 0.0, of_nodes), scatter.sum(axis=1)
-    return relative(*parts, size)
-
-
-def _sharp(line: Line, status: Index, first: Array, surface: ContactSurface) -> NDArray[np.bool_]:
-    """Points where tractions are no smooth functions: at ends of contact, of stick, of the surface."""
-    border = np.zeros(len(status), dtype=bool)
-    for link in (line.before, line.after):
-        border |= (link >= 0) & (status[link] != status)
-    # where slip begins tractions may well be smooth, and then are misfits not larger than beside it
-    size, beside = np.linalg.norm(first, axis=1), np.zeros(len(status))
-    for link in (line.before, line.after):
-        inner = (link >= 0) & ~border[link]
-        beside = np.where(inner, np.maximum(beside, size[link]), beside)
-    sharp = border & (size > SHARPER * beside)
-    # at the end of a surface stress may be singular, but not on a line of symmetry or at a support
-    bound = np.asarray(surface.held.any(axis=1))
-    supported = np.asarray(surface.held.all(axis=1))[surface.facets].any(axis=1)
-    bound[surface.facets[supported]] = True
-    return sharp | (line.ends & ~bound)
-
-
-def _scatter(line: Line, first: Array, sharp: NDArray[np.bool_], quadratic: bool) -> Array:
-    """Squared heights of what jumps from node to node, (m, k), times three over those of its hats.
-
-    Taking the misfit again and again leaves of a traction what scatters. It enlarges waves by
-    ``1 - cos`` of their phase per node: 2 for a zigzag, 1 for waves of four nodes. Longer ones are as
-    good as smooth.
-    """
-    # only nodes whose neighbours' misfits know no sharp points, and stand between others
-    left_out = sharp | line.ends
-    for _ in range(3 if quadratic else 2):
-        left_out = line.beside(left_out)
-    second = np.where(left_out[:, None], 0.0, misfit(line, first, quadratic))
-    third = np.where(left_out[:, None], 0.0, misfit(line, second, quadratic))
-    scale = float(np.sum(second**2))
-    growth = min(float(np.sqrt(np.sum(third**2) / scale)), 2.0) if scale > 0 else 1.0
-    # a field of hats with heights a cos(phase i) has the mean square a² (2 + cos phase) / 6
-    return (3.0 - growth) * (second / max(growth, 1.0) ** 2) ** 2
-
-
-def points_across(line: Line, status: Index) -> int:
-    """Points of the shortest run of contact, or of sticking, that touches an edge."""
-    fewest = 0
-    for zone in (status != OPEN, status == STICK):
-        start = zone & ((line.before < 0) | ~zone[line.before])
-        for first in np.flatnonzero(start):
-            run = [first]
-            while line.after[run[-1]] >= 0 and zone[line.after[run[-1]]]:
-                run.append(line.after[run[-1]])
-                if run[-1] == first:
-                    break
-            beyond = line.before[run[0]], line.after[run[-1]]
-            if any(node >= 0 and not zone[node] for node in beyond):
-                fewest = min(fewest, len(run)) if fewest else len(run)
-    return fewest
+# -- straight facets of curved surfaces -----------------------------------------------------------
 
 
 def chords_error(result: Answer, values: ContactValues) -> float:
@@ -281,20 +240,16 @@ def _lost(surface: ContactSurface, forces: Array) -> float:
     """Root of the mean square of ``1 - cos(a / 2)`` over a surface, weighted as the pressure is."""
     if surface.quadratic or surface.dofs.shape[1] != surface.dim:
         return 0.0  # what flows from chord to chord has no direction
-    if surface.dim == 3:
-        along = np.einsum("fkd,fkd->fk", surface.own_normals, surface.facet_node_normals)
-        low, extent = np.maximum(1 - along.mean(axis=1), 0.0), surface.facet_areas
-    else:
-        half = np.arctan(0.5 * (surface.slopes[:, 0] - surface.slopes[:, 1]))
-        low, extent = 1 - np.cos(half), surface.lengths
+    along = np.einsum("fkd,fkd->fk", surface.own_normals, surface.facet_node_normals)
+    low = np.maximum(1 - along.mean(axis=1), 0.0)
     size = np.linalg.norm(forces[surface.dofs], axis=1)
     pressure = np.divide(size, surface.area, out=np.zeros_like(size), where=surface.area > 0)
-    weight = extent * np.sum(pressure[surface.facets] ** 2, axis=1)
+    weight = surface.facet_areas * np.sum(pressure[surface.facets] ** 2, axis=1)
     total = float(weight.sum())
     return float(np.sqrt(weight @ low**2 / total)) if total > 0 else 0.0
 
 
-def net(result: Answer, bodies: float, chords: float) -> tuple[float, float]:
+def net_of(result: Answer, bodies: float, chords: float) -> tuple[float, float]:
     """What is left of both where they are known to have opposite signs.
 
     Meshes are too stiff, so what interference presses is too high, and chords show too little of it.

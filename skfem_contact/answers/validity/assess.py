@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import A_TENTH
-from skfem_contact.answers.validity.chords import chord_height, drawn_off
+from skfem_contact.answers.validity.chords import drawn_off
 from skfem_contact.answers.validity.deformed_boundaries import (
     Boundary,
     BoundaryNodes,
@@ -237,19 +237,18 @@ class Assessment:
                 motion = as_motion(system, contact.rigid_body, result.u)
             obstacle = contact.primary.moved(motion)
             # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
-            found = at_obstacle(
-                obstacle, secondary, chord_height(secondary), moved, added, closed, paired
-            )
+            chords = drawn_off(secondary)
+            found = at_obstacle(obstacle, secondary, chords, moved, added, closed, paired)
             if obstacle.outline is None or contact.bilateral or contact.gap is not None:
                 return found
             corners = obstacle.outline.points
-            return with_corners(found, self.boundary(name), corners, drawn_off(secondary), moved, added)
+            return with_corners(found, self.boundary(name), corners, chords, moved, added)
         if contact.primary.body is secondary.body:
             return Meeting()
         other = system.names[system.index(contact.primary.body)]
-        chords = drawn_off(secondary), drawn_off(contact.primary)
+        off = drawn_off(secondary), drawn_off(contact.primary)
         boundaries = self.boundary(name), self.boundary(other)
-        return between(*boundaries, chords, system.extent, moved, added, closed, paired)
+        return between(*boundaries, off, system.extent, moved, added, closed, paired)
 
     def _alone(self, i: int) -> bool:
         """Whether the deepest point is a node that is all that presses there."""

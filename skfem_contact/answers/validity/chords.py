@@ -53,13 +53,18 @@ Mask = NDArray[np.bool_]
 
 
 def sagittas(
-    secondary: ContactSurface, primary: ContactSurface, facet: Index, by_node: bool = False
+    secondary: ContactSurface,
+    primary: ContactSurface | Array,
+    facet: Index | None = None,
+    by_node: bool = True,
 ) -> Array:
     """Height of the gap's paraboloid over the edges of the facets that meet, shape (m,) [length].
 
     Parameters
     ----------
-    secondary, primary : ContactSurface
+    secondary : ContactSurface
+    primary : ContactSurface, or ndarray of shape (d, d)
+        How an obstacle bends, `Obstacle.bend` [1/length].
     facet : ndarray of int, shape (m,)
         Primary facets that the points meet.
     by_node : bool
@@ -68,81 +73,52 @@ def sagittas(
     Returns
     -------
     ndarray, shape (m,)
-        Zero where no side is a curve: on straight sides, kinks and polygons of less than 16 sides.
+        Zero where no side is a curve: on straight sides, kinks and polygons of less than 16 sides. What
+        two sides of curved second-order faces leave, or these and an obstacle, is not known.
     """
     m, facets, d = len(secondary.points), secondary.facets, secondary.dim
     own, edges = bends(secondary)
-    of_primary, others = bends(primary)
+    if isinstance(primary, ContactSurface):
+        of_primary, others = (found[facet] for found in bends(primary))
+        curved = primary.quadratic
+    else:
+        of_primary, others = np.broadcast_to(primary, (m, d, d)), np.zeros((m, 1, d))
+        curved = bool(own.any())
     # curved faces that fit are known to differ little; which of them bend is not known well enough
-    fit = d == 3 and secondary.quadratic and primary.quadratic
+    fit = d == 3 and secondary.quadratic and curved
     if fit or not (own.any() or of_primary.any()):
         return np.zeros(m)
     mean = np.zeros((m, d, d))
     np.add.at(mean, facets, own[:, None])
     mean /= np.bincount(facets.ravel(), minlength=m)[:, None, None]
-    bend = mean + of_primary[facet]
-    out = _rise(others[facet], bend)
+    bend = mean + of_primary
+    out = _rise(others, bend)
+    around = _rise(edges[:, None], bend[facets])
     if by_node:
-        around = _rise_over(edges, bend[facets], of_primary[facet][facets], secondary.kind)
-    else:
-        around = _rise(edges[:, None], bend[facets])
+        spread = _spread(edges, secondary.kind)
+        whole = [np.abs(np.einsum("fkde,fde->fk", K[facets], spread)) for K in (bend, of_primary)]
+        around = np.maximum(around, 4 * np.minimum(*whole))
     np.maximum.at(out, facets, around)
     # what normals of plane faces differ by
     return np.where(out > 8 * COMPUTED * np.abs(secondary.points).max(), out / 8, 0.0)
-
-
-def tool_sagittas(surface: ContactSurface, bend: Array) -> Array:
-    """Height of the gap's paraboloid over the longest facet at each node, shape (m,) [length].
-
-    Parameters
-    ----------
-    surface : ContactSurface
-        The secondary surface.
-    bend : ndarray, shape (d, d)
-        Of the obstacle.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Zero where neither side is a curve. What curved faces of quadratic elements leave is not known.
-    """
-    out = np.zeros(len(surface.points))
-    own, edges = bends(surface)
-    if surface.dim == 3 and surface.quadratic:
-        if own.any():
-            return out
-        edges = 0.5 * edges
-    over = _rise_over(edges, own + bend, bend[None], surface.kind)
-    np.maximum.at(out, surface.facets, over[:, None])
-    return out / 8
-
-
-def chord_height(surface: ContactSurface) -> float:
-    """Largest distance between straight facets and the curve with the normals at their ends.
-
-    Zero of quadratic facets, which are curved themselves.
-    """
-    if surface.quadratic:
-        return 0.0
-    corners = range(surface.kind.corners)
-    x, n = surface.points[surface.facets], surface.facet_node_normals
-    rises = [
-        np.linalg.norm(n[:, i] - n[:, j], axis=1) * np.linalg.norm(x[:, i] - x[:, j], axis=1)
-        for i in corners
-        for j in range(i)
-    ]
-    return float(np.max(rises) / 8)
 
 
 def drawn_off(surface: ContactSurface) -> float:
     """Largest distance between a surface and the straight pieces that stand for it where it is drawn.
 
     Second-order facets are parabolas: over one of n pieces by the nth part squared as high as over
-    the whole. Straight ones on a curve are off it by the height of their chords.
+    the whole. Straight ones are off the curve with the normals at their ends by the height of their
+    chords.
     """
-    if not surface.quadratic:
-        return chord_height(surface)
     x, corners = surface.points[surface.facets], surface.kind.corners
+    if not surface.quadratic:
+        n = surface.facet_node_normals
+        pairs = [(i, j) for i in range(corners) for j in range(i)]
+        rises = [
+            np.linalg.norm(n[:, i] - n[:, j], axis=1) * np.linalg.norm(x[:, i] - x[:, j], axis=1)
+            for i, j in pairs
+        ]
+        return float(np.max(rises) / 8)
     edges, parts = (1, PIECES) if surface.dim == 2 else (corners, 2)
     rises = [
         np.linalg.norm(x[:, corners + i] - 0.5 * (x[:, i] + x[:, (i + 1) % corners]), axis=1)
@@ -163,27 +139,6 @@ def _height_of_plane_facets(surface: ContactSurface) -> float:
         for ends in (corners, np.roll(corners, -1, axis=1))
     ]
     return float(np.max(rises))
-
-
-def _rise_over(edges: Array, bend: Array, of_primary: Array, kind: FacetKind) -> Array:
-    """Eight times the height over facets whose nodes alone see the primary.
-
-    Parameters
-    ----------
-    edges : ndarray, shape (nf, c, d)
-    bend : ndarray, shape (nf, k, d, d) or (nf, d, d)
-        Of both sides together.
-    of_primary : ndarray, shape (nf, k, d, d) or (1, d, d)
-    kind : FacetKind
-
-    Returns
-    -------
-    ndarray, shape (nf, k) or (nf,)
-    """
-    around = _rise(edges[:, None] if bend.ndim > edges.ndim else edges, bend)
-    spread = _spread(edges, kind)
-    whole = [np.abs(np.einsum("f...de,fde->f...", K, spread)) for K in (bend, of_primary)]
-    return np.maximum(around, 4 * np.minimum(*whole))
 
 
 def _rise(edges: Array, bend: Array) -> Array:
@@ -225,7 +180,7 @@ def bends(surface: ContactSurface) -> tuple[Array, Array]:
     else:
         rise, edges, bend = _face_bends(surface)
         if not rise.any():
-            return bend, edges
+            return bend, (0.5 if surface.quadratic else 1.0) * edges
     if not surface.quadratic:
         return bend, edges
     kind, count = surface.kind, edges.shape[1]

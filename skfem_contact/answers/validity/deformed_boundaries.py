@@ -250,8 +250,8 @@ def _drawing(kind: FacetKind) -> tuple[Array | None, Index]:
         at = np.linspace(0.0, 1.0, PIECES + 1)
         return kind.shapes(at[:, None])[0], np.stack([np.arange(PIECES), 1 + np.arange(PIECES)], axis=1)
     if not kind.centreless:
-        return None, kind.triangles
-    return np.vstack([np.eye(kind.nodes), kind.shapes(kind.middle)[0]]), kind.triangles
+        return None, kind.simplices
+    return np.vstack([np.eye(kind.nodes), kind.shapes(kind.middle)[0]]), kind.simplices
 
 
 def _sides(corners: Array, points: Array) -> Array:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.validity.chords import sagittas, tool_sagittas
+from skfem_contact.answers.validity.chords import sagittas
 from skfem_contact.answers.validity.deformed_boundaries import distances
 from skfem_contact.arrays import largest
 from skfem_contact.bodies.surface import ContactSurface
@@ -112,7 +112,7 @@ class Track:
         if measured and isinstance(self.primary, Obstacle):
             self.bend = self.primary.bend
         if self.bend is not None:
-            self.sagittas = tool_sagittas(self.secondary, self.bend)
+            self.sagittas = sagittas(self.secondary, self.bend)
             self.curved = bool(self.sagittas.any())
         if isinstance(self.primary, ContactSurface):
             facet = np.where(self.paired, pairing.facet, 0)
