@@ -64,7 +64,7 @@ class Table(Named[T]):
         cells = self._cells()
         widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
         # columns of numbers stand to the right
-        first = self.rows[0]
+        first = (self.rows or [self.heads])[0]
         left = [isinstance(value, str) or np.ndim(value) > 0 for value in first]
         lines = [
             "  ".join(
