@@ -346,17 +346,15 @@ def completed(points: Array, kind: str, cells: Index) -> tuple[Array, str, Index
     """
     if kind not in ("quad8", "hexahedron20"):
         return points, kind, cells
-    x = points[cells]
-    if kind == "quad8":
-        more, kind = (x[:, 4:].sum(axis=1) / 2 - x[:, :4].sum(axis=1) / 4)[:, None], "quad9"
-        names = len(points) + np.arange(len(cells))[:, None]
-        return np.concatenate([points, more[:, 0]]), kind, np.column_stack([cells, names])
-    rims = np.array(BRICK)
-    faces = x[:, rims[:, 4:]].sum(axis=2) / 2 - x[:, rims[:, :4]].sum(axis=2) / 4
-    middle = x[:, 8:].sum(axis=1) / 4 - x[:, :8].sum(axis=1) / 4
-    more = np.concatenate([faces, middle[:, None]], axis=1).reshape(-1, 3)
-    names = len(points) + np.arange(len(more)).reshape(len(cells), 7)
-    return np.concatenate([points, more]), "hexahedron27", np.column_stack([cells, names])
+    face = [-0.25] * 4 + [0.5] * 4  # corners, middles of edges
+    weights, full = np.array([face]), "quad9"
+    if kind == "hexahedron20":
+        weights, full = np.zeros((7, 20)), "hexahedron27"
+        weights[np.arange(6)[:, None], BRICK] = face
+        weights[6] = [-0.25] * 8 + [0.25] * 12
+    more = np.einsum("qk,ckd->cqd", weights, points[cells]).reshape(-1, 3)
+    names = len(points) + np.arange(len(more)).reshape(len(cells), -1)
+    return np.concatenate([points, more]), full, np.column_stack([cells, names])
 
 
 #: The faces of a brick in the order in which meshio has the nodes in their middles: corners, edges.
