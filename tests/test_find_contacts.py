@@ -340,14 +340,14 @@ def test_bad_input_is_answered():
         sc.find_contacts(plates, within=0)
     with pytest.raises(sc.InputError, match="Contact has no argument 'tolerance'"):
         sc.find_contacts(plates, within=0.1, tolerance=0.1)
-    with pytest.raises(sc.InputError, match="bodies 2 have no name"):
+    with pytest.raises(sc.InputError, match="body 2 have no name"):
         sc.find_contacts([plates[0], dataclasses.replace(plates[1], name=None)], within=1)
     with pytest.raises(sc.InputError, match="several bodies are named 'plate 0'"):
-        sc.find_contacts([plates[0], plates[0]], within=1)
+        sc.find_contacts([plates[0], dataclasses.replace(plates[1], name="plate 0")], within=1)
     with pytest.raises(sc.InputError, match="different dimension"):
         sc.find_contacts([plates[0], box("solid", (0, 0, 0), (1, 1, 1), (1, 1, 1))], within=1)
     floor = sc.RigidBody(sc.RigidPlane((0, 0), (0, 1)), name="floor")
-    with pytest.raises(sc.InputError, match="no bodies with a mesh"):
+    with pytest.raises(sc.InputError, match="no bodies to stack"):
         sc.find_contacts([floor], within=1)
     assert "'floor' is rigid" in sc.find_contacts([*plates, floor], within=1).not_taken[0]
     with pytest.raises(sc.InputError, match="mu"):

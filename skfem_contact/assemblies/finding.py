@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.arguments import check_kind, members, number
+from skfem_contact.arguments import check_kind, number
 from skfem_contact.assemblies.drafting import drafts, names_of, strange_bodies
 from skfem_contact.assemblies.facing import Boundaries, look
 from skfem_contact.assemblies.joints import Table
 from skfem_contact.assemblies.thresholds import NEARLY
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.system import stack
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.errors import InputError
@@ -201,8 +202,7 @@ def find_contacts(
     Parameters
     ----------
     bodies : sequence of Body
-        With names; a body without one is "body 1", ... Rigid bodies are passed over: contacts with
-        them are written by hand.
+        With names. Rigid bodies are passed over: contacts with them are written by hand.
     within : float
         The largest gap, and the deepest overlap, of what is to be a pair [length].
     friction : FrictionLaw or callable, optional
@@ -250,11 +250,17 @@ def find_contacts(
     >>> pairs["left - plate"].secondary.label
     'left/top'
     """
-    solids, skipped = _solids(bodies)
+    system = stack(bodies)
+    unnamed = [name for name, body in zip(system.names, system.bodies, strict=True) if not body.name]
+    if unnamed and len(system.bodies) > 1:
+        raise InputError(
+            f"{', '.join(unnamed)} have no name, and pairs are named after bodies: give each its name, "
+            "Body(..., name='plate')"
+        )
     length = number(within, "within", "give the largest gap of a pair, in units of the mesh")
     if not 0 < length < np.inf:
         raise InputError(f"within = {within} has to be a length > 0: the largest gap of a pair")
-    bounds = Boundaries.of(solids)
+    bounds = Boundaries.of(list(system.solids.values()))
     pairs, missed = drafts(bounds, look(bounds, length), length)
     found = []
     for draft, name in zip(pairs, names_of(pairs), strict=True):
@@ -269,31 +275,9 @@ def find_contacts(
         gap = tuple(float(f(draft.gaps)) for f in (np.min, np.median, np.max))
         area = min(side.area for side in draft.sides)
         found.append(FoundContact(contact, gap, area, why, draft.remark))
-    return FoundContacts(found, [*skipped, *strange_bodies(bounds, NEARLY * length), *missed])
-
-
-def _solids(bodies: Sequence[Body | RigidBody]) -> tuple[list[Body], list[str]]:
-    """The bodies with a mesh, all with names; and what is said of the others."""
-    usage = "make each by Body(basis, K, ...)"
-    given = members(bodies, (Body, RigidBody), "bodies", usage, "Body")  # type: ignore[arg-type]
-    solids = [body for body in given if isinstance(body, Body)]
     rigid = [
-        f"{body.name!r} is rigid: write Contact(surface, {body.name!r}) for what it touches"
-        for body in given
-        if not isinstance(body, Body)
+        f"{name!r} is rigid: write Contact(surface, {name!r}) for what it touches"
+        for name in system.names
+        if name not in system.solids
     ]
-    if not solids:
-        raise InputError("there are no bodies with a mesh, among which contacts could be found")
-    if len({body.dim for body in solids}) > 1:
-        raise InputError("bodies of different dimension can not touch")
-    unnamed = [i + 1 for i, body in enumerate(solids) if body.name is None]
-    if unnamed and len(solids) > 1:
-        raise InputError(
-            f"bodies {', '.join(map(str, unnamed))} have no name, and pairs are named after bodies: "
-            "give each its name, Body(..., name='plate')"
-        )
-    names = [body.name for body in solids]
-    twice = sorted({str(name) for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(f"several bodies are named {', '.join(map(repr, twice))}")
-    return solids, rigid
+    return FoundContacts(found, [*rigid, *strange_bodies(bounds, NEARLY * length), *missed])
