@@ -77,8 +77,8 @@ def read_bodies(
         Which tags make which body, ``{"block": ["lower half", "upper half"]}``; others are left out.
         Several tags of one body are its subdomains. Every tag is a body if it is not given.
     settings : dict, optional
-        What else `Body` takes, by the name of a body: ``{"base": {"D": "bottom"}}``; and more
-        ``"boundaries"``, functions of the position of facets, where the file has no names.
+        What else `Body` takes, by the name of a body or a pattern: ``{"base": {"D": "bottom"}}``; and
+        more ``"boundaries"``, functions of the position of facets, where the file has no names.
     size : float, optional
         Of elements, where Gmsh meshes geometry [length].
     order : int
@@ -135,12 +135,12 @@ def read_bodies(
     chosen = groups.bodies(bodies)
     known = dict(settings or {})
     for name in known:
-        if name not in chosen:
+        if not any(fnmatchcase(body, name) for body in chosen):
             raise InputError(f"settings of {name!r}: no such body{suggest(name, chosen, 'bodies')}")
     made = []
     for name, parts in chosen.items():
         one, kind = groups.mesh(name, parts)
-        given = dict(known.get(name, {}))
+        given = dict(_by_name(known, name) or {})
         one = one.with_boundaries(given.pop("boundaries", {}))
         basis = deferred_basis(one, skfem.ElementVector(ELEMENTS[kind]()), None, f"body {name!r}")
         made.append(Body(basis, _stiffness(material, name, basis), name=name, **given))
