@@ -221,6 +221,17 @@ def test_bodies_that_overlap_or_repeat_are_named():
 # --------------------------------------------------------------------------- sides and names
 
 
+def test_pairs_are_in_the_order_of_the_bodies():
+    """Whatever the order of the faces: a beam on two feet, which touch a plate behind it first."""
+    beam = box("beam", (0, 0), (4, 1), (8, 2))
+    around = [
+        box("a", (0, 1), (1, 2), (3, 3)), box("b", (3, -1), (4, 0), (3, 3)),
+        box("c", (0, -1), (1, 0), (3, 3)), box("d", (3, 1), (4, 2), (3, 3)),
+    ]  # fmt: skip
+    names = sc.find_contacts([beam, *around], within=0.01).names
+    assert names == ("beam - a", "beam - b", "beam - c", "beam - d")
+
+
 def test_the_secondary_side_has_its_reason():
     """The finer, else the softer, else the smaller, else the first."""
     low = (0, 0), (6, 1)

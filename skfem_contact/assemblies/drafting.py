@@ -214,6 +214,7 @@ def drafts(bounds: Boundaries, views: Views, within: float) -> tuple[list[Draft]
         both = " and ".join(f"{side.body.name or 'body 1'}/{side.place}" for side in sides)
         apart = f"overlap by {-least:.3g}" if least < 0 else f"{least:.3g} apart"
         missed.append(f"{both}: {apart}, within is {within:.3g}")
+    found.sort(key=lambda draft: [bounds.surfaces.index(side.whole) for side in draft.sides])
     return found, missed
 
 
