@@ -1,4 +1,4 @@
-r"""A flange with a gasket: four bolts tightened one after the other, and pressure inside until it leaks.
+r"""A flange with a gasket: four bolts tightened one after the other, and water inside until it leaks.
 
              |    |           |    |
       ####   |    |           |    |   ####     ##  bolts M10, head and nut
@@ -12,13 +12,13 @@ r"""A flange with a gasket: four bolts tightened one after the other, and pressu
       ####   |    |           |    |   ####
 
 The file ``meshes/leaking_flange.msh`` is what Gmsh makes of a STEP file: seven bodies and two sides,
-"bore" and "end", with tags. What touches is found. All bolts are snugged first, then each is tightened to
-20 kN, crosswise: those that come later change the force in the earlier ones, by up to a tenth. Then they
-are locked, and water presses on the bore and pulls at the end of the pipe.
+"bore" and "end", with tags. What touches is found. All bolts are snugged first, then each is tightened
+to 20 kN, crosswise: those that come later change the force in the earlier ones, by up to a tenth. Then
+they are locked, and water presses on the bore and pulls at the end of the pipe.
 
 The gasket is tight as long as around all of it some place on the way out is pressed by more than the
-water. It leaks at 32 MPa, when friction no longer holds the gasket, which is pushed out. In each step the bolts carry what is left on the gasket and the pull of the
-water, to nine digits.
+water. It leaks at 32 MPa, soon after friction has ceased to hold the gasket, which is pushed out. In
+each step the bolts carry what is left on the gasket and the pull of the water, to nine digits.
 
 Run ``python examples/leaking_flange.py [folder]``: tables, and a picture.
 """
@@ -100,7 +100,9 @@ axes[1].axvline(leak, color="tab:red", linewidth=1)
 axes[1].legend(frameon=False)
 gasket = pressed[after]["upper - gasket"]
 shown = axes[2].scatter(*gasket.points.T[:2], c=gasket.pressure, s=30)
-axes[2].set(title=f"gasket at {pressures[after]:.0f} MPa", aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+axes[2].set(
+    title=f"gasket at {pressures[after]:.0f} MPa", aspect="equal", xlabel="x [mm]", ylabel="y [mm]"
+)
 figure.colorbar(shown, ax=axes[2], label="pressure [MPa]")
 figure.savefig(out / "leaking_flange.png", dpi=80)
 plt.close(figure)

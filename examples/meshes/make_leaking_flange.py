@@ -1,4 +1,4 @@
-"""Mesh of a flange with a gasket and four bolts; writes `leaking_flange.msh` beside this script (needs gmsh).
+"""Mesh of a flange with a gasket and four bolts; writes `leaking_flange.msh` beside it (needs gmsh).
 
 Lengths in mm. The parts are drawn, and written as STEP, as any program for drawing does. This is read
 again and meshed: each part has nodes of its own. Tags are given by position.
