@@ -221,6 +221,24 @@ def test_bodies_that_overlap_or_repeat_are_named():
 # --------------------------------------------------------------------------- sides and names
 
 
+@pytest.mark.parametrize(
+    "material",
+    [sc.NeoHooke(1.0, 2.0), sc.J2(1e3, 0.3, 1.0), sc.Elastic(1.0, 0.3)],
+    ids=lambda m: type(m).__name__,
+)
+def test_bodies_with_materials_are_found_and_compared(material):
+    """The softer of two equal meshes is the secondary one, whatever law says how soft it is."""
+    mesh = fem.MeshQuad().refined(1).with_defaults()
+    bases = [
+        fem.Basis(mesh.translated((0, y)), fem.ElementVector(fem.ElementQuad1()), intorder=2)
+        for y in (0, 1)
+    ]
+    stiff = sc.Body(bases[0], sc.Elastic(2e5, 0.3), D="bottom", name="stiff")
+    soft = sc.NonlinearBody(bases[1], material, name="soft")
+    (pair,) = sc.find_contacts([stiff, soft], within=0.1).found
+    assert pair.why == "softer" and pair.contact.secondary.body is soft
+
+
 def test_pairs_are_in_the_order_of_the_bodies():
     """Whatever the order of the faces: a beam on two feet, which touch a plate behind it first."""
     beam = box("beam", (0, 0), (4, 1), (8, 2))
