@@ -132,6 +132,21 @@ def members(value: Any, kind: type, what: str, usage: str, called: str = "") -> 
     return found
 
 
+def names_of(members: Iterable[Any], one: str, many: str) -> tuple[str, ...]:
+    """Names of some things; a missing one is numbered, a repeated one refused.
+
+    >>> from types import SimpleNamespace
+    >>> names_of([SimpleNamespace(name="left"), SimpleNamespace(name=None)], "bolt", "bolts")
+    ('left', 'bolt 2')
+    """
+    names = tuple(member.name or f"{one} {i + 1}" for i, member in enumerate(members))
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        words = ", ".join(map(repr, repeated))
+        raise InputError(f"several {many} are named {words}; give each its own `name`")
+    return names
+
+
 def check_kind(value: Any, kind: Any, what: str, usage: str, called: str = "") -> None:
     """An object of a class of this package, or of one of several."""
     if not isinstance(value, kind):

@@ -36,6 +36,23 @@ def test_clamped_stack(linear):
     assert max(result.certificate.worst for result in results) < 1e-9
 
 
+def test_multigrid_of_bodies_of_few_nodes():
+    """Their coarsest grids are singular: three rigid motions of two nodes depend on each other."""
+    (tight,) = stack(linear=sc.AMG()).history([TIGHTEN])
+    assert tight.bolts["M"].force == pytest.approx(10.0, rel=1e-9)
+    assert tight["joint"].force[1] == pytest.approx(-10.0, rel=1e-9)
+
+
+def test_a_saved_state_goes_on_by_another_solver(tmp_path):
+    """Tightened with factors, saved, loaded by multigrid."""
+    solver, other = stack(), stack(linear=sc.AMG())
+    (tight,) = solver.history([TIGHTEN])
+    state = other.load_state(solver.save_state(tmp_path / "tight.npz", tight))
+    (pulled,) = other.history([{"f": {"head": {"y": 5.0}}}], start=state)
+    assert pulled.bolts["M"].force == pytest.approx(11.0, rel=1e-9)
+    assert pulled.joints()["joint"].force[1] == pytest.approx(-6.0, rel=1e-8)
+
+
 @pytest.mark.parametrize("loop", ["direct", "fictitious"])
 def test_other_loops_tighten_alike(loop):
     """All loops find the same bolt."""

@@ -43,6 +43,26 @@ def test_tractions_are_what_a_linear_form_is(element, measure):
     assert_allclose(total, np.array([[0.3, -5.0], [-1.0, 0.0]]).T @ area, rtol=1e-13)
 
 
+@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("measure", [None, lambda x: 2 * np.pi * x[0]], ids=["plane", "axisymmetric"])
+def test_a_pressure_all_round_is_what_a_change_of_volume_feels(element, measure):
+    """Gauss: a pressure of 3 on the whole boundary of a skew body is -3 times the divergence."""
+    basis = basis_of(element)
+    x, y = basis.mesh.doflocs
+    mesh = dataclasses.replace(basis.mesh, doflocs=np.array([1 + x + 0.2 * x * y, y + 0.1 * x]))
+    form = linear_elasticity(0.0, 0.5)
+    f = dict.fromkeys(["left", "right", "top", "bottom"], 3.0)
+    body = sc.Body.from_mesh(mesh, fem.ElementVector(ELEMENTS[element]), form, f=f, measure=measure)
+
+    def volume(v, w):
+        change = v.grad[0, 0] + v.grad[1, 1]
+        return -3.0 * (change if measure is None else 2 * np.pi * (w.x[0] * change + v[0]))
+
+    basis = fem.Basis(mesh, fem.ElementVector(ELEMENTS[element]), intorder=6)
+    expected = fem.LinearForm(volume).assemble(basis)
+    assert_allclose(body.f, expected, atol=1e-13 * np.abs(expected).max())
+
+
 def test_a_flux_of_a_scalar_field_is_a_number():
     """One number per boundary, into the body; and one prescribed value."""
     mesh = fem.MeshQuad().refined(2).with_defaults()

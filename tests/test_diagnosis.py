@@ -503,7 +503,7 @@ def test_settings_of_contacts_and_solvers():
         sc.ContactSolver(body, [])
     with pytest.raises(sc.InputError, match=r"not one of the stacked bodies \(stranger\)"):
         sc.ContactSolver(stranger, sc.Contact(surface, FLOOR))
-    with pytest.raises(sc.InputError, match="two contacts are called 'joint'"):
+    with pytest.raises(sc.InputError, match="several contacts are named 'joint'"):
         sc.ContactSolver(body, [sc.Contact(surface, FLOOR, name="joint") for _ in range(2)])
     with pytest.raises(sc.InputError, match="loop = 'newtn' is not one of"):
         sc.ContactSolver(body, sc.Contact(surface, FLOOR), loop="newtn")

@@ -221,6 +221,35 @@ def test_bodies_that_overlap_or_repeat_are_named():
 # --------------------------------------------------------------------------- sides and names
 
 
+@pytest.mark.parametrize(
+    "material",
+    [sc.NeoHooke(1.0, 2.0), sc.J2(1e3, 0.3, 1.0), sc.Elastic(1.0, 0.3)],
+    ids=lambda m: type(m).__name__,
+)
+def test_bodies_with_materials_are_found_and_compared(material):
+    """The softer of two equal meshes is the secondary one, whatever law says how soft it is."""
+    mesh = fem.MeshQuad().refined(1).with_defaults()
+    bases = [
+        fem.Basis(mesh.translated((0, y)), fem.ElementVector(fem.ElementQuad1()), intorder=2)
+        for y in (0, 1)
+    ]
+    stiff = sc.Body(bases[0], sc.Elastic(2e5, 0.3), D="bottom", name="stiff")
+    soft = sc.NonlinearBody(bases[1], material, name="soft")
+    (pair,) = sc.find_contacts([stiff, soft], within=0.1).found
+    assert pair.why == "softer" and pair.contact.secondary.body is soft
+
+
+def test_pairs_are_in_the_order_of_the_bodies():
+    """Whatever the order of the faces: a beam on two feet, which touch a plate behind it first."""
+    beam = box("beam", (0, 0), (4, 1), (8, 2))
+    around = [
+        box("a", (0, 1), (1, 2), (3, 3)), box("b", (3, -1), (4, 0), (3, 3)),
+        box("c", (0, -1), (1, 0), (3, 3)), box("d", (3, 1), (4, 2), (3, 3)),
+    ]  # fmt: skip
+    names = sc.find_contacts([beam, *around], within=0.01).names
+    assert names == ("beam - a", "beam - b", "beam - c", "beam - d")
+
+
 def test_the_secondary_side_has_its_reason():
     """The finer, else the softer, else the smaller, else the first."""
     low = (0, 0), (6, 1)
@@ -340,14 +369,14 @@ def test_bad_input_is_answered():
         sc.find_contacts(plates, within=0)
     with pytest.raises(sc.InputError, match="Contact has no argument 'tolerance'"):
         sc.find_contacts(plates, within=0.1, tolerance=0.1)
-    with pytest.raises(sc.InputError, match="bodies 2 have no name"):
+    with pytest.raises(sc.InputError, match="body 2 have no name"):
         sc.find_contacts([plates[0], dataclasses.replace(plates[1], name=None)], within=1)
     with pytest.raises(sc.InputError, match="several bodies are named 'plate 0'"):
-        sc.find_contacts([plates[0], plates[0]], within=1)
+        sc.find_contacts([plates[0], dataclasses.replace(plates[1], name="plate 0")], within=1)
     with pytest.raises(sc.InputError, match="different dimension"):
         sc.find_contacts([plates[0], box("solid", (0, 0, 0), (1, 1, 1), (1, 1, 1))], within=1)
     floor = sc.RigidBody(sc.RigidPlane((0, 0), (0, 1)), name="floor")
-    with pytest.raises(sc.InputError, match="no bodies with a mesh"):
+    with pytest.raises(sc.InputError, match="no bodies to stack"):
         sc.find_contacts([floor], within=1)
     assert "'floor' is rigid" in sc.find_contacts([*plates, floor], within=1).not_taken[0]
     with pytest.raises(sc.InputError, match="mu"):

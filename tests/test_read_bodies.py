@@ -126,6 +126,44 @@ def test_one_body_of_several_materials(tmp_path):
     np.testing.assert_allclose((body.K @ u) @ u, (both @ u) @ u, rtol=1e-12)
 
 
+def test_boundaries_by_position_and_settings_by_pattern(tmp_path):
+    """Of files without names: a side that is held, and one that is pressed."""
+    points, cells = two_cubes()
+    names = {"low": [1, 3], "high": [2, 3]}
+    path = tagged(tmp_path / "two.msh", points, cells, [1, 2], names)
+    sides = {"ends": lambda x: (x[2] < 0.1) | (x[2] > 1.9), "all": lambda x: x[2] > -1}
+    bodies = sc.read_bodies(
+        path, STEEL, settings={"low": {"boundaries": sides, "D": "ends"}, "h*": {"boundaries": sides}}
+    )
+    assert np.array_equal(np.unique(bodies["low"].dof_points[bodies["low"].D, 2]), [0.0])
+    assert bodies["high"].surface("ends").area.sum() == pytest.approx(1.0)
+    assert bodies["high"].surface("all").area.sum() == pytest.approx(6.0)
+    assert repr(bodies) == "<bodies: low, high>"
+    with pytest.raises(sc.InputError, match=r"settings of 'x\*': no such body"):
+        sc.read_bodies(path, STEEL, settings={"x*": {}})
+
+
+def test_cells_of_several_kinds_in_one_file(tmp_path):
+    """A brick, a wedge-free pair of tetrahedra and their sides, each as if it were alone."""
+    points = np.array([*CUBE, *(CUBE[[0, 1, 3, 4]] + [0, 0, 1.0]), (1, 1, 2)], dtype=float)
+    blocks = [
+        ("triangle", [(8, 9, 10)]),
+        ("hexahedron", [range(8)]),
+        ("tetra", [(8, 9, 10, 11), (9, 10, 11, 12)]),
+        ("quad", [(0, 1, 2, 3)]),
+    ]
+    tags = [np.array(t) for t in ([4], [1], [2, 2], [3])]
+    data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+    names = {"brick": [1, 3], "tip": [2, 3], "floor": [3, 2], "seat": [4, 2]}
+    mesh = meshio.Mesh(points, blocks, cell_data=data, field_data=names)
+    meshio.write(tmp_path / "mixed.msh", mesh, file_format="gmsh22")
+    bodies = sc.read_bodies(tmp_path / "mixed.msh", STEEL)
+    assert [type(body.basis.mesh) for body in bodies] == [fem.MeshHex1, fem.MeshTet1]
+    assert [sorted(body.basis.mesh.boundaries) for body in bodies] == [["floor"], ["seat"]]
+    assert bodies["tip"].surface("seat").area.sum() == pytest.approx(0.5)
+    assert sc.find_contacts(bodies, within=0.01).names == ("brick - tip",)
+
+
 def test_what_can_not_be_read_is_answered(tmp_path, monkeypatch):
     """No file, no format, wrong names, tags that share cells, kinds that are not known."""
     points, cells = two_cubes()

@@ -33,6 +33,7 @@ from skfem_contact.arguments import (
     check_kind,
     check_name,
     members,
+    names_of,
     numbers,
     shown,
     with_known_keywords,
@@ -373,12 +374,7 @@ def _forces(K: Any, motion: Array) -> Array:
 def bolted(system: System, bolts: Any) -> tuple[System, tuple[Bolt, ...], tuple[str, ...]]:
     """The bodies with what bolts let them do, the bolts that a user means, and their names."""
     found = tuple(members(bolts, Bolt, "bolts", "make each by Bolt(body, point=..., axis=...)"))
-    names = tuple(bolt.name or f"bolt {i + 1}" for i, bolt in enumerate(found))
-    repeated = sorted({name for name in names if names.count(name) > 1})
-    if repeated:
-        raise InputError(
-            f"several bolts are named {', '.join(map(repr, repeated))}; give each its own `name`"
-        )
+    names = names_of(found, "bolt", "bolts")
     slides: dict[int, tuple[Array, tuple[str, ...]]] = {}
     for bolt, name in zip(found, names, strict=True):
         i = system.index(bolt.body)

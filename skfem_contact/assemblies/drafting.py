@@ -173,13 +173,10 @@ class Draft:
 
 def _softness(one: Body, other: Body) -> float:
     """Shear modulus of one body over that of another, 1 where it is not known."""
-    if one.form is not None and one.form is other.form:
-        return 1.0
-    moduli = one.moduli, other.moduli
-    if moduli[0] is None or moduli[1] is None:
-        return 1.0
-    mine, others = (float(m.shear.mean()) for m in moduli if m is not None)
-    return mine / others if mine > 0 and others > 0 else 1.0
+    same = one.form is not None and one.form is other.form
+    moduli = [] if same else [body.moduli for body in (one, other)]
+    shears = [float(m.shear.mean()) for m in moduli if m is not None]
+    return shears[0] / shears[1] if len(shears) == 2 and min(shears) > 0 else 1.0
 
 
 def drafts(bounds: Boundaries, views: Views, within: float) -> tuple[list[Draft], list[str]]:
@@ -217,6 +214,7 @@ def drafts(bounds: Boundaries, views: Views, within: float) -> tuple[list[Draft]
         both = " and ".join(f"{side.body.name or 'body 1'}/{side.place}" for side in sides)
         apart = f"overlap by {-least:.3g}" if least < 0 else f"{least:.3g} apart"
         missed.append(f"{both}: {apart}, within is {within:.3g}")
+    found.sort(key=lambda draft: [bounds.surfaces.index(side.whole) for side in draft.sides])
     return found, missed
 
 
@@ -226,17 +224,10 @@ def names_of(pairs: Sequence[Draft]) -> list[str]:
     Which side is secondary has no part in it: that may change with the mesh.
     """
     names = [" - ".join(pair.bodies) for pair in pairs]
-    for more in (lambda p: p.sides[0].place, lambda p: "to " + p.sides[1].place):
+    places = [[side.place for side in pair.sides] for pair in pairs]
+    for more in ([p[0] for p in places], [f"to {p[1]}" for p in places], range(len(pairs))):
         count = Counter(names)
-        names = [
-            f"{name}, {more(pair)}" if count[name] > 1 else name
-            for name, pair in zip(names, pairs, strict=True)
-        ]
-    met: Counter[str] = Counter()
-    for i, name in enumerate(names):
-        met[name] += 1
-        if met[name] > 1:
-            names[i] = f"{name} ({met[name]})"
+        names = [f"{n}, {m}" if count[n] > 1 else n for n, m in zip(names, more, strict=True)]
     return names
 
 

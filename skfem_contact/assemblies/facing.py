@@ -51,7 +51,6 @@ class Boundaries:
         Numbers of the facets with which they begin.
     body, piece, patch : ndarray of int, shape (nf,)
         Of each facet: the body, the connected part of the mesh, and the patch.
-    area : ndarray, shape (nf,)
     rim : ndarray of bool, shape (nf,)
         Facets on the rim of their patch.
     bulge : ndarray, shape (nf,)
@@ -65,7 +64,6 @@ class Boundaries:
     body: Index
     piece: Index
     patch: Index
-    area: Array
     rim: Mask
     bulge: Array
     lower: Array
@@ -95,7 +93,6 @@ class Boundaries:
             np.repeat(np.arange(len(surfaces)), counts),
             np.concatenate(pieces),
             np.concatenate(patches),
-            np.concatenate([surface.facet_areas for surface in surfaces]),
             np.concatenate(rims),
             np.concatenate([_places(surface, slice(None), False)[2][:, 0] for surface in surfaces]),
             np.array([surface.points.min(axis=0) for surface in surfaces]),

@@ -9,17 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from itertools import compress
 from typing import Any
 
 import numpy as np
 
-from skfem_contact.arguments import check_kind, members, number
+from skfem_contact.arguments import check_kind, number
 from skfem_contact.assemblies.drafting import drafts, names_of, strange_bodies
 from skfem_contact.assemblies.facing import Boundaries, look
-from skfem_contact.assemblies.named import Named
+from skfem_contact.assemblies.joints import Table
 from skfem_contact.assemblies.thresholds import NEARLY
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.system import stack
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.errors import InputError
@@ -69,7 +70,7 @@ class FoundContact:
     remark: str
 
 
-class FoundContacts(Named[Contact]):
+class FoundContacts(Table[Contact]):
     """Contacts that `find_contacts` has found: a sequence of `Contact`, by number or by name.
 
     ``print(pairs)`` shows them as a table, `plot_pairs` as a picture. It does not change: `drop`,
@@ -103,7 +104,15 @@ class FoundContacts(Named[Contact]):
     """
 
     def __init__(self, found: Sequence[FoundContact], not_taken: Sequence[str]) -> None:
-        super().__init__([pair.contact for pair in found], [_name(pair) for pair in found], "contacts")
+        rows = []
+        for pair in found:
+            contact, (least, _, most) = pair.contact, pair.gap
+            sides = contact.secondary.label, contact.primary.label
+            remarks = "; ".join(filter(None, [pair.remark, "tied" if contact.tied else ""]))
+            area, gap = float(f"{pair.area:.4g}"), f"{least:.3g} .. {most:.3g}"
+            rows.append((str(contact.name), *sides, area, gap, pair.why, remarks))
+        heads = ("", "secondary", "primary", "area", "gap", "secondary because", "")
+        super().__init__(heads, rows, [pair.contact for pair in found], "contacts")
         self.found, self.not_taken = tuple(found), tuple(not_taken)
 
     def _chosen(self, which: Sequence[str | Callable[[FoundContact], bool]]) -> list[bool]:
@@ -130,13 +139,14 @@ class FoundContacts(Named[Contact]):
         InputError
             If there is nothing of that name.
         """
-        rest = [p for p, gone in zip(self.found, self._chosen(which), strict=True) if not gone]
-        return FoundContacts(rest, self.not_taken)
+        return self._where([not gone for gone in self._chosen(which)])
 
     def keep(self, *which: str | Callable[[FoundContact], bool]) -> FoundContacts:
         """Return the list with some of its pairs alone, see `drop`."""
-        kept = [p for p, there in zip(self.found, self._chosen(which), strict=True) if there]
-        return FoundContacts(kept, self.not_taken)
+        return self._where(self._chosen(which))
+
+    def _where(self, there: Sequence[bool]) -> FoundContacts:
+        return FoundContacts([*compress(self.found, there)], self.not_taken)
 
     def change(self, *which: str | Callable[[FoundContact], bool], **settings: Any) -> FoundContacts:
         """Return the list with other settings of some pairs, or of all: ``change("nut*", tied=True)``.
@@ -163,34 +173,16 @@ class FoundContacts(Named[Contact]):
         return f"<FoundContacts: {len(self)} pairs, {len(self.not_taken)} not taken>"
 
     def __str__(self) -> str:
-        rows = [("", "secondary", "primary", "area", "gap", "secondary because", "")]
-        for pair in self.found:
-            contact, (least, _, most) = pair.contact, pair.gap
-            sides = (contact.secondary.label, contact.primary.label)
-            because = "; ".join(filter(None, [pair.remark, "tied" if contact.tied else ""]))
-            gap = f"{least:.3g} .. {most:.3g}"
-            rows.append((_name(pair), *sides, f"{pair.area:.4g}", gap, pair.why, because))
-        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-        if self.not_taken:
-            lines += ["", "near, and not taken:", *(f"  {line}" for line in self.not_taken)]
-        return "\n".join(lines)
-
-
-def _name(pair: FoundContact) -> str:
-    return pair.contact.name or ""
-
-
-def _bodies(pair: FoundContact) -> tuple[str, ...]:
-    sides = (pair.contact.secondary, pair.contact.primary)
-    return tuple(str(side.body.name) for side in sides if isinstance(side, ContactSurface))
+        missed = ["\n\nnear, and not taken:", *self.not_taken] if self.not_taken else [""]
+        return super().__str__() + "\n  ".join(missed)
 
 
 def _means(one: Any, pair: FoundContact) -> bool:
     if callable(one):
         return bool(one(pair))
     check_kind(one, str, "which pairs", "give a name, a pattern, 'sliver', or a function of a pair")
-    return one == pair.remark or any(fnmatchcase(n, one) for n in (_name(pair), *_bodies(pair)))
+    names = [pair.contact.name, pair.contact.secondary.body.name, pair.contact.primary.body.name]  # type: ignore[union-attr]
+    return one == pair.remark or any(fnmatchcase(str(name), one) for name in names)
 
 
 def find_contacts(
@@ -210,8 +202,7 @@ def find_contacts(
     Parameters
     ----------
     bodies : sequence of Body
-        With names; a body without one is "body 1", ... Rigid bodies are passed over: contacts with
-        them are written by hand.
+        With names. Rigid bodies are passed over: contacts with them are written by hand.
     within : float
         The largest gap, and the deepest overlap, of what is to be a pair [length].
     friction : FrictionLaw or callable, optional
@@ -259,11 +250,17 @@ def find_contacts(
     >>> pairs["left - plate"].secondary.label
     'left/top'
     """
-    solids, skipped = _solids(bodies)
+    system = stack(bodies)
+    unnamed = [name for name, body in zip(system.names, system.bodies, strict=True) if not body.name]
+    if unnamed and len(system.bodies) > 1:
+        raise InputError(
+            f"{', '.join(unnamed)} have no name, and pairs are named after bodies: give each its name, "
+            "Body(..., name='plate')"
+        )
     length = number(within, "within", "give the largest gap of a pair, in units of the mesh")
     if not 0 < length < np.inf:
         raise InputError(f"within = {within} has to be a length > 0: the largest gap of a pair")
-    bounds = Boundaries.of(solids)
+    bounds = Boundaries.of(list(system.solids.values()))
     pairs, missed = drafts(bounds, look(bounds, length), length)
     found = []
     for draft, name in zip(pairs, names_of(pairs), strict=True):
@@ -278,31 +275,9 @@ def find_contacts(
         gap = tuple(float(f(draft.gaps)) for f in (np.min, np.median, np.max))
         area = min(side.area for side in draft.sides)
         found.append(FoundContact(contact, gap, area, why, draft.remark))
-    return FoundContacts(found, [*skipped, *strange_bodies(bounds, NEARLY * length), *missed])
-
-
-def _solids(bodies: Sequence[Body | RigidBody]) -> tuple[list[Body], list[str]]:
-    """The bodies with a mesh, all with names; and what is said of the others."""
-    usage = "make each by Body(basis, K, ...)"
-    given = members(bodies, (Body, RigidBody), "bodies", usage, "Body")  # type: ignore[arg-type]
-    solids = [body for body in given if isinstance(body, Body)]
     rigid = [
-        f"{body.name!r} is rigid: write Contact(surface, {body.name!r}) for what it touches"
-        for body in given
-        if not isinstance(body, Body)
+        f"{name!r} is rigid: write Contact(surface, {name!r}) for what it touches"
+        for name in system.names
+        if name not in system.solids
     ]
-    if not solids:
-        raise InputError("there are no bodies with a mesh, among which contacts could be found")
-    if len({body.dim for body in solids}) > 1:
-        raise InputError("bodies of different dimension can not touch")
-    unnamed = [i + 1 for i, body in enumerate(solids) if body.name is None]
-    if unnamed and len(solids) > 1:
-        raise InputError(
-            f"bodies {', '.join(map(str, unnamed))} have no name, and pairs are named after bodies: "
-            "give each its name, Body(..., name='plate')"
-        )
-    names = [body.name for body in solids]
-    twice = sorted({str(name) for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(f"several bodies are named {', '.join(map(repr, twice))}")
-    return solids, rigid
+    return FoundContacts(found, [*rigid, *strange_bodies(bounds, NEARLY * length), *missed])

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from html import escape
 from operator import attrgetter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.assemblies.named import Named
 from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN, STICK
@@ -20,27 +21,40 @@ from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 
-class Table:
+class Table(Named[T]):
     """Rows of names, numbers and vectors, that print in text, in notebooks, and as a pandas frame.
 
     Parameters
     ----------
     heads : sequence of str
     rows : sequence of sequences
+        Each begins with its name.
+    members : sequence
+        What rows are of: `Named`.
+    kind : str
 
     Examples
     --------
     >>> print(
-    ...     Table(("joint", "force", "slip margin"), [("seat", (0.0, 5.0), 0.75), ("rim", 1.0, np.nan)])
+    ...     Table(
+    ...         ("joint", "force", "slip margin"),
+    ...         [("seat", (0.0, 5.0), 0.75), ("rim", 1.0, np.nan)],
+    ...         [1, 2],
+    ...         "joints",
+    ...     )
     ... )
     joint  force   slip margin
     seat   (0, 5)         0.75
     rim    1                 -
     """
 
-    def __init__(self, heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    def __init__(
+        self, heads: Sequence[str], rows: Sequence[Sequence[Any]], members: Sequence[T], kind: str
+    ) -> None:
+        super().__init__(members, [row[0] for row in rows], kind)
         self.heads, self.rows = tuple(heads), [tuple(row) for row in rows]
 
     def _cells(self) -> list[tuple[str, ...]]:
@@ -50,7 +64,7 @@ class Table:
         cells = self._cells()
         widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
         # columns of numbers stand to the right
-        first = self.rows[0]
+        first = (self.rows or [self.heads])[0]
         left = [isinstance(value, str) or np.ndim(value) > 0 for value in first]
         lines = [
             "  ".join(
@@ -179,7 +193,7 @@ class Joint:
         )
 
 
-class Joints(Table):
+class Joints(Table[Joint]):
     """The joints of a result: a table, and each `Joint` by its name or in a loop.
 
     Parameters
@@ -198,26 +212,14 @@ class Joints(Table):
     """
 
     def __init__(self, joints: Sequence[Joint]) -> None:
-        self._joints = {joint.name: joint for joint in joints}
         names = [field.name for field in fields(Joint)]
         heads = ["joint", *(name.replace("_", " ") for name in names[1:])]
-        super().__init__(heads, [[getattr(joint, name) for name in names] for joint in joints])
-
-    def __getitem__(self, name: str) -> Joint:
-        if name not in self._joints:
-            known = ", ".join(map(repr, self._joints))
-            raise InputError(f"there is no joint {name!r}; there are {known}")
-        return self._joints[name]
-
-    def __iter__(self) -> Iterator[Joint]:
-        return iter(self._joints.values())
-
-    def __len__(self) -> int:
-        return len(self._joints)
+        rows = [[getattr(joint, name) for name in names] for joint in joints]
+        super().__init__(heads, rows, joints, "joints")
 
 
-class LoadCases(Table, Mapping[str, Any]):
-    """Several load cases from one state: the result of each by its name, and a table of all.
+class LoadCases(Table[Any]):
+    """Several load cases from one state: the result of each, by its name too, and a table of all.
 
     The table has the force of each bolt, and of all joints the least closed share, the least slip
     margin and the largest pressure, each with the joint that has it.
@@ -251,28 +253,15 @@ class LoadCases(Table, Mapping[str, Any]):
     """
 
     def __init__(self, results: Mapping[str, Any]) -> None:
-        self._results = dict(results)
-        heads: list[str] = ["case"]
-        rows: list[list[Any]] = []
-        for case, result in self._results.items():
-            bolts, joints = result.bolts, list(result.joints())
-            found: dict[str, Any] = {"case": case}
-            found |= {name: bolt.force for name, bolt in bolts.items()}
+        rows: list[dict[str, Any]] = []
+        for case, result in results.items():
+            found = {"case": case, **{name: bolt.force for name, bolt in result.bolts.items()}}
             for what, pick in (("closed", min), ("slip_margin", min), ("largest_pressure", max)):
-                known = [joint for joint in joints if np.isfinite(getattr(joint, what))]
+                known = [joint for joint in result.joints() if np.isfinite(getattr(joint, what))]
                 head = what.replace("_", " ")
                 at = pick(known, key=attrgetter(what), default=None)
                 found[head] = np.nan if at is None else getattr(at, what)
                 found[f"{head} of"] = "-" if at is None else at.name
-            heads = list(found)
-            rows.append(list(found.values()))
-        super().__init__(heads, rows)
-
-    def __getitem__(self, case: str) -> Any:
-        return self._results[case]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._results)
-
-    def __len__(self) -> int:
-        return len(self._results)
+            rows.append(found)
+        values = [list(row.values()) for row in rows]
+        super().__init__(list(rows[0]), values, list(results.values()), "load cases")

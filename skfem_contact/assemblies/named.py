@@ -17,6 +17,8 @@ class Named(Sequence[T], Generic[T]):
     >>> few = Named(["x", "y"], ["first", "second"], "letters")
     >>> few["second"], few[0], list(few), few.names
     ('y', 'x', ['x', 'y'], ('first', 'second'))
+    >>> few
+    <letters: first, second>
     """
 
     def __init__(self, members: Sequence[T], names: Sequence[str], kind: str) -> None:
@@ -24,6 +26,9 @@ class Named(Sequence[T], Generic[T]):
 
     def __len__(self) -> int:
         return len(self._members)
+
+    def __repr__(self) -> str:
+        return f"<{self._kind}: {', '.join(self.names)}>"
 
     def __iter__(self) -> Iterator[T]:
         return iter(self._members)

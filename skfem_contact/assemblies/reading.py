@@ -77,7 +77,8 @@ def read_bodies(
         Which tags make which body, ``{"block": ["lower half", "upper half"]}``; others are left out.
         Several tags of one body are its subdomains. Every tag is a body if it is not given.
     settings : dict, optional
-        What else `Body` takes, by the name of a body: ``{"base": {"D": "bottom"}}``.
+        What else `Body` takes, by the name of a body or a pattern: ``{"base": {"D": "bottom"}}``; and
+        more ``"boundaries"``, functions of the position of facets, where the file has no names.
     size : float, optional
         Of elements, where Gmsh meshes geometry [length].
     order : int
@@ -134,15 +135,15 @@ def read_bodies(
     chosen = groups.bodies(bodies)
     known = dict(settings or {})
     for name in known:
-        if name not in chosen:
+        if not any(fnmatchcase(body, name) for body in chosen):
             raise InputError(f"settings of {name!r}: no such body{suggest(name, chosen, 'bodies')}")
     made = []
     for name, parts in chosen.items():
-        one = groups.mesh(name, parts)
-        element = ELEMENTS[groups.kind(name, parts)]()
-        basis = deferred_basis(one, skfem.ElementVector(element), None, f"body {name!r}")
-        K = _stiffness(material, name, basis)
-        made.append(Body(basis, K, name=name, **known.get(name, {})))
+        one, kind = groups.mesh(name, parts)
+        given = dict(_by_name(known, name) or {})
+        one = one.with_boundaries(given.pop("boundaries", {}))
+        basis = deferred_basis(one, skfem.ElementVector(ELEMENTS[kind]()), None, f"body {name!r}")
+        made.append(Body(basis, _stiffness(material, name, basis), name=name, **given))
     return Named(made, list(chosen), "bodies")
 
 
@@ -185,66 +186,86 @@ class Groups:
     ----------
     file : Path
     points : ndarray, shape (n, 3)
-    kinds : list of str
-        What meshio calls the cells of each block.
-    cells : list of ndarray
-        Nodes of the cells of each block.
+    kinds : ndarray of str, shape (cells,)
+        What meshio calls each.
+    shapes : ndarray of int, shape (cells, 3)
+        Their dimension, and how many corners and nodes they have.
+    nodes : ndarray of int, shape (cells, k)
+        The last one again where there are fewer than k.
     named : dict
-        Of each group the numbers of its cells in every block.
-    nodes : dict
+        The cells of each group.
+    sets : dict
         Sets of nodes.
     """
 
     file: Path
     points: Array
-    kinds: list[str]
-    cells: list[Index]
-    named: dict[str, list[Index]]
-    nodes: dict[str, Index]
+    kinds: NDArray[np.str_]
+    shapes: Index
+    nodes: Index
+    named: dict[str, Index]
+    sets: dict[str, Index]
 
     @classmethod
     def of(cls, mesh: meshio.Mesh, file: Path) -> Groups:
         """The groups of a mesh that meshio has read."""
-        named: dict[str, list[Index]] = {}
+        blocks = mesh.cells or [meshio.CellBlock("vertex", np.zeros((0, 1), dtype=int))]
+        cells, sizes = [np.asarray(block.data, dtype=np.intp) for block in blocks], [*map(len, blocks)]
+        widest = max(some.shape[1] for some in cells)
+        pads = [np.pad(c, ((0, 0), (0, widest - c.shape[1])), mode="edge") for c in cells]
+        shapes = [(*_shape(b.type), c.shape[1]) for b, c in zip(blocks, cells, strict=True)]
+        kinds = np.repeat([block.type for block in blocks], sizes)
+        sets = {name: _numbers(found) for name, found in mesh.point_sets.items()}
+        of_each = kinds, np.repeat(shapes, sizes, axis=0), np.concatenate(pads)
+        groups = cls(file, mesh.points, *of_each, {}, sets)
+        starts = np.cumsum([0, *sizes])
         for name, found in mesh.cell_sets.items():
             if not name.startswith(("gmsh:", "_")):  # what programs need for themselves
-                missing = [None] * (len(mesh.cells) - len(found))  # blocks that came later, of .inp
-                named[name] = [_numbers(part) for part in [*found, *missing]]
-        for key in TAGS:
-            for name, found in _tagged(mesh, key).items():
-                named.setdefault(name, found)
-        nodes = {name: _numbers(found) for name, found in mesh.point_sets.items()}
-        kinds = [block.type for block in mesh.cells]
-        return cls(file, mesh.points, kinds, [np.asarray(b.data) for b in mesh.cells], named, nodes)
+                # blocks that came later, of .inp, are not in it
+                parts = [first + _numbers(part) for first, part in zip(starts, found, strict=False)]
+                groups.named[name] = np.concatenate(parts)
+        for key in filter(mesh.cell_data.__contains__, TAGS):
+            groups.named.update({**groups._tagged(mesh, key), **groups.named})
+        return groups
+
+    def _tagged(self, mesh: meshio.Mesh, key: str) -> dict[str, Index]:
+        """Groups from one number for each cell, by the names that formats keep elsewhere."""
+        families = getattr(mesh, "cell_tags", {})  # of .med: several names for each number
+        both = np.array([self.shapes[:, 0], np.concatenate([*map(np.ravel, mesh.cell_data[key])])]).T
+        found: dict[str, Index] = {}
+        for dim, tag in np.unique(both[both.all(axis=1)], axis=0).astype(int):
+            own = [name for name, field in mesh.field_data.items() if tuple(field[:2]) == (tag, dim)]
+            cells = np.flatnonzero((both == (dim, tag)).all(axis=1))
+            for name in own or families.get(tag) or [f"tag {tag}"]:
+                found[name] = np.union1d(found.get(name, cells[:0]), cells)
+        return found
 
     @property
     def dim(self) -> int:
         """The largest dimension of a cell."""
-        return max((_shape(kind)[0] for kind in self.kinds), default=0)
+        return int(self.shapes[:, 0].max(initial=0))
 
-    def of_dim(self, name: str, dim: int) -> dict[int, Index]:
-        """Cells of a group that have a dimension, by block."""
-        blocks = enumerate(zip(self.kinds, self.named[name], strict=True))
-        return {i: some for i, (kind, some) in blocks if _shape(kind)[0] == dim and len(some)}
+    def of_dim(self, name: str, dim: int) -> Index:
+        """Cells of a group that have a dimension."""
+        cells = self.named[name]
+        return cells[self.shapes[cells, 0] == dim]
 
-    def bodies(
-        self, wanted: Mapping[str, str | Sequence[str]] | None
-    ) -> dict[str, dict[str, dict[int, Index]]]:
-        """Cells of each body, by subdomain and block."""
+    def bodies(self, wanted: Mapping[str, str | Sequence[str]] | None) -> dict[str, dict[str, Index]]:
+        """Cells of each body, by subdomain."""
         if self.dim < 2:
             raise InputError(f"{self.file}: there are no cells of two or three dimensions in it")
         there = {name: self.of_dim(name, self.dim) for name in self.named}
-        there = {name: blocks for name, blocks in there.items() if blocks}
+        there = {name: cells for name, cells in there.items() if len(cells)}
         if wanted is not None:
             check_kind(wanted, Mapping, "bodies", "give {'body': ['tag', ...]}", "dict")
             return {str(b): self._tags(str(b), tags, there) for b, tags in wanted.items()}
-        taken = [np.zeros(len(cells), dtype=np.intp) for cells in self.cells]
-        chosen: dict[str, Any] = {}
+        taken = np.zeros(len(self.kinds), dtype=np.intp)
+        chosen: dict[str, dict[str, Index]] = {}
         order = list(there)
         # the small ones first: sets of sets, "all", hold nothing else then; of equal ones the last, as
         # those of an .inp that stand with the elements
-        for name in sorted(order, key=lambda n: (sum(map(len, there[n].values())), -order.index(n))):
-            used = np.concatenate([taken[i][some] for i, some in there[name].items()])
+        for name in sorted(order, key=lambda n: (len(there[n]), -order.index(n))):
+            used = taken[there[name]]
             if used.all():
                 continue
             if used.any():
@@ -255,14 +276,17 @@ class Groups:
                     f"bodies={{{name!r}: [{name!r}]}}"
                 )
             chosen[name] = {name: there[name]}
-            for i, some in there[name].items():
-                taken[i][some] = len(chosen)
+            taken[there[name]] = len(chosen)
         found = {name: chosen[name] for name in order if name in chosen}
-        return {**found, **self._rest(taken, found)}
+        # cells without a tag: every connected part of them is a body
+        rest = np.flatnonzero((taken == 0) & (self.shapes[:, 0] == self.dim))
+        part = pieces(self.nodes[rest].T, len(self.points))[self.nodes[rest, 0]]
+        for k in np.unique(part):
+            name = f"body {len(found) + 1}"
+            found[name] = {name: rest[part == k]}
+        return found
 
-    def _tags(
-        self, body: str, tags: Any, there: dict[str, dict[int, Index]]
-    ) -> dict[str, dict[int, Index]]:
+    def _tags(self, body: str, tags: Any, there: dict[str, Index]) -> dict[str, Index]:
         """The cells of some tags."""
         names = [tags] if isinstance(tags, str) else list(tags)
         for name in names:
@@ -273,62 +297,30 @@ class Groups:
                 )
         return {name: there[name] for name in names}
 
-    def _rest(
-        self, taken: list[Index], found: dict[str, Any]
-    ) -> dict[str, dict[str, dict[int, Index]]]:
-        """Cells without a tag: every connected part of them is a body."""
-        rest = {
-            i: np.flatnonzero(used == 0)
-            for i, used in enumerate(taken)
-            if _shape(self.kinds[i])[0] == self.dim and not used.all()
-        }
-        if not rest:
-            return {}
-        corners = {i: self.cells[i][some][:, : _shape(self.kinds[i])[1]] for i, some in rest.items()}
-        widest = max(part.shape[1] for part in corners.values())
-        tables = [
-            np.pad(part, ((0, 0), (0, widest - part.shape[1])), mode="edge")
-            for part in corners.values()
-        ]
-        number = pieces(np.concatenate(tables).T, len(self.points))
-        parts = {i: number[part[:, 0]] for i, part in corners.items()}
-        bodies: dict[str, dict[str, dict[int, Index]]] = {}
-        for k in np.unique(np.concatenate(list(parts.values()))):
-            name = f"body {len(found) + len(bodies) + 1}"
-            bodies[name] = {name: {i: rest[i][parts[i] == k] for i in rest if np.any(parts[i] == k)}}
-        return bodies
-
-    def kind(self, name: str, parts: dict[str, dict[int, Index]]) -> str:
-        """What meshio calls the cells of a body: all of them are alike."""
-        kinds = sorted({self.kinds[i] for blocks in parts.values() for i in blocks})
+    def mesh(self, name: str, parts: dict[str, Index]) -> tuple[skfem.Mesh, str]:
+        """The mesh of a body with its subdomains and boundaries by name, and what its cells are."""
+        chosen = np.concatenate(list(parts.values()))
+        kinds = np.unique(self.kinds[chosen]).tolist()
         if len(kinds) > 1 or kinds[0] not in ELEMENTS:
             raise InputError(
                 f"{self.file}: body {name!r} has cells {', '.join(kinds)}; a body has cells of one "
                 f"kind, of {', '.join(ELEMENTS)}. Mesh it anew, or tie several bodies"
             )
-        return kinds[0]
-
-    def mesh(self, name: str, parts: dict[str, dict[int, Index]]) -> skfem.Mesh:
-        """The mesh of a body with its subdomains and boundaries by name."""
-        kind = self.kind(name, parts)
-        tables = {
-            part: [self.cells[i][some] for i, some in blocks.items()] for part, blocks in parts.items()
-        }
-        cells = np.concatenate([table for several in tables.values() for table in several])
-        corners = np.unique(cells[:, : _shape(kind)[1]])
+        _, ends, width = self.shapes[chosen[0]]
+        cells = self.nodes[chosen, :width]
+        corners = np.unique(cells[:, :ends])
         nodes = np.concatenate([corners, np.setdiff1d(cells, corners)])  # as scikit-fem numbers them
         local = np.full(len(self.points), -1)
         local[nodes] = np.arange(len(nodes))
-        points, kind, table = completed(self.points[nodes], kind, local[cells])
+        points, kind, table = completed(self.points[nodes], kinds[0], local[cells])
         if self.dim == 2 and np.ptp(points[:, 2:]) > 0:
             raise InputError(f"{self.file}: body {name!r} is made of shells: a body is plane or solid")
         mesh = from_meshio(meshio.Mesh(points, [(kind, table)]))
-        if len(tables) > 1:
-            ends = np.cumsum([0, *(sum(map(len, several)) for several in tables.values())])
-            places = zip(tables, ends[:-1], ends[1:], strict=True)
-            mesh = mesh.with_subdomains({part: np.arange(a, b) for part, a, b in places})
+        if len(parts) > 1:
+            places = np.split(np.arange(len(chosen)), np.cumsum([*map(len, parts.values())])[:-1])
+            mesh = mesh.with_subdomains(dict(zip(parts, places, strict=True)))
         found = self._boundaries(mesh, local, len(corners))
-        return mesh.with_boundaries(found) if found else mesh
+        return mesh.with_boundaries(found) if found else mesh, kinds[0]
 
     def _boundaries(self, mesh: skfem.Mesh, local: Index, corners: int) -> dict[str, Index]:
         """Facets of the boundary of a mesh by the names of groups of facets, and of sets of nodes."""
@@ -336,15 +328,13 @@ class Groups:
         facets = np.sort(mesh.facets[:, numbers], axis=0).T
         found: dict[str, Any] = {}
         for name in self.named:
-            for i, some in self.of_dim(name, self.dim - 1).items():
-                mine = np.sort(local[self.cells[i][some][:, : facets.shape[1]]], axis=1)
-                _, key = np.unique(np.concatenate([facets, mine]), axis=0, return_inverse=True)
-                there = np.isin(key.ravel()[: len(facets)], key.ravel()[len(facets) :])
-                found[name] = np.union1d(found.get(name, numbers[:0]), numbers[there])
-        for name, nodes in self.nodes.items():
-            inside = np.zeros(corners, dtype=bool)
-            own = local[nodes]
-            inside[own[(own >= 0) & (own < corners)]] = True
+            mine = np.sort(
+                local[self.nodes[self.of_dim(name, self.dim - 1), : facets.shape[1]]], axis=1
+            )
+            _, key = np.unique(np.concatenate([facets, mine]), axis=0, return_inverse=True)
+            found[name] = numbers[np.isin(key.ravel()[: len(facets)], key.ravel()[len(facets) :])]
+        for name, nodes in self.sets.items():
+            inside = np.isin(np.arange(corners), local[nodes])
             found.setdefault(name, numbers[inside[facets].all(axis=1)])
         return {name: some.astype(np.int32) for name, some in found.items() if len(some)}
 
@@ -356,17 +346,15 @@ def completed(points: Array, kind: str, cells: Index) -> tuple[Array, str, Index
     """
     if kind not in ("quad8", "hexahedron20"):
         return points, kind, cells
-    x = points[cells]
-    if kind == "quad8":
-        more, kind = (x[:, 4:].sum(axis=1) / 2 - x[:, :4].sum(axis=1) / 4)[:, None], "quad9"
-        names = len(points) + np.arange(len(cells))[:, None]
-        return np.concatenate([points, more[:, 0]]), kind, np.column_stack([cells, names])
-    rims = np.array(BRICK)
-    faces = x[:, rims[:, 4:]].sum(axis=2) / 2 - x[:, rims[:, :4]].sum(axis=2) / 4
-    middle = x[:, 8:].sum(axis=1) / 4 - x[:, :8].sum(axis=1) / 4
-    more = np.concatenate([faces, middle[:, None]], axis=1).reshape(-1, 3)
-    names = len(points) + np.arange(len(more)).reshape(len(cells), 7)
-    return np.concatenate([points, more]), "hexahedron27", np.column_stack([cells, names])
+    face = [-0.25] * 4 + [0.5] * 4  # corners, middles of edges
+    weights, full = np.array([face]), "quad9"
+    if kind == "hexahedron20":
+        weights, full = np.zeros((7, 20)), "hexahedron27"
+        weights[np.arange(6)[:, None], BRICK] = face
+        weights[6] = [-0.25] * 8 + [0.25] * 12
+    more = np.einsum("qk,ckd->cqd", weights, points[cells]).reshape(-1, 3)
+    names = len(points) + np.arange(len(more)).reshape(len(cells), -1)
+    return np.concatenate([points, more]), full, np.column_stack([cells, names])
 
 
 #: The faces of a brick in the order in which meshio has the nodes in their middles: corners, edges.
@@ -383,32 +371,6 @@ def _shape(kind: str) -> tuple[int, int]:
 
 def _numbers(found: Any) -> Index:
     return np.asarray([] if found is None else found, dtype=np.intp).ravel()
-
-
-def _tagged(mesh: meshio.Mesh, key: str) -> dict[str, list[Index]]:
-    """Groups from one number for each cell, by the names that formats keep elsewhere."""
-    if key not in mesh.cell_data:
-        return {}
-    families = getattr(mesh, "cell_tags", {})  # of .med: several names for each number
-    blocks = [np.asarray(tags).ravel() for tags in mesh.cell_data[key]]
-    found: dict[str, list[Index]] = {}
-    for dim in (1, 2, 3):
-        mine = [_shape(block.type)[0] == dim for block in mesh.cells]
-        numbers = np.unique(np.concatenate([[0], *(b for b, m in zip(blocks, mine, strict=True) if m)]))
-        for tag in numbers[numbers != 0]:
-            own = [
-                n
-                for n, (t, d) in ((n, v[:2]) for n, v in mesh.field_data.items())
-                if (t, d) == (tag, dim)
-            ]
-            for name in own or families.get(tag) or [f"tag {int(tag)}"]:
-                some = [
-                    np.flatnonzero(b == tag) if m else _numbers(None)
-                    for b, m in zip(blocks, mine, strict=True)
-                ]
-                before = found.get(name, [_numbers(None)] * len(blocks))
-                found[name] = [np.union1d(a, b) for a, b in zip(before, some, strict=True)]
-    return found
 
 
 def _read(file: Path, size: float | None, order: int) -> meshio.Mesh:

@@ -67,7 +67,8 @@ class Body(Meshed):
         added to it.
     f : ndarray, shape (n,), or LinearForm, or dict by boundary name, optional
         Load [force]; zero if not given. A form is integrated over the volume of `basis`. A dict
-        gives uniform tractions on boundaries, ``{"top": (0.0, -5.0)}``, in global axes [stress];
+        gives uniform tractions on boundaries, ``{"top": (0.0, -5.0)}``, in global axes [stress], or
+        a pressure, ``{"bore": 5.0}``, which presses along the normals of the undeformed mesh;
         assemble other loads on a boundary with a `FacetBasis` and pass the vector.
     D : ndarray, DofsView, dict of DofsView, (list of) boundary names, or callable, optional
         Prescribed DOFs, as in `skfem.condense`. A boundary name stands for all components. A function

@@ -37,8 +37,9 @@ def tractions(
     Parameters
     ----------
     given : dict
-        By name of a boundary a traction of d numbers, in global axes [stress]; of a scalar field one
-        number, the flux into the body. What several boundaries carry is added.
+        By name of a boundary a traction of d numbers, in global axes [stress]; or one number, a
+        pressure against the outward normal; of a scalar field the flux into the body. What several
+        boundaries carry is added.
     basis : skfem.CellBasis
     measure : callable or None
         Weight of the area, as in `Body`.
@@ -53,12 +54,14 @@ def tractions(
     >>> load = tractions({"top": (0.0, -3.0)}, basis, None, "f")
     >>> load[basis.get_dofs("top").nodal["u^2"]].round(12).tolist(), round(float(load.sum()), 12)
     ([-1.5, -1.5], -3.0)
+    >>> bool(np.all(load == tractions({"top": 3.0}, basis, None, "f")))
+    True
     """
     load = np.zeros(basis.N)
     for name, value in given.items():
         boundary_dofs(basis, name, what)
         place = f"{what} on boundary {name!r}"
-        stress = _components(value, basis, place, "a traction [stress]", False)
+        stress = _components(value, basis, place, "a traction [stress]", False, pressure=True)
         _check_not_lost(stress, basis, name, place)
         load += _form(stress, measure).assemble(basis.boundary(name))
     return load
@@ -75,7 +78,10 @@ def _check_not_lost(values: list[Any], basis: Any, name: str, place: str) -> Non
 
 def _form(stress: list[Any], measure: Callable[[Array], Array] | None) -> skfem.LinearForm:
     def power(v: Any, w: Any) -> Any:
-        density = stress[0] * v if v.ndim == 2 else sum(s * v[k] for k, s in enumerate(stress))
+        if v.ndim > 2 and len(stress) == 1:  # a pressure
+            density = -stress[0] * sum(w.n[k] * part for k, part in enumerate(v))
+        else:
+            density = stress[0] * v if v.ndim == 2 else sum(s * v[k] for k, s in enumerate(stress))
         return density if measure is None else density * measure(np.asarray(w.x))
 
     return skfem.LinearForm(power)
@@ -144,14 +150,17 @@ def displacements(
     return out
 
 
-def _components(value: Any, basis: Any, what: str, kind: str, free: bool) -> list[float | None]:
-    """One number for each component, or None where that is allowed."""
+def _components(
+    value: Any, basis: Any, what: str, kind: str, free: bool, pressure: bool = False
+) -> list[float | None]:
+    """One number for each component, or None where that is allowed; or the one of a pressure."""
     count = basis.mesh.dim() if isinstance(basis.elem, skfem.ElementVector) else 1
     usage = f"give {kind} of {count} numbers" if count > 1 else f"give {kind} of one number"
     usage += ", None for components that are free" if free else ""
+    usage += ", or one number for a pressure" if pressure and count > 1 else ""
     listed = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim == 1)
     given = list(value) if listed else [value]
-    if len(given) != count:
+    if len(given) != count and (listed or not pressure):
         raise InputError(f"{what} is {shown(value)}; {usage}")
     parts = [None if free and v is None else number(v, what, usage) for v in given]
     if not all(v is None or np.isfinite(v) for v in parts):

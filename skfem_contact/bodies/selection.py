@@ -77,7 +77,7 @@ def _normalize(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
             f"surface {label!r}: facet numbers {numbers.min()} to {numbers.max()}, the mesh has "
             f"facets 0 to {mesh.nfacets - 1}; are these node numbers, or numbers of another mesh?"
         )
-    inside = ~np.isin(numbers, mesh.boundary_facets())
+    inside = mesh.f2t[1, numbers] >= 0
     if inside.any() and not inside.all():
         warn(
             f"surface {label!r}: {np.count_nonzero(inside)} of the {len(numbers)} facet numbers given "

@@ -220,12 +220,7 @@ def stack(bodies: Member | Sequence[Member]) -> System:
     for i, body in enumerate(members):
         if any(body is other for other in members[:i]):
             raise InputError(f"{body!r} is given twice; two equal bodies need two Body objects")
-    names = tuple(body.name or f"body {i + 1}" for i, body in enumerate(members))
-    repeated = sorted({name for name in names if names.count(name) > 1})
-    if repeated:
-        raise InputError(
-            f"several bodies are named {', '.join(map(repr, repeated))}; give each its own `name`"
-        )
+    names = arguments.names_of(members, "body", "bodies")
     if len({body.dim for body in members}) > 1:
         found = ", ".join(f"{n!r} {b.dim}-D" for n, b in zip(names, members, strict=True))
         raise InputError(f"bodies of different dimension can not touch: {found}")

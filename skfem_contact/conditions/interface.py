@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arguments import names_of
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.contact import NO_SLIP, Contact
@@ -75,11 +76,7 @@ def point_slices(contacts: Sequence[Contact]) -> tuple[slice, ...]:
 
 def contact_names(contacts: Sequence[Contact]) -> tuple[str, ...]:
     """Names of the contacts; a missing one is numbered, a repeated one refused."""
-    names = tuple(c.name or f"contact {i + 1}" for i, c in enumerate(contacts))
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"two contacts are called {name!r}: give each its own name=...")
-    return names
+    return names_of(contacts, "contact", "contacts")
 
 
 def can_carry(law: FrictionLaw | None, m: int) -> Mask:

@@ -553,7 +553,8 @@ class ContactSolver(Variants):
         Notes
         -----
         By boundary name, ``{"f": {"punch": {"top": (0.0, -5.0)}}}`` is a uniform traction [stress],
-        what ``LinearForm(lambda v, w: -5.0 * v[1])`` is there, and all of the load of the body:
+        what ``LinearForm(lambda v, w: -5.0 * v[1])`` is there (one number, ``{"top": 5.0}``, is a
+        pressure against the normals), and all of the load of the body:
         other boundaries of the body carry none (loads of a `RigidBody` go by its DOFs, and those that
         are not named stay). ``{"x": {"punch": {"top": (0.0, -0.01)}}}`` is a
         constant displacement [length] of prescribed DOFs; those of other boundaries stay as they
