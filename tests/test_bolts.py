@@ -462,3 +462,11 @@ def test_a_bolt_of_many_elements_stays_sparse():
     (tight,) = sc.ContactSolver([bolt, head], [nut, seat], bolts=[section]).history([TIGHTEN])
     (loose, _) = answer_of(tight).stiffness
     assert loose.nnz < 1.5 * bolt.K.nnz
+
+
+def test_a_bolt_in_a_body_that_yields_is_refused():
+    """Its stiffness is another one in every step: in words, before anything is computed."""
+    basis = fem.Basis(fem.MeshQuad().refined(2), fem.ElementVector(fem.ElementQuad1()))
+    yielding = sc.NonlinearBody(basis, sc.J2(210e3, 0.3, 200.0), name="shank")
+    with pytest.raises(sc.InputError, match="a body that is not linear"):
+        sc.Bolt(yielding, point=(0.5, 0.5), axis=(0, 1), name="M")

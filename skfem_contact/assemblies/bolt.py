@@ -127,6 +127,11 @@ class Bolt:
         whose = f"bolt {name!r}" if name else "a bolt"
         if body.components == 1:
             raise InputError(f"{whose} is of a body with a scalar field, which carries no force")
+        if body.nonlinear:
+            raise InputError(
+                f"{whose} is in a body that is not linear, whose stiffness changes in every step; give "
+                "the shank a sc.Body, or move the end of the bolt by prescribed displacements"
+            )
         d = body.dim
         place, way = (
             numbers(value, f"{what} of {whose}", f"give {d} coordinates")
